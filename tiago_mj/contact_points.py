@@ -1,4 +1,4 @@
-"""How many contact points share the load between two geoms, asked of MuJoCo's own collider."""
+"""What MuJoCo makes of two geoms in contact: their inverse weight, and how many contact points share the load."""
 
 from __future__ import annotations
 
@@ -77,6 +77,24 @@ def shared_contact_points(
             "capsule) or give contact_points"
         )
     return int(counts.pop())
+
+
+def inverse_weight(model: mujoco.MjModel, geom1: str | int, geom2: str | int) -> float:
+    """Â [1/kg] that MuJoCo uses for a contact of two geoms: the sum of their bodies' translational ``body_invweight0``.
+
+    It is not the sum of 1/mass: for a finger on one slide it is a third of that (MuJoCo averages over the three
+    directions), and it includes the armature. After a change of masses call ``mujoco.mj_setConst`` first.
+
+    Raises:
+        ValueError: an unknown geom, or two geoms that are both fixed to the world (Â = 0: no contact force exists).
+    """
+    bodies = [model.geom_bodyid[geom_id(model, geom)] for geom in (geom1, geom2)]
+    total = float(model.body_invweight0[bodies, 0].sum())
+    if total <= 0.0:
+        raise ValueError(
+            f"geoms {geom1!r} and {geom2!r} are both fixed to the world: MuJoCo computes no contact for them"
+        )
+    return total
 
 
 def geom_id(model: mujoco.MjModel, geom: str | int) -> int:
