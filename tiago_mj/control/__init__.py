@@ -1,0 +1,1 @@
+"""Controllers that are not learned."""

@@ -1,0 +1,149 @@
+"""What an environment leaves open from one episode to the next: numbers and shapes that are fixed or drawn."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+
+from tiago_mj.models.objects import GraspObject, named_object
+
+#: A number, or (low, high) to draw it uniformly at every reset.
+Range = float | tuple[float, float] | Sequence[float]
+
+
+@dataclass(frozen=True, slots=True)
+class Interval:
+    """A closed interval of a quantity; a point when it is fixed."""
+
+    low: float
+    high: float
+
+    @property
+    def fixed(self) -> bool:
+        """Whether there is nothing to draw."""
+        return self.low == self.high
+
+    def draw(self, rng: np.random.Generator) -> float:
+        """A uniform number of the interval. A fixed quantity takes nothing from the generator."""
+        return self.low if self.fixed else float(rng.uniform(self.low, self.high))
+
+
+def interval(name: str, value: Range, *, unit: str = "") -> Interval:
+    """Read a number or a (low, high) pair that a user gave.
+
+    Raises:
+        ValueError: neither, or not finite, or low above high; names the argument.
+    """
+    try:
+        numbers = np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        numbers = np.full((), np.nan)
+    if numbers.shape not in ((), (2,)) or not np.isfinite(numbers).all():
+        raise ValueError(f"{name} is {value!r}: give one number or (low, high){f' in {unit}' if unit else ''}")
+    low, high = (float(numbers), float(numbers)) if numbers.shape == () else (float(numbers[0]), float(numbers[1]))
+    if low > high:
+        raise ValueError(f"{name} is {value!r}: the first of (low, high) must not be above the second")
+    return Interval(low, high)
+
+
+@dataclass(frozen=True, slots=True)
+class ObjectChoice:
+    """Which object lies where: every field fixed or drawn at reset.
+
+    Attributes:
+        kinds: objects to draw from.
+        width, mass, stiffness, damping: [m], [kg], [N/m], [N·s/m]; None keeps the drawn kind's own.
+        offset: along the grasp axis from the middle between the fingers, positive towards the left finger [m].
+    """
+
+    kinds: tuple[GraspObject, ...]
+    width: Interval | None
+    mass: Interval | None
+    stiffness: Interval | None
+    damping: Interval | None
+    offset: Interval
+
+    @property
+    def fixed(self) -> bool:
+        """Whether every episode has the same object (its place apart)."""
+        return len(self.kinds) == 1 and all(
+            choice is None or choice.fixed for choice in (self.width, self.mass, self.stiffness, self.damping)
+        )
+
+    def draw(self, rng: np.random.Generator) -> tuple[GraspObject, float]:
+        """An object and its offset [m]."""
+        kind = self.kinds[int(rng.integers(len(self.kinds)))] if len(self.kinds) > 1 else self.kinds[0]
+        drawn = {
+            field.name: choice.draw(rng)
+            for field in fields(self)
+            if isinstance(choice := getattr(self, field.name), Interval) and field.name != "offset"
+        }
+        return replace(kind, **drawn) if drawn else kind, self.offset.draw(rng)
+
+    def first(self) -> GraspObject:
+        """The object that the model is compiled with: the middle of every interval."""
+        middle = {
+            name: (choice.low + choice.high) / 2
+            for name in ("width", "mass", "stiffness", "damping")
+            if (choice := getattr(self, name)) is not None
+        }
+        return replace(self.kinds[0], **middle)
+
+    def most(self, quantity: str) -> float:
+        """Largest value that ``width``, ``mass``, ``stiffness`` or ``damping`` can take."""
+        choice: Interval | None = getattr(self, quantity)
+        return max(getattr(kind, quantity) for kind in self.kinds) if choice is None else choice.high
+
+
+def object_choice(
+    kind: str | GraspObject | Sequence[str | GraspObject],
+    *,
+    width: Range | None = None,
+    mass: Range | None = None,
+    stiffness: Range | None = None,
+    damping: Range | None = None,
+    offset: Range = 0.0,
+) -> ObjectChoice:
+    """Read the object arguments of an environment; every bad one is one line that names the argument.
+
+    Raises:
+        ValueError: an unknown object, or a number that no object can have.
+    """
+    listed = [kind] if isinstance(kind, (str, GraspObject)) else list(kind)
+    if not listed:
+        raise ValueError("object is an empty list: name at least one object")
+    kinds = tuple(item if isinstance(item, GraspObject) else named_object(item) for item in listed)
+
+    def read(name: str, value: Range | None, unit: str) -> Interval | None:
+        if value is None:
+            return None
+        chosen = interval(f"object_{name}", value, unit=unit)
+        for bound in (chosen.low, chosen.high):
+            replace(kinds[0], **{name: bound})  # GraspObject knows what is possible
+        return chosen
+
+    return ObjectChoice(
+        kinds=kinds,
+        width=read("width", width, "m"),
+        mass=read("mass", mass, "kg"),
+        stiffness=read("stiffness", stiffness, "N/m"),
+        damping=read("damping", damping, "N·s/m"),
+        offset=interval("object_offset", offset, unit="m"),
+    )
+
+
+def check_fits(choice: ObjectChoice, opening: float) -> None:
+    """Refuse an object that would start inside a finger.
+
+    Raises:
+        ValueError: the widest object at its largest offset does not fit between the open fingers.
+    """
+    offset = max(abs(choice.offset.low), abs(choice.offset.high))
+    widest = choice.most("width")
+    if widest + 2 * offset >= opening:
+        raise ValueError(
+            f"an object {widest:.4g} m wide at an offset of {offset:.4g} m does not fit the gripper's opening of "
+            f"{opening:.4g} m: lower object_width or object_offset"
+        )

@@ -1,0 +1,395 @@
+"""The base of every environment: model, joints, limits, stepping, sensing, rendering.
+
+It follows gymnasium-robotics: a ``MujocoRobotEnv`` (a ``GoalEnv``) with its hooks. A task overrides what differs:
+``_observation``, ``_achieved``, ``_sample_goal``, ``_is_success``, ``_reward_terms`` and, where it places things,
+``_object_position``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any, Final, SupportsFloat
+
+import mujoco
+import numpy as np
+from gymnasium import error, spaces
+from gymnasium_robotics.envs.robot_env import MujocoRobotEnv
+from numpy.typing import NDArray
+
+from tiago_mj.envs.choices import ObjectChoice, check_fits
+from tiago_mj.envs.state import State, StateReader
+from tiago_mj.models import names, scene
+from tiago_mj.models.files import model_file
+from tiago_mj.sensing.load_cell import LoadCell, MovingAverage, named_load_cell
+from tiago_mj.sensing.sources import PadForces
+
+Array = NDArray[np.float64]
+
+#: Longest physics step [s] at which the force curve of a grasp stays within 2 % of a 0.1 ms reference
+#: (benchmarks/time_step.py, results/time_step.json).
+MAX_TIMESTEP: Final = 1 / 480
+#: The same for ``servo="ideal"``, whose stiffness is bound by the step: it then lags by 4 steps, half a control period.
+IDEAL_MAX_TIMESTEP: Final = 1 / 1920
+CONTROLS: Final = ("velocity", "position")
+#: Commanded finger speed [m/s]: the 2021 project's. Its URDF says 0.05, and 0.02 is what the real robot was run at.
+FINGER_SPEED: Final = 0.08
+#: Readings' noise is drawn for this many control steps at once: a generator call a step would cost more than the noise.
+NOISE_BLOCK: Final = 320
+#: Bounds of the observation spaces. Positions may exceed a joint's range by what its soft limit gives [rad, m];
+#: velocities [rad/s, m/s] and forces [N] are bounded far above anything that the limits of the robot allow.
+POSITION_MARGIN, VELOCITY_BOUND, FORCE_BOUND, WORLD_BOUND = 0.5, 100.0, 2000.0, 10.0
+
+
+class RobotEnv(MujocoRobotEnv):  # type: ignore[misc]
+    """A robot of :data:`tiago_mj.models.scene.ROBOTS` at a table, commanded at a fixed rate.
+
+    Args:
+        robot: which one.
+        joints: commanded and observed joints, in the order of action and observation.
+        item: the object and its place, or None for an empty table.
+        servo: ``pal`` (a velocity command moves the set point of the position servo that the real robot has: it lags) or
+            ``ideal`` (velocities are tracked within 2 ms, as in the 2021 project; four times the physics steps). Effort
+            limits hold for both.
+        control: ``velocity``: an action in [-1, 1] is a velocity over the joint's limit. ``position``: it is a target
+            over the joint's range; the set point moves there no faster than the velocity limit.
+        control_hz: rate of the actions [Hz].
+        finger_speed: velocity limit of the fingers [m/s].
+        sensing: a :class:`LoadCell` or the name of a preset (``ta11``, ``released``, ``newtons``).
+        force_source: what the load cells read: ``contact``, ``touch`` or ``force`` (:mod:`tiago_mj.sensing.sources`).
+        render_mode: ``rgb_array``, ``depth_array``, ``human`` or None.
+        width, height: of rendered frames [pixel].
+
+    Raises:
+        ValueError: an argument is unusable; one line says which and what is possible.
+    """
+
+    metadata: dict[str, Any] = {"render_modes": ["human", "rgb_array", "depth_array"], "render_fps": 240}  # noqa: RUF012
+
+    #: Where the free camera stands; a task may override it.
+    CAMERA: Mapping[str, Any] = {
+        "lookat": np.array([0.68, 0.0, 0.6]),
+        "distance": 0.75,
+        "azimuth": 140,
+        "elevation": -25,
+    }
+
+    def __init__(
+        self,
+        *,
+        robot: str,
+        joints: tuple[str, ...],
+        item: ObjectChoice | None,
+        servo: str = "pal",
+        control: str = "velocity",
+        control_hz: float = 240.0,
+        finger_speed: float = FINGER_SPEED,
+        sensing: str | LoadCell = "ta11",
+        force_source: str = "contact",
+        render_mode: str | None = None,
+        width: int = 480,
+        height: int = 480,
+    ) -> None:
+        if control not in CONTROLS:
+            raise ValueError(f"control {control!r} is unknown: use one of {', '.join(CONTROLS)}")
+        if not (np.isfinite(control_hz) and 1 <= control_hz <= 10_000):
+            raise ValueError(f"control_hz is {control_hz!r}: give a rate from 1 to 10000 Hz")
+        if not (np.isfinite(finger_speed) and 0 < finger_speed <= 1):
+            raise ValueError(f"finger_speed is {finger_speed!r}: give a speed above 0, at most 1 m/s")
+        if render_mode is not None and render_mode not in self.metadata["render_modes"]:
+            raise ValueError(f"render_mode {render_mode!r} is unknown: use one of {self.metadata['render_modes']}")
+        self.joints = joints
+        self.control = control
+        self.servo = servo
+        self.load_cell = named_load_cell(sensing) if isinstance(sensing, str) else sensing
+        self.object_choice = item
+        self._force_source = force_source
+        longest = IDEAL_MAX_TIMESTEP if servo == "ideal" else MAX_TIMESTEP
+        substeps = math.ceil(1 / (control_hz * longest) - 1e-9)
+        self._scene = scene.SceneConfig(
+            robot=robot,
+            item=None if item is None else item.first(),
+            servo=servo,
+            timestep=1 / (control_hz * substeps),
+            velocity_limits=dict.fromkeys(names.FINGERS, finger_speed),
+        )
+        self.metadata = {**self.metadata, "render_fps": round(control_hz)}
+        super().__init__(
+            model_path=str(model_file(f"robots/{robot}.xml")),
+            initial_qpos=None,
+            n_actions=len(joints),
+            n_substeps=substeps,
+            default_camera_config=dict(self.CAMERA),
+            render_mode=render_mode,
+            width=width,
+            height=height,
+        )
+        self.observation_space = self._observation_space()
+
+    # Hooks of a task -----------------------------------------------------------------------------------------------
+
+    def _observation(self, state: State) -> Array:
+        """What the agent sees apart from goals, (..., n)."""
+        raise NotImplementedError
+
+    def _observation_bound(self) -> Array:
+        """Largest magnitude of every entry of :meth:`_observation`, (n,)."""
+        raise NotImplementedError
+
+    def _achieved(self, state: State) -> Array:
+        """The achieved goal, (..., g)."""
+        raise NotImplementedError
+
+    def _goal_bound(self) -> Array:
+        """Largest magnitude of the achieved and desired goal, (g,)."""
+        raise NotImplementedError
+
+    def _reward_terms(self, achieved: Array, desired: Array) -> dict[str, Array]:
+        """Named parts whose sum is the reward, each (...)."""
+        raise NotImplementedError
+
+    def _object_position(self, offset: float) -> Array:
+        """Where the object's axis meets the table at reset, (2,) [m]: between the fingers."""
+        return self._middle + offset * self._towards_left
+
+    # gymnasium-robotics' hooks --------------------------------------------------------------------------------------
+
+    def _initialize_simulation(self) -> None:
+        self.model = scene.build(self._scene)
+        self.data = mujoco.MjData(self.model)
+        self.model.vis.global_.offwidth = self.width
+        self.model.vis.global_.offheight = self.height
+        if self.object_choice is not None:
+            check_fits(self.object_choice, scene.opening(self.model))
+        self._pads = PadForces(self.model, self._force_source) if self.object_choice is not None else None
+        self._reader = StateReader(self.model, self.joints, self._pads)
+        actuators = [self.model.actuator(name).id for name in self.joints]
+        self._ctrl = np.array(actuators)
+        self.velocity_limit = np.array(self.model.actuator_ctrlrange[actuators, 1])
+        self._slack = self.model.actuator_forcerange[actuators, 1] / self.model.actuator_gainprm[actuators, 0]
+        self._range = np.array([self.model.joint(name).range for name in self.joints])
+        self._qpos_address = np.array([self.model.joint(name).qposadr[0] for name in self.joints])
+        self.initial_time = 0.0
+        self.initial_qpos = scene.pose(self.model)
+        self.initial_qvel = np.zeros(self.model.nv)
+        self._filter = MovingAverage(self.load_cell.average)
+        self._grasp_frame()
+        self._noise, self._next_noise = np.zeros((1, 2)), 1
+        self._item_in_place, self._offset = self._scene.item, 0.0
+        self._settle()
+
+    def _reset_sim(self) -> bool:
+        if self.object_choice is not None:
+            item, self._offset = self.object_choice.draw(self.np_random)
+            if item != self._item_in_place:
+                scene.set_object(self.model, item)
+                self._item_in_place = item
+        self._settle()
+        return True
+
+    def _settle(self) -> None:
+        """Put everything at the start of an episode; nothing of the episode before remains."""
+        mujoco.mj_resetData(self.model, self.data)
+        self.data.qpos[:] = self.initial_qpos
+        if self._item_in_place is not None:
+            place = self.data.joint(names.OBJECT_JOINT).qpos
+            place[:2] = self._object_position(self._offset)
+            place[2] = scene.TABLE_TOP + self._item_in_place.half_extents()[2]
+            place[3:] = self._object_orientation
+        self.data.act[:] = self.data.qpos[self.model.jnt_qposadr[self.model.actuator_trnid[:, 0]]]  # set points
+        mujoco.mj_forward(self.model, self.data)
+        self._filter.reset()
+        self._noise, self._next_noise = self._noise[:0], 0
+        self._tare = 0.0 if self._pads is None else self._pads.tare(self.data.sensordata)
+        self._read()
+
+    def _grasp_frame(self) -> None:
+        """Middle and axis of the grasp on the table plane, in the pre-grasp pose."""
+        self.data.qpos[:] = self.initial_qpos
+        mujoco.mj_kinematics(self.model, self.data)
+        right, left = (self.data.site(names.PAD_SITE[side]).xpos for side in names.SIDES)
+        across = (left - right)[:2]
+        self._towards_left = across / np.linalg.norm(across)
+        self._middle = np.array(self.data.site(names.GRASP_SITE).xpos[:2])
+        yaw = math.atan2(across[1], across[0])
+        self._object_orientation = np.array([math.cos(yaw / 2), 0.0, 0.0, math.sin(yaw / 2)])
+
+    def _read(self) -> None:
+        """Take one reading of every sensor; noise is drawn here and nowhere else."""
+        data = self.data
+        if self._pads is None:
+            contact = raw = binary = np.zeros(0)
+        else:
+            contact = self._pads.truth(data.sensordata)
+            newtons = contact if self._force_source == "contact" else self._pads.read(data.sensordata, self._tare)
+            raw = self._filter(self.load_cell.sample(newtons, self._draw_noise()))
+            binary = self.load_cell.binary(raw)
+        self.state = self._reader.read(data.qpos, data.qvel, data.sensordata, contact, raw, binary)
+
+    def _draw_noise(self) -> Array:
+        """Standard normal numbers for both cells, (2,)."""
+        if self._next_noise >= len(self._noise):
+            self._noise, self._next_noise = self.np_random.standard_normal((NOISE_BLOCK, 2)), 0
+        self._next_noise += 1
+        return self._noise[self._next_noise - 1]
+
+    def _get_obs(self) -> dict[str, Array]:
+        return {
+            "observation": self._observation(self.state),
+            "achieved_goal": self._achieved(self.state),
+            "desired_goal": self.goal.copy(),
+        }
+
+    def _set_action(self, action: Array) -> None:
+        set_point = self.data.act[self._ctrl]
+        if self.servo == "ideal":
+            # A velocity servo has no set point to run away: what the effort limit cannot hold is forgotten.
+            joint = self.data.qpos[self._qpos_address]
+            set_point = np.minimum(np.maximum(set_point, joint - self._slack), joint + self._slack)
+            self.data.act[self._ctrl] = set_point
+        if self.control == "velocity":
+            speed = action * self.velocity_limit
+        else:
+            low, high = self._range[:, 0], self._range[:, 1]
+            speed = (low + (action + 1) / 2 * (high - low) - set_point) / self.dt
+            speed = np.minimum(np.maximum(speed, -self.velocity_limit), self.velocity_limit)
+        self.data.ctrl[self._ctrl] = speed
+
+    # gymnasium's interface ------------------------------------------------------------------------------------------
+
+    def step(self, action: Any) -> tuple[dict[str, Array], SupportsFloat, bool, bool, dict[str, Any]]:
+        """Apply an action for one control period.
+
+        Args:
+            action: (n_actions,), clipped to [-1, 1].
+
+        Returns:
+            Observation, reward, terminated (never), truncated (never: a wrapper limits time), info (see the task).
+
+        Raises:
+            ValueError: the action has another shape, is not numeric or not finite. The simulation is unchanged.
+        """
+        command = self._checked(action)
+        self._set_action(command)
+        self._mujoco_step(command)
+        self._read()
+        self._step_callback()
+        if self.render_mode == "human":
+            self.render()
+        observation = self._get_obs()
+        achieved, goal = observation["achieved_goal"], self.goal
+        info = self._info(achieved)
+        terms = info["reward_terms"]
+        reward = float(sum(terms.values()))
+        return (
+            observation,
+            reward,
+            bool(self.compute_terminated(achieved, goal, info)),
+            bool(self.compute_truncated(achieved, goal, info)),
+            info,
+        )
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[dict[str, Array], dict[str, Any]]:
+        """Start an episode.
+
+        Args:
+            seed: seeds everything that is drawn; the only source of randomness.
+            options: ``{"goal": ...}`` sets this episode's goal instead of drawing it.
+
+        Raises:
+            ValueError: an option is unknown, or the goal cannot be reached or has another shape.
+        """
+        chosen = dict(options or {})
+        goal = self._checked_goal(chosen.pop("goal")) if "goal" in chosen else None
+        if chosen:
+            raise ValueError(f"reset option {next(iter(chosen))!r} is unknown: the only option is 'goal'")
+        super().reset(seed=seed)
+        if goal is not None:
+            self.goal = goal
+        observation = self._get_obs()
+        return observation, self._info(observation["achieved_goal"])
+
+    def compute_reward(self, achieved_goal: Any, desired_goal: Any, info: Any) -> Any:
+        """Reward of reaching ``achieved_goal`` where ``desired_goal`` was asked; over leading batch axes, as HER needs.
+
+        Args:
+            achieved_goal, desired_goal: (..., g).
+            info: unused; the reward depends on the goals alone.
+
+        Returns:
+            A float for single goals, else (...).
+        """
+        total = sum(self._reward_terms(np.asarray(achieved_goal), np.asarray(desired_goal)).values())
+        return float(total) if np.ndim(total) == 0 else total
+
+    def render(self) -> Any:
+        """One frame: (height, width, 3) uint8 for ``rgb_array``, (height, width) float32 for ``depth_array``.
+
+        Raises:
+            gymnasium.error.DependencyNotInstalled: no OpenGL could be started; says what to set.
+        """
+        try:
+            return super().render()
+        except Exception as fault:
+            if getattr(self.mujoco_renderer, "viewer", None) is not None:
+                raise
+            raise error.DependencyNotInstalled(
+                "no OpenGL context could be created. Without a display set the environment variable MUJOCO_GL=egl before "
+                f"Python starts, and install EGL (Debian: libegl1 libegl-mesa0 libgl1-mesa-dri). Cause: {fault}"
+            ) from fault
+
+    # Parts ----------------------------------------------------------------------------------------------------------
+
+    def _info(self, achieved: Array) -> dict[str, Any]:
+        state = self.state
+        terms = self._reward_terms(achieved, self.goal)
+        return {
+            "force_contact": state.force_contact,
+            "force_raw": state.force_raw,
+            "force_binary": state.force_binary,
+            "in_contact": state.force_contact > 0,
+            "object_velocity": state.object_velocity,
+            "goal": self.goal.copy(),
+            "reward_terms": {name: float(value) for name, value in terms.items()},
+            "is_success": self._is_success(achieved, self.goal),
+        }
+
+    def _checked(self, action: Any) -> Array:
+        """The action as floats within [-1, 1]."""
+        shape = self.action_space.shape
+        try:
+            command = np.asarray(action, dtype=np.float64)
+        except (TypeError, ValueError) as fault:
+            raise ValueError(f"action {action!r} is not numeric: give {shape[0]} numbers from -1 to 1") from fault
+        if command.shape != shape:
+            raise ValueError(f"action has shape {command.shape}: give {shape}, one number a joint of {self.joints}")
+        if not np.isfinite(command).all():
+            raise ValueError(f"action {command} is not finite: give numbers from -1 to 1")
+        return np.minimum(np.maximum(command, -1.0), 1.0)
+
+    def _checked_goal(self, goal: Any) -> Array:
+        """A goal that a user gave, as (g,)."""
+        shape = self._goal_bound().shape
+        try:
+            values = np.broadcast_to(np.asarray(goal, dtype=np.float64), shape).copy()
+        except (TypeError, ValueError) as fault:
+            raise ValueError(f"goal {goal!r} is not usable: give {shape[0]} numbers") from fault
+        if not np.isfinite(values).all():
+            raise ValueError(f"goal {goal!r} is not finite: give {shape[0]} numbers")
+        return values
+
+    def _joint_bound(self) -> Array:
+        """Largest magnitude of (q, q̇), (2N,)."""
+        position = np.abs(self._range).max(axis=1) + POSITION_MARGIN
+        return np.concatenate([position, np.full(len(self.joints), VELOCITY_BOUND)])
+
+    def _observation_space(self) -> spaces.Dict:
+        def box(bound: Array) -> spaces.Box:
+            return spaces.Box(-bound, bound, dtype=np.float64)
+
+        goal = self._goal_bound()
+        return spaces.Dict(
+            {"observation": box(self._observation_bound()), "achieved_goal": box(goal), "desired_goal": box(goal)}
+        )

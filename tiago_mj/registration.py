@@ -1,0 +1,71 @@
+"""The one table of environments: id, task, arguments, time limit."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from importlib import import_module
+from typing import Any, Final
+
+import gymnasium
+
+from tiago_mj.models import names
+
+NAMESPACE: Final = "tiago_mj"
+
+
+@dataclass(frozen=True)
+class Registered:
+    """One environment.
+
+    Attributes:
+        task: module and class of the goal environment.
+        steps: time limit in control steps.
+        arguments: of the class, where they differ from its defaults.
+        relative: for the flat views: number of last entries taken relative to the goal; None for the goal form.
+    """
+
+    task: str
+    steps: int
+    arguments: Mapping[str, Any] = field(default_factory=dict)
+    relative: int | None = None
+
+
+_TIAGO: Final = {"robot": "tiago_ta11", "joints": names.TIAGO_JOINTS, "object_offset": 0.0018}
+_PAL: Final = {**_TIAGO, "robot": "tiago_pal_gripper", "force_type": "none"}
+_HOLD: Final = "tiago_mj.envs.hold_force:HoldForce"
+_CLOSE: Final = "tiago_mj.envs.close:GripperClose"
+
+ENVIRONMENTS: Final[Mapping[str, Registered]] = {
+    "GripperTactile-v0": Registered(_HOLD, 300, relative=2),
+    "GripperTactileGoal-v0": Registered(_HOLD, 300),
+    "TIAGoTactile-v0": Registered(_HOLD, 300, _TIAGO, relative=2),
+    "TIAGoTactileGoal-v0": Registered(_HOLD, 300, _TIAGO),
+    "TIAGoPALGripper-v0": Registered(_HOLD, 300, _PAL, relative=0),
+    "GripperClose-v0": Registered(_CLOSE, 300, relative=2),
+    "GripperCloseGoal-v0": Registered(_CLOSE, 300),
+}
+
+
+def make_scalar(*, task: str, relative: int | None, **arguments: Any) -> gymnasium.Env[Any, Any]:
+    """Build one environment of the table: the goal environment, or its flat view."""
+    module, name = task.split(":")
+    env: gymnasium.Env[Any, Any] = getattr(import_module(module), name)(**arguments)
+    if relative is None:
+        return env
+    from tiago_mj.envs.flat import FlatView
+
+    # What is observed decides what there is to take relative to the goal.
+    observed = 0 if arguments.get("force_type") == "none" else relative
+    return FlatView(env, observed)
+
+
+def register() -> None:
+    """Make every environment known to gymnasium, under ``tiago_mj/``."""
+    for name, entry in ENVIRONMENTS.items():
+        gymnasium.register(
+            id=f"{NAMESPACE}/{name}",
+            entry_point="tiago_mj.registration:make_scalar",
+            max_episode_steps=entry.steps,
+            kwargs={"task": entry.task, "relative": entry.relative, **entry.arguments},
+        )

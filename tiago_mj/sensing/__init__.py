@@ -1,0 +1,1 @@
+"""From contact forces to load-cell readings."""

@@ -1,0 +1,147 @@
+"""A load cell: contact force in newtons becomes a raw reading, and a touched-or-not reading.
+
+    f_raw    = scale · f_contact + noise,   f_contact = newtons / contact_unit,   noise ~ N(0, 0.0077)
+    f_binary = 1 if f_raw > threshold else 0
+
+as the paper prints them (section III-B, "Tactile Data Modeling"). Two facts decide the range of ``f_raw``:
+
+* The paper multiplies by 100 because that made the simulated range like the real sensor's; its unit of force was
+  whatever PyBullet's contacts gave in that scene. Its released code *divides* newtons by 100.
+* The real TA11, on the real gripper, gives about 330 sensor units per metre by which the finger's position servo is held
+  off its target on wood, and about 300 on softer things (``shared`` curve: llach/learning_fc ee792cf and 3dd34c2).
+
+Here ``contact_unit`` [N] stands in for Bullet's unit of force and is set so that the range is the real one. The servo has
+2000 N/m, so 330 sensor units per metre are 330 / 2000 sensor units per newton, and 100 / contact_unit is the same:
+
+    contact_unit = 100 · 2000 / 330 = 606 N,  f_raw = newtons / 6.06
+
+The paper's goal of 1.0 is then 6.06 N per finger, and the fingers' 16 N limit is 2.64. Two other readings of the same
+sentence are presets, each with the same physical goal: ``released`` (newtons / 100: goal 0.0606) and ``newtons``
+(contact_unit 1 N, so f_raw is 100 per newton: goal 606).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+#: Standard deviation of the real TA11 without contact, from 10 000 samples [sensor units] (paper, section III-B).
+TA11_NOISE: Final = 0.0077
+#: Stiffness of the real fingers' position servo [N/m] (pal-robotics/pal_gripper b633656, pids.yaml).
+SERVO_STIFFNESS: Final = 2000.0
+#: Sensor units per metre of servo error on wood (force_vs_displacement, series wood A: 332.7, B: 330).
+TA11_SLOPE: Final = 330.0
+#: The paper's factor.
+PAPER_SCALE: Final = 100.0
+#: Newtons that stand in for Bullet's unit of force, see the module's text.
+TA11_CONTACT_UNIT: Final = PAPER_SCALE * SERVO_STIFFNESS / TA11_SLOPE
+#: The paper's goal, 1.0 sensor units, in newtons per finger.
+GOAL_NEWTONS: Final = SERVO_STIFFNESS / TA11_SLOPE
+
+
+@dataclass(frozen=True)
+class LoadCell:
+    """How newtons on a pad become readings. The same for both fingers but for the threshold.
+
+    Attributes:
+        scale: sensor units per unit of contact force.
+        contact_unit: the unit of contact force [N].
+        noise: standard deviation of one sample [sensor units].
+        threshold: above it a reading counts as touch, (right, left) [sensor units]; one number serves both. By default
+            5 standard deviations: at 3, a single sample in 740 is a false contact, several per episode at 240 Hz with
+            two fingers, which is what spread the original's results when it was measured.
+        average: a reading is the mean of this many last samples; 1 is none. The 2021 code had 4 (until c8f64ca).
+    """
+
+    scale: float = PAPER_SCALE
+    contact_unit: float = TA11_CONTACT_UNIT
+    noise: float = TA11_NOISE
+    threshold: float | tuple[float, float] | None = None
+    average: int = 1
+
+    def __post_init__(self) -> None:
+        for name in ("scale", "contact_unit"):
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value > 0):
+                raise ValueError(f"load cell {name} is {value!r}: give a positive, finite number")
+        if not (np.isfinite(self.noise) and self.noise >= 0):
+            raise ValueError(
+                f"load cell noise is {self.noise!r}: give a standard deviation of 0 or more [sensor units]"
+            )
+        if not (isinstance(self.average, (int, np.integer)) and 1 <= self.average <= 1000):
+            raise ValueError(f"load cell average is {self.average!r}: give a whole number of samples from 1 to 1000")
+        if self.threshold is not None:
+            limits = np.asarray(self.threshold, dtype=float)
+            if limits.shape not in ((), (2,)) or not np.isfinite(limits).all():
+                raise ValueError(
+                    f"load cell threshold is {self.threshold!r}: give one number, or two (right, left) [sensor units]"
+                )
+
+    @property
+    def thresholds(self) -> Array:
+        """(2,) [sensor units], right and left."""
+        limit = 5 * self.noise if self.threshold is None else self.threshold
+        return np.broadcast_to(np.asarray(limit, dtype=float), (2,)).copy()
+
+    def units(self, newtons: float) -> float:
+        """Noise-free reading [sensor units] of a force [N]."""
+        return self.scale * newtons / self.contact_unit
+
+    def sample(self, newtons: Array, noise: Array) -> Array:
+        """One sample [sensor units] of forces [N]; ``noise`` are standard normal numbers of the same shape."""
+        return self.scale * (newtons / self.contact_unit) + self.noise * noise
+
+    def binary(self, raw: Array) -> Array:
+        """1.0 where a reading is above its finger's threshold, else 0.0; (..., 2)."""
+        return (raw > self.thresholds).astype(np.float64)
+
+
+#: The three readings of the paper's factor; see the module's text.
+SENSING: Final[Mapping[str, LoadCell]] = MappingProxyType(
+    {
+        "ta11": LoadCell(),
+        "released": LoadCell(scale=0.01, contact_unit=1.0),
+        "newtons": LoadCell(contact_unit=1.0),
+    }
+)
+
+
+def named_load_cell(name: str) -> LoadCell:
+    """The preset of that name.
+
+    Raises:
+        ValueError: no such preset; says which there are.
+    """
+    if name not in SENSING:
+        raise ValueError(f"sensing {name!r} is unknown: use one of {', '.join(SENSING)}, or a LoadCell")
+    return SENSING[name]
+
+
+class MovingAverage:
+    """Mean of the last ``length`` samples; of those there are while there are fewer.
+
+    Holds (length, ...) numbers; one instance serves one environment or a whole batch.
+    """
+
+    def __init__(self, length: int) -> None:
+        self._length = length
+        self._samples: list[Array] = []
+
+    def reset(self) -> None:
+        """Forget every sample: an episode must not begin with the forces of the one before."""
+        self._samples.clear()
+
+    def __call__(self, sample: Array) -> Array:
+        """Take a sample and return the mean, same shape; with length 1 the sample itself."""
+        if self._length == 1:
+            return sample
+        self._samples.append(sample)
+        del self._samples[: -self._length]
+        return np.mean(self._samples, axis=0)

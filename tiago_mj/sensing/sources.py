@@ -1,0 +1,68 @@
+"""Where the newtons on a pad are read from.
+
+| source | what it sums | what else it feels |
+|---|---|---|
+| ``contact`` | net force of all contacts of pad and object, along the cell's axis (the paper's f_contact) | nothing |
+| ``touch`` | normal forces of every contact on the pad, whatever touches it | other things than the object; no friction |
+| ``force`` | force through the load-cell body along its axis, less the tare taken at reset | weight and inertia of what hangs on the cell |
+
+All three are MuJoCo sensors (a batch of simulations reports nothing else) and agree in a static, straight grasp; a test
+holds them against each other. All describe the state one physics step before the end of the control step, as every
+acceleration-stage sensor does after ``mj_step`` (manual, "Sensors").
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from tiago_mj.models import names
+
+Array = NDArray[np.float64]
+
+SOURCES: Final = ("contact", "touch", "force")
+
+
+class PadForces:
+    """Reads the forces on both pads out of ``sensordata``; every array is (..., 2), right and left."""
+
+    def __init__(self, model: mujoco.MjModel, source: str = "contact") -> None:
+        if source not in SOURCES:
+            raise ValueError(f"force source {source!r} is unknown: use one of {', '.join(SOURCES)}")
+        self.source = source
+        self._contact = _addresses(model, names.CONTACT_SENSOR)
+        self._axis = _addresses(model, names.AXIS_SENSOR)
+        self._touch = _addresses(model, names.TOUCH_SENSOR)
+        self._force = _addresses(model, names.FORCE_SENSOR)
+
+    def in_contact(self, sensordata: Array) -> NDArray[np.bool_]:
+        """Whether pad and object press on each other: the simulator's truth, free of noise and threshold."""
+        return self.truth(sensordata) > 0
+
+    def truth(self, sensordata: Array) -> Array:
+        """Net force of pad and object along each cell's axis, positive when the pad is pressed [N]."""
+        force = sensordata[..., self._contact[:, None] + np.arange(1, 4)]
+        axis = sensordata[..., self._axis[:, None] + np.arange(3)]
+        # The sensor gives the force of the pad on the object; the cell feels the reaction.
+        return -np.sum(force * axis, axis=-1)
+
+    def read(self, sensordata: Array, tare: Array | float = 0.0) -> Array:
+        """Newtons of the chosen source, less the tare."""
+        if self.source == "contact":
+            return self.truth(sensordata) - tare
+        first = self._touch if self.source == "touch" else self._force
+        return sensordata[..., first] - tare
+
+    def tare(self, sensordata: Array) -> Array:
+        """The reading to subtract, taken without contact: weight on the ``force`` source, nothing on the others."""
+        if self.source != "force":
+            return np.zeros((*sensordata.shape[:-1], 2))
+        return self.read(sensordata)
+
+
+def _addresses(model: mujoco.MjModel, sensors: dict[str, str]) -> NDArray[np.intp]:
+    """First number of each side's sensor in ``sensordata``."""
+    return np.array([model.sensor(sensors[side]).adr[0] for side in names.SIDES], dtype=np.intp)
