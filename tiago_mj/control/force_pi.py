@@ -1,8 +1,8 @@
 """The classical force controller that the paper compares with: close, wait for both contacts, then PI on the force.
 
-Paper, section IV ("Force Control Policy Evaluation"): the fingers close; the one that feels the object first stops until
-the other does too, so that the object is not pushed; then a PI law on each finger's force error reaches and keeps the goal.
-The paper gives no gains. These were set on the nominal gripper (docs/sensing.md says how and what they give).
+Paper, section IV ("Force Control Policy Evaluation"): the fingers close; the one that feels the object first stops
+until the other does too, so that the object is not pushed; then a PI law on each finger's force error reaches and keeps
+the goal. The paper gives no gains. These were set on the nominal gripper (docs/sensing.md says how and what they give).
 """
 
 from __future__ import annotations
@@ -59,8 +59,8 @@ class Gains:
 class ForcePI:
     """Commands the fingers of a tactile environment; every other joint is commanded to stand still.
 
-    It reads ``info``: ``force_raw``, ``force_binary`` and ``goal``. Leading batch axes are allowed throughout, so that one
-    controller serves a vector environment. Sign: a positive finger velocity opens.
+    It reads ``info``: ``force_raw``, ``force_binary`` and ``goal``. Leading batch axes are allowed throughout, so that
+    one controller serves a vector environment. Sign: a positive finger velocity opens.
 
     Args:
         speed_limit: of each finger [m/s], (2,).

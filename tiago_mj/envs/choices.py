@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 
@@ -75,7 +76,7 @@ class ObjectChoice:
     def draw(self, rng: np.random.Generator) -> tuple[GraspObject, float]:
         """An object and its offset [m]."""
         kind = self.kinds[int(rng.integers(len(self.kinds)))] if len(self.kinds) > 1 else self.kinds[0]
-        drawn = {
+        drawn: dict[str, Any] = {
             field.name: choice.draw(rng)
             for field in fields(self)
             if isinstance(choice := getattr(self, field.name), Interval) and field.name != "offset"
@@ -84,7 +85,7 @@ class ObjectChoice:
 
     def first(self) -> GraspObject:
         """The object that the model is compiled with: the middle of every interval."""
-        middle = {
+        middle: dict[str, Any] = {
             name: (choice.low + choice.high) / 2
             for name in ("width", "mass", "stiffness", "damping")
             if (choice := getattr(self, name)) is not None
@@ -121,7 +122,8 @@ def object_choice(
             return None
         chosen = interval(f"object_{name}", value, unit=unit)
         for bound in (chosen.low, chosen.high):
-            replace(kinds[0], **{name: bound})  # GraspObject knows what is possible
+            changed: dict[str, Any] = {name: bound}
+            replace(kinds[0], **changed)  # GraspObject knows what is possible
         return chosen
 
     return ObjectChoice(

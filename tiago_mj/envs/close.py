@@ -33,8 +33,9 @@ class GripperClose(RobotEnv, EzPickle):
 
     ## Observation Space
 
-    Dictionary; `observation` (6,) float64: finger positions [m], velocities [m/s], and positions again, which the flat id
-    turns into the distance to the goal; `achieved_goal`: positions right, left [m]; `desired_goal`: the goal, twice [m].
+    Dictionary; `observation` (6,) float64: finger positions [m], velocities [m/s], and positions again, which the flat
+    id turns into the distance to the goal; `achieved_goal`: positions right, left [m]; `desired_goal`: the goal, twice
+    [m].
 
     ## Rewards
 

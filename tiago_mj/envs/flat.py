@@ -15,8 +15,8 @@ Array = NDArray[np.float64]
 class FlatView(gymnasium.ObservationWrapper[Array, Array, dict[str, Array]]):
     """One vector in place of the dictionary: `observation` whose last entries are taken relative to the goal.
 
-    For the tactile tasks this is the paper's (q, q̇, Δf_right, Δf_left), Δf = f − f_goal, f raw or binary; for a task whose
-    `observation` does not hold what the goal is about (no force observed), it is `observation` as it stands.
+    For the tactile tasks this is the paper's (q, q̇, Δf_right, Δf_left), Δf = f − f_goal, f raw or binary; for a task
+    whose `observation` does not hold what the goal is about (no force observed), it is `observation` as it stands.
 
     Args:
         env: a goal environment.
@@ -27,9 +27,11 @@ class FlatView(gymnasium.ObservationWrapper[Array, Array, dict[str, Array]]):
         super().__init__(env)
         inner = env.observation_space
         assert isinstance(inner, spaces.Dict)
-        bound = inner["observation"].high.copy()
+        seen, goal = inner["observation"], inner["desired_goal"]
+        assert isinstance(seen, spaces.Box) and isinstance(goal, spaces.Box)
+        bound = seen.high.copy()
         if relative:
-            bound[-relative:] += inner["desired_goal"].high
+            bound[-relative:] += goal.high
         self._relative = relative
         self.observation_space = spaces.Box(-bound, bound, dtype=np.float64)
 

@@ -53,7 +53,7 @@ class HoldForce(RobotEnv, EzPickle):
     |---|---|---|
     | 0 … N-1 | joint positions | m, rad |
     | N … 2N-1 | joint velocities | m/s, rad/s |
-    | 2N, 2N+1 | force right, left: readings, or 0 and 1 with `force_type="binary"`; absent with `"none"` | sensor units |
+    | 2N, 2N+1 | force right, left: readings, or 0, 1 if `force_type="binary"`; absent if `"none"` | sensor units |
 
     `achieved_goal`: the readings right, left (always raw). `desired_goal`: the goal, twice.
     The ids without `Goal` give the paper's flat observation (q, q̇, Δf_right, Δf_left) instead,
@@ -61,9 +61,9 @@ class HoldForce(RobotEnv, EzPickle):
 
     ## Rewards
 
-    `dense` (default): −Σ_i |f_i − f_goal| (paper, section III-D). `normalised`: the same over 2 · goal, so that no contact
-    costs 1 a step. `sparse`: 0 in success, else −1.
-    Success (`info["is_success"]`): both readings within 5 standard deviations of the sensor's noise of the goal.
+    `dense` (default): −Σ_i |f_i − f_goal| (paper, section III-D). `normalised`: the same over 2 · goal, so that no
+    contact costs 1 a step. `sparse`: 0 in success, else −1. Success (`info["is_success"]`): both readings within 5
+    standard deviations of the sensor's noise of the goal.
 
     ## Starting State
 
@@ -102,8 +102,8 @@ class HoldForce(RobotEnv, EzPickle):
 
         Args:
             robot, joints: which robot, and what of it is commanded and observed.
-            force_type: what is observed of the forces: ``raw``, ``binary`` or ``none``. Without it (``none``) the reward
-                is computed from noise-free readings, as there is no sensor to be noisy.
+            force_type: what is observed of the forces: ``raw``, ``binary`` or ``none``. Without it the
+                reward is computed from noise-free readings, as there is no sensor to be noisy.
             reward_type: ``dense``, ``normalised`` or ``sparse``.
             goal: force to hold [sensor units], or (low, high) to draw it at every reset. None: 6.06 N per finger, which
                 is the paper's 1.0 with the default sensing.

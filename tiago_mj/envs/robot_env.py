@@ -48,9 +48,9 @@ class RobotEnv(MujocoRobotEnv):  # type: ignore[misc]
         robot: which one.
         joints: commanded and observed joints, in the order of action and observation.
         item: the object and its place, or None for an empty table.
-        servo: ``pal`` (a velocity command moves the set point of the position servo that the real robot has: it lags) or
-            ``ideal`` (velocities are tracked within 2 ms, as in the 2021 project; four times the physics steps). Effort
-            limits hold for both.
+        servo: ``pal`` (a velocity command moves the set point of the position servo that the real robot has: it lags)
+            or ``ideal`` (velocities are tracked within 2 ms, as in the 2021 project; four times the physics steps).
+            Effort limits hold for both.
         control: ``velocity``: an action in [-1, 1] is a velocity over the joint's limit. ``position``: it is a target
             over the joint's range; the set point moves there no faster than the velocity limit.
         control_hz: rate of the actions [Hz].
@@ -336,8 +336,9 @@ class RobotEnv(MujocoRobotEnv):  # type: ignore[misc]
             if getattr(self.mujoco_renderer, "viewer", None) is not None:
                 raise
             raise error.DependencyNotInstalled(
-                "no OpenGL context could be created. Without a display set the environment variable MUJOCO_GL=egl before "
-                f"Python starts, and install EGL (Debian: libegl1 libegl-mesa0 libgl1-mesa-dri). Cause: {fault}"
+                "no OpenGL context could be created. Without a display set the environment variable MUJOCO_GL=egl "
+                "before Python starts, and install EGL (Debian: libegl1 libegl-mesa0 libgl1-mesa-dri). "
+                f"Cause: {fault}"
             ) from fault
 
     # Parts ----------------------------------------------------------------------------------------------------------

@@ -81,9 +81,10 @@ class GraspObject:
 
 #: Ready-made objects. ``cylinder`` is the 2021 project's: r 0.02 m, h 0.1 m, 0.421 kg "real-life parameters"
 #: (llach/tiago_rl 1413ef5), contact 10 kN/m and 100 N·s/m (fc08124 to its released cc5ce92; for ten days before it was
-#: 30 kN/m and 1000 N·s/m, then 3 kN/m and 100, which is ``cylinder_soft``). ``box`` and ``box_soft`` are the same things
-#: with flat sides; ``wood`` and ``sponge`` have the widths of the objects of the real TA11 measurements (llach/learning_fc
-#: 3dd34c2); their masses are ours, from the volume at 700 and 60 kg/m³; the sponge's contact is chosen soft, not measured.
+#: 30 kN/m and 1000 N·s/m, then 3 kN/m and 100, which is ``cylinder_soft``). ``box`` and ``box_soft`` are the same
+#: things with flat sides; ``wood`` and ``sponge`` have the widths of the objects of the real TA11 measurements
+#: (llach/learning_fc 3dd34c2); their masses are ours, from the volume at 700 and 60 kg/m³; the sponge's contact is
+#: chosen soft, not measured.
 OBJECTS: Final[Mapping[str, GraspObject]] = MappingProxyType(
     {
         "cylinder": GraspObject(),

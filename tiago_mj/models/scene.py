@@ -208,9 +208,9 @@ def _contact_data(*fields: str) -> int:
 def _make_ideal(model: mujoco.MjModel) -> None:
     """Turn every position servo into one that follows a commanded velocity as fast as the time step allows.
 
-    An effort limit is applied to the force computed at the start of a step, so a servo may ask for no more than what the
-    joint's inertia m can take in one step h: damping m / h (dead beat) and stiffness m / (4 h²), which follow a velocity
-    with a lag of 4 h. m is the joint's effective inertia, 1 / (M⁻¹)_jj, in the pre-grasp pose.
+    An effort limit is applied to the force computed at the start of a step, so a servo may ask for no more than what
+    the joint's inertia m can take in one step h: damping m / h (dead beat) and stiffness m / (4 h²), which follow a
+    velocity with a lag of 4 h. m is the joint's effective inertia, 1 / (M⁻¹)_jj, in the pre-grasp pose.
     """
     data = mujoco.MjData(model)
     data.qpos[:] = pose(model)

@@ -7,11 +7,12 @@ as the paper prints them (section III-B, "Tactile Data Modeling"). Two facts dec
 
 * The paper multiplies by 100 because that made the simulated range like the real sensor's; its unit of force was
   whatever PyBullet's contacts gave in that scene. Its released code *divides* newtons by 100.
-* The real TA11, on the real gripper, gives about 330 sensor units per metre by which the finger's position servo is held
+* The real TA11, on the real gripper, gives about 330 sensor units per metre by which the finger's position servo is
+held
   off its target on wood, and about 300 on softer things (``shared`` curve: llach/learning_fc ee792cf and 3dd34c2).
 
-Here ``contact_unit`` [N] stands in for Bullet's unit of force and is set so that the range is the real one. The servo has
-2000 N/m, so 330 sensor units per metre are 330 / 2000 sensor units per newton, and 100 / contact_unit is the same:
+Here ``contact_unit`` [N] stands in for Bullet's unit of force and is set so that the range is the real one. The servo
+has 2000 N/m, so 330 sensor units per metre are 330 / 2000 sensor units per newton, and 100 / contact_unit is the same:
 
     contact_unit = 100 · 2000 / 330 = 606 N,  f_raw = newtons / 6.06
 

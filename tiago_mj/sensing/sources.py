@@ -1,10 +1,9 @@
 """Where the newtons on a pad are read from.
 
-| source | what it sums | what else it feels |
-|---|---|---|
-| ``contact`` | net force of all contacts of pad and object, along the cell's axis (the paper's f_contact) | nothing |
-| ``touch`` | normal forces of every contact on the pad, whatever touches it | other things than the object; no friction |
-| ``force`` | force through the load-cell body along its axis, less the tare taken at reset | weight and inertia of what hangs on the cell |
+* ``contact``: net force of all contacts of pad and object along the cell's axis: the paper's f_contact. Nothing else.
+* ``touch``: normal forces of every contact on the pad, whatever touches it, the table too; no friction.
+* ``force``: force through the load-cell body along its axis, less the tare taken at reset. As a real cell it also feels
+  the weight and inertia of what hangs on it.
 
 All three are MuJoCo sensors (a batch of simulations reports nothing else) and agree in a static, straight grasp; a test
 holds them against each other. All describe the state one physics step before the end of the control step, as every
