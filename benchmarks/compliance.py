@@ -39,7 +39,7 @@ def machine() -> dict[str, Any]:
         "command": "python benchmarks/compliance.py",
         "cpu": cpu,
         "cores": len(os.sched_getaffinity(0)),
-        "os": f"{platform.system()} {platform.release()}",
+        "os": platform.freedesktop_os_release()["PRETTY_NAME"],
         "python": platform.python_version(),
         "mujoco": mujoco.__version__,
         "commit": commit.stdout.strip(),
@@ -191,7 +191,7 @@ def main() -> None:
         )
     for r in result["creep"]:
         print(
-            f"creep: impratio {r['impratio']:g}, friction damping {r['friction_damping']:g} N·s/m, d {r['impedance']:g}: "
+            f"creep: impratio {r['impratio']:g}, friction {r['friction_damping']:g} N·s/m, d {r['impedance']:g}: "
             f"{1e3 * r['speed']:.4f} mm/s, law {1e3 * r['law']:.4f}"
         )
     print("impedance: error of the force curve, share of its peak; rms (max)")
