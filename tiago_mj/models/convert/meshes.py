@@ -1,0 +1,99 @@
+"""Meshes: finding the file behind a URDF's address, and reading STL, OBJ and DAE."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+from urllib.parse import unquote
+
+import numpy as np
+import trimesh
+
+from tiago_mj.models.convert.errors import ConversionError
+from tiago_mj.models.convert.urdf import Shape
+
+FORMATS = (".stl", ".obj", ".dae", ".ply", ".glb", ".off")
+
+
+def resolve(shape: Shape, urdf: Path, package_paths: Sequence[Path] = ()) -> Path:
+    """File of a mesh shape: ``package://`` and ``model://`` addresses, ``file://``, absolute or relative to the URDF.
+
+    A package is looked for in ``package_paths``, then in ``ROS_PACKAGE_PATH``, then in the folders above the URDF; a folder
+    counts both as a place of packages and as the package itself when it bears its name.
+
+    Raises:
+        ConversionError: the file does not exist; the message says how to name the package's folder.
+    """
+    address = shape.mesh or ""
+    scheme, _, rest = address.rpartition("://")
+    rest = unquote(rest) if scheme else address
+    if scheme in ("package", "model"):
+        package, _, inside = rest.partition("/")
+        for folder in _package_folders(urdf, package_paths):
+            for candidate in (folder / package / inside, folder / inside if folder.name == package else None):
+                if candidate is not None and candidate.is_file():
+                    return candidate
+        what = f'mesh "{address}" is not found'
+        raise ConversionError(shape.where, what, f'name the folder that holds package "{package}" with --package-path')
+    if scheme not in ("", "file"):
+        raise ConversionError(shape.where, f'mesh "{address}" has the scheme {scheme}://', "use package:// or a path")
+    path = urdf.parent / rest  # an absolute path replaces the parent
+    if not path.is_file():
+        raise ConversionError(
+            shape.where, f'mesh "{address}" is not found at {path}', "put the file there or mend the address"
+        )
+    return path
+
+
+def _package_folders(urdf: Path, package_paths: Sequence[Path]) -> Iterable[Path]:
+    yield from (Path(path).resolve() for path in package_paths)
+    yield from (Path(entry) for entry in os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep) if entry)
+    yield from urdf.resolve().parents
+
+
+def load(shape: Shape, path: Path) -> Any:
+    """The mesh of a shape as one ``trimesh.Trimesh``, scaled as the URDF says [m], in the shape's own frame.
+
+    Raises:
+        ConversionError: a format that is not read, a reader that is not installed, a broken or an empty file.
+    """
+    if path.suffix.lower() not in FORMATS:
+        what = f"mesh {path.name} has the format {path.suffix or '(none)'}"
+        raise ConversionError(shape.where, what, f"convert it to one of {' '.join(FORMATS)}")
+    try:
+        mesh = trimesh.load(path, force="mesh", process=False)
+    except ImportError as error:
+        mend = (
+            "pip install pycollada (extra tiago-mj[meshes])"
+            if path.suffix.lower() == ".dae"
+            else f"install {error.name}"
+        )
+        raise ConversionError(shape.where, f"mesh {path.name} needs a reader that is not installed", mend) from None
+    except Exception as error:  # trimesh's readers raise whatever the file makes them trip over
+        reason = f"{type(error).__name__}: {error}"
+        raise ConversionError(
+            shape.where, f"mesh {path} cannot be read ({reason})", "export it again, best as STL"
+        ) from None
+    if len(getattr(mesh, "faces", ())) == 0 or not np.isfinite(mesh.vertices).all():
+        raise ConversionError(shape.where, f"mesh {path} holds no triangles", "export it again, best as STL")
+    scale = np.diag([*shape.size, 1.0])
+    if not np.allclose(shape.size, 1.0):
+        mesh.apply_transform(scale)
+    return mesh
+
+
+def color(mesh: Any) -> tuple[float, ...] | None:
+    """The colour that covers most of a mesh (rgba, 0..1); None where the file gives none."""
+    visual = getattr(mesh, "visual", None)
+    kind = getattr(visual, "kind", None)
+    if kind == "texture":
+        material = getattr(visual, "material", None)
+        main = getattr(material, "main_color", None)
+        return None if main is None else tuple(float(c) / 255 for c in main)
+    if kind not in ("face", "vertex"):
+        return None
+    colors, index = np.unique(visual.face_colors, axis=0, return_inverse=True)
+    area = np.bincount(index.ravel(), weights=mesh.area_faces)
+    return tuple(float(c) / 255 for c in colors[int(area.argmax())])

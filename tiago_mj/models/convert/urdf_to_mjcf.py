@@ -1,0 +1,146 @@
+"""From a URDF file to an MJCF file: the flow, top to bottom."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from tiago_mj.models.convert import additions, tree, urdf
+from tiago_mj.models.convert import extras as extras_file
+from tiago_mj.models.convert.assembly import Assembly, Options
+from tiago_mj.models.convert.errors import ConversionError
+from tiago_mj.models.convert.report import ConversionReport
+
+COLLISIONS = ("primitives", "mesh", "none")
+VISUALS = ("mesh", "primitives", "none")
+BASES = ("fixed", "free")
+
+
+def convert(
+    urdf_path: Path | str,
+    out: Path | str | None = None,
+    *,
+    extras: Path | str | None = None,
+    package_paths: Sequence[Path | str] = (),
+    collision: str = "primitives",
+    visual: str = "mesh",
+    base: str = "fixed",
+    mass_floor: float | None = None,
+) -> ConversionReport:
+    """Convert a URDF to MJCF.
+
+    Args:
+        urdf_path: the URDF file.
+        out: the MJCF file to write; meshes that it needs go to the folder ``<stem>_meshes`` beside it. None: write nothing.
+        extras: the additions file (YAML); None takes the one beside the URDF (same name, ``.yaml``) if there is one.
+        package_paths: folders that hold the packages of ``package://`` addresses, before ``ROS_PACKAGE_PATH`` and the URDF's parents.
+        collision: ``primitives`` keeps the URDF's primitives and fits one to each mesh; ``mesh`` keeps meshes (MuJoCo collides
+            their convex hulls); ``none``.
+        visual: ``mesh`` keeps meshes, ``primitives`` fits them, ``none``.
+        base: ``fixed`` fixes the root link in the world, ``free`` gives it a free joint.
+        mass_floor: mass [kg] for links that move and have none; None refuses them.
+
+    Returns:
+        What was repaired, fitted, excluded, added and dropped, with the model as an MjSpec and as XML text.
+
+    Raises:
+        ConversionError: (a ValueError) one line that names file, element and mend. Nothing is written then.
+    """
+    for name, value, known in (
+        ("collision", collision, COLLISIONS),
+        ("visual", visual, VISUALS),
+        ("base", base, BASES),
+    ):
+        if value not in known:
+            raise ConversionError(name, f'"{value}" does not exist', f"use one of {', '.join(known)}")
+    path, target = Path(urdf_path), None if out is None else Path(out)
+    robot = urdf.read(path)
+    additions_path = Path(extras) if extras is not None else extras_file.beside(path)
+    more = extras_file.Extras() if additions_path is None else extras_file.read(additions_path)
+    options = Options(
+        package_paths=tuple(Path(folder) for folder in package_paths),
+        collision=collision,
+        visual=visual,
+        base=base,
+        mass_floor=mass_floor,
+        mesh_folder=f"{(target or path).stem}_meshes",
+    )
+    assembly = Assembly(robot, tree.build(robot), more, options)
+    assembly.build()
+    try:
+        additions.apply(assembly)
+        excluded = _exclude_touching(assembly.spec)
+        assembly.spec.compile()
+    except (mujoco.FatalError, ValueError) as error:
+        if isinstance(error, ConversionError):
+            raise
+        raise ConversionError(
+            str(path), f"MuJoCo refuses the model ({error})", "mend the element that it names"
+        ) from None
+    xml = _text(assembly.spec)
+    if target is not None:
+        _write(target, xml, dict(assembly.spec.assets))
+    return ConversionReport(
+        robot=robot.name,
+        out=target,
+        repaired=tuple(assembly.repaired),
+        fitted=tuple(assembly.fitted),
+        excluded=excluded,
+        dropped=tuple(f"{count} x <{tag}>" for tag, count in robot.ignored.items()),
+        added=tuple(assembly.added),
+        xml=xml,
+        spec=assembly.spec,
+    )
+
+
+def _exclude_touching(spec: mujoco.MjSpec) -> tuple[tuple[str, str], ...]:
+    """Exclude contacts of links that overlap where the robot stands at rest: their shapes are too big, they do not collide."""
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    for i in range(model.njnt):
+        if model.jnt_limited[i]:
+            address = model.jnt_qposadr[i]
+            data.qpos[address] = np.clip(data.qpos[address], *model.jnt_range[i])
+    mujoco.mj_forward(model, data)
+    pairs: dict[tuple[str, str], None] = {}
+    for geoms in data.contact.geom:
+        first, second = (model.body(model.geom_bodyid[geom]).name for geom in geoms)
+        if first != "world" and second != "world":
+            pairs[(first, second)] = None
+    for first, second in pairs:
+        spec.add_exclude(bodyname1=first, bodyname2=second)
+    return tuple(pairs)
+
+
+def _text(spec: mujoco.MjSpec) -> str:
+    """The MJCF text; autolimits, which is the default and therefore left out, is said aloud."""
+    return spec.to_xml().replace('<compiler angle="radian"', '<compiler angle="radian" autolimits="true"', 1)
+
+
+def _write(out: Path, xml: str, assets: dict[str, bytes]) -> None:
+    """Write the file and its meshes, each under a temporary name first, so that nothing is ever half written."""
+    if not out.parent.is_dir():
+        raise ConversionError(str(out), "its folder does not exist", "make it first")
+    try:
+        work = Path(tempfile.mkdtemp(prefix=".convert-", dir=out.parent))
+        try:
+            for name, content in assets.items():
+                file = work / name
+                file.parent.mkdir(parents=True, exist_ok=True)
+                file.write_bytes(content)
+            (work / out.name).write_text(xml, encoding="utf-8")
+            for name in sorted({Path(asset).parts[0] for asset in assets}):
+                if (out.parent / name).is_dir():
+                    os.replace(out.parent / name, work / f"{name}.old")
+                os.replace(work / name, out.parent / name)
+            os.replace(work / out.name, out)
+        finally:
+            shutil.rmtree(work, ignore_errors=True)
+    except OSError as error:
+        raise ConversionError(str(out), f"cannot be written ({error.strerror})", "choose another place") from None

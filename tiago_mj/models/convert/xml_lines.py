@@ -1,0 +1,49 @@
+"""XML with line numbers, and without document types (an entity bomb is refused before it expands)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from xml.etree import ElementTree as ET
+from xml.parsers import expat
+
+from tiago_mj.models.convert.errors import ConversionError
+
+Lines = dict[ET.Element, int]
+
+
+def parse(path: Path) -> tuple[ET.Element, Lines]:
+    """The root element of a file, and the line of every element.
+
+    Raises:
+        ConversionError: the file cannot be read, is not well-formed, or declares a document type.
+    """
+    try:
+        text = path.read_bytes()
+    except OSError as error:
+        raise ConversionError(str(path), f"cannot be read ({error.strerror})", "give the path of a URDF file") from None
+    builder = ET.TreeBuilder()
+    lines: Lines = {}
+    parser = expat.ParserCreate()
+
+    def start(tag: str, attributes: dict[str, str]) -> None:
+        lines[builder.start(tag, attributes)] = parser.CurrentLineNumber
+
+    def refuse_doctype(*_: object) -> None:
+        where = f"{path}:{parser.CurrentLineNumber}"
+        raise ConversionError(where, "declares a document type (<!DOCTYPE>)", "remove it: URDF needs none")
+
+    parser.StartElementHandler = start
+    parser.EndElementHandler = builder.end
+    parser.CharacterDataHandler = builder.data
+    parser.StartDoctypeDeclHandler = refuse_doctype
+    try:
+        parser.Parse(text, True)
+    except expat.ExpatError as error:
+        reason = expat.ErrorString(error.code)
+        where = f"{path}:{error.lineno}"
+        raise ConversionError(where, f"is not well-formed XML ({reason})", "mend the markup at this line") from None
+    except (LookupError, ValueError) as error:
+        if isinstance(error, ConversionError):
+            raise
+        raise ConversionError(str(path), f"has an unreadable encoding ({error})", "save it as UTF-8") from None
+    return builder.close(), lines
