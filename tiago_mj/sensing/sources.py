@@ -45,8 +45,8 @@ class PadForces:
         """Net force of pad and object along each cell's axis, positive when the pad is pressed [N]."""
         force = sensordata[..., self._contact[:, None] + np.arange(1, 4)]
         axis = sensordata[..., self._axis[:, None] + np.arange(3)]
-        # The sensor gives the force of the pad on the object; the cell feels the reaction.
-        return -np.sum(force * axis, axis=-1)
+        # Pad on object, and the axis points from the finger through the pad: a pressed pad reads positive.
+        return np.sum(force * axis, axis=-1)
 
     def read(self, sensordata: Array, tare: Array | float = 0.0) -> Array:
         """Newtons of the chosen source, less the tare."""
