@@ -50,14 +50,14 @@ ENVIRONMENTS: Final[Mapping[str, Registered]] = {
 def make_scalar(*, task: str, relative: int | None, **arguments: Any) -> gymnasium.Env[Any, Any]:
     """Build one environment of the table: the goal environment, or its flat view."""
     module, name = task.split(":")
-    env: gymnasium.Env[Any, Any] = getattr(import_module(module), name)(**arguments)
+    core: Any = getattr(import_module(module), name)(**arguments)
     if relative is None:
-        return env
+        return core
     from tiago_mj.envs.flat import FlatView
 
     # What is observed decides what there is to take relative to the goal.
     observed = 0 if arguments.get("force_type") == "none" else relative
-    return FlatView(env, observed)
+    return FlatView(core, observed)
 
 
 def register() -> None:

@@ -2,42 +2,80 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Final
 
 import gymnasium
 import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
+from tiago_mj.envs.robot_env import RobotEnv
+
 Array = NDArray[np.float64]
 
+#: What marks a goal environment for stable-baselines3; a flat one must not have it.
+_GOAL_FORM_ONLY: Final = frozenset({"compute_reward", "compute_terminated", "compute_truncated"})
 
-class FlatView(gymnasium.ObservationWrapper[Array, Array, dict[str, Array]]):
-    """One vector in place of the dictionary: `observation` whose last entries are taken relative to the goal.
+
+class FlatView(gymnasium.Env[Array, Array]):
+    """One vector in place of the dictionary: ``observation`` whose last entries are taken relative to the goal.
 
     For the tactile tasks this is the paper's (q, q̇, Δf_right, Δf_left), Δf = f − f_goal, f raw or binary; for a task
-    whose `observation` does not hold what the goal is about (no force observed), it is `observation` as it stands.
+    whose ``observation`` does not hold what the goal is about (no force observed), it is ``observation`` as it stands.
+
+    It is an environment, not a wrapper, because stable-baselines3 looks through wrappers and would take it for a goal
+    environment. Everything else (``model``, ``data``, ``n_substeps``, ``joints`` …) is the goal environment's, which is
+    ``core``.
 
     Args:
-        env: a goal environment.
-        relative: number of last entries of `observation` from which the goal is subtracted.
+        core: the goal environment.
+        relative: number of last entries of ``observation`` from which the goal is subtracted.
     """
 
-    def __init__(self, env: gymnasium.Env[Any, Any], relative: int) -> None:
-        super().__init__(env)
-        inner = env.observation_space
-        assert isinstance(inner, spaces.Dict)
-        seen, goal = inner["observation"], inner["desired_goal"]
-        assert isinstance(seen, spaces.Box) and isinstance(goal, spaces.Box)
-        bound = seen.high.copy()
-        if relative:
-            bound[-relative:] += goal.high
+    def __init__(self, core: RobotEnv, relative: int) -> None:
+        self.core = core
         self._relative = relative
+        bound = core._observation_bound()
+        if relative:
+            bound[-relative:] += core._goal_bound()
         self.observation_space = spaces.Box(-bound, bound, dtype=np.float64)
+        self.action_space = core.action_space
+        self.metadata = core.metadata
+        self.render_mode = core.render_mode
+        self._share_generator()
 
-    def observation(self, observation: dict[str, Array]) -> Array:
-        """The flat vector of a dictionary."""
+    def __getattr__(self, name: str) -> Any:
+        if name == "core" or name.startswith("__") or name in _GOAL_FORM_ONLY:  # "core": while being unpickled
+            raise AttributeError(f"{type(self).__name__} has no attribute {name!r}")
+        return getattr(self.core, name)
+
+    def step(self, action: Any) -> tuple[Array, Any, bool, bool, dict[str, Any]]:
+        """As the goal environment's, with the flat observation."""
+        observation, reward, terminated, truncated, info = self.core.step(action)
+        return self.flatten(observation), reward, terminated, truncated, info
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
+        """As the goal environment's, with the flat observation."""
+        observation, info = self.core.reset(seed=seed, options=options)
+        self._share_generator()
+        return self.flatten(observation), info
+
+    def _share_generator(self) -> None:
+        """There is one generator: the goal environment's, which a seed replaces."""
+        self._np_random = self.core.np_random
+        self._np_random_seed = self.core._np_random_seed
+
+    def flatten(self, observation: dict[str, Array]) -> Array:
+        """The vector of a dictionary (or of a batch of them)."""
         flat = observation["observation"].copy()
         if self._relative:
-            flat[-self._relative :] -= observation["desired_goal"]
+            flat[..., -self._relative :] -= observation["desired_goal"]
         return flat
+
+    def render(self) -> Any:
+        """As the goal environment's."""
+        return self.core.render()
+
+    def close(self) -> None:
+        """Release the renderer."""
+        self.core.close()

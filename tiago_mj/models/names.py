@@ -25,7 +25,7 @@ LOAD_CELL_SITE: Final = {side: f"{side}_load_cell" for side in SIDES}
 TOUCH_SENSOR: Final = {side: f"{side}_touch" for side in SIDES}
 FORCE_SENSOR: Final = {side: f"{side}_load_cell_force" for side in SIDES}
 CONTACT_SENSOR: Final = {side: f"{side}_contact" for side in SIDES}
-AXIS_SENSOR: Final = {side: f"{side}_load_cell_axis" for side in SIDES}
+AXIS_SENSOR: Final = {side: f"{side}_pad_axis" for side in SIDES}
 
 #: Middle between the pads, at their height: where an object is grasped.
 GRASP_SITE: Final = "gripper_grasping_frame"

@@ -190,7 +190,7 @@ def _add_object(spec: mujoco.MjSpec, item: GraspObject) -> None:
             name=names.AXIS_SENSOR[side],
             type=mujoco.mjtSensor.mjSENS_FRAMEXAXIS,
             objtype=mujoco.mjtObj.mjOBJ_SITE,
-            objname=names.LOAD_CELL_SITE[side],
+            objname=names.PAD_SITE[side],
         )
     for key in spec.keys:
         key.qpos = np.concatenate([key.qpos, start, [1, 0, 0, 0]])

@@ -34,8 +34,8 @@ class PadForces:
         self.source = source
         self._contact = _addresses(model, names.CONTACT_SENSOR)
         self._axis = _addresses(model, names.AXIS_SENSOR)
-        self._touch = _addresses(model, names.TOUCH_SENSOR)
-        self._force = _addresses(model, names.FORCE_SENSOR)
+        if source != "contact":
+            self._source = _addresses(model, names.TOUCH_SENSOR if source == "touch" else names.FORCE_SENSOR)
 
     def in_contact(self, sensordata: Array) -> NDArray[np.bool_]:
         """Whether pad and object press on each other: the simulator's truth, free of noise and threshold."""
@@ -45,15 +45,15 @@ class PadForces:
         """Net force of pad and object along each cell's axis, positive when the pad is pressed [N]."""
         force = sensordata[..., self._contact[:, None] + np.arange(1, 4)]
         axis = sensordata[..., self._axis[:, None] + np.arange(3)]
-        # Pad on object, and the axis points from the finger through the pad: a pressed pad reads positive.
-        return np.sum(force * axis, axis=-1)
+        # The sensor gives the force of the pad on the object, and the pad site's x axis points from the face into the
+        # finger: a pressed pad reads positive.
+        return -np.sum(force * axis, axis=-1)
 
     def read(self, sensordata: Array, tare: Array | float = 0.0) -> Array:
         """Newtons of the chosen source, less the tare."""
         if self.source == "contact":
             return self.truth(sensordata) - tare
-        first = self._touch if self.source == "touch" else self._force
-        return sensordata[..., first] - tare
+        return sensordata[..., self._source] - tare
 
     def tare(self, sensordata: Array) -> Array:
         """The reading to subtract, taken without contact: weight on the ``force`` source, nothing on the others."""
@@ -64,4 +64,7 @@ class PadForces:
 
 def _addresses(model: mujoco.MjModel, sensors: dict[str, str]) -> NDArray[np.intp]:
     """First number of each side's sensor in ``sensordata``."""
-    return np.array([model.sensor(sensors[side]).adr[0] for side in names.SIDES], dtype=np.intp)
+    try:
+        return np.array([model.sensor(sensors[side]).adr[0] for side in names.SIDES], dtype=np.intp)
+    except KeyError as missing:
+        raise ValueError(f"this robot has no sensor {sensors['right']!r}: choose another force source") from missing
