@@ -1,12 +1,14 @@
-"""The committed models, from the table of numbers: ``python -m tiago_mj.models.build`` writes them, ``--check`` compares them.
+"""The committed models, from the table of numbers.
 
-numbers.yaml -> URDF sources (``models/sources``) -> converter with the additions beside them -> MJCF (``models/robots``).
+``python -m tiago_mj.models.build`` writes them, with ``--check`` it compares them and writes nothing:
+numbers.yaml -> URDF sources (``models/sources``) -> converter, with the additions beside them -> MJCF (``models/robots``).
 """
 
 from __future__ import annotations
 
 import argparse
 import sys
+import tempfile
 from pathlib import Path
 
 from tiago_mj.models.convert import convert
@@ -14,42 +16,44 @@ from tiago_mj.models.files import models_folder
 from tiago_mj.models.urdf_source import read_table, robot_names, urdf_text
 
 
-def build(sources: Path, robots: Path) -> dict[Path, str]:
-    """Texts of all files that follow from the sources, by the path where each belongs.
-
-    Args:
-        sources: folder of ``numbers.yaml`` and the additions; the URDF files there are read, not written.
-        robots: folder of the MJCF files.
-    """
+def build(folder: Path) -> dict[str, str]:
+    """Texts of all files that follow from ``folder/sources``, by path relative to ``folder``. Nothing is written there."""
+    sources = folder / "sources"
     table = read_table(sources / "numbers.yaml")
-    texts = {sources / f"{name}.urdf": urdf_text(table, name) for name in robot_names(table)}
-    for name in robot_names(table):
-        if (
-            not (sources / f"{name}.urdf").is_file()
-            or (sources / f"{name}.urdf").read_text() != texts[sources / f"{name}.urdf"]
-        ):
-            continue  # stale: converted once the URDF is written
-        texts[robots / f"{name}.xml"] = convert(sources / f"{name}.urdf").xml
+    texts: dict[str, str] = {}
+    with tempfile.TemporaryDirectory() as work:
+        for name in robot_names(table):
+            texts[f"sources/{name}.urdf"] = urdf_text(table, name)
+            urdf = Path(work) / f"{name}.urdf"
+            urdf.write_text(texts[f"sources/{name}.urdf"], encoding="utf-8")
+            texts[f"robots/{name}.xml"] = convert(urdf, extras=sources / f"{name}.yaml").xml
     return texts
+
+
+def stale(folder: Path, texts: dict[str, str]) -> list[str]:
+    """Files that differ from ``texts``, or are missing."""
+    return [
+        name
+        for name, text in texts.items()
+        if not (folder / name).is_file() or (folder / name).read_text(encoding="utf-8") != text
+    ]
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Write the models, or compare them; exit status 1 when a committed file is out of date."""
     parser = argparse.ArgumentParser(prog="python -m tiago_mj.models.build", description=__doc__)
     parser.add_argument("--check", action="store_true", help="compare with the committed files and write nothing")
-    options = parser.parse_args(arguments)
+    check = parser.parse_args(arguments).check
     folder = models_folder()
-    sources, robots = folder / "sources", folder / "robots"
-    if not options.check:
-        for path, text in build(sources, robots).items():
-            path.write_text(text, encoding="utf-8")
-    texts = build(sources, robots)
-    stale = [path for path, text in texts.items() if not path.is_file() or path.read_text(encoding="utf-8") != text]
-    for path in stale:
-        print(f"out of date: {path.relative_to(folder)}", file=sys.stderr)
-    if not stale:
-        print(f"up to date: {', '.join(path.relative_to(folder).as_posix() for path in texts)}")
-    return 1 if stale else 0
+    texts = build(folder)
+    different = stale(folder, texts)
+    for name in different:
+        if not check:
+            (folder / name).write_text(texts[name], encoding="utf-8")
+        print(f"{'out of date' if check else 'wrote'}: {name}", file=sys.stderr if check else sys.stdout)
+    if not different:
+        print(f"up to date: {', '.join(texts)}")
+    return 1 if check and different else 0
 
 
 if __name__ == "__main__":

@@ -18,7 +18,7 @@ from tiago_mj.models.convert.extras import Extras
 from tiago_mj.models.convert.report import FittedShape
 from tiago_mj.models.convert.shapes import GEOM_TYPES, Primitive
 from tiago_mj.models.convert.tree import JOINTED, Tree
-from tiago_mj.models.convert.urdf import Joint, Link, Shape, Urdf
+from tiago_mj.models.convert.urdf import Joint, Link, Mimic, Shape, Urdf
 from tiago_mj.models.limits import user_field
 
 COLLISION_GROUP, VISUAL_GROUP, FRAME_GROUP = 3, 2, 4
@@ -64,14 +64,15 @@ class Assembly:
         self._check_masses()
         for joint in self.urdf.joints.values():
             if joint.mimic is not None and joint.kind in JOINTED:
-                data = [joint.mimic.offset, joint.mimic.multiplier] + [0.0] * 9
-                self.spec.add_equality(
-                    type=mujoco.mjtEq.mjEQ_JOINT,
-                    objtype=mujoco.mjtObj.mjOBJ_JOINT,
-                    name1=joint.name,
-                    name2=joint.mimic.joint,
-                    data=data,
-                )
+                self._add_mimic(joint.name, joint.mimic)
+
+    def _add_mimic(self, joint: str, mimic: Mimic) -> None:
+        equality = self.spec.add_equality(
+            type=mujoco.mjtEq.mjEQ_JOINT, objtype=mujoco.mjtObj.mjOBJ_JOINT, name1=joint, name2=mimic.joint
+        )
+        polynomial = np.zeros(len(equality.data))  # of the other joint's position
+        polynomial[:2] = mimic.offset, mimic.multiplier
+        equality.data = polynomial
 
     def _set_up(self) -> None:
         spec = self.spec

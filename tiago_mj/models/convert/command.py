@@ -1,0 +1,79 @@
+"""``tiago-mj convert ROBOT.urdf --out FILE.xml``: the arguments and the run."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from dataclasses import asdict
+from pathlib import Path
+
+from tiago_mj.models.convert.errors import ConversionError
+from tiago_mj.models.convert.report import ConversionReport
+from tiago_mj.models.convert.urdf_to_mjcf import BASES, COLLISIONS, VISUALS, convert
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of ``convert``."""
+    parser.add_argument("urdf", type=Path, metavar="ROBOT.urdf", help="the URDF file")
+    parser.add_argument("--out", type=Path, metavar="FILE.xml", help="the MJCF file (default: ROBOT.xml in this folder)")
+    parser.add_argument("--extras", type=Path, metavar="FILE.yaml", help="additions (default: ROBOT.yaml beside the URDF)")
+    parser.add_argument(
+        "--package-path",
+        type=Path,
+        action="append",
+        default=[],
+        metavar="DIR",
+        help="folder that holds the packages of package:// addresses (repeatable; before ROS_PACKAGE_PATH)",
+    )
+    parser.add_argument("--collision", choices=COLLISIONS, default="primitives", help="what meshes collide as")
+    parser.add_argument("--visual", choices=VISUALS, default="mesh", help="what meshes look like")
+    parser.add_argument("--base", choices=BASES, default="fixed", help="root link fixed in the world, or free")
+    parser.add_argument("--mass-floor", type=float, metavar="KG", help="mass of links that move and have none")
+    parser.add_argument("--json", action="store_true", help="print the report as JSON")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Convert and print what was done; 2 with one line on standard error when the input cannot be used."""
+    out = arguments.out or Path(arguments.urdf.stem + ".xml")
+    try:
+        report = convert(
+            arguments.urdf,
+            out,
+            extras=arguments.extras,
+            package_paths=arguments.package_path,
+            collision=arguments.collision,
+            visual=arguments.visual,
+            base=arguments.base,
+            mass_floor=arguments.mass_floor,
+        )
+    except ConversionError as error:
+        print(error, file=sys.stderr)
+        return 2
+    print(_json(report) if arguments.json else _text(report))
+    return 0
+
+
+def _text(report: ConversionReport) -> str:
+    model = report.spec.compile()
+    size = f"{model.nbody - 1} bodies, {model.nv} degrees of freedom, {model.nu} actuators, {model.nsensor} sensors"
+    return "\n".join(
+        [
+            *report.lines(),
+            f"wrote {report.out}: {size}",
+            f"look at it: python -m mujoco.viewer --mjcf={report.out}",
+        ]
+    )
+
+
+def _json(report: ConversionReport) -> str:
+    content = {
+        "robot": report.robot,
+        "out": str(report.out),
+        "repaired": [asdict(repair) for repair in report.repaired],
+        "fitted": [asdict(fit) for fit in report.fitted],
+        "excluded": report.excluded,
+        "added": report.added,
+        "dropped": report.dropped,
+    }
+    return json.dumps(content, indent=1)
