@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any, Final, SupportsFloat
 
 import mujoco
@@ -58,6 +59,7 @@ class RobotEnv(MujocoRobotEnv):  # type: ignore[misc]
         finger_speed: velocity limit of the fingers [m/s].
         sensing: a :class:`LoadCell` or the name of a preset (``ta11``, ``released``, ``newtons``).
         force_source: what the load cells read: ``contact``, ``touch`` or ``force`` (:mod:`tiago_mj.sensing.sources`).
+        load_cells: read them even where there is no object; with an object they are always read.
         render_mode: ``rgb_array``, ``depth_array``, ``human`` or None.
         width, height: of rendered frames [pixel].
 
@@ -67,12 +69,22 @@ class RobotEnv(MujocoRobotEnv):  # type: ignore[misc]
 
     metadata = {"render_modes": ["human", "rgb_array", "depth_array"], "render_fps": 240}  # noqa: RUF012
 
-    #: Where the free camera stands; a task may override it.
-    CAMERA: Mapping[str, Any] = {
-        "lookat": np.array([0.68, 0.0, 0.6]),
-        "distance": 0.75,
-        "azimuth": 140,
-        "elevation": -25,
+    #: Joint positions at the start of an episode, by name, where they differ from the pre-grasp pose.
+    START: Mapping[str, float] = MappingProxyType({})
+    #: Radius of the sphere that shows a goal in space [m]; None: the goal is no place.
+    GOAL_RADIUS: float | None = None
+    #: Where the free camera stands: close to the fingers, or far enough to see the whole robot. A task may override it.
+    CLOSE_UP: Mapping[str, Any] = {
+        "lookat": np.array([0.66, 0.0, 0.6]),
+        "distance": 0.5,
+        "azimuth": 125,
+        "elevation": -30,
+    }
+    OVERVIEW: Mapping[str, Any] = {
+        "lookat": np.array([0.35, 0.0, 0.6]),
+        "distance": 2.0,
+        "azimuth": 125,
+        "elevation": -18,
     }
 
     def __init__(
@@ -87,6 +99,7 @@ class RobotEnv(MujocoRobotEnv):  # type: ignore[misc]
         finger_speed: float = FINGER_SPEED,
         sensing: str | LoadCell = "ta11",
         force_source: str = "contact",
+        load_cells: bool = False,
         render_mode: str | None = None,
         width: int = 480,
         height: int = 480,
@@ -105,6 +118,7 @@ class RobotEnv(MujocoRobotEnv):  # type: ignore[misc]
         self.load_cell = named_load_cell(sensing) if isinstance(sensing, str) else sensing
         self.object_choice = item
         self._force_source = force_source
+        self._load_cells = load_cells or item is not None
         longest = IDEAL_MAX_TIMESTEP if servo == "ideal" else MAX_TIMESTEP
         substeps = math.ceil(1 / (control_hz * longest) - 1e-9)
         self._scene = scene.SceneConfig(
@@ -113,6 +127,7 @@ class RobotEnv(MujocoRobotEnv):  # type: ignore[misc]
             servo=servo,
             timestep=1 / (control_hz * substeps),
             velocity_limits=dict.fromkeys(names.FINGERS, finger_speed),
+            goal_radius=self.GOAL_RADIUS,
         )
         self.metadata = {**self.metadata, "render_fps": round(control_hz)}
         super().__init__(
@@ -120,7 +135,7 @@ class RobotEnv(MujocoRobotEnv):  # type: ignore[misc]
             initial_qpos=None,
             n_actions=len(joints),
             n_substeps=substeps,
-            default_camera_config=dict(self.CAMERA),
+            default_camera_config=dict(self.CLOSE_UP if robot.startswith("gripper") else self.OVERVIEW),
             render_mode=render_mode,
             width=width,
             height=height,
@@ -162,8 +177,8 @@ class RobotEnv(MujocoRobotEnv):  # type: ignore[misc]
         self.model.vis.global_.offheight = self.height
         if self.object_choice is not None:
             check_fits(self.object_choice, scene.opening(self.model))
-        self._pads = PadForces(self.model, self._force_source) if self.object_choice is not None else None
-        self._reader = StateReader(self.model, self.joints, self._pads)
+        self._pads = PadForces(self.model, self._force_source) if self._load_cells else None
+        self._reader = StateReader(self.model, self.joints)
         actuators = [self.model.actuator(name).id for name in self.joints]
         self._ctrl = np.array(actuators)
         self.velocity_limit = np.array(self.model.actuator_ctrlrange[actuators, 1])
@@ -175,6 +190,8 @@ class RobotEnv(MujocoRobotEnv):  # type: ignore[misc]
         self._qvel_address = np.array([self.model.joint(name).dofadr[0] for name in self.joints])
         self.initial_time = 0.0
         self.initial_qpos = scene.pose(self.model)
+        for name, value in self.START.items():
+            self.initial_qpos[self.model.joint(name).qposadr[0]] = value
         self.initial_qvel = np.zeros(self.model.nv)
         self._filter = MovingAverage(self.load_cell.average)
         self._grasp_frame()

@@ -33,6 +33,9 @@ GRIPPER_GRASP_POINT: Final = (0.7, 0.0, 0.6)
 #: gripper_link's axes in the world: x (right finger opens) -> -y, y -> z, z -> -x (the hand points along -z).
 GRIPPER_QUATERNION: Final = (0.5, 0.5, -0.5, -0.5)
 
+#: A site of the world that an environment moves to its goal, for the eye only.
+GOAL_SITE: Final = "goal"
+
 #: Contact points that share the load of one flat pad on an object of that shape, as MuJoCo's collider finds them
 #: (:func:`tiago_mj.contact_points.shared_contact_points`; a test compares).
 CONTACT_POINTS: Final = {"cylinder": 2, "box": 4}
@@ -50,6 +53,7 @@ class SceneConfig:
             did. It needs a time step of about half a millisecond to be stiff.
         timestep: of the physics [s].
         velocity_limits: by joint [m/s, rad/s], where they differ from the robot's.
+        goal_radius: of a sphere that shows a goal in space [m]; None for none.
     """
 
     robot: str
@@ -57,6 +61,7 @@ class SceneConfig:
     servo: str = "pal"
     timestep: float = 1 / 960
     velocity_limits: Mapping[str, float] = field(default_factory=dict)
+    goal_radius: float | None = None
 
     def __post_init__(self) -> None:
         for name, value, known in (("robot", self.robot, ROBOTS), ("servo", self.servo, SERVOS)):
@@ -82,6 +87,8 @@ def build_spec(config: SceneConfig) -> tuple[mujoco.MjSpec, mujoco.MjModel]:
         objtype=mujoco.mjtObj.mjOBJ_SITE,
         objname=names.GRASP_SITE,
     )
+    if config.goal_radius is not None:
+        spec.worldbody.add_site(name=GOAL_SITE, size=[config.goal_radius] * 3, rgba=[0.16, 0.62, 0.32, 0.4])
     if config.item is not None:
         _add_object(spec, config.item)
     for actuator in spec.actuators:
@@ -156,7 +163,7 @@ def _furnish(spec: mujoco.MjSpec) -> None:
         type=mujoco.mjtGeom.mjGEOM_BOX,
         size=TABLE_HALF,
         pos=TABLE_CENTRE,
-        rgba=[0.72, 0.58, 0.42, 1],
+        rgba=[0.78, 0.71, 0.62, 1],
     )
 
 
@@ -170,7 +177,7 @@ def _add_object(spec: mujoco.MjSpec, item: GraspObject) -> None:
         type=SHAPES[item.shape],
         size=item.geom_size(),
         mass=item.mass,
-        rgba=[0.82, 0.26, 0.2, 1],
+        rgba=[0.85, 0.33, 0.24, 1],
     )
     for side in names.SIDES:
         pad = names.PAD_GEOM[side]
