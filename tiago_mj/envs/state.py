@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tiago_mj.models import names
-from tiago_mj.sensing.sources import PadForces
 
 Array = NDArray[np.float64]
 
@@ -45,13 +44,13 @@ class State:
 class StateReader:
     """Finds by name where the model keeps what a :class:`State` holds, once."""
 
-    def __init__(self, model: mujoco.MjModel, joints: tuple[str, ...], pads: PadForces | None) -> None:
+    def __init__(self, model: mujoco.MjModel, joints: tuple[str, ...]) -> None:
         self._qpos = _span([int(model.joint(name).qposadr[0]) for name in joints])
         self._qvel = _span([int(model.joint(name).dofadr[0]) for name in joints])
         grasp = int(model.sensor(names.GRASP_SENSOR).adr[0])
         self._grasp = slice(grasp, grasp + 3)
         self._object_qpos = self._object_qvel = slice(0, 0)
-        if pads is not None:
+        if mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, names.OBJECT_JOINT) >= 0:
             free = model.joint(names.OBJECT_JOINT)
             self._object_qpos = slice(int(free.qposadr[0]), int(free.qposadr[0]) + 7)
             self._object_qvel = slice(int(free.dofadr[0]), int(free.dofadr[0]) + 6)

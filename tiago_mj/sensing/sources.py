@@ -6,8 +6,8 @@
   the weight and inertia of what hangs on it.
 
 All three are MuJoCo sensors (a batch of simulations reports nothing else) and agree in a static, straight grasp; a test
-holds them against each other. All describe the state one physics step before the end of the control step, as every
-acceleration-stage sensor does after ``mj_step`` (manual, "Sensors").
+holds them against each other. In a scene without an object ``contact`` is always 0. All describe the state one physics
+step before the end of the control step, as every acceleration-stage sensor does after ``mj_step`` (manual, "Sensors").
 """
 
 from __future__ import annotations
@@ -32,8 +32,10 @@ class PadForces:
         if source not in SOURCES:
             raise ValueError(f"force source {source!r} is unknown: use one of {', '.join(SOURCES)}")
         self.source = source
-        self._contact = _addresses(model, names.CONTACT_SENSOR)
-        self._axis = _addresses(model, names.AXIS_SENSOR)
+        self._object = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, names.OBJECT_BODY) >= 0
+        if self._object:
+            self._contact = _addresses(model, names.CONTACT_SENSOR)
+            self._axis = _addresses(model, names.AXIS_SENSOR)
         if source != "contact":
             self._source = _addresses(model, names.TOUCH_SENSOR if source == "touch" else names.FORCE_SENSOR)
 
@@ -43,6 +45,8 @@ class PadForces:
 
     def truth(self, sensordata: Array) -> Array:
         """Net force of pad and object along each cell's axis, positive when the pad is pressed [N]."""
+        if not self._object:
+            return np.zeros((*sensordata.shape[:-1], 2))
         force = sensordata[..., self._contact[:, None] + np.arange(1, 4)]
         axis = sensordata[..., self._axis[:, None] + np.arange(3)]
         # The sensor gives the force of the pad on the object, and the pad site's x axis points from the face into the
