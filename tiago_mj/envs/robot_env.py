@@ -18,6 +18,7 @@ from gymnasium import error, spaces
 from gymnasium_robotics.envs.robot_env import MujocoRobotEnv
 from numpy.typing import NDArray
 
+from tiago_mj import headless
 from tiago_mj.envs.choices import ObjectChoice, check_fits
 from tiago_mj.envs.state import State, StateReader
 from tiago_mj.models import names, scene
@@ -352,6 +353,11 @@ class RobotEnv(MujocoRobotEnv):  # type: ignore[misc]
         Raises:
             gymnasium.error.DependencyNotInstalled: no OpenGL could be started; says what to set.
         """
+        if self.render_mode == "human" and headless.without_display():
+            raise error.DependencyNotInstalled(  # GLFW would end the process instead
+                "render_mode 'human' needs a display, and neither DISPLAY nor WAYLAND_DISPLAY is set: use "
+                "render_mode='rgb_array', which renders without one"
+            )
         try:
             return super().render()
         except Exception as fault:

@@ -1,0 +1,63 @@
+"""Frames without a display, and what is said where there can be none."""
+
+import os
+import subprocess
+import sys
+
+import gymnasium
+import numpy as np
+import pytest
+
+import tiago_mj  # noqa: F401
+
+
+def render_in_a_process(mode, **environment):
+    """Run a fresh interpreter, as OpenGL is chosen when mujoco is imported; its last line of error output."""
+    code = f"import tiago_mj, gymnasium; e = gymnasium.make('tiago_mj/GripperTactile-v0', render_mode='{mode}'); "
+    code += "e.reset(); print(e.render().std() if e.render_mode != 'human' else e.render())"
+    clean = {k: v for k, v in os.environ.items() if k not in ("MUJOCO_GL", "DISPLAY", "WAYLAND_DISPLAY")}
+    return subprocess.run(
+        [sys.executable, "-c", code], env={**clean, **environment}, capture_output=True, text=True, check=False
+    )
+
+
+@pytest.mark.parametrize("name", ["GripperTactile-v0", "TIAGoTactile-v0"])
+def test_a_frame_shows_the_scene_and_changes_when_the_robot_moves(name):
+    env = gymnasium.make(f"tiago_mj/{name}", render_mode="rgb_array", width=160, height=120)
+    env.reset(seed=0)
+    first = env.render()
+    assert first.shape == (120, 160, 3)
+    assert first.dtype == np.uint8
+    assert len(np.unique(first.reshape(-1, 3), axis=0)) > 100
+    for _ in range(60):
+        env.step(-np.ones(env.action_space.shape))
+    assert (env.render() != first).any(axis=-1).mean() > 0.002
+    env.close()
+
+
+def test_a_depth_image_is_nearer_at_the_object_than_at_the_floor():
+    env = gymnasium.make("tiago_mj/GripperTactile-v0", render_mode="depth_array", width=160, height=120)
+    env.reset(seed=0)
+    depth = env.render()
+    assert depth.shape == (120, 160)
+    assert depth.dtype == np.float32
+    assert depth[60, 80] < depth[2, 2]
+    env.close()
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="EGL is chosen on Linux only")
+def test_without_a_display_egl_is_chosen():
+    done = render_in_a_process("rgb_array")
+    assert done.returncode == 0, done.stderr
+    assert float(done.stdout.splitlines()[-1]) > 1
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="about Linux without a display")
+@pytest.mark.parametrize(
+    ("mode", "environment", "says"),
+    [("rgb_array", {"MUJOCO_GL": "glfw"}, "MUJOCO_GL=egl"), ("human", {}, "render_mode='rgb_array'")],
+)
+def test_where_nothing_can_be_rendered_the_error_says_what_to_set(mode, environment, says):
+    done = render_in_a_process(mode, **environment)
+    assert done.returncode == 1  # an exception, not an aborted process
+    assert says in done.stderr.splitlines()[-1]

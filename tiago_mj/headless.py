@@ -1,0 +1,30 @@
+"""Rendering without a display: to be settled before anything imports ``mujoco``, which chooses its OpenGL then."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import sys
+from collections.abc import Mapping, MutableMapping
+
+
+def choose_gl(environment: MutableMapping[str, str] = os.environ, platform: str = sys.platform) -> None:
+    """Set ``MUJOCO_GL=egl`` on Linux without a display, where the variable is unset and an EGL library is there.
+
+    Without the library the variable stays unset: ``mujoco`` then imports, and rendering says what to install.
+    """
+    if "MUJOCO_GL" not in environment and without_display(environment, platform) and _has_egl():
+        environment["MUJOCO_GL"] = "egl"
+
+
+def without_display(environment: Mapping[str, str] = os.environ, platform: str = sys.platform) -> bool:
+    """Whether this is Linux and neither X nor Wayland is there to open a window on."""
+    return platform.startswith("linux") and not any(environment.get(d) for d in ("DISPLAY", "WAYLAND_DISPLAY"))
+
+
+def _has_egl() -> bool:
+    try:
+        ctypes.CDLL("libEGL.so.1")
+    except OSError:
+        return False
+    return True
