@@ -1,0 +1,1 @@
+"""The robots: names, files, limits, meshes, converter."""

@@ -1,7 +1,8 @@
 """The committed models, from the table of numbers.
 
 ``python -m tiago_mj.models.build`` writes them, with ``--check`` it compares them and writes nothing:
-numbers.yaml -> URDF sources (``models/sources``) -> converter, with the additions beside them -> MJCF (``models/robots``).
+numbers.yaml -> URDF sources (``models/sources``) -> converter, with the additions beside them -> MJCF
+(``models/robots``).
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from tiago_mj.models.urdf_source import read_table, robot_names, urdf_text
 
 
 def build(folder: Path) -> dict[str, str]:
-    """Texts of all files that follow from ``folder/sources``, by path relative to ``folder``. Nothing is written there."""
+    """Texts of all files that follow from ``folder/sources``, by path relative to ``folder``; writes none of them."""
     sources = folder / "sources"
     table = read_table(sources / "numbers.yaml")
     texts: dict[str, str] = {}

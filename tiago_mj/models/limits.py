@@ -1,7 +1,8 @@
 """Joint limits of a converted robot, as its URDF gave them.
 
-MJCF has places for the range and the effort (``range``, ``actuatorfrcrange``). The velocity limit and the soft limits, which it has no
-place for, are kept in the joint's ``user`` field: velocity, soft lower, soft upper; 0 means "none given".
+MJCF has places for the range and the effort (``range``, ``actuatorfrcrange``). The velocity limit and the soft
+limits, which it has no place for, are kept in the joint's ``user`` field: velocity, soft lower, soft upper; 0 means
+"none given".
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
-"""The robots with real meshes, where the package ``example-robot-data`` is installed (``pip install "tiago-mj[meshes]"``).
+"""The robots with real meshes, where ``example-robot-data`` is installed (``pip install "tiago-mj[meshes]"``).
 
-The meshes are PAL Robotics' public ones of an older TIAGo: base, torso, head and the shells of arm_1 to arm_4 fit the robots here
-(median distance of 0.4 to 6 mm from their collision primitives, no more than the primitives' own error). The wrist does not:
-it has other shells, and arm_5 another frame. Wrist, gripper and fingers therefore keep their primitives; no public package carries
-the TA11 fingers. Only looks change: collision, mass and names stay.
+The meshes are PAL Robotics' public ones of an older TIAGo: base, torso, head and the shells of arm_1 to arm_4 fit the
+robots here (median distance of 0.4 to 6 mm from their collision primitives, no more than the primitives' own error).
+The wrist does not: it has other shells, and arm_5 another frame. Wrist, gripper and fingers therefore keep their
+primitives; no public package carries the TA11 fingers. Only looks change: collision, mass and names stay.
 """
 
 from __future__ import annotations

@@ -16,7 +16,8 @@ TIAGO_JOINTS: Final = TORSO + ARM + FINGERS
 SIDES: Final = ("right", "left")
 
 #: Per side: the body that carries the pad, the pad's collision geom, the site that encloses it (``touch``), the site
-#: of the load cell (its x axis is the measuring axis and points out of the pad's face: a pressed pad reads positive), the sensors.
+#: of the load cell (its x axis is the measuring axis and points out of the pad's face: a pressed pad reads positive),
+#: the sensors.
 PAD_BODY: Final = {side: f"{side}_fingertip_link" for side in SIDES}
 LOAD_CELL_BODY: Final = {side: f"{side}_load_cell_link" for side in SIDES}
 PAD_GEOM: Final = {side: f"{side}_pad" for side in SIDES}

@@ -1,6 +1,7 @@
 """The URDF sources, written from one table of numbers (``models/sources/numbers.yaml``).
 
-The three robots share most of their links; the table holds each number once, and the URDF files are what other tools read.
+The three robots share most of their links; the table holds each number once, and the URDF files are what other tools
+read.
 """
 
 from __future__ import annotations
@@ -66,8 +67,8 @@ def _part(table: Table, name: str) -> dict[str, Any]:
 def _turned(right: Mapping[str, Any]) -> dict[str, Any]:
     """The left finger: the right one turned by half a turn about z of the gripper.
 
-    Only the finger link, whose frame keeps the axes of the gripper, and the joints on it change; links further out sit in
-    frames that are turned as a whole.
+    Only the finger link, whose frame keeps the axes of the gripper, and the joints on it change; links further out
+    sit in frames that are turned as a whole.
     """
     left = copy.deepcopy(dict(right))
     finger = left["links"]["gripper_right_finger_link"]

@@ -1,7 +1,8 @@
 """From URDF to MJCF: read, diagnose, repair, fit, add, write.
 
-Modules in the order of the flow: ``xml_lines`` and ``urdf`` (read), ``tree`` (diagnose), ``inertia`` (repair), ``meshes`` and
-``primitives`` (shapes), ``extras`` (additions file), ``urdf_to_mjcf`` (assembly), ``command`` (``tiago-mj convert``).
+Modules in the order of the flow: ``xml_lines`` and ``urdf`` (read), ``tree`` (diagnose), ``inertia`` (repair),
+``meshes`` and ``primitives`` (shapes), ``extras`` (additions file), ``urdf_to_mjcf`` (assembly), ``command``
+(``tiago-mj convert``).
 """
 
 from tiago_mj.models.convert.errors import ConversionError

@@ -99,7 +99,8 @@ def apply(assembly: Assembly) -> None:
 def _fixed_neighbours(assembly: Assembly) -> Iterable[tuple[str, str]]:
     """Pairs of a moving link and the links fixed in the world around its joint.
 
-    MuJoCo ignores contacts between a body and its parent, but not when the parent is fixed in the world; this makes it the same.
+    MuJoCo ignores contacts between a body and its parent, but not when the parent is fixed in the world; this makes
+    it the same.
     """
     fixed = [name for name in assembly.bodies if assembly.moving[name] is None]
     for joint in assembly.urdf.joints.values():

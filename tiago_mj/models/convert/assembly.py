@@ -1,6 +1,7 @@
 """Assembly of the bodies: one MuJoCo body per link, with its joint, inertia and shapes.
 
-No link is fused away: names stay addressable. A link that carries nothing and hangs on a fixed joint is a site, which costs nothing.
+No link is fused away: names stay addressable. A link that carries nothing and hangs on a fixed joint is a site, which
+costs nothing.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from typing import Any
 
 import mujoco
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from tiago_mj.models.convert import inertia, meshes, primitives, shapes
 from tiago_mj.models.convert.errors import ConversionError
@@ -280,7 +282,7 @@ def primitive_from_extras(entry: Any, extras: Extras) -> Primitive:
     try:
         size = tuple(float(value) for value in np.atleast_1d(entry[kind]))
         pos = tuple(float(value) for value in entry.get("pos", (0, 0, 0)))
-        turn = shapes.Rotation.from_euler("XYZ", [float(value) for value in entry.get("euler", (0, 0, 0))])
+        turn = Rotation.from_euler("XYZ", [float(value) for value in entry.get("euler", (0, 0, 0))])
     except (TypeError, ValueError):
         size, pos, turn = (), (), None
     if len(size) != counts[kind] or min(size) <= 0 or len(pos) != 3:

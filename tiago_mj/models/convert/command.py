@@ -16,8 +16,8 @@ from tiago_mj.models.convert.urdf_to_mjcf import BASES, COLLISIONS, VISUALS, con
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of ``convert``."""
     parser.add_argument("urdf", type=Path, metavar="ROBOT.urdf", help="the URDF file")
-    parser.add_argument("--out", type=Path, metavar="FILE.xml", help="the MJCF file (default: ROBOT.xml in this folder)")
-    parser.add_argument("--extras", type=Path, metavar="FILE.yaml", help="additions (default: ROBOT.yaml beside the URDF)")
+    parser.add_argument("--out", type=Path, metavar="FILE.xml", help="the MJCF file (default: ./ROBOT.xml)")
+    parser.add_argument("--extras", type=Path, metavar="FILE.yaml", help="additions (default: beside the URDF)")
     parser.add_argument(
         "--package-path",
         type=Path,

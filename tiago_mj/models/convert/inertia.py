@@ -1,8 +1,9 @@
 """Repair of inertias that no rigid body can have.
 
-A body's principal moments A <= B <= C are positive and A + B >= C. CAD exports and hand-written URDFs break this. The usual
-mend, MuJoCo's ``balanceinertia``, replaces the tensor by its isotropic mean: a long finger then resists turning about its long axis
-several times too much. Here the axes stay, small moments are lifted to a floor and the largest is clamped to A + B.
+A body's principal moments A <= B <= C are positive and A + B >= C. CAD exports and hand-written URDFs break this. The
+usual mend, MuJoCo's ``balanceinertia``, replaces the tensor by its isotropic mean: a long finger then resists turning
+about its long axis several times too much. Here the axes stay, small moments are lifted to a floor and the largest is
+clamped to A + B.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ class InertiaRepair:
 
 
 def is_valid(inertia: Array) -> bool:
-    """Whether a rigid body can have this inertia (3, 3): positive moments, the largest at most the sum of the others."""
+    """Whether a rigid body can have this inertia (3, 3): positive moments, the largest within the sum of the others."""
     a, b, c = np.linalg.eigvalsh(inertia)
     return bool(a > 0 and a + b >= c * (1 - 1e-12))
 

@@ -20,8 +20,8 @@ FORMATS = (".stl", ".obj", ".dae", ".ply", ".glb", ".off")
 def resolve(shape: Shape, urdf: Path, package_paths: Sequence[Path] = ()) -> Path:
     """File of a mesh shape: ``package://`` and ``model://`` addresses, ``file://``, absolute or relative to the URDF.
 
-    A package is looked for in ``package_paths``, then in ``ROS_PACKAGE_PATH``, then in the folders above the URDF; a folder
-    counts both as a place of packages and as the package itself when it bears its name.
+    A package is looked for in ``package_paths``, then in ``ROS_PACKAGE_PATH``, then in the folders above the URDF; a
+    folder counts both as a place of packages and as the package itself when it bears its name.
 
     Raises:
         ConversionError: the file does not exist; the message says how to name the package's folder.
@@ -86,7 +86,7 @@ def load(shape: Shape, path: Path) -> Any:
 
 def color(mesh: Any) -> tuple[float, ...] | None:
     """The colour that covers most of a mesh (rgba, 0..1); None where the file gives none."""
-    visual = getattr(mesh, "visual", None)
+    visual: Any = getattr(mesh, "visual", None)
     kind = getattr(visual, "kind", None)
     if kind == "texture":
         material = getattr(visual, "material", None)
@@ -94,6 +94,6 @@ def color(mesh: Any) -> tuple[float, ...] | None:
         return None if main is None else tuple(float(c) / 255 for c in main)
     if kind not in ("face", "vertex"):
         return None
-    colors, index = np.unique(visual.face_colors, axis=0, return_inverse=True)
+    colors, index = np.unique(np.asarray(visual.face_colors), axis=0, return_inverse=True)
     area = np.bincount(index.ravel(), weights=mesh.area_faces)
     return tuple(float(c) / 255 for c in colors[int(area.argmax())])

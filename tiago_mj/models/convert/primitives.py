@@ -1,6 +1,7 @@
-"""The primitive that fits a mesh best: box, cylinder, capsule or sphere, by least squares over its convex hull's surface.
+"""The box, cylinder, capsule or sphere that fits a mesh best, by least squares over its convex hull's surface.
 
-Collision with a primitive is several times faster than with a mesh, and MuJoCo would take the mesh's convex hull anyway.
+Collision with a primitive is several times faster than with a mesh, and MuJoCo would take the mesh's convex hull
+anyway.
 """
 
 from __future__ import annotations
@@ -85,7 +86,8 @@ def fit(mesh: Any, kinds: Sequence[str] = KINDS) -> Fit:
     unknown = set(kinds) - set(DISTANCES)
     if unknown or not kinds:
         raise ValueError(f"unknown primitive {sorted(unknown)}: use some of {', '.join(KINDS)}")
-    to_box, extents = trimesh.bounds.oriented_bounds(mesh, ordered=False)
+    with np.errstate(invalid="ignore"):  # a flat mesh has no volume to divide by
+        to_box, extents = trimesh.bounds.oriented_bounds(mesh, ordered=False)
     from_box = np.linalg.inv(to_box)
     turn, middle = Rotation.from_matrix(from_box[:3, :3]), from_box[:3, 3]
     if extents.min() < SMALLEST_THICKNESS:

@@ -12,7 +12,7 @@ from tiago_mj.models.convert.inertia import InertiaRepair
 
 @dataclass(frozen=True)
 class FittedShape:
-    """A primitive that stands in for a mesh: RMS distance of the mesh's hull from its surface, volume over the hull's."""
+    """A primitive for a mesh: RMS distance of the mesh's hull from its surface, its volume over the hull's."""
 
     link: str
     mesh: str

@@ -25,7 +25,7 @@ GEOM_TYPES = {
 
 @dataclass(frozen=True)
 class Primitive:
-    """A box (half sizes), cylinder or capsule (radius, half length; along z) or sphere (radius) in a link's frame [m]."""
+    """A box (half sizes), cylinder or capsule (radius, half length; along z) or sphere (radius) in a link [m]."""
 
     kind: str
     size: tuple[float, ...]

@@ -9,6 +9,7 @@ import math
 from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -198,7 +199,7 @@ class _Reader:
             size = self.vector(body, "scale", 3, owner, (1.0, 1.0, 1.0))
         else:
             size = (self.number(body, "radius", owner), self.number(body, "length", owner))
-        if body.tag != "mesh" and min(size) <= 0 or 0 in size:
+        if (body.tag != "mesh" and min(size) <= 0) or 0 in size:
             what = f"has a size that is not positive ({' '.join(f'{s:g}' for s in size)})"
             raise ConversionError(self.where(body, owner), what, "give sizes above zero")
         name = element.get("name")
@@ -233,8 +234,8 @@ class _Reader:
             **self.limits(element, kind, owner),
         )
 
-    def limits(self, element: ET.Element, kind: str, owner: str) -> dict[str, object]:
-        found: dict[str, object] = {}
+    def limits(self, element: ET.Element, kind: str, owner: str) -> dict[str, Any]:
+        found: dict[str, Any] = {}
         limit = element.find("limit")
         if limit is None and kind in ("revolute", "prismatic"):
             what = f"is {kind} and has no <limit>"

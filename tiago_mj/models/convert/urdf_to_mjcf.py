@@ -37,11 +37,13 @@ def convert(
 
     Args:
         urdf_path: the URDF file.
-        out: the MJCF file to write; meshes that it needs go to the folder ``<stem>_meshes`` beside it. None: write nothing.
+        out: the MJCF file to write; meshes that it needs go to the folder ``<stem>_meshes`` beside it. None: write
+            nothing.
         extras: the additions file (YAML); None takes the one beside the URDF (same name, ``.yaml``) if there is one.
-        package_paths: folders that hold the packages of ``package://`` addresses, before ``ROS_PACKAGE_PATH`` and the URDF's parents.
-        collision: ``primitives`` keeps the URDF's primitives and fits one to each mesh; ``mesh`` keeps meshes (MuJoCo collides
-            their convex hulls); ``none``.
+        package_paths: folders that hold the packages of ``package://`` addresses, before ``ROS_PACKAGE_PATH`` and the
+            URDF's parents.
+        collision: ``primitives`` keeps the URDF's primitives and fits one to each mesh; ``mesh`` keeps meshes (MuJoCo
+            collides their convex hulls); ``none``.
         visual: ``mesh`` keeps meshes, ``primitives`` fits them, ``none``.
         base: ``fixed`` fixes the root link in the world, ``free`` gives it a free joint.
         mass_floor: mass [kg] for links that move and have none; None refuses them.
@@ -100,7 +102,7 @@ def convert(
 
 
 def _exclude_touching(spec: mujoco.MjSpec) -> tuple[tuple[str, str], ...]:
-    """Exclude contacts of links that overlap where the robot stands at rest: their shapes are too big, they do not collide."""
+    """Exclude contacts of links that overlap at rest: their shapes are too big, the robot does not collide there."""
     model = spec.compile()
     data = mujoco.MjData(model)
     for i in range(model.njnt):
