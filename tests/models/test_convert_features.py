@@ -236,3 +236,9 @@ def test_the_command_reports_as_text_and_as_json(tmp_path, capsys):
     assert "wrote" in capsys.readouterr().out
     assert command.run(parser.parse_args([*arguments, "--json"])) == 0
     assert json.loads(capsys.readouterr().out)["robot"] == "r"
+
+
+def test_a_root_link_named_world_is_the_world(tmp_path):
+    path = write(tmp_path, link("world", ""), link("arm"), joint("elbow", "world", "arm"))
+    model = convert(path).spec.compile()
+    assert [model.body(i).name for i in range(model.nbody)] == ["world", "arm"]

@@ -105,7 +105,10 @@ class Assembly:
                     joint.where, what, "MuJoCo has free joints at the root only: attach this part separately"
                 )
             parent = self.spec.worldbody
-        body = parent.add_body(name=link.name, **pose)
+        if link.name == "world" and (joint is not None or self.options.base == "free"):
+            raise ConversionError(link.where, "is named world and moves", "rename it: in MuJoCo that is the fixed frame")
+        # A root link named world is MuJoCo's own.
+        body = parent if link.name == "world" else parent.add_body(name=link.name, **pose)
         self.bodies[link.name] = body
         if joint is None:
             self.moving[link.name] = link.name if self.options.base == "free" else None
@@ -155,7 +158,7 @@ class Assembly:
             added.actfrcrange = [-joint.effort, joint.effort]
 
     def _add_inertial(self, body: Any, link: Link) -> None:
-        if link.inertial is None or link.inertial.mass == 0:
+        if link.inertial is None or link.inertial.mass == 0 or link.name == "world":
             return
         turn = shapes.rotation(link.inertial.pose).as_matrix()
         tensor, repair = inertia.repair(link.name, link.inertial.mass, turn @ link.inertial.inertia @ turn.T)
