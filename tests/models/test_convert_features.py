@@ -41,6 +41,17 @@ def test_meshes_of_every_format_and_address_are_read(ending, address, tmp_path):
     np.testing.assert_allclose(sorted(model.geom("base_collision").size), [0.1, 0.15, 0.2], atol=1e-4)
 
 
+def test_a_dae_in_millimetres_is_read_in_metres(tmp_path):
+    pytest.importorskip("collada", reason="DAE needs pycollada: pip install tiago-mj[meshes]")
+    part = tmp_path / "part.dae"
+    trimesh.creation.box([100, 200, 300]).export(part)
+    text = part.read_text()
+    assert "<unit" not in text
+    part.write_text(text.replace("<asset>", '<asset><unit name="millimeter" meter="0.001"/>', 1))
+    model = convert(write(tmp_path, mesh_link("base", "part.dae", kind="collision"))).spec.compile()
+    np.testing.assert_allclose(sorted(model.geom("base_collision").size), [0.05, 0.1, 0.15], atol=1e-4)
+
+
 def test_packages_are_found_by_argument_and_by_environment(tmp_path, monkeypatch):
     (tmp_path / "elsewhere" / "my_robot").mkdir(parents=True)
     (tmp_path / "robots").mkdir()

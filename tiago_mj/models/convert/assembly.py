@@ -100,13 +100,11 @@ class Assembly:
             return
         if joint is not None and joint.kind == "floating":
             if joint.parent != self.tree.root or self.options.base == "free":
-                what = "is a floating joint away from the root"
-                raise ConversionError(
-                    joint.where, what, "MuJoCo has free joints at the root only: attach this part separately"
-                )
+                mend = "MuJoCo has free joints at the root only: attach this part separately"
+                raise ConversionError(joint.where, "is a floating joint away from the root", mend)
             parent = self.spec.worldbody
         if link.name == "world" and (joint is not None or self.options.base == "free"):
-            raise ConversionError(link.where, "is named world and moves", "rename it: in MuJoCo that is the fixed frame")
+            raise ConversionError(link.where, "is named world and moves", "rename it: MuJoCo's world is fixed")
         # A root link named world is MuJoCo's own.
         body = parent if link.name == "world" else parent.add_body(name=link.name, **pose)
         self.bodies[link.name] = body

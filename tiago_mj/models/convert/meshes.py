@@ -78,10 +78,18 @@ def load(shape: Shape, path: Path) -> Any:
         ) from None
     if len(getattr(mesh, "faces", ())) == 0 or not np.isfinite(mesh.vertices).all():
         raise ConversionError(shape.where, f"mesh {path} holds no triangles", "export it again, best as STL")
-    scale = np.diag([*shape.size, 1.0])
-    if not np.allclose(shape.size, 1.0):
-        mesh.apply_transform(scale)
+    scale = np.array(shape.size) * _metres_per_unit(mesh, path)
+    if not np.allclose(scale, 1.0):
+        mesh.apply_transform(np.diag([*scale, 1.0]))
     return mesh
+
+
+def _metres_per_unit(mesh: Any, path: Path) -> float:
+    """DAE says its unit, and ROS heeds it; other formats are in metres. DAE's up axis ROS ignores, and so do we."""
+    unit = getattr(mesh, "units", None)
+    if path.suffix.lower() != ".dae" or unit is None:
+        return 1.0
+    return float(trimesh.units.unit_conversion(unit, "meters"))
 
 
 def color(mesh: Any) -> tuple[float, ...] | None:
