@@ -22,6 +22,20 @@ def without_display(environment: Mapping[str, str] = os.environ, platform: str =
     return platform.startswith("linux") and not any(environment.get(d) for d in ("DISPLAY", "WAYLAND_DISPLAY"))
 
 
+def hush_unmade_viewers() -> None:
+    """Keep gymnasium's offscreen viewer from printing a traceback when one that never came to be is thrown away.
+
+    Where no OpenGL context can be made its destructor fails on the missing context; what matters was said already.
+    """
+    known = sys.unraisablehook
+
+    def hook(fault: sys.UnraisableHookArgs) -> None:
+        if "OffScreenViewer.__del__" not in getattr(fault.object, "__qualname__", ""):
+            known(fault)
+
+    sys.unraisablehook = hook
+
+
 def _has_egl() -> bool:
     try:
         ctypes.CDLL("libEGL.so.1")

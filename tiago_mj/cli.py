@@ -1,0 +1,98 @@
+"""The command line: ``tiago-mj COMMAND``.
+
+A command is a module with ``add_arguments(parser)`` and ``run(arguments) -> exit status``, named in :data:`COMMANDS`.
+It is imported only when it is asked for.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import os
+import sys
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+from typing import Final, NoReturn
+
+from tiago_mj import __version__, headless
+
+#: Command: module, and what it does.
+COMMANDS: Final[Mapping[str, tuple[str, str]]] = MappingProxyType(
+    {
+        "demo": ("tiago_mj.demo.command", "grasp, compare with real recordings, write a page with the pictures"),
+        "rollout": ("tiago_mj.rollout.command", "run a policy in an environment: returns, forces, a film"),
+        "convert": ("tiago_mj.models.convert.command", "turn a robot's URDF into MJCF"),
+    }
+)
+
+#: Set to see where an error came from.
+TRACEBACK: Final = "TIAGO_MJ_TRACEBACK"
+
+
+class Parser(argparse.ArgumentParser):
+    """A parser whose complaint is one line."""
+
+    def error(self, message: str) -> NoReturn:
+        """Leave with exit status 2."""
+        self.exit(2, f"{self.prog}: {message} (see {self.prog} --help)\n")
+
+
+def build_parser(command: str | None) -> argparse.ArgumentParser:
+    """The parser, with the options of one command filled in."""
+    parser = Parser(
+        prog="tiago-mj",
+        description="TIAGo and the TA11 gripper in MuJoCo.",
+        epilog=f"With {TRACEBACK}=1 set, an error shows where it came from.",
+    )
+    parser.add_argument("--version", action="version", version=f"tiago-mj {__version__}")
+    commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
+    for name, (module, summary) in COMMANDS.items():
+        sub = commands.add_parser(name, help=summary, description=summary[0].upper() + summary[1:] + ".")
+        if name == command:
+            loaded = importlib.import_module(module)
+            loaded.add_arguments(sub)
+            sub.set_defaults(run=loaded.run)
+    return parser
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run a command.
+
+    Returns:
+        Exit status: what the command returns; 2 where something it was given is unusable, said in one line on stderr.
+    """
+    given = list(sys.argv[1:] if argv is None else argv)
+    headless.choose_gl()
+    headless.hush_unmade_viewers()
+    _hush_announcements()
+    arguments = build_parser(next((word for word in given if not word.startswith("-")), None)).parse_args(given)
+    try:
+        status: int = arguments.run(arguments)
+        return status
+    except KeyboardInterrupt:
+        return 130
+    except Exception as fault:
+        if os.environ.get(TRACEBACK) or not isinstance(fault, _foreseen()):
+            raise
+        print(f"tiago-mj {arguments.command}: {' '.join(str(fault).split())}", file=sys.stderr)
+        return 2
+
+
+def _foreseen() -> tuple[type[BaseException], ...]:
+    """What a user can mend: bad input, missing files, missing libraries."""
+    from gymnasium.error import DependencyNotInstalled
+
+    return (ValueError, OSError, ModuleNotFoundError, DependencyNotInstalled)
+
+
+def _hush_announcements() -> None:
+    """Keep gymnasium-robotics from announcing, at import, changes of environments that are not ours."""
+    try:
+        from farama_notifications import notifications  # type: ignore[import-untyped]
+    except ModuleNotFoundError:
+        return
+    notifications.pop("gymnasium_robotics", None)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,91 @@
+"""The demonstration's grasp: the PI force controller on the gripper, with a film."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Final
+
+import gymnasium
+import numpy as np
+
+from tiago_mj.control.force_pi import ForcePI
+from tiago_mj.film import Film, strip_indices
+from tiago_mj.models import names
+from tiago_mj.rollout import Episode, Trace, play, summarise
+
+ENV: Final = "tiago_mj/GripperTactile-v0"
+#: Width and height of a frame [pixel], and a camera before and above the fingers, so that both pads are seen.
+FRAME: Final = (480, 400)
+CAMERA: Final = {"lookat": np.array([0.665, 0.0, 0.605]), "distance": 0.36, "azimuth": 170, "elevation": -40}
+
+
+@dataclass(frozen=True)
+class Grasp:
+    """What the grasp gave.
+
+    Attributes:
+        trace: every step.
+        episode: in a line.
+        newtons_per_unit: newtons in a sensor unit.
+        film: frames; None where nothing could be rendered.
+        no_film: why not, and what to do; empty where there is a film.
+    """
+
+    trace: Trace
+    episode: Episode
+    newtons_per_unit: float
+    film: Film | None
+    no_film: str
+
+
+def grasp(*, seed: int) -> Grasp:
+    """Grasp and hold with the paper's goal force; film it where rendering works, go on without where it does not."""
+    width, height = FRAME
+    env = gymnasium.make(ENV, render_mode="rgb_array", width=width, height=height)
+    core: Any = env.unwrapped
+    try:
+        film, no_film = _try_film(env)
+        trace = play(env, ForcePI.for_env(env), seed=seed, watch=film)
+        newtons = 1 / core.load_cell.units(1.0)
+    finally:
+        env.close()
+    return Grasp(trace, summarise(trace, seed), newtons, film, no_film)
+
+
+def strip(done: Grasp) -> tuple[list[int], list[str]]:
+    """Frames that tell the grasp, and what each shows: evenly spaced ones where not both fingers touched."""
+    assert done.film is not None
+    times = np.array(done.film.times)
+    touches = dict(zip(names.SIDES, done.trace.contact_times(), strict=True))
+    known = {side: touch for side, touch in touches.items() if touch is not None}
+    if len(known) < len(touches):
+        chosen = strip_indices(len(times))
+        return chosen, [f"{times[i]:.2f} s" for i in chosen]
+    (first, early), (second, late) = sorted(known.items(), key=lambda item: item[1])
+    moments = {
+        "open": 0.0,
+        "closing": early / 2,
+        f"{first} finger touches": early,
+        "it waits for the other": (early + late) / 2,
+        f"{second} finger touches": late,
+        "goal force held": float(times[-1]),
+    }
+    # The first frame at or after each moment: before it, the touch is not yet to be seen.
+    return [int(np.searchsorted(times, moment - 1e-9)) for moment in moments.values()], list(moments)
+
+
+def _try_film(env: gymnasium.Env[Any, Any]) -> tuple[Film | None, str]:
+    """A film if one frame can be rendered, else why not."""
+    core: Any = env.unwrapped
+
+    def caption(time: float) -> str:
+        right, left = np.round(core.state.force_raw, 2) + 0.0  # no "-0.00"
+        return f"t {time:.2f} s    right {right:5.2f}    left {left:5.2f}    goal {core.goal[0]:.2f}"
+
+    env.reset(seed=0)
+    core.mujoco_renderer.default_cam_config = dict(CAMERA)
+    try:
+        env.render()
+    except gymnasium.error.DependencyNotInstalled as fault:
+        return None, str(fault)
+    return Film(env, caption), ""

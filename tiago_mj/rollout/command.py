@@ -1,0 +1,124 @@
+"""``tiago-mj rollout``: run a policy, print what came of it, film it."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+
+from tiago_mj.film import SUFFIXES, Film, check_suffix
+from tiago_mj.registration import ENVIRONMENTS, NAMESPACE
+from tiago_mj.rollout.episode import Episode, play, summarise
+from tiago_mj.rollout.policies import make_policy
+
+HEADER = ("episode", "seed", "return", "success", "both contacts", "final right", "final left", "peak")
+UNITS = ("", "", "", "", "s", "sensor u.", "sensor u.", "sensor u.")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options of the command."""
+    parser.add_argument("--env", required=True, metavar="ID", help="such as GripperTactile-v0")
+    parser.add_argument(
+        "--policy", required=True, metavar="pi|random|FILE", help="PI force control, random, or a stable-baselines3 zip"
+    )
+    parser.add_argument("--episodes", type=int, default=1, metavar="N", help="how many (1)")
+    parser.add_argument(
+        "--seed", type=int, default=0, metavar="N", help="of the first episode; each later one adds 1 (0)"
+    )
+    parser.add_argument(
+        "--film", type=Path, metavar="FILE", help=f"{', '.join(SUFFIXES)}; a png is a filmstrip of the first episode"
+    )
+    parser.add_argument("--json", action="store_true", help="print the same as data")
+    parser.add_argument("--trust", action="store_true", help="load FILE although loading runs what it holds")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run the command.
+
+    Raises:
+        ValueError: an argument is unusable; says which and how to mend it.
+    """
+    identifier = environment_id(arguments.env)
+    for name, least in (("episodes", 1), ("seed", 0)):
+        if getattr(arguments, name) < least:
+            raise ValueError(f"--{name} is {getattr(arguments, name)}: give {least} or more")
+    if arguments.film is not None:
+        check_suffix(arguments.film)
+    env = gymnasium.make(identifier, render_mode=None if arguments.film is None else "rgb_array")
+    try:
+        policy = make_policy(arguments.policy, env, seed=arguments.seed, trust=arguments.trust)
+        film = None if arguments.film is None else Film(env)
+        episodes = []
+        for seed in range(arguments.seed, arguments.seed + arguments.episodes):
+            episodes.append(summarise(play(env, policy, seed=seed, watch=film), seed))
+        if film is not None:
+            film.write(arguments.film)
+    finally:
+        env.close()
+    if arguments.json:
+        print(json.dumps(as_data(identifier, arguments, episodes), indent=2))
+        return 0
+    print(table(episodes))
+    print(f"{identifier}, policy {arguments.policy}: {in_a_line(episodes)}")
+    if film is not None:
+        print(f"film: {arguments.film} ({film.slow_motion} times slower than life)")
+    return 0
+
+
+def environment_id(name: str) -> str:
+    """The registered id, given with or without its namespace.
+
+    Raises:
+        ValueError: no such environment; lists those there are.
+    """
+    short = name.removeprefix(f"{NAMESPACE}/")
+    if short not in ENVIRONMENTS:
+        raise ValueError(f"environment {name!r} is unknown: use one of {', '.join(ENVIRONMENTS)}")
+    return f"{NAMESPACE}/{short}"
+
+
+def table(episodes: list[Episode]) -> str:
+    """One line an episode, columns aligned."""
+    rows: list[tuple[str, ...]] = [HEADER, UNITS]
+    for number, episode in enumerate(episodes, 1):
+        forces = tuple(f"{force:.3f}" for force in episode.final_force) or ("-", "-")
+        rows.append(
+            (
+                str(number),
+                str(episode.seed),
+                f"{episode.episode_return:.2f}",
+                "yes" if episode.success else "no",
+                "-" if episode.both_contacts is None else f"{episode.both_contacts:.3f}",
+                *forces,
+                "-" if episode.peak_force is None else f"{episode.peak_force:.3f}",
+            )
+        )
+    widths = [max(len(row[i]) for row in rows) for i in range(len(HEADER))]
+    return "\n".join("  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True)) for row in rows)
+
+
+def in_a_line(episodes: list[Episode]) -> str:
+    """Mean and spread of the returns, and the share of successes."""
+    returns = np.array([episode.episode_return for episode in episodes])
+    spread = f" ± {returns.std(ddof=1):.2f}" if len(returns) > 1 else ""
+    successes = sum(episode.success for episode in episodes)
+    return f"return {returns.mean():.2f}{spread}, {successes} of {len(episodes)} episodes end in success"
+
+
+def as_data(identifier: str, arguments: argparse.Namespace, episodes: list[Episode]) -> dict[str, Any]:
+    """What ``--json`` prints."""
+    returns = [episode.episode_return for episode in episodes]
+    return {
+        "env": identifier,
+        "policy": arguments.policy,
+        "episodes": [asdict(episode) for episode in episodes],
+        "return_mean": float(np.mean(returns)),
+        "return_sd": float(np.std(returns, ddof=1)) if len(returns) > 1 else None,
+        "success_rate": float(np.mean([episode.success for episode in episodes])),
+        "film": None if arguments.film is None else str(arguments.film),
+    }
