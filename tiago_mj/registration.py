@@ -35,6 +35,10 @@ _TIAGO: Final = {"robot": "tiago_ta11", "joints": names.TIAGO_JOINTS, "object_of
 _PAL: Final = {**_TIAGO, "robot": "tiago_pal_gripper", "force_type": "none"}
 _HOLD: Final = "tiago_mj.envs.hold_force:HoldForce"
 _CLOSE: Final = "tiago_mj.envs.close:GripperClose"
+_REACH: Final = "tiago_mj.envs.reach:Reach"
+_PUSH: Final = "tiago_mj.envs.push:Push"
+_PICK: Final = "tiago_mj.envs.pick_and_place:PickAndPlace"
+_FEEL: Final = {"robot": "tiago_ta11", "force_type": "raw"}
 
 ENVIRONMENTS: Final[Mapping[str, Registered]] = {
     "GripperTactile-v0": Registered(_HOLD, 300, relative=2),
@@ -44,6 +48,12 @@ ENVIRONMENTS: Final[Mapping[str, Registered]] = {
     "TIAGoPALGripper-v0": Registered(_HOLD, 300, _PAL, relative=0),
     "GripperClose-v0": Registered(_CLOSE, 300, relative=2),
     "GripperCloseGoal-v0": Registered(_CLOSE, 300),
+    "TIAGoReach-v0": Registered(_REACH, 50),
+    "TIAGoReachTactile-v0": Registered(_REACH, 50, _FEEL),
+    "TIAGoPush-v0": Registered(_PUSH, 100),
+    "TIAGoPushTactile-v0": Registered(_PUSH, 100, _FEEL),
+    "TIAGoPickAndPlace-v0": Registered(_PICK, 100),
+    "TIAGoPickAndPlaceTactile-v0": Registered(_PICK, 100, _FEEL),
 }
 
 

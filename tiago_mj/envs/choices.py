@@ -7,6 +7,7 @@ from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tiago_mj.models.objects import GraspObject, named_object
 
@@ -47,6 +48,29 @@ def interval(name: str, value: Range, *, unit: str = "") -> Interval:
     if low > high:
         raise ValueError(f"{name} is {value!r}: the first of (low, high) must not be above the second")
     return Interval(low, high)
+
+
+@dataclass(frozen=True, slots=True)
+class Region:
+    """A box in space along the world's axes.
+
+    Attributes:
+        low, high: its corners, x, y, z [m].
+    """
+
+    low: tuple[float, float, float]
+    high: tuple[float, float, float]
+
+    def draw(self, rng: np.random.Generator) -> NDArray[np.float64]:
+        """A uniform point, (3,) [m]."""
+        return np.asarray(rng.uniform(self.low, self.high))
+
+    def __contains__(self, point: NDArray[np.float64]) -> bool:
+        return bool((np.asarray(self.low) <= point).all() and (point <= np.asarray(self.high)).all())
+
+    def __str__(self) -> str:
+        sides = zip("xyz", self.low, self.high, strict=True)
+        return ", ".join(f"{axis} {low:.4g} to {high:.4g}" for axis, low, high in sides) + " m"
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,0 +1,291 @@
+"""Scripted experts for the reach, push and pick-and-place tasks: what can be done there without learning.
+
+Each is a short plan in Cartesian space over one resolved-rate controller. The plan says where the grasp point should
+go; the controller turns that into joint velocities within every joint's speed and soft position limits. They know the
+robot's kinematics and see what the agent sees.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import gymnasium
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
+
+from tiago_mj.envs.pick_and_place import PickAndPlace
+from tiago_mj.envs.position_goal import PositionGoal
+from tiago_mj.envs.push import Push
+from tiago_mj.envs.reach import Reach
+from tiago_mj.models import names, scene
+from tiago_mj.models.limits import joint_limits
+
+Array = NDArray[np.float64]
+
+#: Grasp point's speed [m/s] over its distance from where it should be [m], and the same for rotations [1/s]. The servos
+#: lag by about 40 ms and a command by one period of 40 ms: a quarter of the critical 1 / 0.08 s leaves no overshoot.
+GAIN: Final = 5.0
+#: Fastest that the grasp point is asked to move [m/s].
+SPEED: Final = 0.4
+#: Metres that one radian of wrong orientation weighs, and what every joint's full speed does [m/s]: damping.
+ROTATION_WEIGHT, DAMPING = 0.2, 0.03
+#: Part of the distance to a joint's soft limit that it may go in one control period: it slows down before it stops.
+BRAKE: Final = 0.3
+
+
+class ResolvedRates:
+    """Joint velocities that move the grasp point as asked and keep the hand's orientation.
+
+    Damped least squares in units of every joint's speed limit, so that a joint is used as much as it can do (the slow
+    torso little), with bounds (lsq_linear), and a weak pull back to the pose at the start where that costs nothing.
+
+    Args:
+        core: the environment, for the model, the limits, the rate and the pose at the start.
+        rotation_weight: metres that one radian of wrong orientation weighs.
+    """
+
+    def __init__(self, core: PositionGoal, rotation_weight: float = ROTATION_WEIGHT) -> None:
+        self._model, self._data = core.model, mujoco.MjData(core.model)
+        self._site = core.model.site(names.GRASP_SITE).id
+        arm = [name for name in core.joints if name not in names.FINGERS]
+        self._columns = [core.joints.index(name) for name in arm]
+        self._dof = [int(core.model.joint(name).dofadr[0]) for name in arm]
+        self._speed = core.velocity_limit[self._columns]
+        limits = [joint_limits(core.model, name) for name in arm]
+        self._low = np.array([limit.soft_lower for limit in limits], dtype=np.float64)
+        self._high = np.array([limit.soft_upper for limit in limits], dtype=np.float64)
+        self._dt = core.dt
+        self._weight = rotation_weight
+        self._qpos = core.initial_qpos.copy()
+        self._addresses = [int(core.model.joint(name).qposadr[0]) for name in core.joints]
+        self._posture = self._qpos[self._addresses][self._columns]
+        self._turn(self._qpos[self._addresses])
+        self._upright = np.array(self._data.site_xmat[self._site]).reshape(3, 3)
+
+    def _turn(self, joints: Array) -> None:
+        """Put the kinematics at joint positions, all of the environment's."""
+        self._data.qpos[:] = self._qpos
+        self._data.qpos[self._addresses] = joints
+        mujoco.mj_kinematics(self._model, self._data)
+        mujoco.mj_comPos(self._model, self._data)
+
+    def __call__(self, joints: Array, velocity: Array) -> Array:
+        """Actions of the torso and the arm, (8,) within [-1, 1].
+
+        Args:
+            joints: positions of all of the environment's joints [m, rad].
+            velocity: of the grasp point, in the world, (3,) [m/s].
+        """
+        self._turn(joints)
+        jacobian = np.zeros((6, self._model.nv))
+        mujoco.mj_jacSite(self._model, self._data, jacobian[:3], jacobian[3:], self._site)
+        jacobian = jacobian[:, self._dof] * self._speed
+        jacobian[3:] *= self._weight
+        now = np.array(self._data.site_xmat[self._site]).reshape(3, 3)
+        twist = np.concatenate([velocity, self._weight * GAIN * _rotation(now, self._upright)])
+        q = joints[self._columns]
+        reach = BRAKE / (self._dt * self._speed)
+        low = np.clip((self._low - q) * reach, -1.0, -1e-6)
+        high = np.clip((self._high - q) * reach, 1e-6, 1.0)
+        home = np.clip((self._posture - q) / self._speed, -1.0, 1.0)
+        matrix = np.vstack([jacobian, DAMPING * np.eye(len(q))])
+        return np.asarray(lsq_linear(matrix, np.concatenate([twist, DAMPING * home]), (low, high), method="bvls").x)
+
+
+def _rotation(now: Array, wanted: Array) -> Array:
+    """The rotation that leads from one orientation to another, (3,) [rad], in the world."""
+    quaternion, vector = np.zeros(4), np.zeros(3)
+    mujoco.mju_mat2Quat(quaternion, (wanted @ now.T).ravel())
+    mujoco.mju_quat2Vel(vector, quaternion, 1.0)
+    return vector
+
+
+class Scripted:
+    """The expert of one of the three tasks; :meth:`for_env` makes it.
+
+    One instance serves one environment: call :meth:`reset` after every reset of it.
+    """
+
+    #: Of the hand's orientation at the start, see :class:`ResolvedRates`.
+    ROTATION_WEIGHT = ROTATION_WEIGHT
+
+    def __init__(self, core: Any) -> None:
+        self._rates = ResolvedRates(core, self.ROTATION_WEIGHT)
+        self._joints, self._dt = len(core.joints), core.dt
+        self._arm = [core.joints.index(name) for name in core.joints if name not in names.FINGERS]
+        self._fingers = [core.joints.index(name) for name in names.FINGERS]
+        self.reset()
+
+    @staticmethod
+    def for_env(env: gymnasium.Env[Any, Any]) -> Scripted:
+        """The expert of an environment's task.
+
+        Raises:
+            ValueError: the environment is none of the three tasks, or is commanded by position.
+        """
+        core: Any = env.unwrapped
+        expert = EXPERTS.get(type(core))
+        if expert is None:
+            raise ValueError(
+                "there are experts for TIAGoReach, TIAGoPush and TIAGoPickAndPlace only, such as tiago_mj/TIAGoReach-v0"
+            )
+        if core.control != "velocity":
+            raise ValueError("the experts command velocities: make the environment with control='velocity'")
+        return expert(core)
+
+    def reset(self) -> None:
+        """Forget the episode before."""
+
+    def __call__(self, observation: dict[str, Array], info: dict[str, Any]) -> NDArray[np.float32]:
+        """The action, (10,) float32 within [-1, 1].
+
+        Args:
+            observation: of the goal environment.
+            info: unused; the same call serves other controllers.
+        """
+        seen = observation["observation"]
+        hand = seen[2 * self._joints : 2 * self._joints + 3]
+        velocity, fingers = self._plan(hand, seen, observation["desired_goal"])
+        speed = float(np.linalg.norm(velocity))
+        action = np.zeros(self._joints, dtype=np.float32)
+        action[self._arm] = self._rates(seen[: self._joints], velocity * min(1.0, SPEED / max(speed, 1e-9)))
+        action[self._fingers] = fingers
+        return action
+
+    def _plan(self, hand: Array, seen: Array, goal: Array) -> tuple[Array, float]:
+        """Velocity of the grasp point (3,) [m/s], and the fingers' action."""
+        raise NotImplementedError
+
+
+class ReachExpert(Scripted):
+    """Straight to the goal, the hand's orientation kept where that is easy."""
+
+    ROTATION_WEIGHT = 0.05
+
+    def _plan(self, hand: Array, seen: Array, goal: Array) -> tuple[Array, float]:
+        return GAIN * (goal - hand), 0.0
+
+
+class _TableExpert(Scripted):
+    """What pushing and picking share: the sizes of fingertips and object, the heights to work at, a phase."""
+
+    #: Height of the fingertips over the table while they work, and over the object while they travel [m].
+    LOW, OVER = 0.01, 0.025
+    #: Horizontal distance at which the hand goes down [m].
+    NEAR = 0.015
+
+    def __init__(self, core: Any) -> None:
+        self._model = core.model
+        self._tip = _fingertips(core.model, core.initial_qpos)
+        super().__init__(core)
+
+    def reset(self) -> None:
+        """Forget the episode before, and look at the object of this one."""
+        size = self._model.geom_aabb[self._model.geom(names.OBJECT_GEOM).id, 3:]
+        self._half_width, height = float(size[0]), 2 * float(size[2])
+        self._work = scene.TABLE_TOP + self.LOW + self._tip[2]
+        self._travel = scene.TABLE_TOP + height + self.OVER + self._tip[2]
+        self._phase = "over"
+
+    def _object(self, seen: Array) -> Array:
+        first = 2 * self._joints + 3
+        return seen[first : first + 3]
+
+    def _over(self, hand: Array, place: Array) -> Array:
+        """Velocity towards a place on the table (2,), high enough to clear the object, and down close to it."""
+        away = float(np.linalg.norm(place - hand[:2]))
+        height = self._travel if away > self.NEAR else self._work
+        velocity = GAIN * (np.append(place, height) - hand)
+        if hand[2] < self._travel - self.OVER and away > self.NEAR:
+            velocity[:2] = 0.0  # first up
+        return velocity
+
+
+class PushExpert(_TableExpert):
+    """Over to the side of the object that is away from the goal, down, and push; again when the object slips away."""
+
+    #: Free space between fingertips and object where the hand goes down [m].
+    GAP = 0.015
+    #: Fastest push [m/s]: the object slides no farther than v² / 2 µg = 2 mm by itself.
+    PUSH = 0.2
+    #: Distance from the goal at which pushing ends [m].
+    CLOSE = 0.01
+
+    def _plan(self, hand: Array, seen: Array, goal: Array) -> tuple[Array, float]:
+        place = self._object(seen)[:2]
+        left = goal[:2] - place
+        distance = float(np.linalg.norm(left))
+        ahead = left / max(distance, 1e-9)
+        across = np.array([-ahead[1], ahead[0]])
+        behind, beside = (place - hand[:2]) @ ahead, (place - hand[:2]) @ across
+        if self._phase == "push":
+            if distance < self.CLOSE:
+                return np.zeros(3), 0.0
+            if behind < self._half_width / 2 or abs(beside) > self._half_width:
+                self._phase = "over"
+        if self._phase == "over":
+            # Far enough that fingertips and object clear each other whichever way the object is turned.
+            clear = self._tip[:2] @ np.abs(ahead) + np.sqrt(2) * self._half_width + self.GAP
+            spot = place - clear * ahead
+            if np.linalg.norm(spot - hand[:2]) < self.NEAR and hand[2] < self._work + 0.01:
+                self._phase = "push"
+            else:
+                return self._over(hand, spot), 0.0
+        speed = min(self.PUSH, GAIN * distance)
+        velocity = speed * ahead + GAIN * beside * across
+        return np.append(velocity, GAIN * (self._work - hand[2])), 0.0
+
+
+class PickAndPlaceExpert(_TableExpert):
+    """Over the object with open fingers, down, close until both fingers stand, and carry it to the goal."""
+
+    #: A finger slower than this stands [m/s]; both have to for this long [s], in which the grip becomes firm.
+    STANDS, FIRM = 0.002, 0.2
+
+    def reset(self) -> None:
+        """Forget the episode before, and look at the object of this one."""
+        super().reset()
+        self._standing = 0.0
+
+    def _plan(self, hand: Array, seen: Array, goal: Array) -> tuple[Array, float]:
+        place = self._object(seen)
+        if self._phase == "over":
+            spot = place[:2]
+            self._work = max(scene.TABLE_TOP + self.LOW + self._tip[2], place[2])
+            if np.linalg.norm(spot - hand[:2]) < self.NEAR and hand[2] < self._work + 0.005:
+                self._phase = "close"
+            else:
+                return self._over(hand, spot), 1.0
+        if self._phase == "close":
+            speeds = np.abs(seen[self._joints : 2 * self._joints][self._fingers])
+            self._standing += self._dt * float((speeds < self.STANDS).all())
+            if self._standing >= self.FIRM:
+                self._phase = "carry"
+            return np.zeros(3), -1.0
+        return GAIN * (goal - place), -1.0
+
+
+def _fingertips(model: mujoco.MjModel, qpos: Array) -> Array:
+    """Half sizes of the box around both closed fingertips about the grasp point, along the world's axes, (3,) [m]."""
+    data = mujoco.MjData(model)
+    data.qpos[:] = qpos
+    for finger in names.FINGERS:
+        data.joint(finger).qpos = 0.0
+    mujoco.mj_kinematics(model, data)
+    bodies = [mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, names.LOAD_CELL_BODY[side]) for side in names.SIDES]
+    bodies += [model.body(names.PAD_BODY[side]).id for side in names.SIDES]
+    geoms = [geom for geom in range(model.ngeom) if model.geom_bodyid[geom] in bodies and model.geom_conaffinity[geom]]
+    grasp = data.site(names.GRASP_SITE).xpos
+    half = [np.abs(data.geom_xmat[geom].reshape(3, 3)) @ model.geom_aabb[geom, 3:] for geom in geoms]
+    low = np.min([data.geom_xpos[geom] - grasp - size for geom, size in zip(geoms, half, strict=True)], axis=0)
+    high = np.max([data.geom_xpos[geom] - grasp + size for geom, size in zip(geoms, half, strict=True)], axis=0)
+    return np.array([max(-low[0], high[0]), max(-low[1], high[1]), -low[2]])
+
+
+EXPERTS: Final[dict[type, type[Scripted]]] = {
+    Reach: ReachExpert,
+    Push: PushExpert,
+    PickAndPlace: PickAndPlaceExpert,
+}

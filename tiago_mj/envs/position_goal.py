@@ -1,0 +1,269 @@
+"""What the counterparts of gymnasium-robotics' Fetch tasks share: TIAGo at the table, and a goal that is a position."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+from typing import Any, Final
+
+import numpy as np
+from gymnasium.utils import EzPickle
+from numpy.typing import NDArray
+
+from tiago_mj.envs.choices import ObjectChoice, Range, Region, object_choice
+from tiago_mj.envs.robot_env import FORCE_BOUND, VELOCITY_BOUND, WORLD_BOUND, RobotEnv
+from tiago_mj.envs.state import State
+from tiago_mj.models import names, scene
+from tiago_mj.models.objects import GraspObject
+
+Array = NDArray[np.float64]
+
+FORCE_TYPES: Final = ("none", "raw", "binary")
+REWARDS: Final = ("sparse", "dense")
+ROBOTS: Final = ("tiago_pal_gripper", "tiago_ta11")
+#: Rate of the actions [Hz]: the real robot's (llach/learning_fc 3dd34c2), and that of the Fetch tasks.
+CONTROL_HZ: Final = 25.0
+#: Distance from the goal that counts as success [m], as in the Fetch tasks.
+THRESHOLD: Final = 0.05
+#: Largest spin that an object can have in the observation space [rad/s]: a cube that slips out of a grasp turns fast.
+SPIN_BOUND: Final = 1000.0
+#: A wooden cube of 50 mm, 700 kg/m³. The stiffness of its contact is that of the other hard objects.
+CUBE: Final = GraspObject(shape="box", width=0.05, height=0.05, mass=0.0875)
+
+#: Hand above the middle of the table's near half, pointing straight down, closing along y: grasp point of the TA11 hand
+#: at (0.65, 0, 0.70) m, fingertips 0.13 m above the table. Inverse kinematics on the model; chosen so that the whole of
+#: :data:`TABLE_REGION` is reached from here without a change of arm configuration and no joint comes closer than
+#: 0.14 rad to its soft limits (docs/tasks.md).
+ABOVE_TABLE: Final[Mapping[str, float]] = MappingProxyType(
+    dict(zip(names.TIAGO_JOINTS, (0.3, 1.884, 0.585, 0.669, 1.647, -0.771, 0.804, -0.719, 0.045, 0.045), strict=True))
+)
+#: Fingers that do not take part are closed, as in the Fetch tasks.
+CLOSED: Final[Mapping[str, float]] = MappingProxyType(dict.fromkeys(names.FINGERS, 0.0))
+#: Where objects start, and where goals lie: x and y around the hand of :data:`ABOVE_TABLE` [m].
+OBJECT_REGION: Final = ((0.55, -0.15), (0.75, 0.15))
+TABLE_REGION: Final = ((0.53, -0.17), (0.77, 0.17))
+#: A drawn goal is at least this far from the object [m]: twice the threshold, so that doing nothing never succeeds.
+NOT_THERE_YET: Final = 0.1
+#: Highest object [m]: the standard fingers start 0.12 m above the table.
+TALLEST: Final = 0.1
+#: How far from the height of an object on the table a given goal may be where only goals on the table are possible [m].
+TABLE_SLACK: Final = 0.02
+
+
+class PositionGoal(RobotEnv):
+    """TIAGo is to bring something to a place: its own hand, or an object.
+
+    A task names its ``workspace`` and overrides ``_achieved``, ``_sample_goal`` and, with an object, more.
+    """
+
+    GOAL_RADIUS = 0.02
+    OVERVIEW: Mapping[str, Any] = MappingProxyType(
+        {"lookat": np.array([0.5, 0.0, 0.68]), "distance": 1.5, "azimuth": 125, "elevation": -20}
+    )
+    #: Whether the fingers stay where they start, whatever the action says of them.
+    FINGERS_HELD = False
+
+    def __init__(
+        self,
+        *,
+        workspace: Region,
+        item: ObjectChoice | None,
+        robot: str,
+        force_type: str,
+        reward_type: str,
+        distance_threshold: float,
+        control_hz: float = CONTROL_HZ,
+        force_source: str = "touch",
+        **kwargs: Any,
+    ) -> None:
+        for name, value, known in (
+            ("robot", robot, ROBOTS),
+            ("force_type", force_type, FORCE_TYPES),
+            ("reward_type", reward_type, REWARDS),
+        ):
+            if value not in known:
+                raise ValueError(f"{name} {value!r} is unknown: use one of {', '.join(known)}")
+        if not (np.isfinite(distance_threshold) and distance_threshold > 0):
+            raise ValueError(f"distance_threshold is {distance_threshold!r}: give a distance above 0 [m]")
+        self.workspace = workspace
+        self.force_type = force_type
+        self.reward_type = reward_type
+        self.distance_threshold = distance_threshold
+        super().__init__(
+            robot=robot,
+            joints=names.TIAGO_JOINTS,
+            item=item,
+            control_hz=control_hz,
+            force_source=force_source,
+            load_cells=force_type != "none",
+            **kwargs,
+        )
+        self._fingers = self._ctrl[[self.joints.index(name) for name in names.FINGERS]]
+        self.goal = np.add(workspace.low, workspace.high) / 2
+
+    def _set_action(self, action: Array) -> None:
+        super()._set_action(action)
+        if self.FINGERS_HELD:
+            self.data.ctrl[self._fingers] = 0.0
+
+    def _seen(self, state: State) -> list[Array]:
+        """Parts of the observation between the joints and the forces, each (..., n)."""
+        return [state.grasp_position]
+
+    def _seen_bound(self) -> list[Array]:
+        """Largest magnitudes of :meth:`_seen`."""
+        return [np.full(3, WORLD_BOUND)]
+
+    def _observation(self, state: State) -> Array:
+        parts = [state.position, state.velocity, *self._seen(state)]
+        if self.force_type != "none":
+            parts.append(state.force_raw if self.force_type == "raw" else state.force_binary)
+        return np.concatenate(parts, axis=-1)
+
+    def _observation_bound(self) -> Array:
+        parts = [self._joint_bound(), *self._seen_bound()]
+        if self.force_type != "none":
+            parts.append(np.full(2, self.load_cell.units(FORCE_BOUND)))
+        return np.concatenate(parts)
+
+    def _goal_bound(self) -> Array:
+        return np.full(3, WORLD_BOUND)
+
+    def _checked_goal(self, goal: Any) -> Array:
+        values = super()._checked_goal(goal)
+        if values not in self.workspace:
+            raise ValueError(f"goal {values.tolist()} is outside the workspace: give {self.workspace}")
+        return values
+
+    def _reward_terms(self, achieved: Array, desired: Array) -> dict[str, Array]:
+        if self.reward_type == "sparse":
+            return {"success": np.asarray(self._is_success(achieved, desired), dtype=np.float64) - 1.0}
+        return {"distance": -np.linalg.norm(achieved - desired, axis=-1)}
+
+    def _is_success(self, achieved_goal: Array, desired_goal: Array) -> Any:
+        within = np.linalg.norm(achieved_goal - desired_goal, axis=-1) < self.distance_threshold
+        return bool(within) if np.ndim(within) == 0 else within
+
+    def _render_callback(self) -> None:
+        site = self.model.site(scene.GOAL_SITE).id
+        # The world's site, moved where it is drawn: the simulation's state is not touched.
+        self.model.site_pos[site] = self.data.site_xpos[site] = self.goal
+
+
+class ObjectToGoal(PositionGoal, EzPickle):
+    """TIAGo is to bring an object on the table to a goal; its hand starts above the table.
+
+    Args:
+        robot: ``tiago_pal_gripper`` or ``tiago_ta11``.
+        force_type: what is observed of the forces: ``none``, ``raw`` or ``binary``.
+        reward_type: ``sparse`` or ``dense``.
+        distance_threshold: distance from the goal that counts as success [m].
+        object: name(s) in :data:`tiago_mj.models.objects.OBJECTS` or objects, at most 0.1 m high; several are drawn
+            from. A wooden cube of 50 mm by default.
+        object_width, object_mass, object_stiffness, object_damping: [m], [kg], [N/m], [N·s/m], each one number or
+            (low, high); None keeps the object's own.
+        **kwargs: of :class:`RobotEnv`, but ``joints``, ``item`` and ``load_cells``.
+    """
+
+    START = ABOVE_TABLE
+    #: Highest goal above the height of an object on the table [m].
+    LIFT = 0.0
+
+    def __init__(
+        self,
+        *,
+        robot: str = "tiago_pal_gripper",
+        force_type: str = "none",
+        reward_type: str = "sparse",
+        distance_threshold: float = THRESHOLD,
+        object: str | GraspObject | Sequence[str | GraspObject] = CUBE,
+        object_width: Range | None = None,
+        object_mass: Range | None = None,
+        object_stiffness: Range | None = None,
+        object_damping: Range | None = None,
+        **kwargs: Any,
+    ) -> None:
+        common = {
+            "robot": robot,
+            "force_type": force_type,
+            "reward_type": reward_type,
+            "distance_threshold": distance_threshold,
+            **kwargs,
+        }
+        EzPickle.__init__(
+            self,
+            object=object,
+            object_width=object_width,
+            object_mass=object_mass,
+            object_stiffness=object_stiffness,
+            object_damping=object_damping,
+            **common,
+        )
+        choice = object_choice(
+            object, width=object_width, mass=object_mass, stiffness=object_stiffness, damping=object_damping
+        )
+        heights = [kind.height for kind in choice.kinds]
+        if max(heights) > TALLEST:
+            raise ValueError(f"an object {max(heights):.4g} m high meets the hand: give one at most {TALLEST} m high")
+        low, high = TABLE_REGION
+        self._place = np.add(*OBJECT_REGION) / 2
+        super().__init__(
+            item=choice,
+            workspace=Region(
+                (*low, scene.TABLE_TOP + min(heights) / 2 - TABLE_SLACK),
+                (*high, scene.TABLE_TOP + max(heights) / 2 + max(self.LIFT, TABLE_SLACK)),
+            ),
+            **common,
+        )
+
+    def _reset_sim(self) -> bool:
+        self._place = self.np_random.uniform(*OBJECT_REGION)
+        return super()._reset_sim()
+
+    def _grasp_frame(self) -> None:
+        super()._grasp_frame()
+        self._object_orientation = np.array([1.0, 0.0, 0.0, 0.0])  # a box's sides along the world's axes
+
+    def _object_position(self, offset: float) -> Array:
+        return self._place
+
+    def _sample_goal(self) -> Array:
+        start = self.state.object_pose[:3]
+        goal = start
+        while np.linalg.norm(goal - start) < NOT_THERE_YET:
+            goal = self._draw_goal(float(start[2]))
+        return goal
+
+    def _draw_goal(self, height: float) -> Array:
+        """Any goal, (3,) [m], with an object whose middle is at ``height`` [m] when it stands on the table."""
+        return np.append(self.np_random.uniform(*TABLE_REGION), height)
+
+    def _achieved(self, state: State) -> Array:
+        return state.object_pose[..., :3]
+
+    def _seen(self, state: State) -> list[Array]:
+        place = state.object_pose[..., :3]
+        return [
+            state.grasp_position,
+            place,
+            place - state.grasp_position,
+            roll_pitch_yaw(state.object_pose[..., 3:]),
+            state.object_velocity,
+        ]
+
+    def _seen_bound(self) -> list[Array]:
+        world = np.full(3, WORLD_BOUND)
+        return [world, world, 2 * world, np.full(3, np.pi), np.full(3, VELOCITY_BOUND), np.full(3, SPIN_BOUND)]
+
+
+def roll_pitch_yaw(quaternion: Array) -> Array:
+    """Rotations about the world's x, then y, then z axis that make the orientation, (..., 3) [rad]."""
+    w, x, y, z = np.moveaxis(quaternion, -1, 0)
+    return np.stack(
+        [
+            np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y)),
+            np.arcsin(np.clip(2 * (w * y - z * x), -1.0, 1.0)),
+            np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)),
+        ],
+        axis=-1,
+    )
