@@ -1,0 +1,1 @@
+"""From recordings of a real robot to the effect that the simulator lacks."""

@@ -1,0 +1,168 @@
+"""From a table to a trial: columns find their channels, units are applied, the clock is put right."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import PurePath
+from typing import Any
+
+import numpy as np
+
+from tiago_mj.gap.read.clock import check_clock, repair_clock
+from tiago_mj.gap.read.mapping import Target
+from tiago_mj.gap.read.tables import Table
+from tiago_mj.gap.read.units import factor
+from tiago_mj.gap.recording import KINDS, Array, Finding, RecordingError, Sidecar, Trial
+from tiago_mj.gap.sidecar import parse_sidecar
+
+
+def trial_from_table(
+    table: Table, columns: Mapping[str, Target], defaults: Mapping[str, Any]
+) -> tuple[Trial, list[Finding]]:
+    """A trial, and what was found while making it.
+
+    Args:
+        table: as it stands in its file.
+        columns: of the map file; a column that is not there goes by its own name.
+        defaults: what the sidecar lacks.
+
+    Raises:
+        RecordingError: the table cannot be used; one line says why.
+    """
+    file = table.source
+    sidecar = parse_sidecar(table.sidecar, table.sidecar_file, defaults)
+    _check_known(sidecar, file, table.sidecar_file)
+    targets, findings = _targets(table, columns)
+    if table.cut:
+        message = "the file ends within its last row, which is left out: was it copied whole?"
+        findings.append(Finding("too_short", file, "", message, repaired=True))
+    units = sidecar.units or {}
+    unused = set(units) - {target.column for target in targets.values()} - set(targets) - {"time", *KINDS}
+    if unused:
+        raise RecordingError(
+            f"{table.sidecar_file}: units name the column {min(unused)!r}, which {file} does not have: mend the name"
+        )
+    channels: dict[str, dict[str, Array]] = {kind: {} for kind in KINDS}
+    time: Array | None = None
+    declared = False
+    taken: dict[str, str] = {}
+    for column, target in targets.items():
+        if target.column is None:
+            continue
+        if target.column in taken:
+            raise RecordingError(
+                f"{file}: columns {taken[target.column]!r} and {column!r} both are {target.column}: map one to null"
+            )
+        taken[target.column] = column
+        kind, _, name = target.column.partition(".")
+        unit = target.unit or units.get(column) or units.get(target.column) or units.get(kind)
+        values = table.columns[column]
+        if np.isinf(values).any():
+            row = int(np.argmax(np.isinf(values))) + 1
+            raise RecordingError(f"{file}: column {column}: row {row} is infinite: empty the cell or delete the row")
+        scale = target.scale
+        if unit is not None:
+            scale *= _factor(kind, unit, column, file)
+            findings += _converted(kind, unit, column, file, scale)
+        if scale != 1.0:
+            values = values * scale
+        if kind == "time":
+            time, declared = values, unit is not None
+        elif np.isnan(values).all() and len(values):
+            findings.append(Finding("empty", file, target.column, "it has no value in any row; left out"))
+        else:
+            channels[kind][name] = values
+    if time is None:
+        there = ", ".join(list(table.columns)[:6])
+        raise RecordingError(f"{file}: column time is missing (there are {there}): name it 'time' or map it with --map")
+    check_clock(time, file)
+    time, repairs = repair_clock(time, sidecar.rate_hz, file, declared=declared)
+    _check_enough(channels, sidecar, file, table.sidecar_file)
+    stem = PurePath(file).stem
+    name = sidecar.trial or stem
+    if sidecar.rate_hz == 0.0:
+        sidecar = replace(sidecar, rate_hz=round(float(1 / np.median(np.diff(time))), 6))
+    trial = Trial(
+        name=name,
+        time=time,
+        sidecar=replace(sidecar, trial=name, units=None),
+        source=file,
+        **{KINDS[kind]: found for kind, found in channels.items()},
+    )
+    return trial, repairs + findings
+
+
+def _targets(table: Table, columns: Mapping[str, Target]) -> tuple[dict[str, Target], list[Finding]]:
+    """Where every column of the table goes; columns of no known kind are listed."""
+    file = table.source
+    for column in columns:
+        if column in table.text and columns[column].column is not None:
+            held = table.text[column]
+            raise RecordingError(
+                f"{file}: column {column}: it holds {held!r}, not numbers: mend the cells or map it to null"
+            )
+    targets: dict[str, Target] = {}
+    findings: list[Finding] = []
+    for column in [*table.columns, *table.text]:
+        kind, _, name = column.partition(".")
+        ours = column == "time" or (kind in KINDS and name != "")
+        if column in columns:
+            if column in table.columns:
+                targets[column] = columns[column]
+        elif ours and column in table.text:
+            raise RecordingError(
+                f"{file}: column {column}: it holds {table.text[column]!r}, not numbers: mend the cells"
+            )
+        elif ours:
+            targets[column] = Target(column)
+        else:
+            findings.append(
+                Finding(
+                    "missing_column",
+                    file,
+                    column,
+                    "its name is none of the contract's (kind.name), so it is left out; map it with --map to use it",
+                )
+            )
+    return targets, findings
+
+
+def _check_known(sidecar: Sidecar, file: str, sidecar_file: str) -> None:
+    if not sidecar.robot:
+        raise RecordingError(
+            f'{file}: which robot is recorded is unknown: write "robot" into {sidecar_file}, or give --env or --model'
+        )
+
+
+def _check_enough(channels: Mapping[str, Mapping[str, Array]], sidecar: Sidecar, file: str, sidecar_file: str) -> None:
+    if not any(channels[kind] for kind in ("position", "velocity", "force")):
+        raise RecordingError(
+            f"{file}: no column is measured motion or force (missing_column): name them position.JOINT, velocity.JOINT "
+            "or force.SENSOR, or map them with --map"
+        )
+    if not channels["command"] and not channels["effort"]:
+        raise RecordingError(
+            f"{file}: neither command.ACTUATOR nor effort.JOINT is there, so nothing can be replayed (missing_column): "
+            "record the commands, or map them with --map"
+        )
+    if channels["command"] and sidecar.interface is None:
+        raise RecordingError(
+            f'{file}: what its commands are is unknown: write "interface": "velocity", "position" or "effort" '
+            f"into {sidecar_file}"
+        )
+
+
+def _factor(kind: str, unit: str, column: str, file: str) -> float:
+    try:
+        return factor(kind, unit)
+    except ValueError as fault:
+        raise RecordingError(f"{file}: column {column}: {fault}") from fault
+
+
+def _converted(kind: str, unit: str, column: str, file: str, scale: float) -> list[Finding]:
+    """A stated unit that was applied is said, where it changed anything."""
+    if scale == 1.0:
+        return []
+    code = "time_unit" if kind == "time" else "degrees" if unit.startswith("deg") else "unit_scale"
+    return [Finding(code, file, column, f"stated to be in {unit}; multiplied by {scale:.6g}", repaired=True)]

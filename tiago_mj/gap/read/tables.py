@@ -1,0 +1,146 @@
+"""Recording files as tables of numbers: CSV and Parquet.
+
+Memory bounds what is read: a recording may have :data:`MAX_ROWS` rows and :data:`MAX_CELLS` cells. What is longer is
+refused before it is loaded, from the Parquet footer or by counting lines.
+"""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from tiago_mj.gap.extra import pyarrow
+from tiago_mj.gap.recording import Array, RecordingError
+
+#: Over an hour at 240 Hz. The fit simulates every row of every trial again and again: a longer recording is better cut.
+MAX_ROWS: Final = 1_000_000
+#: Of one recording, rows times columns: 320 MB of float64.
+MAX_CELLS: Final = 40_000_000
+_BLOCK: Final = 1 << 22
+
+
+@dataclass(frozen=True)
+class Table:
+    """A recording as it stands in its file.
+
+    Attributes:
+        columns: by name, (T,) each; NaN where a cell is empty.
+        source: file name.
+        sidecar: the sidecar's mapping; empty where there is none.
+        sidecar_file: its name, for messages.
+        text: columns left out because they hold no numbers, and an example of what they hold.
+        cut: whether the file ends within its last row, which is left out.
+    """
+
+    columns: Mapping[str, Array]
+    source: str
+    sidecar: Mapping[str, Any]
+    sidecar_file: str
+    text: Mapping[str, str]
+    cut: bool = False
+
+
+def read_table(path: Path, sidecar: Mapping[str, Any], sidecar_file: str) -> Table:
+    """Read a CSV or Parquet file.
+
+    Raises:
+        RecordingError: it is empty, cut off, too long, or not of its format.
+    """
+    if path.stat().st_size == 0:
+        raise RecordingError(f"{path.name}: the file is empty: record again or leave it out")
+    table, cut = _read_csv(path) if path.suffix.lower() == ".csv" else (_read_parquet(path), False)
+    twice = {name for name in table.column_names if table.column_names.count(name) > 1}
+    if twice:
+        raise RecordingError(f"{path.name}: column {min(twice)!r} is there more than once: rename or delete one")
+    arrow = pyarrow()
+    columns: dict[str, Array] = {}
+    text: dict[str, str] = {}
+    for name, column in zip(table.column_names, table.columns, strict=True):
+        kind = column.type
+        if arrow.types.is_null(kind):
+            columns[name] = np.full(len(column), np.nan)
+        elif arrow.types.is_floating(kind) or arrow.types.is_integer(kind) or arrow.types.is_boolean(kind):
+            columns[name] = np.asarray(column.cast(arrow.float64(), safe=False).to_numpy(), dtype=np.float64)
+        else:
+            text[name] = next((str(cell.as_py()) for cell in column if cell.is_valid), "")
+    return Table(columns, path.name, sidecar, sidecar_file, text, cut)
+
+
+def check_size(file: str, rows: int, columns: int) -> None:
+    """Refuse what would not fit.
+
+    Raises:
+        RecordingError: too many rows or cells.
+    """
+    if rows > MAX_ROWS or rows * columns > MAX_CELLS:
+        raise RecordingError(
+            f"{file}: {rows} rows of {columns} columns are more than the {MAX_ROWS} rows or {MAX_CELLS} cells that are "
+            "read: cut it into trials, one motion each"
+        )
+
+
+def _read_parquet(path: Path) -> Any:
+    arrow = pyarrow()
+    try:
+        file = arrow.parquet.ParquetFile(path)
+        check_size(path.name, file.metadata.num_rows, file.metadata.num_columns)
+        return file.read()
+    except (arrow.ArrowInvalid, OSError) as fault:
+        reason = " ".join(str(fault).split())[:120]
+        raise RecordingError(
+            f"{path.name}: not a whole Parquet file ({reason}): it was cut off or is of another format; copy it again"
+        ) from fault
+
+
+def _read_csv(path: Path) -> tuple[Any, bool]:
+    arrow = pyarrow()
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as stream:
+            header = [name.strip() for name in next(csv.reader(stream), [])]
+    except UnicodeDecodeError as fault:
+        raise RecordingError(f"{path.name}: not UTF-8 text: save it as CSV in UTF-8") from fault
+    if not header or not any(header):
+        raise RecordingError(f"{path.name}: the first line is no header: name the columns there")
+    lines, cut = _count_lines(path)
+    check_size(path.name, lines - 1, len(header))
+    if _is_number(header[0]):
+        raise RecordingError(f"{path.name}: the first line holds numbers: put the columns' names there")
+    try:
+        # The last cell of a file that does not end in a line's end may be half a number.
+        content = path.read_bytes() if cut else b""
+        table = arrow.csv.read_csv(
+            arrow.BufferReader(content[: content.rfind(b"\n") + 1]) if cut else path,
+            read_options=arrow.csv.ReadOptions(column_names=header, skip_rows=1),
+            convert_options=arrow.csv.ConvertOptions(
+                null_values=["", "nan", "NaN", "NAN", "null", "None", "NA"], strings_can_be_null=True
+            ),
+        )
+        return table, cut
+    except arrow.ArrowInvalid as fault:
+        reason = " ".join(str(fault).split())[:160]
+        raise RecordingError(
+            f"{path.name}: a row does not fit the header's {len(header)} columns ({reason}): delete or mend that row"
+        ) from fault
+
+
+def _count_lines(path: Path) -> tuple[int, bool]:
+    """Ended lines of a text file, and whether another one follows that has no end."""
+    count, last = 0, b"\n"
+    with path.open("rb") as stream:
+        while block := stream.read(_BLOCK):
+            count += block.count(b"\n")
+            last = block[-1:]
+    return count, last != b"\n"
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
