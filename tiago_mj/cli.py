@@ -62,7 +62,6 @@ def main(argv: Sequence[str] | None = None) -> int:
         Exit status: what the command returns; 2 where something it was given is unusable, said in one line on stderr.
     """
     given = list(sys.argv[1:] if argv is None else argv)
-    headless.choose_gl()
     headless.hush_unmade_viewers()
     _hush_announcements()
     arguments = build_parser(next((word for word in given if not word.startswith("-")), None)).parse_args(given)

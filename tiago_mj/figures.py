@@ -150,7 +150,7 @@ def filmstrip(frames: Sequence[NDArray[np.uint8]], titles: Sequence[str]) -> Fig
 
 
 def _figure(size: tuple[float, float]) -> Figure:
-    figure = Figure(figsize=size, layout=ConstrainedLayoutEngine(w_pad=0.09, h_pad=0.09))
+    figure = Figure(figsize=size, layout=ConstrainedLayoutEngine(w_pad=0.06, h_pad=0.05))
     FigureCanvasAgg(figure)
     return figure
 

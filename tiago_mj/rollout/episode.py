@@ -35,7 +35,7 @@ class Trace:
         reward: (T,).
         success: (T,) bool.
         force: load-cell readings, (T, 2) right and left [sensor units]; (T, 0) where there are no load cells.
-        in_contact: whether pad and object press on each other: the simulator's truth, as ``force``.
+        in_contact: whether pad and object press on each other: the simulator's truth, (T, 2), or (T, 0) as ``force``.
         position: of the commanded joints, (T, N) [m, rad].
         goal: of the last step, (g,).
         threshold: above which a reading counts as touch, as ``force`` without T [sensor units].
@@ -121,9 +121,9 @@ def play(
 
 def summarise(trace: Trace, seed: int) -> Episode:
     """An episode's line."""
-    has_cells = trace.force.shape[1] > 0
+    has_cells, has_contacts = trace.force.shape[1] > 0, trace.in_contact.shape[1] > 0
     last = max(1, round(FINAL_SHARE * len(trace.time)))
-    both = trace.in_contact.all(axis=1) if has_cells else np.zeros(len(trace.time), dtype=bool)
+    both = trace.in_contact.all(axis=1) if has_contacts else np.zeros(len(trace.time), dtype=bool)
     return Episode(
         seed=seed,
         steps=len(trace.time),

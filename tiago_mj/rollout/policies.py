@@ -11,6 +11,7 @@ import gymnasium
 import numpy as np
 
 from tiago_mj.control.force_pi import ForcePI
+from tiago_mj.envs.hold_force import HoldForce
 from tiago_mj.rollout.episode import Policy
 
 #: Algorithms of stable-baselines3 by a setting that only they store; DDPG is stored as the TD3 that it is made of.
@@ -62,6 +63,12 @@ def make_policy(name: str, env: gymnasium.Env[Any, Any], *, seed: int, trust: bo
         ModuleNotFoundError: the file needs stable-baselines3, which is not installed.
     """
     if name == "pi":
+        core: Any = getattr(env.unwrapped, "core", env.unwrapped)  # a flat view's goal environment
+        if not isinstance(core, HoldForce) or core.force_type == "none":
+            raise ValueError(
+                "policy pi holds a force that load cells feel: use an environment with such a goal, "
+                "GripperTactile-v0 or TIAGoTactile-v0"
+            )
         return ForcePI.for_env(env)
     if name == "random":
         assert isinstance(env.action_space, gymnasium.spaces.Box)

@@ -1,0 +1,197 @@
+"""The demonstration: with and without a recording of a real arm, with and without pictures."""
+
+from __future__ import annotations
+
+import html.parser
+import json
+import os
+import shutil
+from pathlib import Path
+
+import gymnasium
+import numpy as np
+import pytest
+
+from tiago_mj import cli, figures
+from tiago_mj.demo import arm_torque, page, report
+from tiago_mj.demo.grasp import grasp, strip
+
+ROOT = Path(__file__).resolve().parents[2]
+REALDATA = Path(os.environ.get("TIAGO_MJ_REALDATA", ROOT.parent / "shared" / "realdata"))
+needs_recording = pytest.mark.skipif(
+    not (REALDATA / arm_torque.FOLDER).is_dir(), reason=f"no recording of a real arm at {REALDATA}"
+)
+
+
+class Links(html.parser.HTMLParser):
+    """Collects what a page refers to, and its words."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.sources: list[str] = []
+        self.words = ""
+        self.feed(text)
+
+    def handle_starttag(self, tag, attrs):
+        self.sources += [value for name, value in attrs if name in ("src", "href", "srcset", "poster")]
+        assert tag not in ("script", "link", "iframe"), "the page needs nothing but itself"
+
+    def handle_data(self, data):
+        self.words += data
+
+
+def run(capsys: pytest.CaptureFixture[str], out: Path, *words: str) -> tuple[str, dict, Links]:
+    """Run the command: what it printed, its numbers, its page."""
+    assert cli.main(["demo", "--out", str(out), *words]) == 0
+    printed = capsys.readouterr().out
+    return printed, json.loads((out / "demo.json").read_text()), Links((out / "demo.html").read_text())
+
+
+def check_grasp_and_curve(printed: str, data: dict, shown: Links) -> None:
+    done, curve = data["grasp"], data["curve"]
+    assert done["success"]
+    assert -250 < done["return"] < -150  # the paper's controller: -198 ± 15; how it closes decides
+    assert {"right", "left"} == set(done["contact_times"])
+    assert 0 < done["contact_times"]["left"] < done["contact_times"]["right"]  # the object is nearer to the left finger
+    assert done["goal_newtons"] == pytest.approx(6.06, abs=0.005)
+    assert curve["slopes_agree"]
+    assert len(curve["measured"]) == 6
+    assert f"return {done['return']:.1f}" in printed
+    assert "within their spread" in printed
+    assert "255" in shown.words
+    assert "333" in shown.words
+    assert data["made"]["command"] in shown.words
+    assert all(source.startswith("data:") for source in shown.sources), "everything is in the page"
+    assert data["made"]["seconds"] < 60
+
+
+@needs_recording
+def test_the_demo_with_a_recording_compares_the_arm_too(capsys, tmp_path):
+    printed, data, shown = run(capsys, tmp_path / "out", "--data", str(REALDATA))
+    check_grasp_and_curve(printed, data, shown)
+    assert data["arm"]["genuine"]
+    assert [row["joint"] for row in data["arm"]["joints"]] == list(arm_torque.COMPARABLE)
+    assert f"{100 * data['arm']['joints'][0]['explained']:.0f} % of the variance" in printed
+    assert "arm_5 to arm_7" in shown.words
+    kinds = [source.split(";")[0] for source in shown.sources]
+    if data["grasp"]["no_film"]:
+        pytest.skip(f"no OpenGL here, so no film: {data['grasp']['no_film']}")
+    assert sorted(kinds) == ["data:image/png"] * 4 + ["data:video/mp4"]
+    written = {path.name for path in (tmp_path / "out").iterdir()}
+    assert written == {"demo.html", "demo.json", "film.mp4", "filmstrip.png", "force.png", "curve.png", "arm.png"}
+
+
+def test_the_demo_without_recording_and_without_opengl_goes_on(capsys, tmp_path, monkeypatch):
+    monkeypatch.setenv("MUJOCO_GL", "none at all")
+    printed, data, shown = run(capsys, tmp_path / "out")
+    check_grasp_and_curve(printed, data, shown)
+    assert data["arm"] is None
+    assert "libegl1" in data["grasp"]["no_film"], "it says what to install"
+    assert data["grasp"]["no_film"] in " ".join(printed.split())
+    for line in arm_torque.HOW_TO_GET:
+        assert line in printed
+        assert line in shown.words
+    assert [source.split(";")[0] for source in shown.sources] == ["data:image/png"] * 2
+    *_, done, written, following = printed.splitlines()
+    assert (done.split()[0], written.split()[0], following.split()[0]) == ("Done", "Written:", "Next:")
+
+
+def test_a_failing_page_leaves_the_old_one_whole(capsys, tmp_path, monkeypatch):
+    monkeypatch.setenv("MUJOCO_GL", "none at all")
+    (tmp_path / "demo.html").write_text("the old page")
+    monkeypatch.setattr(page, "render", lambda *_: 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        cli.main(["demo", "--out", str(tmp_path)])
+    assert (tmp_path / "demo.html").read_text() == "the old page"
+    assert not [path.name for path in tmp_path.iterdir() if path.name.startswith(".")], "no temporary file may stay"
+
+
+def test_the_filmstrip_follows_the_contacts(monkeypatch):
+    monkeypatch.setattr("tiago_mj.demo.grasp.FRAME", (96, 80))
+    done = grasp(seed=1)
+    if done.film is None:
+        pytest.skip(done.no_film)
+    chosen, titles = strip(done)
+    assert titles[2] == "left finger touches"
+    assert titles[4] == "right finger touches"
+    assert chosen == sorted(chosen)
+    for side, index in zip(("left", "right"), (2, 4), strict=True):
+        touch = dict(zip(("right", "left"), done.trace.contact_times(), strict=True))[side]
+        assert 0 <= done.film.times[chosen[index]] - touch < 0.01  # frames are 8 ms apart
+
+
+@needs_recording
+class TestArm:
+    def test_shares_explained_do_not_hang_on_the_cut_off(self):
+        recording = arm_torque.load(REALDATA / arm_torque.FOLDER)
+        shares = np.array(
+            [[row.explained for row in arm_torque.compare(recording, cutoff=hertz).rows] for hertz in (1.0, 3.0, 8.0)]
+        )
+        assert np.ptp(shares, axis=0).max() < 0.015  # 0.013 measured; what the module says
+
+    def test_measured_torques_have_the_sign_and_size_of_the_predicted(self):
+        comparison = arm_torque.compare(arm_torque.load(REALDATA / arm_torque.FOLDER))
+        for j, row in enumerate(comparison.rows):
+            # A wrong sign of a motor constant would make these negative; a wrong reduction would miss by a factor of 3.
+            assert np.corrcoef(comparison.measured[:, j], comparison.predicted[:, j])[0, 1] > 0.5, row.joint
+        arm_2 = comparison.rows[1]  # mostly weight, which the model knows
+        assert arm_2.predicted_rms == pytest.approx(arm_2.measured_rms, rel=0.2)
+
+    def test_what_is_left_out_cannot_be_compared(self):
+        comparison = arm_torque.compare(arm_torque.load(REALDATA / arm_torque.FOLDER))
+        assert comparison.dead[0] < 0.01 * comparison.dead[1]
+        assert comparison.torso[0] < 0.01 * comparison.torso[1]
+
+    def test_an_altered_recording_is_known_from_the_published_one(self, tmp_path):
+        folder = tmp_path / arm_torque.FOLDER
+        shutil.copytree(REALDATA / arm_torque.FOLDER, folder)
+        folder.chmod(0o755)
+        for path in folder.iterdir():
+            path.chmod(0o644)
+        assert arm_torque.load(folder).genuine
+        effort = folder / "tiago_effort.csv"
+        effort.write_text(effort.read_text().replace("1.654", "1.655", 1))
+        assert not arm_torque.load(folder).genuine
+
+
+def test_no_folder_means_no_recording(tmp_path):
+    assert arm_torque.find(None) is None
+    assert arm_torque.find(tmp_path) is None
+
+
+def test_a_broken_recording_is_named(tmp_path):
+    folder = tmp_path / arm_torque.FOLDER
+    folder.mkdir()
+    with pytest.raises(ValueError, match=r"lacks tiago_position\.csv"):
+        arm_torque.find(tmp_path)
+    for name in arm_torque.SHA256:
+        (folder / name).write_text("t,a\n0.0,oops\n")
+    with pytest.raises(ValueError, match=r"tiago_position\.csv is not a table of numbers"):
+        arm_torque.load(folder)
+    for name in arm_torque.SHA256:
+        (folder / name).write_text("t,a\n" + "0.0,1.0\n" * 200)
+    with pytest.raises(ValueError, match="200 rows and 2 columns"):
+        arm_torque.load(folder)
+
+
+def test_a_grasp_that_never_touches_is_told_as_it_is(monkeypatch):
+    class Still:
+        def reset(self):
+            pass
+
+        def __call__(self, observation, info):
+            return np.zeros(2, dtype=np.float32)
+
+    monkeypatch.setenv("MUJOCO_GL", "none at all")
+    monkeypatch.setattr("tiago_mj.demo.grasp.ForcePI.for_env", lambda env: Still())
+    done = grasp(seed=0)
+    data = report.grasp_data(done)
+    assert not data["success"]
+    assert data["contact_times"] == {"right": None, "left": None}
+    assert figures.png(figures.force(done.trace)).startswith(b"\x89PNG")
+    curve = {"slopes": (1.0, 2.0), "dead_bands_mm": (0.1, 0.2), "simulated": [{"slope": 1.5}]}
+    assert report.headline({"grasp": data, "curve": curve, "arm": None}).startswith("The fingers never both touched")
+
+
+def test_the_environment_shown_is_one_that_is_registered():
+    assert "tiago_mj/GripperTactile-v0" in gymnasium.registry
