@@ -98,13 +98,14 @@ class PositionGoal(RobotEnv):
             load_cells=force_type != "none",
             **kwargs,
         )
-        self._fingers = self._ctrl[[self.joints.index(name) for name in names.FINGERS]]
+        self._fingers = [self.joints.index(name) for name in names.FINGERS]
         self.goal = np.add(workspace.low, workspace.high) / 2
 
-    def _set_action(self, action: Array) -> None:
-        super()._set_action(action)
+    def _command(self, action: Array) -> Array:
+        command = super()._command(action)
         if self.FINGERS_HELD:
-            self.data.ctrl[self._fingers] = 0.0
+            command[self._fingers] = 0.0 if self.control == "velocity" else self.data.act[self._ctrl[self._fingers]]
+        return command
 
     def _seen(self, state: State) -> list[Array]:
         """Parts of the observation between the joints and the forces, each (..., n)."""

@@ -12,7 +12,7 @@ from tiago_mj.envs.state import State
 
 #: 0.15 m to all sides of the pre-grasp pose's grasp point and 0.25 m up; its floor leaves room for a level hand over
 #: the table. Every point is reached without a collision (docs/tasks.md).
-GOAL_REGION = Region((0.57, -0.07, 0.62), (0.87, 0.23, 0.87))
+GOAL_REGION = Region((0.57, -0.07, 0.65), (0.87, 0.23, 0.9))
 
 
 class Reach(PositionGoal, EzPickle):
@@ -55,7 +55,7 @@ class Reach(PositionGoal, EzPickle):
     ## Starting State
 
     The pre-grasp pose with closed fingers, at rest. The goal is uniform in x 0.57 to 0.87, y −0.07 to 0.23,
-    z 0.62 to 0.87 m; `reset(options={"goal": (x, y, z)})` sets it, within the same bounds.
+    z 0.65 to 0.90 m; `reset(options={"goal": (x, y, z)})` sets it, within the same bounds.
 
     ## Episode End
 

@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from types import MappingProxyType
-from typing import Any, Final, SupportsFloat
+from typing import TYPE_CHECKING, Any, Final, SupportsFloat
 
 import mujoco
 import numpy as np
@@ -25,6 +26,9 @@ from tiago_mj.models import names, scene
 from tiago_mj.models.files import model_file
 from tiago_mj.sensing.load_cell import LoadCell, MovingAverage, named_load_cell
 from tiago_mj.sensing.sources import PadForces
+
+if TYPE_CHECKING:
+    from tiago_mj.gap.effects.chain import Chain, Wiring
 
 Array = NDArray[np.float64]
 
@@ -60,6 +64,8 @@ class RobotEnv(MujocoRobotEnv):  # type: ignore[misc]
         finger_speed: velocity limit of the fingers [m/s].
         sensing: a :class:`LoadCell` or the name of a preset (``ta11``, ``released``, ``newtons``).
         force_source: what the load cells read: ``contact``, ``touch`` or ``force`` (:mod:`tiago_mj.sensing.sources`).
+        effects: what the real robot has and the nominal model lacks: a list, the short form, or the path of a
+            ``calibration.yaml`` (docs/effects.md).
         load_cells: read them even where there is no object; with an object they are always read.
         render_mode: ``rgb_array``, ``depth_array``, ``human`` or None.
         width, height: of rendered frames [pixel].
@@ -68,7 +74,10 @@ class RobotEnv(MujocoRobotEnv):  # type: ignore[misc]
         ValueError: an argument is unusable; one line says which and what is possible.
     """
 
-    metadata = {"render_modes": ["human", "rgb_array", "depth_array"], "render_fps": 240}  # noqa: RUF012
+    metadata: dict[str, Any] = {  # noqa: RUF012  (gymnasium's own form)
+        "render_modes": ["human", "rgb_array", "depth_array"],
+        "render_fps": 240,
+    }
 
     #: Joint positions at the start of an episode, by name, where they differ from the pre-grasp pose.
     START: Mapping[str, float] = MappingProxyType({})
@@ -100,6 +109,7 @@ class RobotEnv(MujocoRobotEnv):  # type: ignore[misc]
         finger_speed: float = FINGER_SPEED,
         sensing: str | LoadCell = "ta11",
         force_source: str = "contact",
+        effects: Any = None,
         load_cells: bool = False,
         render_mode: str | None = None,
         width: int = 480,
@@ -119,6 +129,7 @@ class RobotEnv(MujocoRobotEnv):  # type: ignore[misc]
         self.load_cell = named_load_cell(sensing) if isinstance(sensing, str) else sensing
         self.object_choice = item
         self._force_source = force_source
+        self._effects = effects
         self._load_cells = load_cells or item is not None
         longest = IDEAL_MAX_TIMESTEP if servo == "ideal" else MAX_TIMESTEP
         substeps = math.ceil(1 / (control_hz * longest) - 1e-9)
@@ -130,6 +141,7 @@ class RobotEnv(MujocoRobotEnv):  # type: ignore[misc]
             velocity_limits=dict.fromkeys(names.FINGERS, finger_speed),
             goal_radius=self.GOAL_RADIUS,
         )
+        self._period = 1 / control_hz
         self.metadata = {**self.metadata, "render_fps": round(control_hz)}
         super().__init__(
             model_path=str(model_file(f"robots/{robot}.xml")),
@@ -198,9 +210,41 @@ class RobotEnv(MujocoRobotEnv):  # type: ignore[misc]
         self._grasp_frame()
         self._noise, self._next_noise = np.zeros((1, 2)), 1
         self._item_in_place, self._offset = self._scene.item, 0.0
+        self._chain = None if self._effects is None else self._make_chain()
         self._settle()
 
+    def _make_chain(self) -> Chain:
+        """The same signal chain that the diagnosis simulates with, for this one simulation."""
+        from tiago_mj.gap.effects import read_effects
+        from tiago_mj.gap.effects.chain import Chain
+        from tiago_mj.gap.effects.host import ScalarHost
+
+        entries = read_effects(self._effects)
+        return Chain(
+            ScalarHost(self.model, self.data), self.wiring(), [entries], lambda shape: self.np_random.random(shape)
+        )
+
+    def wiring(self) -> Wiring:
+        """Where commands, joints and sensors are, for effects and the diagnosis."""
+        from tiago_mj.gap.effects.wiring import wire
+
+        return wire(
+            self.model,
+            joints=self.joints,
+            actuators=self.joints,
+            sensors=names.SIDES if self._pads is not None else (),
+            interface=self.control,
+            ideal=self.servo == "ideal",
+        )
+
+    def contact(self) -> tuple[float, float, int] | None:
+        """Stiffness [N/m], damping [N·s/m] and contact points of one pad with the present object; None without one."""
+        item = self._item_in_place
+        return None if item is None else (item.stiffness, item.damping, scene.CONTACT_POINTS[item.shape])
+
     def _reset_sim(self) -> bool:
+        if self._chain is not None:
+            self._chain.restore()  # the next object goes into the nominal model
         if self.object_choice is not None:
             item, self._offset = self.object_choice.draw(self.np_random)
             if item != self._item_in_place:
@@ -219,6 +263,8 @@ class RobotEnv(MujocoRobotEnv):  # type: ignore[misc]
             place[2] = scene.TABLE_TOP + self._item_in_place.half_extents()[2]
             place[3:] = self._object_orientation
         self.data.act[:] = self.data.qpos[self.model.jnt_qposadr[self.model.actuator_trnid[:, 0]]]  # set points
+        if self._chain is not None:
+            self._chain.start(self._period, self.n_substeps, self.contact())
         mujoco.mj_forward(self.model, self.data)
         self._filter.reset()
         self._noise, self._next_noise = self._noise[:0], 0
@@ -244,9 +290,20 @@ class RobotEnv(MujocoRobotEnv):  # type: ignore[misc]
         else:
             contact = self._pads.truth(data.sensordata)
             newtons = contact if self._force_source == "contact" else self._pads.read(data.sensordata, self._tare)
-            raw = self._filter(self.load_cell.sample(newtons, self._draw_noise()))
+            if self._chain is None:
+                sample = self.load_cell.sample(newtons, self._draw_noise())
+            else:
+                noise = self.load_cell.noise * self._draw_noise()
+                sample = self._chain.reading(newtons[None], self.load_cell.signal, noise[None])[0]
+            raw = self._filter(sample)
             binary = self.load_cell.binary(raw)
         self.state = self._reader.read(data.qpos, data.qvel, data.sensordata, contact, raw, binary)
+        if self._chain is not None:
+            self.state = replace(
+                self.state,
+                position=self._chain.position(self.state.position[None])[0],
+                velocity=self._chain.velocity(self.state.velocity[None])[0],
+            )
 
     def _draw_noise(self) -> Array:
         """Standard normal numbers for both cells, (2,)."""
@@ -262,7 +319,17 @@ class RobotEnv(MujocoRobotEnv):  # type: ignore[misc]
             "desired_goal": self.goal.copy(),
         }
 
+    def _command(self, action: Array) -> Array:
+        """What the action commands: velocities [m/s, rad/s] or, with position control, targets [m, rad]."""
+        if self.control == "velocity":
+            return action * self.velocity_limit
+        low, high = self._range[:, 0], self._range[:, 1]
+        return low + (action + 1) / 2 * (high - low)
+
     def _set_action(self, action: Array) -> None:
+        self.command = self._command(action)
+        if self._chain is not None:
+            return
         set_point = self.data.act[self._ctrl]
         if self.servo == "ideal":
             # A velocity servo has no set point to run away: what the effort limit cannot hold is forgotten.
@@ -270,13 +337,22 @@ class RobotEnv(MujocoRobotEnv):  # type: ignore[misc]
             joint = self.data.qpos[self._qpos_address] + self._damping_lag * self.data.qvel[self._qvel_address]
             set_point = np.minimum(np.maximum(set_point, joint - self._slack), joint + self._slack)
             self.data.act[self._ctrl] = set_point
-        if self.control == "velocity":
-            speed = action * self.velocity_limit
-        else:
-            low, high = self._range[:, 0], self._range[:, 1]
-            speed = (low + (action + 1) / 2 * (high - low) - set_point) / self.dt
+        speed = self.command
+        if self.control == "position":
+            speed = (self.command - set_point) / self._period
             speed = np.minimum(np.maximum(speed, -self.velocity_limit), self.velocity_limit)
         self.data.ctrl[self._ctrl] = speed
+
+    def _mujoco_step(self, action: Array) -> None:
+        if self._chain is None:
+            mujoco.mj_step(self.model, self.data, nstep=self.n_substeps)
+        else:
+            self._chain.advance(self.command[None])
+
+    @property
+    def dt(self) -> float:
+        """Control period by the clock of whoever commands [s]."""
+        return self._period
 
     # gymnasium's interface ------------------------------------------------------------------------------------------
 

@@ -95,9 +95,13 @@ class LoadCell:
         """Noise-free reading [sensor units] of a force [N]."""
         return self.scale * newtons / self.contact_unit
 
+    def signal(self, newtons: Array) -> Array:
+        """Noise-free readings [sensor units] of forces [N]."""
+        return self.scale * (newtons / self.contact_unit)
+
     def sample(self, newtons: Array, noise: Array) -> Array:
         """One sample [sensor units] of forces [N]; ``noise`` are standard normal numbers of the same shape."""
-        return self.scale * (newtons / self.contact_unit) + self.noise * noise
+        return self.signal(newtons) + self.noise * noise
 
     def binary(self, raw: Array) -> Array:
         """1.0 where a reading is above its finger's threshold, else 0.0; (..., 2)."""

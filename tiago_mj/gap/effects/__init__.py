@@ -1,0 +1,16 @@
+"""The effects that a simulator may lack: one declaration each, in the order of the signal chain."""
+
+from tiago_mj.gap.effects import (  # noqa: F401  (their import declares the effects)
+    actuator,
+    body,
+    command,
+    contact,
+    force_sensor,
+    joint_sensor,
+    timing,
+    transmission,
+)
+from tiago_mj.gap.effects.declare import EFFECTS, Effect, Parameter, effect, parameter
+from tiago_mj.gap.effects.spec import Entry, read_effects
+
+__all__ = ["EFFECTS", "Effect", "Entry", "Parameter", "effect", "parameter", "read_effects"]

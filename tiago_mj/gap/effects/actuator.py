@@ -1,0 +1,105 @@
+"""The servo and its motor: from the set point to a force on the joint."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tiago_mj.gap.effects.chain import Now
+from tiago_mj.gap.effects.declare import Array, Effect, effect, parameter
+
+FORCE = ("N", "N·m")
+DAMPING = ("N·s/m", "N·m·s/rad")
+
+
+def scale_gains(now: Now, position: Array, velocity: Array) -> None:
+    """Multiply the position gains (set point and feedback alike) and the velocity gains, (nsim, nactuators)."""
+    ids = now.wiring.actuators
+    gain, bias = now.host.field("actuator_gainprm"), now.host.field("actuator_biasprm")
+    gain[:, ids, 0] *= position
+    bias[:, ids, 1] *= position
+    bias[:, ids, 2] *= velocity
+
+
+@effect("servo_stiffness", stage="actuator", targets="command", gap_class="gain")
+class ServoStiffness(Effect):
+    """The position gain is not the nominal one.
+
+    force = factor · kp · (set point - position).
+
+    In a recording: a free finger moves as before but trails farther; against an object the force per set point changes.
+    Typical: 0.5-1.5, where gains are read off a datasheet.
+    """
+
+    factor = parameter("-", identity=1.0, default=0.6, bounds=(0.2, 4.0))
+
+    def change(self, now: Now) -> None:
+        scale_gains(now, self.factor, np.ones_like(self.factor))
+
+
+@effect("servo_damping", stage="actuator", targets="command", gap_class="damping")
+class ServoDamping(Effect):
+    """The servo has a derivative gain on top of the nominal one: force -= damping · velocity, within the force limit.
+
+    In a recording: moving joints trail farther behind, in proportion to speed; nothing at rest.
+    Typical: up to the nominal damping again, 80 N·s/m on the fingers.
+    """
+
+    damping = parameter(DAMPING, identity=0.0, default=(40.0, 5.0), bounds=((-60.0, 300.0), (-1.0, 60.0)))
+
+    def change(self, now: Now) -> None:
+        now.host.field("actuator_biasprm")[:, now.wiring.actuators, 2] -= self.damping
+
+
+@effect("force_limit", stage="actuator", targets="command")
+class ForceLimit(Effect):
+    """The actuator saturates at a lower force than its nominal limit.
+
+    In a recording: hard grasps end at a plateau, fast starts are slower; below the limit nothing changes.
+    Typical: drivers are often set to half the mechanical limit.
+    """
+
+    limit = parameter(FORCE, identity=np.inf, default=0.4, bounds=(0.02, 1.0), nominal="effort")
+
+    def change(self, now: Now) -> None:
+        ids = now.wiring.actuators
+        limits = now.host.field("actuator_forcerange")
+        unlimited = np.asarray(now.host.model.actuator_forcelimited[ids] == 0)
+        low = np.where(unlimited, -np.inf, limits[:, ids, 0])
+        high = np.where(unlimited, np.inf, limits[:, ids, 1])
+        if unlimited.any():
+            limited = now.host.field("actuator_forcelimited")
+            limited[:, ids] = np.where(self.present & unlimited, 1, limited[:, ids])
+        limits[:, ids, 0] = np.where(self.present, np.maximum(low, -self.limit), limits[:, ids, 0])
+        limits[:, ids, 1] = np.where(self.present, np.minimum(high, self.limit), limits[:, ids, 1])
+
+
+@effect("torque_constant", stage="actuator", targets="command", gap_class="gain")
+class TorqueConstant(Effect):
+    """The delivered force is not the commanded one: factor · all of the servo's output, its limit included.
+
+    In a recording: as a lower servo stiffness, damping and force limit at once.
+    Typical: 0.8-1.2, with temperature and between copies of a motor.
+    """
+
+    factor = parameter("-", identity=1.0, default=0.8, bounds=(0.2, 3.0))
+
+    def change(self, now: Now) -> None:
+        ids = now.wiring.actuators
+        gain, bias = now.host.field("actuator_gainprm"), now.host.field("actuator_biasprm")
+        gain[:, ids] *= self.factor[:, :, None]
+        bias[:, ids] *= self.factor[:, :, None]
+        now.host.field("actuator_forcerange")[:, ids] *= self.factor[:, :, None]
+
+
+@effect("motor_cogging", stage="actuator", targets="joint")
+class MotorCogging(Effect):
+    """The motor's magnets add a force that is periodic over position: amplitude · sin(2π · position / period).
+
+    In a recording: a ripple whose frequency is speed over period. Typical: 1-5 % of the rated torque.
+    """
+
+    amplitude = parameter(FORCE, identity=0.0, default=1.0, bounds=(0.0, 8.0))
+    period = parameter(("m", "rad"), identity=None, default=0.005, bounds=((0.001, 0.02), (0.001, 0.5)))
+
+    def added_force(self, now: Now) -> Array:
+        return self.amplitude * np.sin(2 * np.pi * now.joint_position / self.period)

@@ -1,0 +1,362 @@
+"""The signal chain of one or many simulations with effects in it: command → servo → joints → sensors.
+
+The environments run one simulation through it, the diagnosis runs hundreds at once, by the same code: every array has a
+leading axis of simulations, and each simulation has its own parameters.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tiago_mj.gap.effects.declare import EFFECTS, STAGES, overrides
+from tiago_mj.gap.effects.host import Host
+from tiago_mj.gap.effects.spec import Entry, Targets, arrays
+
+Array = NDArray[np.float64]
+
+#: Solver parameters with which dry friction sticks. MuJoCo's defaults creep: a servo held 0.9 mm off by 2 N of friction
+#: is back within 0.5 s; with these it is 0.88 mm off after 10 s (facts measured on the gripper's servo).
+STICKING_SOLIMP: Final = (0.9999, 0.9999, 0.001, 0.5, 2.0)
+STICKING_SOLREF: Final = (0.002, 1.0)
+
+
+@dataclass(frozen=True)
+class Wiring:
+    """Where the chain finds the plant's parts.
+
+    Attributes:
+        targets: names and nominal limits.
+        actuators: ids, (nactuators,).
+        ctrl, act: addresses of their inputs and set points, (nactuators,); act is -1 where there is none.
+        qpos, dof: addresses of the joints, (njoints,).
+        servo: per actuator, whether it is a position servo whose set point the chain may move.
+        span: limits of the set points, (nactuators, 2) [m, rad]; infinite where there are none.
+        interface: ``velocity``, ``position`` or ``effort``.
+        ideal: whether set points are kept from running away from the joints (servo="ideal").
+        tool: body that a payload hangs on.
+        grasp_axis: unit vector from the right to the left finger in the world, (3,).
+        partner: per actuator, the one that a coupling error couples it to.
+        object_qpos, object_body, object_geom, pairs: of the object between the pads; None without one.
+    """
+
+    targets: Targets
+    actuators: NDArray[np.intp]
+    ctrl: NDArray[np.intp]
+    act: NDArray[np.intp]
+    qpos: NDArray[np.intp]
+    dof: NDArray[np.intp]
+    servo: NDArray[np.bool_]
+    span: Array
+    interface: str
+    ideal: bool
+    tool: int
+    grasp_axis: Array
+    partner: NDArray[np.intp]
+    object_qpos: int | None = None
+    object_body: int | None = None
+    object_geom: int | None = None
+    pairs: tuple[int, ...] = ()
+
+
+class Now:
+    """What an effect's hook may know and use: the wiring, the host, the time, the joints, random numbers."""
+
+    def __init__(self, host: Host, wiring: Wiring, uniform: Callable[[tuple[int, ...]], Array]) -> None:
+        self.host = host
+        self.wiring = wiring
+        self.uniform = uniform
+        self.nsim = host.nsim
+        self.step = 0
+        self.dt = np.zeros(host.nsim)
+        self.clock = np.ones(host.nsim)
+        """True seconds in one second of the recorder's clock, (nsim,)."""
+        self.idle = np.zeros((host.nsim, len(wiring.actuators)))
+        """What an actuator was commanded before the first command, (nsim, nactuators)."""
+        self.set_point = self.idle
+        """Set points at the start, (nsim, nactuators) [m, rad]."""
+        self.contact: tuple[float, float, int] | None = None
+        """Stiffness [N/m], damping [N·s/m] and contact points of one pad with the object; None without one."""
+        self.rebuild = False
+        """An effect sets it when it changed masses or inertias, whose derived constants must follow."""
+
+    @property
+    def time(self) -> Array:
+        """Since the episode began, (nsim, 1) [s]."""
+        return (self.step * self.dt)[:, None]
+
+    @property
+    def period(self) -> Array:
+        """Control period, (nsim, 1) [s]."""
+        return self.dt[:, None]
+
+    @property
+    def joint_position(self) -> Array:
+        """True joint positions, (nsim, njoints) [m, rad]."""
+        return self.host.state("qpos")[:, self.wiring.qpos]
+
+    @property
+    def joint_velocity(self) -> Array:
+        """True joint velocities, (nsim, njoints) [m/s, rad/s]."""
+        return self.host.state("qvel")[:, self.wiring.dof]
+
+    @property
+    def joint_effort(self) -> Array:
+        """Actuator forces on the joints as of the last physics step, (nsim, njoints) [N, N·m]."""
+        return self.host.output("qfrc_actuator")[:, self.wiring.dof]
+
+    def fill(self, name: str, where: NDArray[np.bool_], values: Sequence[float]) -> None:
+        """Write a row of numbers into a joint field, (nsim, nv, k), where (nsim, njoints) says."""
+        field = self.host.field(name)
+        sim, joint = np.nonzero(where)
+        field[sim, self.wiring.dof[joint]] = values
+
+
+class Chain:
+    """Effects at work on the simulations of a host.
+
+    Args:
+        host: the simulations.
+        wiring: their parts.
+        sims: entries of every simulation.
+        uniform: draws uniform numbers of a shape whose first axis is the simulations.
+
+    Raises:
+        ValueError: an entry names a target that the plant does not have.
+    """
+
+    def __init__(
+        self,
+        host: Host,
+        wiring: Wiring,
+        sims: Sequence[Sequence[Entry]],
+        uniform: Callable[[tuple[int, ...]], Array],
+    ) -> None:
+        if len(sims) != host.nsim:
+            raise ValueError(f"{len(sims)} lists of effects for {host.nsim} simulations: give one each")
+        self.now = Now(host, wiring, uniform)
+        wanted = {entry.name for entries in sims for entry in entries}
+        order = sorted((name for name in EFFECTS if name in wanted), key=lambda name: STAGES.index(EFFECTS[name].stage))
+        self.effects = [arrays(EFFECTS[name], sims, wiring.targets) for name in order]
+        self._host, self._wiring = host, wiring
+        self._nominal: dict[str, Array] = {}
+        self._masks = {effect.name: effect.present for effect in self.effects}
+        self._moves_set_point = self._any("set_point")
+        hooks = ("added_friction", "added_damping", "added_force")
+        self._per_substep = any(overrides(e, hook) for e in self.effects for hook in hooks)
+        self._timestep = float(host.model.opt.timestep)
+        self._base_friction: Any = None
+        self._base_damping: Any = None
+
+    # Reset ----------------------------------------------------------------------------------------------------------
+
+    def restore(self) -> None:
+        """Give every changed field its nominal value back: call it before the nominal model is changed."""
+        for name, value in self._nominal.items():
+            self._host.field(name)[:] = value
+        if self._nominal and self.now.rebuild:
+            self._host.set_const()
+        self._nominal.clear()
+        if (self.now.clock != 1).any():
+            self._host.set_timestep(np.full(self._host.nsim, self._timestep))
+
+    def start(self, period: float, substeps: int, contact: tuple[float, float, int] | None = None) -> None:
+        """Apply the effects to the nominal model and the initial state, which must be set, and forget what was.
+
+        Args:
+            period: nominal control period [s].
+            substeps: physics steps in it.
+            contact: stiffness [N/m], damping [N·s/m] and contact points of one pad with the object.
+        """
+        self.restore()
+        now = self.now
+        now.contact = contact
+        now.step, now.rebuild = 0, False
+        now.dt, now.clock = np.full(self._host.nsim, period), np.ones(self._host.nsim)
+        self._substeps = substeps
+        recording = _Recording(self._host, self._nominal)
+        now.host = recording  # remembers what is changed
+        try:
+            for effect in self.effects:
+                effect.change(now)
+            if now.rebuild:
+                recording.set_const()
+            self._renew_contacts()
+        finally:
+            now.host = self._host
+        for effect in self.effects:
+            effect.place(now)
+        if (now.clock != 1).any():
+            now.dt = now.dt * now.clock
+            self._host.set_timestep(np.where(now.clock == 1, self._timestep, now.dt / substeps))
+        if self._per_substep:
+            wiring = self._wiring
+            self._base_friction = recording.field("dof_frictionloss")[:, wiring.dof].copy()
+            self._base_damping = recording.field("dof_damping")[:, wiring.dof].copy()
+        self._target = self.set_points()
+        now.set_point = self._target.copy()
+        now.idle = self._target.copy() if self._wiring.interface == "position" else np.zeros_like(self._target)
+        for effect in self.effects:
+            effect.start(now)
+
+    def _renew_contacts(self) -> None:
+        """Stiffness and damping of pad and object follow the masses, or the effects that scale them."""
+        now = self.now
+        if now.contact is None:
+            return
+        touched = np.zeros(now.nsim, dtype=bool)
+        factors = np.ones((now.nsim, 2))
+        for effect in self.effects:
+            if effect.name in ("contact_stiffness", "contact_damping"):
+                factors[:, int(effect.name == "contact_damping")] = effect.factor[:, 0]  # type: ignore[attr-defined]
+            if effect.name in ("contact_stiffness", "contact_damping", "object_mass", "armature", "payload"):
+                touched |= self._masks[effect.name].any(axis=1)
+        if touched.any():
+            from tiago_mj.gap.effects.contact import renew_contacts
+
+            renew_contacts(now, touched, factors)
+
+    # A control step -------------------------------------------------------------------------------------------------
+
+    def set_points(self) -> Array:
+        """The servos' set points, (nsim, nactuators) [m, rad]; the joint's position where there is no servo."""
+        wiring = self._wiring
+        joint = self.now.joint_position[:, list(wiring.targets.actuated)]
+        stateful = wiring.act >= 0
+        if stateful.all():
+            return self._host.state("act")[:, wiring.act].copy()
+        joint[:, stateful] = self._host.state("act")[:, wiring.act[stateful]]
+        return joint
+
+    def advance(self, command: Array, seconds: Array | None = None) -> None:
+        """Let the commands act for one control period.
+
+        Args:
+            command: (nsim, nactuators) in the interface's unit.
+            seconds: length of this period by the recorder's clock, (nsim,) [s], where it is not the nominal one.
+        """
+        now, wiring = self.now, self._wiring
+        if seconds is not None:
+            now.dt = seconds * now.clock
+            self._host.set_timestep(now.dt / self._substeps)
+        if wiring.ideal:
+            self._hold_set_points()
+        command = self._through("command", command)
+        limit = wiring.targets.velocity
+        if wiring.interface == "effort":
+            ctrl = command
+        else:
+            present = self.set_points()
+            if wiring.interface == "velocity":
+                wanted = self._target + command * now.period
+                ctrl = command
+            else:
+                wanted = command
+                ctrl = _towards(command, present, now.period, limit)
+            self._target = np.clip(wanted, wiring.span[:, 0], wiring.span[:, 1])
+            if self._moves_set_point is not None:
+                effective = self._through("set_point", self._target)
+                moved = _towards(effective, present, now.period, limit)
+                ctrl = np.where(self._moves_set_point, moved, ctrl)
+        self._write_ctrl(ctrl)
+        if self._per_substep:
+            for _ in range(self._substeps):
+                self._physics_step()
+        else:
+            self._host.step(self._substeps)
+        now.step += 1
+
+    def _hold_set_points(self) -> None:
+        """An ideal servo has no set point to run away: what the effort limit cannot hold is forgotten."""
+        wiring, host = self._wiring, self._host
+        stiffness = host.model.actuator_gainprm[wiring.actuators, 0]
+        slack = host.model.actuator_forcerange[wiring.actuators, 1] / stiffness
+        lag = -host.model.actuator_biasprm[wiring.actuators, 2] / stiffness
+        joints = list(wiring.targets.actuated)
+        joint = self.now.joint_position[:, joints] + lag * self.now.joint_velocity[:, joints]
+        held = np.minimum(np.maximum(self.set_points(), joint - slack), joint + slack)
+        host.state("act")[:, wiring.act] = held
+        self._target = held
+
+    def _write_ctrl(self, ctrl: Array) -> None:
+        """Speeds for integrating servos, set points for plain position actuators, forces for motors."""
+        wiring = self._wiring
+        plain = wiring.servo & (wiring.act < 0)  # a position actuator takes the set point itself
+        if wiring.interface != "effort" and plain.any():
+            present = getattr(self, "_plain", self.set_points())
+            self._plain = np.clip(present + ctrl * self.now.period, wiring.span[:, 0], wiring.span[:, 1])
+            ctrl = np.where(plain, self._plain, ctrl)
+        self._host.state("ctrl")[:, wiring.ctrl] = ctrl
+
+    def _physics_step(self) -> None:
+        now, host, dof = self.now, self._host, self._wiring.dof
+        friction, damping = self._base_friction, self._base_damping
+        force = np.zeros((now.nsim, len(dof)))
+        for effect in self.effects:
+            mask = self._masks[effect.name]
+            if overrides(effect, "added_friction"):
+                friction = np.where(mask, friction + effect.added_friction(now), friction)
+            if overrides(effect, "added_damping"):
+                damping = np.where(mask, damping + effect.added_damping(now), damping)
+            if overrides(effect, "added_force"):
+                force = np.where(mask, force + effect.added_force(now), force)
+        host.field("dof_frictionloss")[:, dof] = np.maximum(friction, 0.0)
+        host.field("dof_damping")[:, dof] = np.maximum(damping, 0.0)
+        host.state("qfrc_applied")[:, dof] = force
+        host.step(1)
+
+    # Reading --------------------------------------------------------------------------------------------------------
+
+    def position(self, position: Array) -> Array:
+        """As measured, (nsim, njoints)."""
+        return self._through("measure_position", position)
+
+    def velocity(self, velocity: Array) -> Array:
+        """As measured, (nsim, njoints)."""
+        return self._through("measure_velocity", velocity)
+
+    def reading(self, newtons: Array, units_per_newton: Callable[[Array], Array], noise: Array) -> Array:
+        """Load-cell samples, (nsim, nsensors), of newtons on the pads and noise [sensor units]."""
+        clean = units_per_newton(self._through("contact_force", newtons))
+        return self._through("sample", self._through("reading", clean) + self._through("noise", noise))
+
+    def _through(self, hook: str, value: Array) -> Array:
+        for effect in self.effects:
+            if overrides(effect, hook):
+                value = np.where(self._masks[effect.name], getattr(effect, hook)(value, self.now), value)
+        return value
+
+    def _any(self, hook: str) -> NDArray[np.bool_] | None:
+        masks = [self._masks[e.name] for e in self.effects if overrides(e, hook)]
+        if not masks:
+            return None
+        actuated = list(self._wiring.targets.actuated)
+        wide = [m if m.shape[1] == len(actuated) else m[:, actuated] for m in masks]
+        moved: NDArray[np.bool_] = np.logical_or.reduce(wide)
+        return moved
+
+
+class _Recording:
+    """A host that remembers the nominal value of every field that is asked for."""
+
+    def __init__(self, host: Host, nominal: dict[str, Array]) -> None:
+        self._host, self._nominal = host, nominal
+        self.nsim, self.model = host.nsim, host.model
+
+    def field(self, name: str) -> Array:
+        field = self._host.field(name)
+        if name not in self._nominal:
+            self._nominal[name] = field.copy()
+        return field
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._host, name)
+
+
+def _towards(target: Array, present: Array, period: Array, limit: Array) -> Array:
+    """Speed that reaches the target within a control period, or the limit."""
+    return np.clip((target - present) / period, -limit, limit)

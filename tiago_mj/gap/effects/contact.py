@@ -1,0 +1,132 @@
+"""The object between the pads: its contact, size, place and mass."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tiago_mj import compliance
+from tiago_mj.gap.effects.chain import Now
+from tiago_mj.gap.effects.declare import Array, Effect, effect, parameter
+
+
+@effect("contact_stiffness", stage="contact", targets="object")
+class ContactStiffness(Effect):
+    """The contact of pad and object is softer or stiffer by a factor.
+
+    In a recording: force rises more slowly or faster while the pad sinks in; against a soft position servo barely
+    visible.
+    Typical: 0.1-3 between a sponge and wood (facts on the real objects).
+    """
+
+    factor = parameter("-", identity=1.0, default=0.3, bounds=(0.05, 6.0))
+
+
+@effect("contact_damping", stage="contact", targets="object")
+class ContactDamping(Effect):
+    """The contact's damping is larger or smaller by a factor.
+
+    In a recording: the force at the instant of touch, damping · approach speed, is larger; held forces are as before.
+    Typical: unknown to a factor of several; few measure it.
+    """
+
+    factor = parameter("-", identity=1.0, default=4.0, bounds=(0.05, 12.0))
+
+
+@effect("contact_friction", stage="contact", targets="object")
+class ContactFriction(Effect):
+    """Sliding friction of pad and object times a factor.
+
+    In a recording: the object slips under the same squeeze; without load across the pads nothing. Typical: 0.3-1.5.
+    """
+
+    factor = parameter("-", identity=1.0, default=0.3, bounds=(0.05, 4.0))
+
+    def change(self, now: Now) -> None:
+        pairs = list(now.wiring.pairs)
+        now.host.field("pair_friction")[:, pairs] *= self.factor[:, :, None]
+
+
+@effect("object_size", stage="contact", targets="object", gap_class="geometry")
+class ObjectSize(Effect):
+    """The object is wider than said: ``radius`` is added to its half width along the grasp.
+
+    In a recording: both fingers touch earlier and rest farther apart. Typical: 1-3 mm of a hand measurement.
+    """
+
+    radius = parameter("m", identity=0.0, default=0.003, bounds=(-0.015, 0.015))
+
+    def change(self, now: Now) -> None:
+        geom = now.wiring.object_geom
+        if geom is None:
+            return
+        size, box = now.host.field("geom_size"), now.host.field("geom_aabb")
+        round_ = now.host.model.geom_type[geom] == 5  # mjGEOM_CYLINDER: one radius for both horizontal extents
+        size[:, geom, 0] += self.radius[:, 0]
+        box[:, geom, 3] += self.radius[:, 0]
+        if round_:
+            box[:, geom, 4] += self.radius[:, 0]
+        now.host.field("geom_rbound")[:, geom] += np.abs(self.radius[:, 0])
+
+
+@effect("object_offset", stage="contact", targets="object", gap_class="geometry")
+class ObjectOffset(Effect):
+    """The object stands off its place along the grasp axis, positive towards the left finger.
+
+    In a recording: one finger touches earlier, the other later, by distance / speed. Typical: 1-5 mm.
+    """
+
+    distance = parameter("m", identity=0.0, default=0.005, bounds=(-0.02, 0.02))
+
+    def place(self, now: Now) -> None:
+        first = now.wiring.object_qpos
+        if first is not None:
+            now.host.state("qpos")[:, first : first + 3] += self.distance * now.wiring.grasp_axis
+
+
+@effect("object_mass", stage="contact", targets="object")
+class ObjectMass(Effect):
+    """The object is heavier or lighter by a factor.
+
+    In a recording: visible where one finger pushes the object over the table, or where it is lifted. Typical: 0.5-2.
+    """
+
+    factor = parameter("-", identity=1.0, default=2.0, bounds=(0.1, 8.0))
+
+    def change(self, now: Now) -> None:
+        body = now.wiring.object_body
+        if body is None:
+            return
+        now.host.field("body_mass")[:, body] *= self.factor[:, 0]
+        now.host.field("body_inertia")[:, body] *= self.factor
+        now.rebuild = True
+
+
+def renew_contacts(now: Now, touched: NDArray[np.bool_], factors: Array) -> None:
+    """Write the pads' solver parameters for the masses, stiffness and damping that each simulation now has.
+
+    Args:
+        now: after masses and their derived constants are set.
+        touched: simulations whose contact an effect changes, (nsim,).
+        factors: on stiffness and damping, (nsim, 2).
+    """
+    wiring = now.wiring
+    assert now.contact is not None
+    stiffness, damping, points = now.contact
+    asked = compliance.Compliance(stiffness * factors[:, 0], damping * factors[:, 1])
+    weights = now.host.field("body_invweight0")
+    model = now.host.model
+    step = model.opt.timestep
+    for pair in wiring.pairs:
+        bodies = model.geom_bodyid[[model.pair_geom1[pair], model.pair_geom2[pair]]]
+        weight = weights[:, bodies, 0].sum(axis=1)
+        least = compliance.least_impedance(asked, weight, contact_points=points, timestep=step)
+        values = compliance.contact_parameters(
+            asked,
+            weight,
+            contact_points=points,
+            impedance=np.maximum(least, compliance.DEFAULT_IMPEDANCE),
+            timestep=step,
+        )
+        now.host.field("pair_solref")[touched, pair] = values.solref[touched]
+        now.host.field("pair_solimp")[touched, pair] = values.solimp[touched]

@@ -1,0 +1,203 @@
+"""What an effect is: a name, a stage of the signal chain, parameters with an identity value, and what it does.
+
+An effect is declared once, as a class, and serves the environments (``effects=``) and the diagnosis alike:
+
+    @effect("force_gain", stage="force_sensor", targets="sensor", gap_class="gain")
+    class ForceGain(Effect):
+        \"\"\"The load cell's gain is off.\"\"\"
+
+        factor = parameter("-", identity=1.0, default=1.3, bounds=(0.3, 3.0))
+
+        def reading(self, force, now):
+            return force * self.factor
+
+An instance holds the parameters of many simulations at once: ``self.factor`` is (nsim, ntargets). Hooks take and return
+arrays of that shape, once per control step (``added_friction``, ``added_damping``, ``added_force`` once per physics
+step). What an effect has to remember it keeps in attributes made in :meth:`Effect.start`, which is called at every
+reset. Where an effect is at its identity the chain takes the hook's input instead of its output, so that it changes
+nothing, to the last bit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar, Final, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from tiago_mj.gap.effects.chain import Now
+
+Array = NDArray[np.float64]
+
+#: In the order of the signal chain; within a stage effects act in the order of their declaration.
+STAGES: Final = (
+    "timing",
+    "command",
+    "actuator",
+    "transmission",
+    "contact",
+    "body",
+    "joint_sensor",
+    "force_sensor",
+)
+TARGETS: Final = ("command", "joint", "sensor", "object", "clock")
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A number that an effect has.
+
+    Attributes:
+        unit: (on a sliding joint, on a hinge); one serves both.
+        identity: value at which the effect is exactly absent; None: no such value (another parameter switches it off).
+        default: (slide, hinge), a clearly visible magnitude.
+        bounds: (low, high), what a fit may try.
+        nominal: ``velocity`` or ``effort``: default and bounds are shares of that nominal limit of the target.
+        name: as in the class.
+    """
+
+    unit: tuple[str, str]
+    identity: float | None
+    default: tuple[float, float]
+    bounds: tuple[tuple[float, float], tuple[float, float]]
+    nominal: str | None = None
+    name: str = ""
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        object.__setattr__(self, "name", name)
+
+
+def parameter(
+    unit: str | tuple[str, str],
+    *,
+    identity: float | None,
+    default: float | tuple[float, float],
+    bounds: tuple[float, float] | tuple[tuple[float, float], tuple[float, float]],
+    nominal: str | None = None,
+) -> Any:
+    """Declare a parameter in an effect's body; pairs are (sliding joint, hinge)."""
+    units = (unit, unit) if isinstance(unit, str) else unit
+    defaults = default if isinstance(default, tuple) else (default, default)
+    ranges: Any = bounds if isinstance(bounds[0], tuple) else (bounds, bounds)
+    return Parameter(units, identity, defaults, ranges, nominal)
+
+
+class Effect:
+    """Base of every effect. A declaration overrides the hooks of its stage and leaves the others."""
+
+    name: ClassVar[str]
+    stage: ClassVar[str]
+    targets: ClassVar[str]
+    gap_class: ClassVar[str]
+    parameters: ClassVar[Mapping[str, Parameter]]
+
+    def __init__(self, values: Mapping[str, Array], targets: Sequence[str] = ()) -> None:
+        for key, value in values.items():
+            setattr(self, key, value)
+        self.target_names = tuple(targets)
+
+    @property
+    def present(self) -> NDArray[np.bool_]:
+        """Where the effect is not at its identity, (nsim, ntargets)."""
+        switches = [p for p in self.parameters.values() if p.identity is not None]
+        present: NDArray[np.bool_] = np.logical_or.reduce([getattr(self, p.name) != p.identity for p in switches])
+        return present
+
+    def start(self, now: Now) -> None:
+        """Forget the episode before."""
+
+    # What it does; a declaration overrides the hooks that it needs, in the order in which they are called.
+
+    def change(self, now: Now) -> None:
+        """Change the model, once per reset, through ``now.host.field(name)``, which holds nominal values before."""
+
+    def place(self, now: Now) -> None:
+        """Change the initial state, once per reset, through ``now.host.state(name)``."""
+
+    def command(self, command: Array, now: Now) -> Array:
+        """The command as sent, (nsim, nactuators) in the interface's unit; what arrives."""
+        return command
+
+    def set_point(self, target: Array, now: Now) -> Array:
+        """The servo's set point as commanded, (nsim, nactuators) [m, rad]; the one that it takes."""
+        return target
+
+    def added_friction(self, now: Now) -> Array:
+        """Dry friction to add before a physics step, (nsim, njoints) [N, N·m]; its sign is whatever opposes motion."""
+        raise NotImplementedError
+
+    def added_damping(self, now: Now) -> Array:
+        """Viscous damping to add before a physics step, (nsim, njoints) [N·s/m, N·m·s/rad]."""
+        raise NotImplementedError
+
+    def added_force(self, now: Now) -> Array:
+        """Force on the joints to add before a physics step, (nsim, njoints) [N, N·m]."""
+        raise NotImplementedError
+
+    def measure_position(self, position: Array, now: Now) -> Array:
+        """Joint positions, (nsim, njoints) [m, rad]; as measured."""
+        return position
+
+    def measure_velocity(self, velocity: Array, now: Now) -> Array:
+        """Joint velocities, (nsim, njoints) [m/s, rad/s]; as measured."""
+        return velocity
+
+    def contact_force(self, newtons: Array, now: Now) -> Array:
+        """Force on the pads, (nsim, nsensors) [N]; the one that reaches the load cells."""
+        return newtons
+
+    def reading(self, reading: Array, now: Now) -> Array:
+        """Load-cell signal before noise, (nsim, nsensors) [sensor units]; as the cell gives it."""
+        return reading
+
+    def noise(self, noise: Array, now: Now) -> Array:
+        """Noise to be added to the signal, (nsim, nsensors) [sensor units]."""
+        return noise
+
+    def sample(self, sample: Array, now: Now) -> Array:
+        """Signal with noise, (nsim, nsensors) [sensor units]; as it arrives in the computer."""
+        return sample
+
+
+EFFECTS: Final[dict[str, type[Effect]]] = {}
+
+E = TypeVar("E", bound=type[Effect])
+
+
+def effect(name: str, *, stage: str, targets: str, gap_class: str | None = None) -> Callable[[E], E]:
+    """Register a declaration under ``name``.
+
+    Args:
+        name: as in ``effects=`` and ``diagnosis.json``.
+        stage: one of :data:`STAGES`.
+        targets: one of :data:`TARGETS`.
+        gap_class: groups effects that many recordings cannot tell apart; its own name if None.
+
+    Raises:
+        ValueError: the name is taken, the stage or target is unknown, or nothing can switch the effect off.
+    """
+    if stage not in STAGES or targets not in TARGETS:
+        raise ValueError(f"effect {name!r}: stage must be one of {STAGES}, targets one of {TARGETS}")
+
+    def register(declared: E) -> E:
+        known = EFFECTS.get(name)
+        if known is not None and (known.__module__, known.__qualname__) != (declared.__module__, declared.__qualname__):
+            raise ValueError(f"effect {name!r} is already declared, by {known.__module__}.{known.__qualname__}")
+        declared.name, declared.stage, declared.targets = name, stage, targets
+        declared.gap_class = gap_class or name
+        declared.parameters = {key: value for key, value in vars(declared).items() if isinstance(value, Parameter)}
+        if not any(p.identity is not None for p in declared.parameters.values()):
+            raise ValueError(f"effect {name!r} has no parameter with an identity: nothing could switch it off")
+        EFFECTS[name] = declared
+        return declared
+
+    return register
+
+
+def overrides(declared: type[Effect] | Effect, hook: str) -> bool:
+    """Whether a declaration has its own version of a hook."""
+    cls = declared if isinstance(declared, type) else type(declared)
+    return getattr(cls, hook) is not getattr(Effect, hook)

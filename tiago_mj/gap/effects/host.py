@@ -1,0 +1,126 @@
+"""One interface to one simulation (an environment's MjModel and MjData) and to many (a mujoco.Batch)."""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+import mujoco
+import mujoco.batch
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+class Host(Protocol):
+    """Simulations whose fields are arrays with a leading axis of simulations."""
+
+    nsim: int
+    model: mujoco.MjModel
+
+    def field(self, name: str) -> Array:
+        """A model field, (nsim, ...), writable; ``opt.gravity`` and the like, too."""
+
+    def state(self, name: str) -> Array:
+        """A state field such as ``qpos`` or ``ctrl``, (nsim, ...), writable."""
+
+    def output(self, name: str) -> Array:
+        """A derived field such as ``sensordata``, (nsim, ...), as of the last physics step."""
+
+    def set_timestep(self, seconds: Array) -> None:
+        """Physics step of every simulation, (nsim,) [s]."""
+
+    def step(self, count: int) -> None:
+        """Advance by so many physics steps."""
+
+    def forward(self) -> None:
+        """Compute derived fields at the present state."""
+
+    def set_const(self) -> None:
+        """Recompute the constants that follow from masses and inertias."""
+
+
+class ScalarHost:
+    """One model and its data, as views: what is written is the simulation's own."""
+
+    nsim = 1
+
+    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        self.model = model
+        self._data = data
+
+    def field(self, name: str) -> Array:
+        """See :class:`Host`."""
+        if name.startswith("opt."):
+            value = getattr(self.model.opt, name[4:])
+            if not isinstance(value, np.ndarray):
+                raise KeyError(f"{name} is no array: a scalar host changes it through model.opt")
+            return value[None]
+        return getattr(self.model, name)[None]
+
+    def state(self, name: str) -> Array:
+        """See :class:`Host`."""
+        return getattr(self._data, name)[None]
+
+    def output(self, name: str) -> Array:
+        """See :class:`Host`."""
+        return getattr(self._data, name)[None]
+
+    def set_timestep(self, seconds: Array) -> None:
+        """See :class:`Host`."""
+        self.model.opt.timestep = float(seconds[0])
+
+    def step(self, count: int) -> None:
+        """See :class:`Host`."""
+        mujoco.mj_step(self.model, self._data, nstep=count)
+
+    def forward(self) -> None:
+        """See :class:`Host`."""
+        mujoco.mj_forward(self.model, self._data)
+
+    def set_const(self) -> None:
+        """See :class:`Host`."""
+        mujoco.mj_setConst(self.model, mujoco.MjData(self.model))
+
+
+class BatchHost:
+    """Many simulations of one model, each with its own values of the fields that are asked for."""
+
+    def __init__(self, batch: mujoco.batch.Batch) -> None:
+        self.batch = batch
+        self.model = batch.model
+        self.nsim = batch.nsim
+        self._fields: dict[str, Any] = {}
+        self._states: dict[str, Any] = {}
+
+    def field(self, name: str) -> Array:
+        """See :class:`Host`."""
+        if name not in self._fields:
+            self._fields[name] = self.batch.expand(name)
+        return self._fields[name]
+
+    def state(self, name: str) -> Array:
+        """See :class:`Host`."""
+        if name not in self._states:
+            self._states[name] = self.batch.bind(name)
+        return self._states[name]
+
+    def output(self, name: str) -> Array:
+        """See :class:`Host`."""
+        return self.batch.bind(name)
+
+    def set_timestep(self, seconds: Array) -> None:
+        """See :class:`Host`."""
+        self.field("opt.timestep")[:] = seconds
+
+    def step(self, count: int) -> None:
+        """See :class:`Host`."""
+        self.batch.step(nstep=count)
+
+    def forward(self) -> None:
+        """See :class:`Host`."""
+        self.batch.forward()
+
+    def set_const(self) -> None:
+        """See :class:`Host`."""
+        self.batch.set_const()

@@ -1,0 +1,70 @@
+"""Encoders: from where a joint is to what is read."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tiago_mj.gap.effects.chain import Now
+from tiago_mj.gap.effects.command import rounded
+from tiago_mj.gap.effects.declare import Array, Effect, effect, parameter
+from tiago_mj.gap.effects.memory import LowPass
+
+LENGTH = ("m", "rad")
+
+
+@effect("encoder_bias", stage="joint_sensor", targets="joint")
+class EncoderBias(Effect):
+    """A constant error of the position readings.
+
+    In a recording: the same offset everywhere, at rest too. Typical: below 1 mm, 10 mrad, after a poor homing.
+    """
+
+    offset = parameter(LENGTH, identity=0.0, default=0.001, bounds=((-0.01, 0.01), (-0.2, 0.2)))
+
+    def measure_position(self, position: Array, now: Now) -> Array:
+        return position + self.offset
+
+
+@effect("encoder_scale", stage="joint_sensor", targets="joint")
+class EncoderScale(Effect):
+    """Position readings, and the velocities that are made of them, times a factor.
+
+    In a recording: the error grows with the distance from zero. Typical: 0.98-1.02.
+    """
+
+    factor = parameter("-", identity=1.0, default=1.05, bounds=(0.7, 1.4))
+
+    def measure_position(self, position: Array, now: Now) -> Array:
+        return position * self.factor
+
+    def measure_velocity(self, velocity: Array, now: Now) -> Array:
+        return velocity * self.factor
+
+
+@effect("encoder_quantization", stage="joint_sensor", targets="joint")
+class EncoderQuantization(Effect):
+    """Position readings are rounded to a grid.
+
+    In a recording: readings stand still and jump by equal steps. Typical: 1.53 mrad (4096 steps a turn).
+    """
+
+    step = parameter(LENGTH, identity=0.0, default=0.0005, bounds=(0.0, 0.005))
+
+    def measure_position(self, position: Array, now: Now) -> Array:
+        return rounded(position, self.step)
+
+
+@effect("velocity_filter", stage="joint_sensor", targets="joint")
+class VelocityFilter(Effect):
+    """Reported velocities are low-passed: time_constant · dy/dt = velocity - y.
+
+    In a recording: velocities trail the derivative of the positions. Typical: 10-50 ms.
+    """
+
+    time_constant = parameter("s", identity=0.0, default=0.04, bounds=(0.0, 0.3))
+
+    def start(self, now: Now) -> None:
+        self._filter = LowPass(self.time_constant, np.zeros_like(self.time_constant))
+
+    def measure_velocity(self, velocity: Array, now: Now) -> Array:
+        return self._filter(velocity, now.period)

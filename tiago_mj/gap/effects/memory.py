@@ -1,0 +1,81 @@
+"""What effects remember: a delay line, a low-pass, a value that is held, a play."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+class DelayLine:
+    """A signal as it was some seconds ago, with fractions of a control period by linear interpolation.
+
+    Before the first sample the signal was ``before``, or the first sample where that is None.
+    """
+
+    def __init__(self, seconds: Array, before: Array | None = None) -> None:
+        self._seconds = seconds
+        self._before = before
+        self._past: list[Array] = []
+
+    def __call__(self, value: Array, period: Array) -> Array:
+        """Take the next sample, (nsim, n), and return the delayed one."""
+        first = value if self._before is None else self._before
+        with np.errstate(divide="ignore", invalid="ignore"):
+            lag = np.where(period > 0, self._seconds / period, 0.0)
+        if not self._past:
+            self._past = [np.array(first)] * (int(np.ceil(lag.max(initial=0.0))) + 2)
+        self._past.insert(0, np.array(value))
+        self._past.pop()
+        past = np.stack(self._past)
+        whole = np.clip(np.floor(lag).astype(int), 0, len(past) - 2)
+        share = np.clip(lag - whole, 0.0, 1.0)
+        newer = np.take_along_axis(past, np.broadcast_to(whole, value.shape)[None], axis=0)[0]
+        older = np.take_along_axis(past, np.broadcast_to(whole + 1, value.shape)[None], axis=0)[0]
+        return (1 - share) * newer + share * older
+
+
+class LowPass:
+    """First-order lag: time_constant · dy/dt = x - y, exact for an input that is held over the period."""
+
+    def __init__(self, time_constant: Array, before: Array | None = None) -> None:
+        self._time_constant = time_constant
+        self._value = before
+
+    def __call__(self, value: Array, period: Array) -> Array:
+        """Take the next sample, (nsim, n), and return the lagged one; the first sample passes where nothing was
+        before."""
+        if self._value is None:
+            self._value = np.array(value)
+        with np.errstate(divide="ignore"):
+            gain = -np.expm1(-period / self._time_constant)
+        self._value = self._value + gain * (value - self._value)
+        return self._value
+
+
+class Held:
+    """A value that some updates never reach: the one before stays."""
+
+    def __init__(self, before: Array | None = None) -> None:
+        self._value = before
+
+    def __call__(self, value: Array, lost: NDArray[np.bool_]) -> Array:
+        """Take the next sample, (nsim, n), and return the one that arrived last."""
+        self._value = np.array(value) if self._value is None else np.where(lost, self._value, value)
+        return self._value
+
+
+class Play:
+    """The play (backlash) operator: the output moves only when the input pushes it at one side of the gap."""
+
+    def __init__(self, width: Array, before: Array | None = None) -> None:
+        self._half = width / 2
+        self._value = before
+
+    def __call__(self, value: Array) -> Array:
+        """Take the next sample, (nsim, n), and return the output, which starts in the middle of the gap."""
+        if self._value is None:
+            self._value = np.array(value)
+        self._value = np.clip(self._value, value - self._half, value + self._half)
+        return self._value

@@ -1,0 +1,46 @@
+"""Clocks: when a measurement is said to have been made."""
+
+from __future__ import annotations
+
+from tiago_mj.gap.effects.chain import Now
+from tiago_mj.gap.effects.declare import Array, Effect, effect, parameter
+from tiago_mj.gap.effects.memory import DelayLine
+
+
+@effect("clock_offset", stage="timing", targets="clock", gap_class="delay")
+class ClockOffset(Effect):
+    """All measured channels are stamped late by a constant.
+
+    measured(t) = true(t - seconds), for positions, velocities and forces alike.
+
+    In a recording: everything measured comes late by the same time, at every speed; nothing changes at rest.
+    Typical: 0-25 ms in a bus loop (PACE).
+    """
+
+    seconds = parameter("s", identity=0.0, default=0.03, bounds=(0.0, 0.2))
+
+    def start(self, now: Now) -> None:
+        self._position, self._velocity, self._sample = (DelayLine(self.seconds) for _ in range(3))
+
+    def measure_position(self, position: Array, now: Now) -> Array:
+        return self._position(position, now.period)
+
+    def measure_velocity(self, velocity: Array, now: Now) -> Array:
+        return self._velocity(velocity, now.period)
+
+    def sample(self, sample: Array, now: Now) -> Array:
+        return self._sample(sample, now.period)
+
+
+@effect("clock_skew", stage="timing", targets="clock")
+class ClockSkew(Effect):
+    """The recorder's clock runs fast: a recorded second is 1 / (1 + rate) true seconds.
+
+    In a recording: motion looks slower by the factor, and the error of positions grows with the distance travelled.
+    Typical: below 1e-4 for quartz; up to 1e-2 where loop counts are taken for time.
+    """
+
+    rate = parameter("-", identity=0.0, default=0.005, bounds=(-0.05, 0.05))
+
+    def place(self, now: Now) -> None:
+        now.clock = now.clock / (1 + self.rate[:, 0])

@@ -1,0 +1,202 @@
+"""Between motor and joint: friction, play, springs, inertia."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tiago_mj.gap.effects.actuator import DAMPING, FORCE, scale_gains
+from tiago_mj.gap.effects.chain import STICKING_SOLIMP, STICKING_SOLREF, Now
+from tiago_mj.gap.effects.declare import Array, Effect, effect, parameter
+from tiago_mj.gap.effects.memory import Play
+
+SPEED = ("m/s", "rad/s")
+
+#: Speed below which a joint counts as standing when the direction of its friction is asked for [m/s, rad/s].
+STANDING = 1e-5
+#: A joint above its velocity limit is braked with its whole effort at this share above the limit.
+OVERSPEED = 0.02
+
+
+def let_it_stick(effect: Effect, now: Now) -> None:
+    """Give the joints that have the effect the solver parameters with which dry friction holds."""
+    now.fill("dof_solimp", effect.present, STICKING_SOLIMP)
+    now.fill("dof_solref", effect.present, STICKING_SOLREF)
+
+
+@effect("velocity_limit", stage="transmission", targets="joint")
+class VelocityLimit(Effect):
+    """The joint moves no faster than a limit, whatever is commanded.
+
+    In a recording: fast commands are followed at a constant lower speed while the servo's error grows.
+    Typical: no-load speed of the motor at a low supply voltage, 50-90 % of the rated one.
+    """
+
+    velocity = parameter(SPEED, identity=np.inf, default=0.5, bounds=(0.05, 1.0), nominal="velocity")
+
+    def change(self, now: Now) -> None:
+        effort = [now.wiring.targets.nominal("effort", "joint", i) for i in range(self.velocity.shape[1])]
+        # Where no limit is known, what the servo could give over a metre or radian of error is more than enough.
+        strongest = np.where(np.isfinite(effort), effort, 1e3)
+        with np.errstate(invalid="ignore"):
+            self._brake = np.where(self.present, strongest / (OVERSPEED * self.velocity), 0.0)
+
+    def added_damping(self, now: Now) -> Array:
+        speed = np.abs(now.joint_velocity)
+        return self._brake * np.clip(speed / self.velocity - 1, 0, OVERSPEED) / OVERSPEED
+
+
+@effect("coulomb_friction", stage="transmission", targets="joint", gap_class="friction")
+class CoulombFriction(Effect):
+    """Dry friction beyond the nominal: constant against motion, and it sticks.
+
+    In a recording: set points trail by force / stiffness, with a jump at each reversal; small set-point changes do
+    nothing.
+    Typical: 2 N on PAL's fingers (pal_gripper), 2-5 N·m on TIAGo's arm_1-4 (fitted on the public recording).
+    """
+
+    force = parameter(FORCE, identity=0.0, default=3.0, bounds=((-2.0, 12.0), (-1.0, 15.0)))
+
+    def change(self, now: Now) -> None:
+        friction = now.host.field("dof_frictionloss")
+        friction[:, now.wiring.dof] = np.maximum(friction[:, now.wiring.dof] + self.force, 0.0)
+        let_it_stick(self, now)
+
+
+@effect("viscous_friction", stage="transmission", targets="joint", gap_class="damping")
+class ViscousFriction(Effect):
+    """Linear damping beyond the nominal: -damping · velocity.
+
+    In a recording: as servo damping, but not bounded by the servo's force limit: trailing in proportion to speed.
+    Typical: 80 N·s/m on PAL's fingers, 4-28 N·m·s/rad on TIAGo's arm_1-4 (fitted on the public recording).
+    """
+
+    damping = parameter(DAMPING, identity=0.0, default=(40.0, 5.0), bounds=((-80.0, 400.0), (-1.0, 60.0)))
+
+    def change(self, now: Now) -> None:
+        damping = now.host.field("dof_damping")
+        damping[:, now.wiring.dof] = np.maximum(damping[:, now.wiring.dof] + self.damping, 0.0)
+
+
+@effect("stribeck_friction", stage="transmission", targets="joint", gap_class="friction")
+class StribeckFriction(Effect):
+    """Extra breakaway friction that fades with speed: static · exp(-(v / velocity)²).
+
+    In a recording: stick-slip at low speed, a jerk at every start, nothing in fast motion.
+    Typical: 20-100 % of the Coulomb friction, gone at 5-20 mm/s.
+    """
+
+    static = parameter(FORCE, identity=0.0, default=3.0, bounds=(0.0, 12.0))
+    velocity = parameter(SPEED, identity=None, default=0.01, bounds=((0.001, 0.05), (0.001, 0.5)))
+
+    def change(self, now: Now) -> None:
+        let_it_stick(self, now)
+
+    def added_friction(self, now: Now) -> Array:
+        return self.static * np.exp(-np.square(now.joint_velocity / self.velocity))
+
+
+@effect("load_dependent_friction", stage="transmission", targets="joint", gap_class="friction")
+class LoadDependentFriction(Effect):
+    """Friction that grows with the transmitted force: coefficient · |actuator force|.
+
+    In a recording: free motion is as nominal; under load, forces differ between closing and opening.
+    Typical: 0.05-0.3 in worm and screw drives.
+    """
+
+    coefficient = parameter("-", identity=0.0, default=0.15, bounds=(0.0, 0.8))
+
+    def change(self, now: Now) -> None:
+        let_it_stick(self, now)
+
+    def added_friction(self, now: Now) -> Array:
+        return self.coefficient * np.abs(now.joint_effort)
+
+
+@effect("asymmetric_friction", stage="transmission", targets="joint", gap_class="friction")
+class AsymmetricFriction(Effect):
+    """Dry friction that is larger by ``force`` in the positive direction, and smaller in the negative, though never
+    below 0.
+
+    In a recording: the error at constant speed differs between opening and closing. Typical: a quarter of the friction.
+    """
+
+    force = parameter(FORCE, identity=0.0, default=2.0, bounds=(-10.0, 10.0))
+
+    def change(self, now: Now) -> None:
+        let_it_stick(self, now)
+
+    def added_friction(self, now: Now) -> Array:
+        speed = now.joint_velocity
+        direction = np.sign(np.where(np.abs(speed) > STANDING, speed, now.joint_effort))
+        return self.force * direction
+
+
+@effect("backlash", stage="transmission", targets="joint", gap_class="play")
+class Backlash(Effect):
+    """Play between motor and joint: the joint follows only when the motor has crossed the gap.
+
+    A play operator of that width on the set point.
+
+    In a recording: after each reversal the joint waits while the command moves by the width.
+    Typical: 0.1-1 mm on screw-driven fingers, 0.5-2 degrees on hobby servos.
+    """
+
+    width = parameter(("m", "rad"), identity=0.0, default=0.001, bounds=((0.0, 0.006), (0.0, 0.1)))
+
+    def start(self, now: Now) -> None:
+        self._play = Play(self.width[:, list(now.wiring.targets.actuated)], now.set_point)
+
+    def set_point(self, target: Array, now: Now) -> Array:
+        return self._play(target)
+
+
+@effect("joint_elasticity", stage="transmission", targets="joint", gap_class="gain")
+class JointElasticity(Effect):
+    """A spring between motor and joint, in series with the servo: 1 / (1 / kp + 1 / stiffness).
+
+    In a recording: as a lower servo stiffness; the force per set point falls. Typical: 1-5 times the servo's stiffness.
+    """
+
+    stiffness = parameter(
+        ("N/m", "N·m/rad"), identity=np.inf, default=3000.0, bounds=((300.0, 40_000.0), (1.0, 40_000.0))
+    )
+
+    def change(self, now: Now) -> None:
+        actuated = list(now.wiring.targets.actuated)
+        nominal = np.abs(now.host.model.actuator_biasprm[now.wiring.actuators, 1])
+        with np.errstate(invalid="ignore"):
+            share = np.where(self.present[:, actuated], 1 / (1 + nominal / self.stiffness[:, actuated]), 1.0)
+        scale_gains(now, share, np.ones_like(share))
+
+
+@effect("armature", stage="transmission", targets="joint")
+class Armature(Effect):
+    """Reflected inertia of motor and gear beyond the nominal.
+
+    In a recording: slower starts and stops, overshoot; nothing at constant speed.
+    Typical: 0.0018, 0.027, 0.34 kg·m² from small to large servos (BAM).
+    """
+
+    mass = parameter(("kg", "kg·m²"), identity=0.0, default=0.3, bounds=((0.0, 5.0), (0.0, 3.0)))
+
+    def change(self, now: Now) -> None:
+        armature = now.host.field("dof_armature")
+        armature[:, now.wiring.dof] = np.maximum(armature[:, now.wiring.dof] + self.mass, 0.0)
+        now.rebuild = True
+
+
+@effect("coupling_error", stage="transmission", targets="joint")
+class CouplingError(Effect):
+    """Part of one joint's motion appears on its neighbour (of one finger's on the other).
+
+    set point += ratio · (the partner's set point - where that began).
+
+    In a recording: a joint moves that was not commanded. Typical: 0-10 % where two fingers share a carriage.
+    """
+
+    ratio = parameter("-", identity=0.0, default=0.1, bounds=(-0.6, 0.6))
+
+    def set_point(self, target: Array, now: Now) -> Array:
+        partner = now.wiring.partner
+        ratio = self.ratio[:, list(now.wiring.targets.actuated)]
+        return target + ratio * (target[:, partner] - now.set_point[:, partner])
