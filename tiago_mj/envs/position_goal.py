@@ -31,9 +31,9 @@ SPIN_BOUND: Final = 1000.0
 CUBE: Final = GraspObject(shape="box", width=0.05, height=0.05, mass=0.0875)
 
 #: Hand above the middle of the table's near half, pointing straight down, closing along y: grasp point of the TA11 hand
-#: at (0.65, 0, 0.70) m, fingertips 0.13 m above the table. Inverse kinematics on the model; chosen so that the whole of
-#: :data:`TABLE_REGION` is reached from here without a change of arm configuration and no joint comes closer than
-#: 0.14 rad to its soft limits (docs/tasks.md).
+#: at (0.65, 0, 0.70) m, fingertips 0.13 m above the table. From inverse kinematics on the model, the one of many
+#: solutions from which the whole of :data:`TABLE_REGION` is reached without a change of arm configuration and farthest
+#: from the soft limits (docs/tasks.md has the margins).
 ABOVE_TABLE: Final[Mapping[str, float]] = MappingProxyType(
     dict(zip(names.TIAGO_JOINTS, (0.3, 1.884, 0.585, 0.669, 1.647, -0.771, 0.804, -0.719, 0.045, 0.045), strict=True))
 )
