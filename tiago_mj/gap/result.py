@@ -1,0 +1,170 @@
+"""What a diagnosis says: the value that every writer (JSON, HTML, terminal, calibration file) takes.
+
+Field by field it is ``diagnosis.json`` (schema ``tiago_mj.diagnosis/1``); what a picture needs beside it is in
+:class:`Overlay`. Unknown numbers are None, never NaN.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tiago_mj.gap.recording import Finding
+
+Array = NDArray[np.float64]
+
+SCHEMA: Final = "tiago_mj.diagnosis/1"
+KINDS: Final = ("no_gap", "effect", "ambiguous", "unknown")
+PHASES: Final = ("rest", "free motion", "reversal", "contact onset", "loading", "hold", "release")
+BANDS: Final = ("bias", "below 1 Hz", "1-5 Hz", "above 5 Hz")
+
+
+@dataclass(frozen=True)
+class Value:
+    """A parameter with its 90 % interval, in ``unit``."""
+
+    value: float
+    low: float | None
+    high: float | None
+    unit: str
+
+
+@dataclass(frozen=True)
+class Named:
+    """An effect on its targets, with what was fitted; ``target`` is ``"all"``, one name or several."""
+
+    name: str
+    target: str | tuple[str, ...]
+    parameters: Mapping[str, Value] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """A set of effects that may explain the gap; the empty set is the nominal model.
+
+    Attributes:
+        effects: none, one or two.
+        probability: calibrated, that it is the true one, up to its classes.
+        validation_gain: drop of the validation trials' mean squared residual [in units of the floor].
+    """
+
+    effects: tuple[Named, ...]
+    probability: float
+    validation_gain: float
+
+
+@dataclass(frozen=True)
+class Place:
+    """One row of the gap table. ``gap`` is the mean squared residual in units of the floor; ``share`` of the excess."""
+
+    channel: str
+    phase: str
+    band: str
+    gap: float
+    low: float
+    high: float
+    share: float
+
+
+@dataclass(frozen=True)
+class Closing:
+    """Gap of one channel on the test trials, before and after; ``closed`` None where there was nothing to close."""
+
+    before: float
+    after: float
+    closed: float | None
+
+
+@dataclass(frozen=True)
+class Shrink:
+    """How far the gap shrinks on trials that were used for nothing else. None: there was no test trial, or no gap.
+
+    ``task`` is {policy, nominal, repaired, measured}: the return of a policy, predicted before and after; or None.
+    """
+
+    before: float | None
+    after: float | None
+    floor: float
+    closed: float | None
+    low: float | None
+    high: float | None
+    per_channel: Mapping[str, Closing] = field(default_factory=dict)
+    task: Mapping[str, Any] | None = None
+
+
+@dataclass(frozen=True)
+class NextMotion:
+    """The motion of the menu that best tells the alternatives apart."""
+
+    file: str
+    resolves: tuple[tuple[str, str], ...]
+    expected_probability: float
+
+
+@dataclass(frozen=True)
+class Overlay:
+    """Signals of one test (or last) trial for the report's pictures, one per channel.
+
+    Attributes:
+        trial: its name.
+        time: (T,) [s].
+        phases: per row, an index into :data:`PHASES`, (T,).
+        measured, nominal, repaired: by channel, (T,) in the channel's unit; NaN where nothing was measured.
+        units: by channel.
+        floor: by channel, one standard deviation of its noise.
+    """
+
+    trial: str
+    time: Array
+    phases: NDArray[np.int_]
+    measured: Mapping[str, Array]
+    nominal: Mapping[str, Array]
+    repaired: Mapping[str, Array]
+    units: Mapping[str, str]
+    floor: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """The whole answer.
+
+    Attributes:
+        kind: one of :data:`KINDS`.
+        best: the best explanation (no effects for ``no_gap``; what is known for ``unknown``).
+        alternatives: explanations that the data cannot tell from the best, the best among them.
+        remains, remains_where: whether and where a gap above the floor is left after the best explanation.
+        not_excited: effects that the motion does not excite: not ruled out.
+        where: the gap table of the nominal model; shares sum to 1 where there is an excess.
+        stage: of the signal chain that the pattern points to, or None.
+        shrink, ranking, findings, next_motion: as named.
+        splits: trial names by ``train``, ``validation``, ``test``.
+        robot: what was simulated.
+        complete: False when a time budget ran out.
+        overlays: for the pictures, not in the JSON.
+        notes: sentences that a reader should know (no test trial, channels left out, what the log cannot show).
+    """
+
+    kind: str
+    best: Explanation
+    alternatives: tuple[Explanation, ...]
+    remains: bool
+    remains_where: tuple[Place, ...]
+    not_excited: tuple[str, ...]
+    where: tuple[Place, ...]
+    stage: str | None
+    shrink: Shrink
+    ranking: tuple[Explanation, ...]
+    findings: tuple[Finding, ...]
+    next_motion: NextMotion | None
+    splits: Mapping[str, tuple[str, ...]]
+    robot: str
+    complete: bool
+    seed: int
+    version: str
+    seconds: float
+    overlays: tuple[Overlay, ...] = ()
+    notes: tuple[str, ...] = ()
