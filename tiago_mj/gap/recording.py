@@ -94,7 +94,8 @@ class Sidecar:
     Attributes:
         schema: :data:`SCHEMA`.
         trial: name of the trial.
-        robot: environment id, robot name, or path of an MJCF file.
+        robot: environment id, robot name, or path of an MJCF file; read from a sidecar, a path that leads to a file
+            from the recording's folder is absolute.
         rate_hz: rate of the commands, or of the rows where there are none [Hz].
         interface: what a command is: ``velocity`` [m/s, rad/s], ``position`` [m, rad] or ``effort`` [N, N·m]; None
             only where nothing is commanded.

@@ -46,7 +46,7 @@ def read_recordings(
     files = list(find_recordings(paths))
     for path in files:
         trial, found = trial_from_table(_load(path, content), columns, defaults or {})
-        trials.append(trial)
+        trials.append(_model_found(trial, path))
         findings += found
     trials = _unique_names(trials, files)
     kept, copies = _without_copies(trials)
@@ -101,6 +101,14 @@ def _load(path: Path, content: Mapping[str, Any]) -> Table:
 
         return read_bag(path, content, sidecar, beside.name)
     return read_table(path, sidecar, beside.name)
+
+
+def _model_found(trial: Trial, path: Path) -> Trial:
+    """An MJCF that the sidecar names lies where the sidecar says, seen from the recording's folder."""
+    model = path.parent / trial.sidecar.robot
+    if not trial.sidecar.robot.endswith(".xml") or not model.is_file():
+        return trial
+    return replace(trial, sidecar=replace(trial.sidecar, robot=str(model.resolve())))
 
 
 def _unique_names(trials: list[Trial], files: Sequence[Path]) -> list[Trial]:
