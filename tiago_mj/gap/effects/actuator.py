@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tiago_mj.gap.effects.chain import Now
 from tiago_mj.gap.effects.declare import Array, Effect, effect, parameter
@@ -18,6 +19,20 @@ def scale_gains(now: Now, position: Array, velocity: Array) -> None:
     gain[:, ids, 0] *= position
     bias[:, ids, 1] *= position
     bias[:, ids, 2] *= velocity
+
+
+def limit_forces(now: Now, present: NDArray[np.bool_], limit: Array) -> None:
+    """Let the servos' forces saturate at ± limit, or earlier where they did, (nsim, nactuators) [N, N·m]."""
+    ids = now.wiring.actuators
+    limits = now.host.field("actuator_forcerange")
+    unlimited = np.asarray(now.host.model.actuator_forcelimited[ids] == 0)
+    low = np.where(unlimited, -np.inf, limits[:, ids, 0])
+    high = np.where(unlimited, np.inf, limits[:, ids, 1])
+    if unlimited.any():
+        limited = now.host.field("actuator_forcelimited")
+        limited[:, ids] = np.where(present & unlimited, 1, limited[:, ids])
+    limits[:, ids, 0] = np.where(present, np.maximum(low, -limit), limits[:, ids, 0])
+    limits[:, ids, 1] = np.where(present, np.minimum(high, limit), limits[:, ids, 1])
 
 
 @effect("servo_stiffness", stage="actuator", targets="command", gap_class="gain")
@@ -61,16 +76,7 @@ class ForceLimit(Effect):
     limit = parameter(FORCE, identity=np.inf, default=0.4, bounds=(0.02, 1.0), nominal="effort")
 
     def change(self, now: Now) -> None:
-        ids = now.wiring.actuators
-        limits = now.host.field("actuator_forcerange")
-        unlimited = np.asarray(now.host.model.actuator_forcelimited[ids] == 0)
-        low = np.where(unlimited, -np.inf, limits[:, ids, 0])
-        high = np.where(unlimited, np.inf, limits[:, ids, 1])
-        if unlimited.any():
-            limited = now.host.field("actuator_forcelimited")
-            limited[:, ids] = np.where(self.present & unlimited, 1, limited[:, ids])
-        limits[:, ids, 0] = np.where(self.present, np.maximum(low, -self.limit), limits[:, ids, 0])
-        limits[:, ids, 1] = np.where(self.present, np.minimum(high, self.limit), limits[:, ids, 1])
+        limit_forces(now, self.present, self.limit)
 
 
 @effect("torque_constant", stage="actuator", targets="command", gap_class="gain")

@@ -13,7 +13,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from tiago_mj.gap.effects.declare import EFFECTS, STAGES, overrides
+from tiago_mj.gap.effects.declare import EFFECTS, STAGES, Effect, overrides
 from tiago_mj.gap.effects.host import Host
 from tiago_mj.gap.effects.spec import Entry, Targets, arrays
 
@@ -75,6 +75,10 @@ class Now:
         self.dt = np.zeros(host.nsim)
         self.clock = np.ones(host.nsim)
         """True seconds in one second of the recorder's clock, (nsim,)."""
+        self.substeps = 1
+        """Physics steps in a control period."""
+        self.elapsed = np.zeros(host.nsim)
+        """True time since the episode began, (nsim,) [s]."""
         self.idle = np.zeros((host.nsim, len(wiring.actuators)))
         """What an actuator was commanded before the first command, (nsim, nactuators)."""
         self.set_point = self.idle
@@ -87,7 +91,7 @@ class Now:
     @property
     def time(self) -> Array:
         """Since the episode began, (nsim, 1) [s]."""
-        return (self.step * self.dt)[:, None]
+        return self.elapsed[:, None]
 
     @property
     def period(self) -> Array:
@@ -141,16 +145,19 @@ class Chain:
         self.now = Now(host, wiring, uniform)
         wanted = {entry.name for entries in sims for entry in entries}
         order = sorted((name for name in EFFECTS if name in wanted), key=lambda name: STAGES.index(EFFECTS[name].stage))
-        self.effects = [arrays(EFFECTS[name], sims, wiring.targets) for name in order]
+        effects = [arrays(EFFECTS[name], sims, wiring.targets) for name in order]
+        self.effects = [effect for effect in effects if effect.present.any()]  # the others draw no random numbers
         self._host, self._wiring = host, wiring
         self._nominal: dict[str, Array] = {}
         self._masks = {effect.name: effect.present for effect in self.effects}
         self._moves_set_point = self._any("set_point")
-        hooks = ("added_friction", "added_damping", "added_force")
+        hooks = ("added_friction", "added_damping", "added_force", "force_range")
         self._per_substep = any(overrides(e, hook) for e in self.effects for hook in hooks)
         self._timestep = float(host.model.opt.timestep)
         self._base_friction: Any = None
         self._base_damping: Any = None
+        self._base_range: Any = None
+        self._limits_force = any(overrides(e, "force_range") for e in self.effects)
 
     # Reset ----------------------------------------------------------------------------------------------------------
 
@@ -175,7 +182,8 @@ class Chain:
         self.restore()
         now = self.now
         now.contact = contact
-        now.step, now.rebuild = 0, False
+        now.step, now.substeps, now.rebuild = 0, substeps, False
+        now.elapsed = np.zeros(self._host.nsim)
         now.dt, now.clock = np.full(self._host.nsim, period), np.ones(self._host.nsim)
         self._substeps = substeps
         recording = _Recording(self._host, self._nominal)
@@ -197,7 +205,13 @@ class Chain:
             wiring = self._wiring
             self._base_friction = recording.field("dof_frictionloss")[:, wiring.dof].copy()
             self._base_damping = recording.field("dof_damping")[:, wiring.dof].copy()
+            if self._limits_force:
+                self._base_range = recording.field("actuator_forcerange")[:, wiring.actuators].copy()
+        self._plain = self.now.joint_position[:, list(self._wiring.targets.actuated)]
         self._target = self.set_points()
+        self._shift = np.zeros_like(self._target)
+        if self._wiring.ideal:
+            self._measure_slack()
         now.set_point = self._target.copy()
         now.idle = self._target.copy() if self._wiring.interface == "position" else np.zeros_like(self._target)
         for effect in self.effects:
@@ -223,14 +237,14 @@ class Chain:
     # A control step -------------------------------------------------------------------------------------------------
 
     def set_points(self) -> Array:
-        """The servos' set points, (nsim, nactuators) [m, rad]; the joint's position where there is no servo."""
+        """The servos' set points, (nsim, nactuators) [m, rad]; the joint's first position where there is no servo."""
         wiring = self._wiring
-        joint = self.now.joint_position[:, list(wiring.targets.actuated)]
         stateful = wiring.act >= 0
         if stateful.all():
             return self._host.state("act")[:, wiring.act].copy()
-        joint[:, stateful] = self._host.state("act")[:, wiring.act[stateful]]
-        return joint
+        plain = self._plain.copy()
+        plain[:, stateful] = self._host.state("act")[:, wiring.act[stateful]]
+        return plain
 
     def advance(self, command: Array, seconds: Array | None = None) -> None:
         """Let the commands act for one control period.
@@ -257,9 +271,10 @@ class Chain:
             else:
                 wanted = command
                 ctrl = _towards(command, present, now.period, limit)
-            self._target = np.clip(wanted, wiring.span[:, 0], wiring.span[:, 1])
+            low, high = wiring.span[:, 0] - self._shift, wiring.span[:, 1] - self._shift
+            self._target = np.clip(wanted, low, high)
             if self._moves_set_point is not None:
-                effective = self._through("set_point", self._target)
+                effective = self._through("set_point", self._target) + self._shift
                 moved = _towards(effective, present, now.period, limit)
                 ctrl = np.where(self._moves_set_point, moved, ctrl)
         self._write_ctrl(ctrl)
@@ -269,26 +284,33 @@ class Chain:
         else:
             self._host.step(self._substeps)
         now.step += 1
+        now.elapsed = now.elapsed + now.dt
 
     def _hold_set_points(self) -> None:
         """An ideal servo has no set point to run away: what the effort limit cannot hold is forgotten."""
-        wiring, host = self._wiring, self._host
-        stiffness = host.model.actuator_gainprm[wiring.actuators, 0]
-        slack = host.model.actuator_forcerange[wiring.actuators, 1] / stiffness
-        lag = -host.model.actuator_biasprm[wiring.actuators, 2] / stiffness
+        wiring = self._wiring
         joints = list(wiring.targets.actuated)
-        joint = self.now.joint_position[:, joints] + lag * self.now.joint_velocity[:, joints]
-        held = np.minimum(np.maximum(self.set_points(), joint - slack), joint + slack)
-        host.state("act")[:, wiring.act] = held
-        self._target = held
+        joint = self.now.joint_position[:, joints] + self._lag * self.now.joint_velocity[:, joints]
+        present = self.set_points()
+        held = np.minimum(np.maximum(present, joint - self._slack), joint + self._slack)
+        self._host.state("act")[:, wiring.act] = held
+        if wiring.interface == "velocity":
+            # Commands and what effects remember of them stay in a frame of their own, which the forgetting moves.
+            self._shift = self._shift + (held - present)
+
+    def _measure_slack(self) -> None:
+        """How far an ideal servo's set point may lead, and its lag [m, rad], [s]; of each simulation's own servo."""
+        ids, host = self._wiring.actuators, self._host
+        stiffness = host.field("actuator_gainprm")[:, ids, 0]
+        self._slack = host.field("actuator_forcerange")[:, ids, 1] / stiffness
+        self._lag = -host.field("actuator_biasprm")[:, ids, 2] / stiffness
 
     def _write_ctrl(self, ctrl: Array) -> None:
         """Speeds for integrating servos, set points for plain position actuators, forces for motors."""
         wiring = self._wiring
         plain = wiring.servo & (wiring.act < 0)  # a position actuator takes the set point itself
         if wiring.interface != "effort" and plain.any():
-            present = getattr(self, "_plain", self.set_points())
-            self._plain = np.clip(present + ctrl * self.now.period, wiring.span[:, 0], wiring.span[:, 1])
+            self._plain = np.clip(self._plain + ctrl * self.now.period, wiring.span[:, 0], wiring.span[:, 1])
             ctrl = np.where(plain, self._plain, ctrl)
         self._host.state("ctrl")[:, wiring.ctrl] = ctrl
 
@@ -307,6 +329,13 @@ class Chain:
         host.field("dof_frictionloss")[:, dof] = np.maximum(friction, 0.0)
         host.field("dof_damping")[:, dof] = np.maximum(damping, 0.0)
         host.state("qfrc_applied")[:, dof] = force
+        if self._limits_force:
+            limits = self._base_range
+            for effect in self.effects:
+                if overrides(effect, "force_range"):
+                    mask = self._of_actuators(effect)[:, :, None]
+                    limits = np.where(mask, effect.force_range(limits, now), limits)
+            host.field("actuator_forcerange")[:, self._wiring.actuators] = limits
         host.step(1)
 
     # Reading --------------------------------------------------------------------------------------------------------
@@ -327,16 +356,20 @@ class Chain:
     def _through(self, hook: str, value: Array) -> Array:
         for effect in self.effects:
             if overrides(effect, hook):
-                value = np.where(self._masks[effect.name], getattr(effect, hook)(value, self.now), value)
+                mask = self._of_actuators(effect) if hook == "set_point" else self._masks[effect.name]
+                value = np.where(mask, getattr(effect, hook)(value, self.now), value)
         return value
 
+    def _of_actuators(self, effect: Effect) -> NDArray[np.bool_]:
+        """Where an effect on commands or joints is present, (nsim, nactuators)."""
+        mask = self._masks[effect.name]
+        return mask[:, list(self._wiring.targets.actuated)] if effect.targets == "joint" else mask
+
     def _any(self, hook: str) -> NDArray[np.bool_] | None:
-        masks = [self._masks[e.name] for e in self.effects if overrides(e, hook)]
+        masks = [self._of_actuators(e) for e in self.effects if overrides(e, hook)]
         if not masks:
             return None
-        actuated = list(self._wiring.targets.actuated)
-        wide = [m if m.shape[1] == len(actuated) else m[:, actuated] for m in masks]
-        moved: NDArray[np.bool_] = np.logical_or.reduce(wide)
+        moved: NDArray[np.bool_] = np.logical_or.reduce(masks)
         return moved
 
 

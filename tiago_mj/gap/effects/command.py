@@ -6,7 +6,7 @@ import numpy as np
 
 from tiago_mj.gap.effects.chain import Now
 from tiago_mj.gap.effects.declare import Array, Effect, effect, parameter
-from tiago_mj.gap.effects.memory import DelayLine, Held, LowPass
+from tiago_mj.gap.effects.memory import DelayLine, Held, HeldLowPass
 
 LENGTH = ("m", "rad")
 SPEED = ("m/s", "rad/s")
@@ -62,7 +62,7 @@ class CommandLag(Effect):
     time_constant = parameter("s", identity=0.0, default=0.04, bounds=(0.0, 0.3))
 
     def start(self, now: Now) -> None:
-        self._filter = LowPass(self.time_constant, now.idle)
+        self._filter = HeldLowPass(self.time_constant, now.idle)
 
     def command(self, command: Array, now: Now) -> Array:
         return self._filter(command, now.period)

@@ -12,8 +12,8 @@ An effect is declared once, as a class, and serves the environments (``effects=`
             return force * self.factor
 
 An instance holds the parameters of many simulations at once: ``self.factor`` is (nsim, ntargets). Hooks take and return
-arrays of that shape, once per control step (``added_friction``, ``added_damping``, ``added_force`` once per physics
-step). What an effect has to remember it keeps in attributes made in :meth:`Effect.start`, which is called at every
+arrays of that shape, once per control step (``added_friction``, ``added_damping``, ``added_force``, ``force_range``
+once per physics step). What an effect has to remember it keeps in attributes made in :meth:`Effect.start`, which is called at every
 reset. Where an effect is at its identity the chain takes the hook's input instead of its output, so that it changes
 nothing, to the last bit.
 """
@@ -135,6 +135,10 @@ class Effect:
 
     def added_force(self, now: Now) -> Array:
         """Force on the joints to add before a physics step, (nsim, njoints) [N, N·m]."""
+        raise NotImplementedError
+
+    def force_range(self, limits: Array, now: Now) -> Array:
+        """Limits of the servos' forces before a physics step, (nsim, nactuators, 2) [N, N·m]; those that hold."""
         raise NotImplementedError
 
     def measure_position(self, position: Array, now: Now) -> Array:

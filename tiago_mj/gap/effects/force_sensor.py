@@ -25,7 +25,7 @@ class PadCreep(Effect):
     time_constant = parameter("s", identity=None, default=0.3, bounds=(0.03, 3.0))
 
     def start(self, now: Now) -> None:
-        self._relaxed = LowPass(self.time_constant, np.zeros_like(self.fraction))
+        self._relaxed = LowPass(self.time_constant)
 
     def contact_force(self, newtons: Array, now: Now) -> Array:
         return newtons - self.fraction * self._relaxed(newtons, now.period)
@@ -41,7 +41,7 @@ class ForceCrosstalk(Effect):
     ratio = parameter("-", identity=0.0, default=0.1, bounds=(-0.6, 0.6))
 
     def reading(self, reading: Array, now: Now) -> Array:
-        return reading + self.ratio * reading[:, ::-1]
+        return reading + self.ratio * reading[:, ::-1] if reading.shape[1] == 2 else reading
 
 
 @effect("force_gain", stage="force_sensor", targets="sensor", gap_class="gain")
@@ -137,7 +137,7 @@ class ForceLag(Effect):
     time_constant = parameter("s", identity=0.0, default=0.03, bounds=(0.0, 0.3))
 
     def start(self, now: Now) -> None:
-        self._filter = LowPass(self.time_constant, np.zeros_like(self.time_constant))
+        self._filter = LowPass(self.time_constant)
 
     def reading(self, reading: Array, now: Now) -> Array:
         return self._filter(reading, now.period)
@@ -194,8 +194,8 @@ class ForceDelay(Effect):
     def start(self, now: Now) -> None:
         self._line = DelayLine(self.seconds)
 
-    def sample(self, sample: Array, now: Now) -> Array:
-        return self._line(sample, now.period)
+    def reading(self, reading: Array, now: Now) -> Array:
+        return self._line(reading, now.period)
 
 
 @effect("force_dropout", stage="force_sensor", targets="sensor")

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from tiago_mj.gap.effects.chain import Now
 from tiago_mj.gap.effects.command import rounded
 from tiago_mj.gap.effects.declare import Array, Effect, effect, parameter
@@ -64,7 +62,7 @@ class VelocityFilter(Effect):
     time_constant = parameter("s", identity=0.0, default=0.04, bounds=(0.0, 0.3))
 
     def start(self, now: Now) -> None:
-        self._filter = LowPass(self.time_constant, np.zeros_like(self.time_constant))
+        self._filter = LowPass(self.time_constant)
 
     def measure_velocity(self, velocity: Array, now: Now) -> Array:
         return self._filter(velocity, now.period)

@@ -37,21 +37,47 @@ class DelayLine:
 
 
 class LowPass:
-    """First-order lag: time_constant · dy/dt = x - y, exact for an input that is held over the period."""
+    """First-order lag of a sampled signal: time_constant · dy/dt = x - y, exact where x is straight between samples.
 
-    def __init__(self, time_constant: Array, before: Array | None = None) -> None:
+    Nothing was before the first sample, which passes as it is.
+    """
+
+    def __init__(self, time_constant: Array) -> None:
+        self._time_constant = time_constant
+        self._input: Array | None = None
+        self._value = np.zeros(0)
+
+    def __call__(self, value: Array, period: Array) -> Array:
+        """Take the next sample, (nsim, n), and return the lagged one of the same instant."""
+        if self._input is None:
+            self._value = np.array(value)
+        else:
+            with np.errstate(divide="ignore"):
+                decay = np.exp(-period / self._time_constant)
+            behind = (value - self._input) / period * self._time_constant  # once the start is forgotten
+            self._value = value - behind + (self._value - self._input + behind) * decay
+        self._input = np.array(value)
+        return self._value
+
+
+class HeldLowPass:
+    """First-order lag of a command that is held over each period: time_constant · dy/dt = x - y.
+
+    It gives y's mean over the period, so that what follows, and holds it as long, is moved as far as y would move it.
+    """
+
+    def __init__(self, time_constant: Array, before: Array) -> None:
         self._time_constant = time_constant
         self._value = before
 
     def __call__(self, value: Array, period: Array) -> Array:
-        """Take the next sample, (nsim, n), and return the lagged one; the first sample passes where nothing was
-        before."""
-        if self._value is None:
-            self._value = np.array(value)
-        with np.errstate(divide="ignore"):
-            gain = -np.expm1(-period / self._time_constant)
-        self._value = self._value + gain * (value - self._value)
-        return self._value
+        """Take the next command, (nsim, n), and return the mean of the lagged one while it is held."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            periods = period / self._time_constant
+            missed = np.where(periods < np.inf, -np.expm1(-periods) / periods, 0.0)
+        before = self._value
+        self._value = value + (before - value) * np.exp(-periods)
+        return value + (before - value) * missed
 
 
 class Held:

@@ -13,7 +13,7 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from tiago_mj.gap.effects.declare import EFFECTS, Effect
+from tiago_mj.gap.effects.declare import EFFECTS, Effect, Parameter
 
 Array = NDArray[np.float64]
 
@@ -33,6 +33,9 @@ class Entry:
     name: str
     target: tuple[str, ...] | None = None
     parameters: Mapping[str, float] = field(default_factory=dict)
+
+    def __hash__(self) -> int:
+        return hash((self.name, self.target, tuple(sorted(self.parameters.items()))))
 
 
 @dataclass(frozen=True)
@@ -123,8 +126,18 @@ def arrays(declared: type[Effect], sims: Sequence[Sequence[Entry]], targets: Tar
                     default = p.default[0 if slide else 1]
                     if p.nominal is not None:
                         default *= targets.nominal(p.nominal, declared.targets, index)
-                    values[key][sim, index] = entry.parameters.get(key, default)
+                    value = entry.parameters.get(key, default)
+                    values[key][sim, index] = _together(p.identity, values[key][sim, index], value)
     return declared(values, names)
+
+
+def _together(identity: float | None, present: float, value: float) -> float:
+    """Two entries of one effect on one target: factors multiply, additions add, of two limits the tighter holds."""
+    if identity is None:
+        return value
+    if identity == 1.0:
+        return present * value
+    return present + value if identity == 0.0 else min(present, value)
 
 
 def _reach(entry: Entry, declared: type[Effect], names: tuple[str, ...]) -> list[int]:
@@ -154,6 +167,8 @@ def _entry(item: Any) -> Entry:
     elif not (isinstance(target, Sequence) and target and all(isinstance(t, str) for t in target)):
         raise ValueError(f"effect {name!r} has target {target!r}: give a name, a list of names, or 'all'")
     parameters = item.get("parameters") or {}
+    if not isinstance(parameters, Mapping):
+        raise ValueError(f"effect {name!r} has parameters {parameters!r}: give a mapping of names to numbers")
     declared = EFFECTS[name].parameters
     values = {}
     for key, value in parameters.items():
@@ -162,8 +177,22 @@ def _entry(item: Any) -> Entry:
         number = value.get("value") if isinstance(value, Mapping) else value  # a calibration carries low and high too
         if isinstance(number, bool) or not isinstance(number, (int, float, np.number)) or math.isnan(number):
             raise ValueError(f"effect {name!r}: {key} is {number!r}, give a number")
+        _check_possible(name, declared[key], float(number))
         values[key] = float(number)
     return Entry(name, None if target is None else tuple(target), values)
+
+
+def _check_possible(name: str, p: Parameter, number: float) -> None:
+    """Beyond a fit's bounds a value may lie, but no factor below 0, no infinite addition, no probability above 1."""
+    lowest = min(low for low, _ in p.bounds)
+    if math.isinf(number) and p.identity != number:
+        raise ValueError(f"effect {name!r}: {p.name} is {number}, give a finite number")
+    if number < 0 <= lowest or number == 0 < lowest:
+        raise ValueError(
+            f"effect {name!r}: {p.name} is {number:g}, give a number {'above' if lowest else 'of at least'} 0"
+        )
+    if p.name == "probability" and number > 1:
+        raise ValueError(f"effect {name!r}: {p.name} is {number:g}, give a number from 0 to 1")
 
 
 def _load(source: str | Path) -> Any:

@@ -20,7 +20,7 @@ class ClockOffset(Effect):
     seconds = parameter("s", identity=0.0, default=0.03, bounds=(0.0, 0.2))
 
     def start(self, now: Now) -> None:
-        self._position, self._velocity, self._sample = (DelayLine(self.seconds) for _ in range(3))
+        self._position, self._velocity, self._force = (DelayLine(self.seconds) for _ in range(3))
 
     def measure_position(self, position: Array, now: Now) -> Array:
         return self._position(position, now.period)
@@ -28,8 +28,8 @@ class ClockOffset(Effect):
     def measure_velocity(self, velocity: Array, now: Now) -> Array:
         return self._velocity(velocity, now.period)
 
-    def sample(self, sample: Array, now: Now) -> Array:
-        return self._sample(sample, now.period)
+    def reading(self, reading: Array, now: Now) -> Array:
+        return self._force(reading, now.period)  # the noise is each sample's own: a delay does not smooth it
 
 
 @effect("clock_skew", stage="timing", targets="clock")

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import mujoco
 import numpy as np
 
-from tiago_mj.gap.effects.actuator import DAMPING, FORCE, scale_gains
+from tiago_mj.gap.effects.actuator import DAMPING, FORCE, limit_forces, scale_gains
 from tiago_mj.gap.effects.chain import STICKING_SOLIMP, STICKING_SOLREF, Now
 from tiago_mj.gap.effects.declare import Array, Effect, effect, parameter
 from tiago_mj.gap.effects.memory import Play
@@ -13,8 +14,9 @@ SPEED = ("m/s", "rad/s")
 
 #: Speed below which a joint counts as standing when the direction of its friction is asked for [m/s, rad/s].
 STANDING = 1e-5
-#: A joint above its velocity limit is braked with its whole effort at this share above the limit.
-OVERSPEED = 0.02
+#: Share of a new estimate of the load in the running one. With 0.2 a joint whose inertia is misjudged by -50 to +50 %
+#: stays within 9 % of its velocity limit in a jump to full force, and a well judged one within 0.1 %.
+LOAD_UPDATE = 0.2
 
 
 def let_it_stick(effect: Effect, now: Now) -> None:
@@ -34,15 +36,39 @@ class VelocityLimit(Effect):
     velocity = parameter(SPEED, identity=np.inf, default=0.5, bounds=(0.05, 1.0), nominal="velocity")
 
     def change(self, now: Now) -> None:
-        effort = [now.wiring.targets.nominal("effort", "joint", i) for i in range(self.velocity.shape[1])]
-        # Where no limit is known, what the servo could give over a metre or radian of error is more than enough.
-        strongest = np.where(np.isfinite(effort), effort, 1e3)
-        with np.errstate(invalid="ignore"):
-            self._brake = np.where(self.present, strongest / (OVERSPEED * self.velocity), 0.0)
+        unlimited = np.full_like(self.velocity, np.inf)[:, list(now.wiring.targets.actuated)]
+        limit_forces(now, self.present[:, list(now.wiring.targets.actuated)], unlimited)
 
-    def added_damping(self, now: Now) -> Array:
-        speed = np.abs(now.joint_velocity)
-        return self._brake * np.clip(speed / self.velocity - 1, 0, OVERSPEED) / OVERSPEED
+    def start(self, now: Now) -> None:
+        joints, dofs = list(now.wiring.targets.actuated), now.wiring.dof[list(now.wiring.targets.actuated)]
+        model = now.host.model
+        data = mujoco.MjData(model)
+        data.qpos[:] = now.host.state("qpos")[0]
+        mujoco.mj_forward(model, data)
+        inverse = np.zeros((model.nv, model.nv))
+        mujoco.mj_solveM(model, data, inverse, np.eye(model.nv))
+        added = now.host.field("dof_armature")[:, dofs] - model.dof_armature[dofs]
+        self._step = now.period / now.substeps
+        # Joint damping is integrated implicitly: it acts as a further inertia within a step.
+        self._mass = 1 / np.diag(inverse)[dofs] + added + self._step * now.host.field("dof_damping")[:, dofs]
+        self._servo = -self._step * now.host.field("actuator_biasprm")[:, now.wiring.actuators, 2]
+        self._limit = self.velocity[:, joints]
+        self._speed = now.joint_velocity[:, joints]
+        self._load = np.zeros_like(self._speed)
+        self._range = now.host.field("actuator_forcerange")[:, now.wiring.actuators].copy()
+
+    def force_range(self, limits: Array, now: Now) -> Array:
+        speed = now.joint_velocity[:, list(now.wiring.targets.actuated)]
+        force = now.host.output("actuator_force")[:, now.wiring.actuators]
+        # The servo's own damping is implicit, too, while its force is below the limits.
+        free = (force > self._range[..., 0]) & (force < self._range[..., 1])
+        load = force - (self._mass + np.where(free, self._servo, 0.0)) * (speed - self._speed) / self._step
+        self._load = self._load + LOAD_UPDATE * (load - self._load)
+        self._speed = speed
+        fastest = self._limit[..., None] * (-1.0, 1.0)
+        reaching = self._load[..., None] + (self._mass / self._step)[..., None] * (fastest - speed[..., None])
+        self._range = np.clip(reaching, limits[..., :1], limits[..., 1:])
+        return self._range
 
 
 @effect("coulomb_friction", stage="transmission", targets="joint", gap_class="friction")
@@ -127,7 +153,8 @@ class AsymmetricFriction(Effect):
 
     def added_friction(self, now: Now) -> Array:
         speed = now.joint_velocity
-        direction = np.sign(np.where(np.abs(speed) > STANDING, speed, now.joint_effort))
+        pushed = now.host.output("qfrc_smooth")[:, now.wiring.dof]
+        direction = np.sign(np.where(np.abs(speed) > STANDING, speed, pushed))
         return self.force * direction
 
 
@@ -163,9 +190,8 @@ class JointElasticity(Effect):
 
     def change(self, now: Now) -> None:
         actuated = list(now.wiring.targets.actuated)
-        nominal = np.abs(now.host.model.actuator_biasprm[now.wiring.actuators, 1])
-        with np.errstate(invalid="ignore"):
-            share = np.where(self.present[:, actuated], 1 / (1 + nominal / self.stiffness[:, actuated]), 1.0)
+        servo = np.abs(now.host.field("actuator_biasprm")[:, now.wiring.actuators, 1])
+        share = np.where(self.present[:, actuated], 1 / (1 + servo / self.stiffness[:, actuated]), 1.0)
         scale_gains(now, share, np.ones_like(share))
 
 
@@ -177,7 +203,7 @@ class Armature(Effect):
     Typical: 0.0018, 0.027, 0.34 kg·m² from small to large servos (BAM).
     """
 
-    mass = parameter(("kg", "kg·m²"), identity=0.0, default=0.3, bounds=((0.0, 5.0), (0.0, 3.0)))
+    mass = parameter(("kg", "kg·m²"), identity=0.0, default=0.3, bounds=((-0.1, 5.0), (-0.1, 3.0)))
 
     def change(self, now: Now) -> None:
         armature = now.host.field("dof_armature")
