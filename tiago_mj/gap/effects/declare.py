@@ -13,9 +13,9 @@ An effect is declared once, as a class, and serves the environments (``effects=`
 
 An instance holds the parameters of many simulations at once: ``self.factor`` is (nsim, ntargets). Hooks take and return
 arrays of that shape, once per control step (``added_friction``, ``added_damping``, ``added_force``, ``force_range``
-once per physics step). What an effect has to remember it keeps in attributes made in :meth:`Effect.start`, which is called at every
-reset. Where an effect is at its identity the chain takes the hook's input instead of its output, so that it changes
-nothing, to the last bit.
+once per physics step). What an effect has to remember it keeps in attributes made in :meth:`Effect.start`, which is
+called at every reset. Where an effect is at its identity the chain takes the hook's input instead of its output, so
+that it changes nothing, to the last bit.
 """
 
 from __future__ import annotations
