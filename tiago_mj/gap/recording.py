@@ -66,10 +66,11 @@ class Finding:
 
     Attributes:
         code: one of :data:`CODES`.
-        file: the recording's file name; several are joined by ", ".
+        file: the recording's file name.
         channel: a column's name, ``""`` where it concerns the whole recording.
         message: one sentence: what, where, how to mend it.
         repaired: whether it was put right while reading.
+        refuses: whether the recording cannot be used as it is; such a finding ends a diagnosis in one line.
     """
 
     code: str
@@ -77,6 +78,7 @@ class Finding:
     channel: str
     message: str
     repaired: bool = False
+    refuses: bool = False
 
     def __post_init__(self) -> None:
         if self.code not in CODES:

@@ -1,0 +1,81 @@
+"""Lint: what is wrong with recordings, said before anything is fitted to them.
+
+Reading repairs what is certain (:mod:`tiago_mj.gap.read.clock`). What is found here is of two kinds. Some findings
+*refuse* a recording, as anything learnt from it would be false: wrong units, signs and names, a clock that contradicts
+its rate. The others *inform*: a quantum, a plateau, jitter; and where a channel cannot be believed (dead, stuck,
+without sign, not the derivative that it claims to be), :func:`usable` leaves it out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+from tiago_mj.gap.lint import clocks, consistency, facts, ranges, sensors
+from tiago_mj.gap.lint.ranges import JointRanges, check_names
+from tiago_mj.gap.recording import CODES, Finding, RecordingError, Trial, channels
+
+#: Findings about a measured channel after which it is not used.
+UNUSABLE: Final = frozenset({"dead_channel", "stuck", "unsigned", "unit_scale"})
+
+
+def inspect(trials: Sequence[Trial], joint_ranges: JointRanges | None = None) -> tuple[Finding, ...]:
+    """Everything that is found in trials that could be read.
+
+    Args:
+        trials: of one robot.
+        joint_ranges: of the robot, where a model is known: it shows units and signs that recordings alone cannot.
+
+    Returns:
+        Findings in the order of :data:`tiago_mj.gap.recording.CODES`, refusing ones first.
+    """
+    found: list[Finding] = []
+    for trial in trials:
+        found += [*clocks.check(trial), *facts.check(trial)]
+    if joint_ranges is not None:
+        found += ranges.check(trials, joint_ranges)
+    found += [*sensors.check(trials), *consistency.check(trials)]
+    if len(trials) == 1:
+        found.append(
+            Finding(
+                "single_trial",
+                trials[0].source,
+                "",
+                "there is no other recording to predict, so no share of the gap can be said to be closed: record more",
+            )
+        )
+    once = dict.fromkeys(found)
+    return tuple(sorted(once, key=lambda finding: (not finding.refuses, CODES.index(finding.code))))
+
+
+def refuse(trials: Sequence[Trial], findings: Sequence[Finding]) -> None:
+    """End with one line where recordings cannot be used.
+
+    Raises:
+        RecordingError: a finding refuses its recording, or leaves it without any usable channel.
+    """
+    refusing = [finding for finding in findings if finding.refuses]
+    if refusing:
+        more = len(refusing) - 1
+        tail = f" (and {more} more such finding{'s' if more > 1 else ''})" if more else ""
+        raise RecordingError(f"{refusing[0]} ({refusing[0].code}){tail}")
+    for trial in trials:
+        if not usable(trial, findings):
+            why = next((str(f) for f in findings if f.file == trial.source and _discredits(f)), trial.source)
+            raise RecordingError(f"{why} (no usable channel is left in this recording)")
+
+
+def usable(trial: Trial, findings: Sequence[Finding]) -> frozenset[str]:
+    """The measured channels of a trial that can be believed, by their columns' names."""
+    bad = {finding.channel for finding in findings if finding.file == trial.source and _discredits(finding)}
+    return frozenset(channels(trial)) - bad
+
+
+def _discredits(finding: Finding) -> bool:
+    """A position that contradicts the sidecar's initial one wins; a velocity that is no derivative does not."""
+    if finding.code == "contradiction":
+        return finding.channel.startswith("velocity.")
+    return finding.code in UNUSABLE and not finding.repaired
+
+
+__all__ = ["JointRanges", "check_names", "inspect", "refuse", "usable"]

@@ -1,0 +1,328 @@
+"""Channels against each other: a velocity is the position's derivative, motion follows commands, a pad's force follows
+its finger's effort. Where they disagree by a sign, a known factor or an exchange, the log is wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import combinations
+from typing import Final
+
+import numpy as np
+
+from tiago_mj.gap.lint.motion import CLEAR, Travel, commanded, integrated, lags, measured
+from tiago_mj.gap.lint.numbers import correlation, noise, rms
+from tiago_mj.gap.recording import Array, Finding, Trial, sampled
+from tiago_mj.models import names
+
+#: Cosine of two displacements from which they are the same motion, and below which they are not.
+SAME, DIFFERENT = 0.85, 0.4
+#: Cosine below which a position and a velocity are not derivative and integral of each other.
+UNRELATED: Final = 0.5
+#: Factors of wrong units, and how near a measured factor must be.
+FACTORS: Final = ((1000.0, "mm"), (100.0, "cm"), (180 / np.pi, "degrees"))
+FACTOR_SLACK: Final = 1.25
+#: Factor between position and velocity that no filter, scale error or coarse quantum explains.
+PLAIN_FACTOR: Final = 1.6
+#: Windows in which something must have moved before anything is said.
+ENOUGH: Final = 6
+#: Unexplained variance by the other finger's channel over that by the finger's own that shows an exchange.
+EXCHANGED: Final = 0.3
+
+
+def check(trials: Sequence[Trial]) -> Iterator[Finding]:
+    """Findings of channels that disagree."""
+    swapped = set()
+    for finding in _swapped(trials):
+        swapped.update(finding.message.split("'")[1::2])
+        yield finding
+    joints = dict.fromkeys(joint for trial in trials for joint in trial.positions)
+    for joint in joints:
+        if joint in swapped:
+            continue
+        yield from _joint(joint, [trial for trial in trials if joint in trial.positions])
+    yield from _effort_signs(trials)
+    yield from _force_signs(trials)
+
+
+def _joint(joint: str, trials: Sequence[Trial]) -> Iterator[Finding]:
+    against = {id(trial): _position_and_velocity(trial, joint) for trial in trials}
+    reversed_velocity = any(verdict == "sign" for verdict, _ in against.values())
+    command = _command_and_motion(joint, trials, "position")
+    for trial in trials:
+        verdict, ratio = against[id(trial)]
+        yield from _about_velocity(
+            trial, joint, verdict, ratio, culprit="position" if command == "sign" else "velocity"
+        )
+    if command == "sign" and not reversed_velocity:
+        for trial in trials:
+            yield Finding(
+                "sign",
+                trial.source,
+                f"command.{joint}",
+                "the joint moves against it: flip its sign in the log, or map it with scale: -1 (--map)",
+                refuses=True,
+            )
+    if command == "interface":
+        for trial in trials:
+            other = "velocity" if trial.sidecar.interface == "position" else "position"
+            yield Finding(
+                "contradiction",
+                trial.source,
+                f"command.{joint}",
+                f"the sidecar's interface is {trial.sidecar.interface!r}, but the joint follows it as a {other}: mend "
+                "the sidecar",
+                refuses=True,
+            )
+
+
+def _position_and_velocity(trial: Trial, joint: str) -> tuple[str, float]:
+    """Verdict and factor: ``ok``, ``sign``, ``factor``, ``unrelated``."""
+    position, velocity = measured(trial, joint), integrated(trial, joint)
+    if position is None or velocity is None or len(position.windows) < ENOUGH:
+        return "ok", 1.0
+    if not (position.moved and velocity.moved):
+        return "ok", 1.0
+    cosine = correlation(position.windows, velocity.windows)
+    ratio = rms(position.windows) / rms(velocity.windows)
+    if cosine < -UNRELATED:
+        return "sign", ratio
+    if cosine < UNRELATED:
+        return "unrelated", ratio
+    return ("factor" if cosine > SAME and max(ratio, 1 / ratio) > PLAIN_FACTOR else "ok"), ratio
+
+
+def _about_velocity(trial: Trial, joint: str, verdict: str, ratio: float, culprit: str) -> Iterator[Finding]:
+    file = trial.source
+    if verdict == "sign":
+        other = "velocity" if culprit == "position" else "position"
+        yield Finding(
+            "sign",
+            file,
+            f"{culprit}.{joint}",
+            f"it runs against {other}.{joint}: flip its sign in the log, or map it with scale: -1 (--map)",
+            refuses=True,
+        )
+    elif verdict == "unrelated":
+        yield Finding(
+            "contradiction",
+            file,
+            f"velocity.{joint}",
+            "it is not the derivative of the position: left out of use",
+        )
+    elif verdict == "factor":
+        kind, factor = ("position", ratio) if ratio > 1 else ("velocity", 1 / ratio)
+        unit = next((u for f, u in FACTORS if max(factor / f, f / factor) < FACTOR_SLACK), None)
+        if unit is not None:
+            yield Finding(
+                "degrees" if unit == "degrees" else "unit_scale",
+                file,
+                f"{kind}.{joint}",
+                f"it is {factor:.4g} times what the {'velocity' if kind == 'position' else 'position'} says, so it is "
+                f"in {unit}{'/s' if kind == 'velocity' else ''}: state that in the sidecar's units, or map it (--map)",
+                refuses=True,
+            )
+        else:
+            yield Finding(
+                "unit_scale",
+                file,
+                f"velocity.{joint}",
+                f"it is {1 / ratio:.3g} times the derivative of the position, so one of the two is in another unit: "
+                "the velocity is left out of use",
+            )
+
+
+def _command_and_motion(joint: str, trials: Sequence[Trial], kind: str) -> str:
+    """``ok``, ``sign`` or ``interface``, over all trials."""
+    read = measured if kind == "position" else integrated
+    pairs = [(trial, travel) for trial in trials if (travel := read(trial, joint)) is not None and travel.moved]
+    pairs = [(trial, travel) for trial, travel in pairs if joint in trial.commands]
+    if not pairs or sum(len(travel.windows) for _, travel in pairs) < ENOUGH:
+        return "ok"
+    stated = _follows(joint, pairs, None)
+    if stated.max(initial=-1.0) < DIFFERENT:
+        other = {"velocity": "position", "position": "velocity"}.get(pairs[0][0].sidecar.interface or "")
+        if other and _follows(joint, pairs, other).max(initial=-1.0) > SAME and _close(joint, pairs, other):
+            return "interface"
+        if stated.min(initial=1.0) < -SAME:
+            return "sign"
+    return "ok"
+
+
+def _follows(joint: str, pairs: Sequence[tuple[Trial, Travel]], interface: str | None) -> Array:
+    """Cosine of command and motion by lag, over all trials."""
+    cosines = []
+    for lag in lags():
+        sent = [commanded(trial, joint, interface or trial.sidecar.interface, lag) for trial, _ in pairs]
+        if any(travel is None for travel in sent):
+            return np.zeros(0)
+        wanted = np.concatenate([travel.windows for travel in sent if travel is not None])
+        cosines.append(correlation(wanted, np.concatenate([travel.windows for _, travel in pairs])))
+    return np.array(cosines)
+
+
+def _close(joint: str, pairs: Sequence[tuple[Trial, Travel]], interface: str) -> bool:
+    """Whether commands read as positions lie where the joint is."""
+    if interface != "position":
+        return True
+    for trial, _ in pairs:
+        sent, position = sampled(trial, f"command.{joint}")[1], sampled(trial, f"position.{joint}")[1]
+        if abs(np.median(sent) - np.median(position)) > np.ptp(position) + 0.25 * np.ptp(sent):
+            return False
+    return True
+
+
+def _swapped(trials: Sequence[Trial]) -> Iterator[Finding]:
+    joints = tuple(dict.fromkeys(joint for trial in trials for joint in trial.positions))
+    for one, other in combinations(joints, 2):
+        both = [trial for trial in trials if one in trial.positions and other in trial.positions]
+        velocity = [trial for trial in both if _velocities_exchanged(trial, one, other)]
+        command = _commands_exchanged(both, one, other)
+        for trial in both:
+            if command:
+                kind = "position" if trial in velocity else "command"
+            elif trial in velocity:
+                kind = "velocity"
+            else:
+                continue
+            yield Finding(
+                "swapped_channels",
+                trial.source,
+                f"{kind}.{one}",
+                f"the columns {kind} of '{one}' and '{other}' are exchanged: each follows the other joint; rename "
+                "them, or map them (--map)",
+                refuses=True,
+            )
+    yield from _forces_exchanged(trials)
+
+
+def _velocities_exchanged(trial: Trial, one: str, other: str) -> bool:
+    position = [measured(trial, joint) for joint in (one, other)]
+    velocity = [integrated(trial, joint) for joint in (one, other)]
+    if any(travel is None or len(travel.windows) < ENOUGH for travel in [*position, *velocity]):
+        return False
+    p, v = [t for t in position if t is not None], [t for t in velocity if t is not None]
+    difference = [t[0].windows - t[1].windows for t in (p, v)]
+    floors = [np.hypot(t[0].floor, t[1].floor) for t in (p, v)]
+    if any(rms(d) <= CLEAR * floor for d, floor in zip(difference, floors, strict=True)):
+        return False
+    return correlation(difference[0], difference[1]) < -SAME and all(
+        correlation(p[k].windows, v[1 - k].windows) > SAME for k in (0, 1)
+    )
+
+
+def _commands_exchanged(trials: Sequence[Trial], one: str, other: str) -> bool:
+    having = [
+        (trial, a, b)
+        for trial in trials
+        if {one, other} <= set(trial.commands)
+        and (a := measured(trial, one)) is not None
+        and (b := measured(trial, other)) is not None
+        and a.moved
+        and b.moved
+    ]
+    if sum(len(a.windows) for _, a, _ in having) < ENOUGH:
+        return False
+    first, second = [(t, a) for t, a, _ in having], [(t, b) for t, _, b in having]
+    own = max(_follows(one, first, None).max(initial=-1), _follows(other, second, None).max(initial=-1))
+    if own >= DIFFERENT:
+        return False
+    crossed = [_follows(other, first, None).max(initial=-1), _follows(one, second, None).max(initial=-1)]
+    return bool(min(crossed) > SAME)
+
+
+def _forces_exchanged(trials: Sequence[Trial]) -> Iterator[Finding]:
+    """Each sensor's force against the efforts of both fingers."""
+    usable = []
+    for trial in trials:
+        fingers = [next((j for j in trial.efforts if side in j), None) for side in names.SIDES]
+        if all(fingers) and set(names.SIDES) <= set(trial.forces):
+            usable.append((trial, fingers))
+    if not usable:
+        return
+    unexplained = np.empty((2, 2))
+    for s, side in enumerate(names.SIDES):
+        for f in range(2):
+            force, effort = [], []
+            for trial, fingers in usable:
+                time, values = sampled(trial, f"force.{side}")
+                when, pull = sampled(trial, f"effort.{fingers[f]}")
+                force.append(values)
+                effort.append(np.interp(time, when, pull))
+            a, b = np.concatenate(force), np.concatenate(effort)
+            if np.ptp(a) < CLEAR * 4 * noise(a) or np.ptp(b) == 0:
+                return
+            unexplained[s, f] = 1 - np.corrcoef(a, b)[0, 1] ** 2
+    own, crossed = np.diag(unexplained), np.diag(unexplained[:, ::-1])
+    if (crossed < EXCHANGED * own).all() and (crossed < 1 - SAME).all():
+        for trial, _ in usable:
+            yield Finding(
+                "swapped_channels",
+                trial.source,
+                "force.right",
+                "the columns force of 'right' and 'left' are exchanged: each follows the other finger's effort; rename "
+                "them, or map them (--map)",
+                refuses=True,
+            )
+
+
+def _effort_signs(trials: Sequence[Trial]) -> Iterator[Finding]:
+    """A servo's effort grows with what it lacks to its set point."""
+    for joint in dict.fromkeys(joint for trial in trials for joint in trial.efforts):
+        lack, effort = [], []
+        for trial in trials:
+            if joint not in trial.efforts or joint not in trial.positions or joint not in trial.commands:
+                continue
+            missing = _servo_error(trial, joint)
+            if missing is None:
+                continue
+            time, values = sampled(trial, f"effort.{joint}")
+            lack.append(np.interp(time, *missing))
+            effort.append(values)
+        if not effort:
+            continue
+        a, b = np.concatenate(lack), np.concatenate(effort)
+        if len(a) < 20 or not np.ptp(a) or not np.ptp(b) or b.min() >= 0 or b.max() <= 0:
+            continue
+        if np.corrcoef(a, b)[0, 1] < -SAME:
+            for trial in trials:
+                if joint in trial.efforts:
+                    yield Finding(
+                        "sign",
+                        trial.source,
+                        f"effort.{joint}",
+                        "it pushes away from what is commanded: flip its sign in the log, or map it with scale: -1 "
+                        "(--map)",
+                        refuses=True,
+                    )
+
+
+def _servo_error(trial: Trial, joint: str) -> tuple[Array, Array] | None:
+    """Set point minus position over time, up to a constant; None where commands are efforts."""
+    when, position = sampled(trial, f"position.{joint}")
+    time, command = sampled(trial, f"command.{joint}")
+    if trial.sidecar.interface == "velocity":
+        command = np.append(0.0, np.cumsum(command[:-1] * np.diff(time)))
+    elif trial.sidecar.interface != "position":
+        return None
+    return when, np.interp(when, time, command) - position
+
+
+def _force_signs(trials: Sequence[Trial]) -> Iterator[Finding]:
+    """A pressed pad reads positive: what a channel does beyond its rest and noise must not be below."""
+    for sensor in dict.fromkeys(sensor for trial in trials for sensor in trial.forces):
+        for trial in trials:
+            if sensor not in trial.forces:
+                continue
+            values = sampled(trial, f"force.{sensor}")[1]
+            rest = float(np.median(values[: max(len(values) // 20, 3)]))
+            up, down = np.percentile(values, 99) - rest, rest - np.percentile(values, 1)
+            below = -np.percentile(values, 1)  # a trial that begins in contact falls, but not below zero
+            clear = 10 * noise(values)
+            if noise(values) > 0 and min(down, below) > clear and down > 5 * max(up, 0.0):
+                yield Finding(
+                    "sign",
+                    trial.source,
+                    f"force.{sensor}",
+                    "it falls when the pad is pressed: flip its sign in the log, or map it with scale: -1 (--map)",
+                    refuses=True,
+                )

@@ -1,0 +1,144 @@
+"""A recording against its robot: names that the model has, and values that its joints can take."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from tiago_mj.gap.recording import Array, Finding, RecordingError, Trial, sampled
+
+#: Share of the samples that must lie outside before anything is said, and that must lie inside once it is mended.
+OUTSIDE, INSIDE = 0.1, 0.98
+#: Tolerance of a range, relative to its width: soft limits, encoder bias.
+SLACK: Final = 0.25
+#: Speed over the joint's limit that is no overshoot: a finger that an arm drives into something reaches 7 times it.
+TOO_FAST: Final = 15.0
+
+
+@dataclass(frozen=True)
+class JointRanges:
+    """What the joints of a robot can do; joints without limits are not in it.
+
+    Attributes:
+        position: lowest and highest, by joint [m, rad].
+        velocity: largest magnitude, by joint [m/s, rad/s].
+        slides: whether each joint slides.
+    """
+
+    position: Mapping[str, tuple[float, float]]
+    velocity: Mapping[str, float]
+    slides: Mapping[str, bool]
+
+    @classmethod
+    def of_model(cls, model: Any) -> JointRanges:
+        """Those of a compiled ``mujoco.MjModel``; velocity limits are those of :mod:`tiago_mj.models.limits`."""
+        import mujoco
+
+        from tiago_mj.models.limits import joint_limits
+
+        position, velocity, slides = {}, {}, {}
+        for index in range(model.njnt):
+            name, kind = model.joint(index).name, int(model.jnt_type[index])
+            if not name or kind not in (int(mujoco.mjtJoint.mjJNT_SLIDE), int(mujoco.mjtJoint.mjJNT_HINGE)):
+                continue
+            limits = joint_limits(model, name)
+            slides[name] = kind == int(mujoco.mjtJoint.mjJNT_SLIDE)
+            if limits.lower is not None and limits.upper is not None:
+                position[name] = (limits.lower, limits.upper)
+            if limits.velocity:
+                velocity[name] = limits.velocity
+        return cls(position, velocity, slides)
+
+
+def check_names(trials: Sequence[Trial], joints: Sequence[str], actuators: Sequence[str]) -> None:
+    """Refuse a recording of joints or actuators that the model does not have.
+
+    Args:
+        trials: as read.
+        joints, actuators: names in the model.
+
+    Raises:
+        RecordingError: a column's name is not among them.
+    """
+    for trial in trials:
+        for kind, there, known in (
+            ("position", trial.positions, joints),
+            ("velocity", trial.velocities, joints),
+            ("effort", trial.efforts, joints),
+            ("command", trial.commands, actuators),
+        ):
+            for name in there:
+                if name not in known:
+                    what = "actuator" if kind == "command" else "joint"
+                    raise RecordingError(
+                        f"{trial.source}: column {kind}.{name}: the model has no {what} {name!r}, it has "
+                        f"{', '.join(known) or 'none'}: map the column (--map), or to null to leave it out"
+                    )
+
+
+def check(trials: Sequence[Trial], ranges: JointRanges) -> Iterator[Finding]:
+    """Values that no joint of the robot can take."""
+    for trial in trials:
+        for joint in trial.positions:
+            if joint in ranges.position:
+                yield from _position(trial, f"position.{joint}", ranges.position[joint], ranges.slides[joint])
+        for joint in trial.velocities:
+            if joint in ranges.velocity:
+                yield from _speed(trial, f"velocity.{joint}", ranges.velocity[joint], ranges.slides[joint])
+        for joint in trial.commands:
+            if trial.sidecar.interface == "position" and joint in ranges.position:
+                yield from _position(trial, f"command.{joint}", ranges.position[joint], ranges.slides[joint])
+            if trial.sidecar.interface == "velocity" and joint in ranges.velocity:
+                yield from _speed(trial, f"command.{joint}", ranges.velocity[joint], ranges.slides[joint])
+
+
+def _mends(slides: bool) -> tuple[tuple[str, str, float], ...]:
+    """Code, unit and factor of what a value out of range may be."""
+    if slides:
+        return (("unit_scale", "mm", 1e-3), ("unit_scale", "cm", 1e-2), ("sign", "", -1.0))
+    return (("degrees", "deg", np.pi / 180), ("unit_scale", "mrad", 1e-3), ("sign", "", -1.0))
+
+
+def _position(trial: Trial, name: str, span: tuple[float, float], slides: bool) -> Iterator[Finding]:
+    values = sampled(trial, name)[1]
+    low, high = span
+    room = SLACK * (high - low)
+
+    def inside(mended: Array) -> float:
+        return float(((mended >= low - room) & (mended <= high + room)).mean())
+
+    if inside(values) > 1 - OUTSIDE:
+        return
+    said = f"it goes from {values.min():.4g} to {values.max():.4g}, the joint from {low:.4g} to {high:.4g}"
+    yield _finding(trial, name, said, [mend for mend in _mends(slides) if inside(values * mend[2]) > INSIDE], "")
+
+
+def _speed(trial: Trial, name: str, limit: float, slides: bool) -> Iterator[Finding]:
+    values = sampled(trial, name)[1]
+    fast = float(np.percentile(np.abs(values), 95))
+    if fast <= TOO_FAST * limit:
+        return
+    said = f"it reaches {fast:.4g}, the joint's limit is {limit:.4g}"
+    fits = [m for m in _mends(slides) if m[0] != "sign" and fast * m[2] <= 2 * limit]
+    yield _finding(trial, name, said, fits, "/s")
+
+
+def _finding(trial: Trial, name: str, said: str, mends: list[tuple[str, str, float]], per: str) -> Finding:
+    if not mends:
+        return Finding(
+            "contradiction",
+            trial.source,
+            name,
+            f"{said}: state its unit in the sidecar's units, or name another robot",
+            refuses=True,
+        )
+    code, unit, _ = mends[0]
+    mend = (
+        "its sign is flipped: map it with scale: -1 (--map)"
+        if code == "sign"
+        else f'so it is in {unit}{per}: write "units": {{"{name}": "{unit}{per}"}} into the sidecar'
+    )
+    return Finding(code, trial.source, name, f"{said}: {mend}", refuses=True)
