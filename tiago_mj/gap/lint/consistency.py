@@ -27,6 +27,8 @@ PLAIN_FACTOR: Final = 1.6
 ENOUGH: Final = 6
 #: Unexplained variance by the other finger's channel over that by the finger's own that shows an exchange.
 EXCHANGED: Final = 0.3
+#: Percentage of the samples in which a pad must read below zero: one that is hit from the side does so for a moment.
+PRESSED: Final = 5
 
 
 def check(trials: Sequence[Trial]) -> Iterator[Finding]:
@@ -315,8 +317,8 @@ def _force_signs(trials: Sequence[Trial]) -> Iterator[Finding]:
                 continue
             values = sampled(trial, f"force.{sensor}")[1]
             rest = float(np.median(values[: max(len(values) // 20, 3)]))
-            up, down = np.percentile(values, 99) - rest, rest - np.percentile(values, 1)
-            below = -np.percentile(values, 1)  # a trial that begins in contact falls, but not below zero
+            up, down = np.percentile(values, 99) - rest, rest - np.percentile(values, PRESSED)
+            below = -np.percentile(values, PRESSED)  # a trial that begins in contact falls, but not below zero
             clear = 10 * noise(values)
             if noise(values) > 0 and min(down, below) > clear and down > 5 * max(up, 0.0):
                 yield Finding(
