@@ -232,3 +232,9 @@ def test_an_object_and_a_load_cell_of_ones_own_are_welcome():
     env = gymnasium.make("tiago_mj/GripperTactile-v0", object=mine, sensing=LoadCell(noise=0.0, threshold=(0.1, 0.2)))
     infos, _ = grasp(env)
     assert infos[-1]["force_contact"] == pytest.approx(6.06, abs=0.5)
+
+
+@pytest.mark.parametrize("name", ["TIAGoPALGripper-v0", "GripperClose-v0", "TIAGoPushTactile-v0"])
+def test_the_force_controller_says_where_it_cannot_be_used(name):
+    with pytest.raises(ValueError, match="needs an environment with load cells whose goal is a force"):
+        ForcePI.for_env(gymnasium.make(f"tiago_mj/{name}"))

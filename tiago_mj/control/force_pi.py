@@ -97,12 +97,11 @@ class ForcePI:
             ValueError: the environment has no load cells, or is commanded by position.
         """
         core: Any = env.unwrapped
-        if (
-            not hasattr(core, "load_cell")
-            or not set(names.FINGERS) <= set(core.joints)
-            or core.state.force_raw.size != 2
-        ):
-            raise ValueError("the PI force controller needs a tactile environment, such as tiago_mj/GripperTactile-v0")
+        if getattr(core, "force_type", "none") == "none" or np.shape(core.goal) != (2,):
+            raise ValueError(
+                "the PI force controller needs an environment with load cells whose goal is a force, such as "
+                "tiago_mj/GripperTactile-v0"
+            )
         if core.control != "velocity":
             raise ValueError(
                 "the PI force controller commands velocities: make the environment with control='velocity'"
