@@ -317,6 +317,7 @@ def _force_signs(trials: Sequence[Trial]) -> Iterator[Finding]:
                 continue
             values = sampled(trial, f"force.{sensor}")[1]
             rest = float(np.median(values[: max(len(values) // 20, 3)]))
+            values = _without_drift(values, rest)
             up, down = np.percentile(values, 99) - rest, rest - np.percentile(values, PRESSED)
             below = -np.percentile(values, PRESSED)  # a trial that begins in contact falls, but not below zero
             clear = 10 * noise(values)
@@ -328,3 +329,12 @@ def _force_signs(trials: Sequence[Trial]) -> Iterator[Finding]:
                     "it falls when the pad is pressed: flip its sign in the log, or map it with scale: -1 (--map)",
                     refuses=True,
                 )
+
+
+def _without_drift(values: Array, rest: float) -> Array:
+    """The reading less the straight line that its whole course fits; the level at rest stays."""
+    index = np.arange(len(values))
+    slope = float(np.polyfit(index, values, 1)[0])
+    straight = rest + slope * index
+    drifts = rms(values - straight) < 0.2 * rms(values - rest)
+    return values - slope * index if drifts else values

@@ -18,6 +18,9 @@ from tiago_mj.gap.recording import Array, Trial, sampled
 WINDOW, WINDOWS = 0.25, 8
 #: A displacement that rises above its floor by less than this factor is none.
 CLEAR: Final = 5.0
+#: A joint whose displacement is below :data:`CLEAR` times this [m, rad], 1 mm or 1 mrad, stands still: servos that hold
+#: a pose give way by less, and what two channels make of that tells nothing about either.
+STILL: Final = 2e-4
 #: Commands act later by up to this [s]: hobby servos take 92 ms, and a lag comes on top.
 LATEST: Final = 0.3
 
@@ -55,7 +58,7 @@ def measured(trial: Trial, joint: str) -> Travel | None:
     if len(values) < 4:
         return None
     start, length = edges(trial)
-    floor = max(noise(values), (quantum(values) or 0.0) / np.sqrt(12), 1e-9 * float(np.abs(values).max() + 1e-6))
+    floor = max(noise(values), (quantum(values) or 0.0) / np.sqrt(12), STILL)
     return Travel(np.interp(start + length, time, values) - np.interp(start, time, values), np.sqrt(2) * floor)
 
 
@@ -69,7 +72,7 @@ def integrated(trial: Trial, joint: str) -> Travel | None:
     start, length = edges(trial)
     gone = np.append(0.0, np.cumsum((values[1:] + values[:-1]) / 2 * np.diff(time)))
     step = length / max(int(length / np.median(np.diff(time))), 1)
-    floor = max(noise(values) * np.sqrt(length * step), (quantum(values) or 0.0) * length / np.sqrt(12), 1e-12)
+    floor = max(noise(values) * np.sqrt(length * step), (quantum(values) or 0.0) * length / np.sqrt(12), STILL)
     return Travel(np.interp(start + length, time, gone) - np.interp(start, time, gone), floor)
 
 
@@ -84,9 +87,9 @@ def commanded(trial: Trial, actuator: str, interface: str | None, lag: float = 0
     begin, end = np.maximum(start - lag, 0.0), np.maximum(start + length - lag, 0.0)
     if interface == "velocity":
         gone = np.append(0.0, np.cumsum(values[:-1] * np.diff(time)))
-        return Travel(np.interp(end, time, gone) - np.interp(begin, time, gone), 1e-12)
+        return Travel(np.interp(end, time, gone) - np.interp(begin, time, gone), STILL)
     held = values[np.maximum(np.searchsorted(time, np.stack([begin, end]), side="right") - 1, 0)]
-    return Travel(held[1] - held[0], 1e-12)
+    return Travel(held[1] - held[0], STILL)
 
 
 def lags() -> Array:

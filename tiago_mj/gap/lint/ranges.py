@@ -14,6 +14,8 @@ from tiago_mj.gap.recording import Array, Finding, RecordingError, Trial, sample
 OUTSIDE, INSIDE = 0.1, 0.98
 #: Tolerance of a range, relative to its width: soft limits, encoder bias.
 SLACK: Final = 0.25
+#: Positions beyond this many times the range's farther end are in another unit; nearer ones may be a scale error.
+FAR: Final = 2.0
 #: Speed over the joint's limit that is no overshoot: a finger that an arm drives into something reaches 7 times it.
 TOO_FAST: Final = 15.0
 
@@ -112,8 +114,10 @@ def _position(trial: Trial, name: str, span: tuple[float, float], slides: bool) 
 
     if inside(values) > 1 - OUTSIDE:
         return
+    far = float(np.percentile(np.abs(values), 95)) > FAR * max(abs(low), abs(high))
+    mends = [m for m in _mends(slides) if inside(values * m[2]) > INSIDE and (far or m[0] == "sign")]
     said = f"it goes from {values.min():.4g} to {values.max():.4g}, the joint from {low:.4g} to {high:.4g}"
-    yield _finding(trial, name, said, [mend for mend in _mends(slides) if inside(values * mend[2]) > INSIDE], "")
+    yield _finding(trial, name, said, mends, "", refuses=far or bool(mends))
 
 
 def _speed(trial: Trial, name: str, limit: float, slides: bool) -> Iterator[Finding]:
@@ -123,17 +127,20 @@ def _speed(trial: Trial, name: str, limit: float, slides: bool) -> Iterator[Find
         return
     said = f"it reaches {fast:.4g}, the joint's limit is {limit:.4g}"
     fits = [m for m in _mends(slides) if m[0] != "sign" and fast * m[2] <= 2 * limit]
-    yield _finding(trial, name, said, fits, "/s")
+    yield _finding(trial, name, said, fits, "/s", refuses=True)
 
 
-def _finding(trial: Trial, name: str, said: str, mends: list[tuple[str, str, float]], per: str) -> Finding:
+def _finding(
+    trial: Trial, name: str, said: str, mends: list[tuple[str, str, float]], per: str, *, refuses: bool
+) -> Finding:
     if not mends:
         return Finding(
             "contradiction",
             trial.source,
             name,
-            f"{said}: state its unit in the sidecar's units, or name another robot",
-            refuses=True,
+            f"{said}: "
+            + ("state its unit in the sidecar's units, or name another robot" if refuses else "is it scaled?"),
+            refuses=refuses,
         )
     code, unit, _ = mends[0]
     mend = (

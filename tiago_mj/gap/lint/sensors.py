@@ -15,6 +15,8 @@ from tiago_mj.gap.recording import Array, Finding, Trial, names, sampled
 DEAD_SHARE: Final = 0.75
 #: And that value, relative to the largest: a servo at its limit reads one value, too.
 NOTHING: Final = 0.05
+#: Commanded net displacement [m, rad] that a working joint shows, whatever its dead band, play or quantum.
+UNMISTAKABLE: Final = 0.01
 #: Identical samples in a row that are looked at; an analogue reading repeats by chance once or twice.
 RUN: Final = 10
 #: A channel is analogue if this share of its samples differs from the one before.
@@ -31,9 +33,10 @@ def check(trials: Sequence[Trial]) -> Iterator[Finding]:
         having = [trial for trial in trials if name in _all(trial)]
         pooled = np.concatenate([sampled(trial, name)[1] for trial in having])
         step = quantum(pooled)
+        coarse = float(np.diff(np.unique(pooled)).min(initial=np.inf))
         unsigned = _is_unsigned(name, having, pooled)
         for trial in having:
-            found = list(_dead(trial, name))
+            found = list(_dead(trial, name, coarse))
             if not found:
                 found = [*_stuck(trial, name), *_saturated(trial, name)]
                 if unsigned:
@@ -51,7 +54,7 @@ def _all(trial: Trial) -> tuple[str, ...]:
     return names((trial,))
 
 
-def _dead(trial: Trial, name: str) -> Iterator[Finding]:
+def _dead(trial: Trial, name: str, coarse: float) -> Iterator[Finding]:
     kind, _, joint = name.partition(".")
     values = sampled(trial, name)[1]
     if len(values) < RUN:
@@ -60,7 +63,8 @@ def _dead(trial: Trial, name: str) -> Iterator[Finding]:
     because = ""
     if kind == "force":
         expected = (trial.sidecar.sensing or {}).get("noise")
-        if constant and expected != 0:
+        rounded = np.isfinite(coarse) and coarse > 4 * (expected or np.inf)  # in other trials: coarser than its noise
+        if constant and expected != 0 and not rounded:
             because = f"it reads {values[0]:.4g} throughout, without any noise"
     elif constant and kind == "position" and _moves(trial, joint, by=("velocity", "command")):
         because = f"it reads {values[0]:.4g} throughout, while the joint is commanded or said to move"
@@ -80,7 +84,13 @@ def _moves(trial: Trial, joint: str, by: tuple[str, ...]) -> bool:
         "velocity": lambda: integrated(trial, joint),
         "command": lambda: commanded(trial, joint, trial.sidecar.interface),
     }
-    return any((travel := travels[kind]()) is not None and travel.moved for kind in by)
+    for kind in by:
+        travel = travels[kind]()
+        if travel is None or not travel.moved:
+            continue
+        if kind != "command" or abs(float(travel.windows[::2].sum())) > UNMISTAKABLE:
+            return True
+    return False
 
 
 def _most_frequent(trial: Trial, joint: str) -> tuple[float, float]:
@@ -140,7 +150,7 @@ def _elsewhere(trial: Trial, kind: str, joint: str, value: float, begin: float, 
         gone = np.append(0.0, np.cumsum((speed[1:] + speed[:-1]) / 2 * np.diff(when)))
         missed = abs(float(np.diff(np.interp([begin, end], when, gone))[0]))
         position = sampled(trial, f"position.{joint}")[1]
-        step = max(noise(position), quantum(position) or 0.0)
+        step = max(noise(position), float(np.diff(np.unique(position)).min(initial=np.inf)))
         lost = (quantum(speed) or 0.0) * (end - begin)
         return missed > max(2 * CLEAR * step + lost, 0.1 * float(np.ptp(gone)))
     if kind == "effort" and joint in trial.positions and value != 0.0:
@@ -162,8 +172,9 @@ def _saturated(trial: Trial, name: str) -> Iterator[Finding]:
     limit = ((trial.sidecar.servo or {}).get("effort_limit") or {}).get(joint)
     for extreme in (values.max(), values.min()):
         at = values[start] == extreme
-        elsewhere = length[~at]
-        if extreme == 0.0 or not len(elsewhere) or (kind == "force" and extreme < 0):
+        at[0] = False  # what stands there from the first row on need not have been limited
+        elsewhere = length[values[start] != extreme]
+        if extreme == 0.0 or not at.any() or not len(elsewhere) or (kind == "force" and extreme < 0):
             continue
         longest = int(length[at].max())
         if limit is not None and np.isclose(abs(extreme), limit, rtol=1e-6):
