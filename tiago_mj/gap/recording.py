@@ -71,6 +71,7 @@ class Finding:
         message: one sentence: what, where, how to mend it.
         repaired: whether it was put right while reading.
         refuses: whether the recording cannot be used as it is; such a finding ends a diagnosis in one line.
+        discredits: whether the channel cannot be believed in this recording, and is left out of use.
     """
 
     code: str
@@ -79,6 +80,7 @@ class Finding:
     message: str
     repaired: bool = False
     refuses: bool = False
+    discredits: bool = False
 
     def __post_init__(self) -> None:
         if self.code not in CODES:

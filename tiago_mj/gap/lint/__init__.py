@@ -9,14 +9,10 @@ without sign, not the derivative that it claims to be), :func:`usable` leaves it
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Final
 
 from tiago_mj.gap.lint import clocks, consistency, facts, ranges, sensors
 from tiago_mj.gap.lint.ranges import JointRanges, check_names
 from tiago_mj.gap.recording import CODES, Finding, RecordingError, Trial, channels
-
-#: Findings about a measured channel after which it is not used.
-UNUSABLE: Final = frozenset({"dead_channel", "stuck", "unsigned", "unit_scale"})
 
 
 def inspect(trials: Sequence[Trial], joint_ranges: JointRanges | None = None) -> tuple[Finding, ...]:
@@ -61,21 +57,14 @@ def refuse(trials: Sequence[Trial], findings: Sequence[Finding]) -> None:
         raise RecordingError(f"{refusing[0]} ({refusing[0].code}){tail}")
     for trial in trials:
         if not usable(trial, findings):
-            why = next((str(f) for f in findings if f.file == trial.source and _discredits(f)), trial.source)
+            why = next((str(f) for f in findings if f.file == trial.source and f.discredits), trial.source)
             raise RecordingError(f"{why} (no usable channel is left in this recording)")
 
 
 def usable(trial: Trial, findings: Sequence[Finding]) -> frozenset[str]:
     """The measured channels of a trial that can be believed, by their columns' names."""
-    bad = {finding.channel for finding in findings if finding.file == trial.source and _discredits(finding)}
+    bad = {finding.channel for finding in findings if finding.file == trial.source and finding.discredits}
     return frozenset(channels(trial)) - bad
-
-
-def _discredits(finding: Finding) -> bool:
-    """A position that contradicts the sidecar's initial one wins; a velocity that is no derivative does not."""
-    if finding.code == "contradiction":
-        return finding.channel.startswith("velocity.")
-    return finding.code in UNUSABLE and not finding.repaired
 
 
 __all__ = ["JointRanges", "check_names", "inspect", "refuse", "usable"]

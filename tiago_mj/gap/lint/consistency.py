@@ -23,6 +23,8 @@ FACTORS: Final = ((1000.0, "mm"), (100.0, "cm"), (180 / np.pi, "degrees"))
 FACTOR_SLACK: Final = 1.25
 #: Factor between position and velocity that no filter, scale error or coarse quantum explains.
 PLAIN_FACTOR: Final = 1.6
+#: Lag of a velocity behind its position that is said [s]: twice that of a usual filter.
+LATE: Final = 0.1
 #: Windows in which something must have moved before anything is said.
 ENOUGH: Final = 6
 #: Unexplained variance by the other finger's channel over that by the finger's own that shows an exchange.
@@ -78,7 +80,7 @@ def _joint(joint: str, trials: Sequence[Trial]) -> Iterator[Finding]:
 
 
 def _position_and_velocity(trial: Trial, joint: str) -> tuple[str, float]:
-    """Verdict and factor: ``ok``, ``sign``, ``factor``, ``unrelated``."""
+    """Verdict and factor: ``ok``, ``sign``, ``factor``, ``unrelated``; or ``lag`` and the lag [s]."""
     position, velocity = measured(trial, joint), integrated(trial, joint)
     if position is None or velocity is None or len(position.windows) < ENOUGH:
         return "ok", 1.0
@@ -90,7 +92,20 @@ def _position_and_velocity(trial: Trial, joint: str) -> tuple[str, float]:
         return "sign", ratio
     if cosine < UNRELATED:
         return "unrelated", ratio
+    late = _lag(trial, joint, position.windows, cosine)
+    if late >= LATE:
+        return "lag", late
     return ("factor" if cosine > SAME and max(ratio, 1 / ratio) > PLAIN_FACTOR else "ok"), ratio
+
+
+def _lag(trial: Trial, joint: str, gone: Array, cosine: float) -> float:
+    """By how much a velocity is late [s]; 0 where no lag halves what is unexplained without one."""
+    fits = [
+        0.0 if (travel := integrated(trial, joint, lag)) is None else correlation(gone, travel.windows)
+        for lag in lags()
+    ]
+    best = int(np.argmax(fits))
+    return float(lags()[best]) if 1 - fits[best] < 0.5 * (1 - cosine) else 0.0
 
 
 def _about_velocity(trial: Trial, joint: str, verdict: str, ratio: float, culprit: str) -> Iterator[Finding]:
@@ -110,6 +125,14 @@ def _about_velocity(trial: Trial, joint: str, verdict: str, ratio: float, culpri
             file,
             f"velocity.{joint}",
             "it is not the derivative of the position: left out of use",
+            discredits=True,
+        )
+    elif verdict == "lag":
+        yield Finding(
+            "contradiction",
+            file,
+            f"velocity.{joint}",
+            f"it is late against the position by {ratio:.2g} s, as a filtered estimate is: it is used as what it is",
         )
     elif verdict == "factor":
         kind, factor = ("position", ratio) if ratio > 1 else ("velocity", 1 / ratio)
@@ -130,6 +153,7 @@ def _about_velocity(trial: Trial, joint: str, verdict: str, ratio: float, culpri
                 f"velocity.{joint}",
                 f"it is {1 / ratio:.3g} times the derivative of the position, so one of the two is in another unit: "
                 "the velocity is left out of use",
+                discredits=True,
             )
 
 

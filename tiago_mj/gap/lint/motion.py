@@ -62,8 +62,8 @@ def measured(trial: Trial, joint: str) -> Travel | None:
     return Travel(np.interp(start + length, time, values) - np.interp(start, time, values), np.sqrt(2) * floor)
 
 
-def integrated(trial: Trial, joint: str) -> Travel | None:
-    """By the velocity; None where there is none."""
+def integrated(trial: Trial, joint: str, lag: float = 0.0) -> Travel | None:
+    """By the velocity, reported ``lag`` [s] later; None where there is none."""
     if joint not in trial.velocities:
         return None
     time, values = sampled(trial, f"velocity.{joint}")
@@ -73,7 +73,7 @@ def integrated(trial: Trial, joint: str) -> Travel | None:
     gone = np.append(0.0, np.cumsum((values[1:] + values[:-1]) / 2 * np.diff(time)))
     step = length / max(int(length / np.median(np.diff(time))), 1)
     floor = max(noise(values) * np.sqrt(length * step), (quantum(values) or 0.0) * length / np.sqrt(12), STILL)
-    return Travel(np.interp(start + length, time, gone) - np.interp(start, time, gone), floor)
+    return Travel(np.interp(start + length + lag, time, gone) - np.interp(start + lag, time, gone), floor)
 
 
 def commanded(trial: Trial, actuator: str, interface: str | None, lag: float = 0.0) -> Travel | None:

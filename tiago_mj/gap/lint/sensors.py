@@ -75,7 +75,8 @@ def _dead(trial: Trial, name: str, coarse: float) -> Iterator[Finding]:
         if share > DEAD_SHARE and (constant or abs(value) <= NOTHING * float(np.abs(values).max())):
             because = f"it reads {value:.4g} in {share:.0%} of the samples in which the joint moves"
     if because:
-        yield Finding("dead_channel", trial.source, name, because + ": left out of use; check the sensor and its cable")
+        said = because + ": left out of use; check the sensor and its cable"
+        yield Finding("dead_channel", trial.source, name, said, discredits=True)
 
 
 def _moves(trial: Trial, joint: str, by: tuple[str, ...]) -> bool:
@@ -132,6 +133,7 @@ def _stuck(trial: Trial, name: str) -> Iterator[Finding]:
                 name,
                 f"it stays at {value:.6g} from {time[first]:.4g} to {time[last]:.4g} s, while "
                 f"{'its noise should show' if kind == 'force' else 'the joint moves'}: left out of use here",
+                discredits=True,
             )
             return
 
@@ -212,4 +214,5 @@ def _unsigned(trial: Trial, name: str) -> Finding:
         name,
         "it never changes its sign although the joint goes both ways, so it is a magnitude: left out of use; record it "
         "with its sign",
+        discredits=True,
     )
