@@ -70,13 +70,18 @@ def _dead(trial: Trial, name: str, coarse: float) -> Iterator[Finding]:
         because = f"it reads {values[0]:.4g} throughout, while the joint is commanded or said to move"
     elif constant and kind == "velocity" and _moves(trial, joint, by=("position",)):
         because = f"it reads {values[0]:.4g} throughout, while the position changes"
-    elif kind == "effort" and _moves(trial, joint, by=("position", "velocity")):
+    elif kind == "effort" and not _commanded_effort(trial, joint) and _moves(trial, joint, by=("position", "velocity")):
         value, share = _most_frequent(trial, joint)
         if share > DEAD_SHARE and (constant or abs(value) <= NOTHING * float(np.abs(values).max())):
-            because = f"it reads {value:.4g} in {share:.0%} of the samples in which the joint moves"
+            because = f"it reads {value + 0.0:.4g} in {share:.0%} of the samples in which the joint moves"
     if because:
         said = because + ": left out of use; check the sensor and its cable"
         yield Finding("dead_channel", trial.source, name, said, discredits=True)
+
+
+def _commanded_effort(trial: Trial, joint: str) -> bool:
+    """Whether efforts are what is commanded: a torque that is switched off reads 0 while the joint swings."""
+    return trial.sidecar.interface == "effort" and joint in trial.commands
 
 
 def _moves(trial: Trial, joint: str, by: tuple[str, ...]) -> bool:
@@ -118,11 +123,13 @@ def _stuck(trial: Trial, name: str) -> Iterator[Finding]:
     if not len(long) or len(start) < 2:
         return
     others = len(values) - int(length[long].sum())
-    analogue = kind == "force" and others >= RUN and (len(start) - len(long)) / others > ANALOGUE
+    analogue = others >= RUN and (len(start) - len(long)) / others > ANALOGUE
     for k in long:
         first, last = int(start[k]), int(start[k] + length[k] - 1)
         value = float(values[first])
-        if kind == "force":
+        if kind == "effort" and not analogue:
+            wrong = False
+        elif kind == "force":
             wrong = analogue and value not in (0.0, values.min(), values.max())
         else:
             wrong = _elsewhere(trial, kind, joint, value, float(time[first]), float(time[last]))
@@ -144,9 +151,11 @@ def _elsewhere(trial: Trial, kind: str, joint: str, value: float, begin: float, 
         if joint not in trial.positions:
             return False
         when, position = sampled(trial, f"position.{joint}")
+        speeds = np.unique(sampled(trial, f"velocity.{joint}")[1])
+        lost = float(np.diff(speeds).min(initial=np.inf)) * (end - begin)  # what rounding of the velocity hides
         floor = max(noise(position), quantum(position) or 0.0, 1e-9)
         went = float(np.diff(np.interp([begin, end], when, position))[0])
-        return abs(went - value * (end - begin)) > max(2 * CLEAR * floor, 0.1 * float(np.ptp(position)))
+        return abs(went - value * (end - begin)) > max(2 * CLEAR * floor, 0.1 * float(np.ptp(position))) + lost
     if kind == "position" and joint in trial.velocities:
         when, speed = sampled(trial, f"velocity.{joint}")
         gone = np.append(0.0, np.cumsum((speed[1:] + speed[:-1]) / 2 * np.diff(when)))

@@ -1,0 +1,1 @@
+"""Importers: public recordings of real robots, and ROS bags, become recordings of this package."""
