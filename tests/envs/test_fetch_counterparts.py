@@ -120,8 +120,9 @@ def test_the_robot_starts_clear_of_everything_and_things_at_rest_stay_where_they
 
 @pytest.mark.parametrize("task", [Reach, Push])
 @pytest.mark.parametrize("control", ["velocity", "position"])
-def test_fingers_that_do_not_take_part_stay_closed_whatever_the_action(task, control):
-    env = task(control=control)
+@pytest.mark.parametrize("effects", [None, {"encoder_bias": {"offset": 1e-4}}])
+def test_fingers_that_do_not_take_part_stay_closed_whatever_the_action(task, control, effects):
+    env = task(control=control, effects=effects)
     env.reset(seed=0)
     hold = np.zeros(10)
     if control == "position":
