@@ -50,6 +50,9 @@ def check(trials: Sequence[Trial]) -> Iterator[Finding]:
 
 def _joint(joint: str, trials: Sequence[Trial]) -> Iterator[Finding]:
     against = {id(trial): _position_and_velocity(trial, joint) for trial in trials}
+    factor = next((found for found in against.values() if found[0] == "factor"), None)
+    if factor is not None:  # the unit is the log's, whether the joint moved in this trial or not
+        against = {key: factor if found[0] == "still" else found for key, found in against.items()}
     reversed_velocity = any(verdict == "sign" for verdict, _ in against.values())
     command = _command_and_motion(joint, trials, "position")
     for trial in trials:
@@ -80,22 +83,22 @@ def _joint(joint: str, trials: Sequence[Trial]) -> Iterator[Finding]:
 
 
 def _position_and_velocity(trial: Trial, joint: str) -> tuple[str, float]:
-    """Verdict and factor: ``ok``, ``sign``, ``factor``, ``unrelated``; or ``lag`` and the lag [s]."""
+    """Verdict and factor: ``ok``, ``still``, ``sign``, ``factor``, ``unrelated``; or ``lag`` and the lag [s]."""
     position, velocity = measured(trial, joint), integrated(trial, joint)
-    if position is None or velocity is None or len(position.windows) < ENOUGH:
+    if position is None or velocity is None:
         return "ok", 1.0
-    if not (position.moved and velocity.moved):
-        return "ok", 1.0
+    if len(position.windows) < ENOUGH or not (position.moved and velocity.moved):
+        return "still", 1.0
     cosine = correlation(position.windows, velocity.windows)
     ratio = rms(position.windows) / rms(velocity.windows)
     if cosine < -UNRELATED:
         return "sign", ratio
     if cosine < UNRELATED:
         return "unrelated", ratio
+    if cosine > SAME and max(ratio, 1 / ratio) > PLAIN_FACTOR:
+        return "factor", ratio
     late = _lag(trial, joint, position.windows, cosine)
-    if late >= LATE:
-        return "lag", late
-    return ("factor" if cosine > SAME and max(ratio, 1 / ratio) > PLAIN_FACTOR else "ok"), ratio
+    return ("lag", late) if late >= LATE else ("ok", ratio)
 
 
 def _lag(trial: Trial, joint: str, gone: Array, cosine: float) -> float:

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from tiago_mj.gap.lint.motion import CLEAR, commanded, integrated, measured
-from tiago_mj.gap.lint.numbers import noise, quantum, runs
+from tiago_mj.gap.lint.numbers import noise, quantum, rms, runs
 from tiago_mj.gap.recording import Array, Finding, Trial, names, sampled
 
 #: Share of the samples of a moving joint in which a dead effort channel reads exactly its most frequent value.
@@ -155,7 +155,9 @@ def _elsewhere(trial: Trial, kind: str, joint: str, value: float, begin: float, 
         lost = float(np.diff(speeds).min(initial=np.inf)) * (end - begin)  # what rounding of the velocity hides
         floor = max(noise(position), quantum(position) or 0.0, 1e-9)
         went = float(np.diff(np.interp([begin, end], when, position))[0])
-        return abs(went - value * (end - begin)) > max(2 * CLEAR * floor, 0.1 * float(np.ptp(position))) + lost
+        p, v = measured(trial, joint), integrated(trial, joint)
+        unit = rms(p.windows) / rms(v.windows) if p and v and p.moved and v.moved else 1.0  # the two may differ in it
+        return abs(went - unit * value * (end - begin)) > max(2 * CLEAR * floor, 0.1 * float(np.ptp(position))) + lost
     if kind == "position" and joint in trial.velocities:
         when, speed = sampled(trial, f"velocity.{joint}")
         gone = np.append(0.0, np.cumsum((speed[1:] + speed[:-1]) / 2 * np.diff(when)))

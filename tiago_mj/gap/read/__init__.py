@@ -11,7 +11,7 @@ from typing import Any, Final
 import numpy as np
 
 from tiago_mj.gap.read.columns import trial_from_table
-from tiago_mj.gap.read.mapping import column_map, load_map
+from tiago_mj.gap.read.mapping import FACTS, column_map, load_map
 from tiago_mj.gap.read.tables import Table, read_table
 from tiago_mj.gap.recording import KINDS, Finding, ReadResult, RecordingError, Trial, channel, channels
 from tiago_mj.gap.sidecar import load_sidecar
@@ -45,7 +45,7 @@ def read_recordings(
     findings: list[Finding] = []
     files = list(find_recordings(paths))
     for path in files:
-        trial, found = trial_from_table(_load(path, content), columns, defaults or {})
+        trial, found = trial_from_table(_load(path, content), columns, _defaults(path, content, defaults))
         trials.append(_model_found(trial, path))
         findings += found
     trials = _unique_names(trials, files)
@@ -91,6 +91,16 @@ def find_recordings(paths: Sequence[Path]) -> Iterator[Path]:
 def is_ros2_bag(path: Path) -> bool:
     """Whether a folder is a ROS 2 bag."""
     return path.is_dir() and (path / "metadata.yaml").is_file()
+
+
+def _defaults(path: Path, content: Mapping[str, Any], given: Mapping[str, Any] | None) -> dict[str, Any]:
+    """What sidecars lack: from the command line, else from the map file; a bag without a map is of the real TIAGo."""
+    facts: dict[str, Any] = {key: content[key] for key in FACTS if key in content}
+    if "topics" not in content and (path.is_dir() or path.suffix.lower() in BAGS):
+        from tiago_mj.gap.read.bags import TIAGO_FACTS
+
+        facts = {**TIAGO_FACTS, **facts}
+    return {**facts, **{key: value for key, value in (given or {}).items() if value is not None}}
 
 
 def _load(path: Path, content: Mapping[str, Any]) -> Table:

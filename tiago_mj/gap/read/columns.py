@@ -34,6 +34,7 @@ def trial_from_table(
     sidecar = parse_sidecar(table.sidecar, table.sidecar_file, defaults)
     _check_known(sidecar, file, table.sidecar_file)
     targets, findings = _targets(table, columns)
+    findings += table.findings
     if table.cut:
         message = "the file ends within its last row, which is left out: was it copied whole?"
         findings.append(Finding("too_short", file, "", message, repaired=True))
@@ -82,7 +83,7 @@ def trial_from_table(
     stem = PurePath(file).stem
     name = sidecar.trial or stem
     if sidecar.rate_hz == 0.0:
-        sidecar = replace(sidecar, rate_hz=round(float(1 / np.median(np.diff(time))), 6))
+        sidecar = replace(sidecar, rate_hz=_rate(time, channels))
     trial = Trial(
         name=name,
         time=time,
@@ -151,6 +152,16 @@ def _check_enough(channels: Mapping[str, Mapping[str, Array]], sidecar: Sidecar,
             f'{file}: what its commands are is unknown: write "interface": "velocity", "position" or "effort" '
             f"into {sidecar_file}"
         )
+
+
+def _rate(time: Array, channels: Mapping[str, Mapping[str, Array]]) -> float:
+    """Rate of the commands, else of the positions, else of the rows [Hz]."""
+    for kind in ("command", "position"):
+        for values in channels[kind].values():
+            stamps = time[~np.isnan(values)]
+            if len(stamps) > 2:
+                return round(float(1 / np.median(np.diff(stamps))), 6)
+    return round(float(1 / np.median(np.diff(time))), 6)
 
 
 def _factor(kind: str, unit: str, column: str, file: str) -> float:

@@ -8,7 +8,8 @@ YAML, column -> kind and name, optionally unit and scale (``-1`` flips a sign):
       tau_right: effort.gripper_right_finger_joint        # the short form
       battery: null                                        # left out
 
-A file may hold ``columns`` (for CSV and Parquet) and ``topics`` (for bags) at once.
+A file may hold ``columns`` (for CSV and Parquet) and ``topics`` (for bags) at once, and what sidecars lack: ``robot``,
+``interface``, ``rate_hz``, ``servo``, ``sensing``, ``object``.
 """
 
 from __future__ import annotations
@@ -23,6 +24,8 @@ import yaml
 from tiago_mj.gap.read.units import factor
 from tiago_mj.gap.recording import KINDS, RecordingError
 
+#: Of a sidecar, what a map file may say for all its recordings.
+FACTS: Final = ("robot", "rate_hz", "interface", "servo", "sensing", "object")
 _KEYS: Final = {"kind", "name", "unit", "scale"}
 
 
@@ -64,7 +67,7 @@ def column_map(content: Mapping[str, Any], file: str) -> dict[str, Target]:
     Raises:
         RecordingError: an entry is unusable; names it.
     """
-    section = content.get("columns", {} if "topics" in content else content)
+    section = content.get("columns", {} if set(content) & {"topics", *FACTS} else content)
     if not isinstance(section, Mapping):
         raise RecordingError(
             f"map file {file}: 'columns' is no mapping: write 'column: {{kind: position, name: JOINT}}'"

@@ -15,7 +15,7 @@ from typing import Any, Final
 import numpy as np
 
 from tiago_mj.gap.extra import pyarrow
-from tiago_mj.gap.recording import Array, RecordingError
+from tiago_mj.gap.recording import Array, Finding, RecordingError
 
 #: Over an hour at 240 Hz. The fit simulates every row of every trial again and again: a longer recording is better cut.
 MAX_ROWS: Final = 1_000_000
@@ -35,6 +35,7 @@ class Table:
         sidecar_file: its name, for messages.
         text: columns left out because they hold no numbers, and an example of what they hold.
         cut: whether the file ends within its last row, which is left out.
+        findings: what was repaired already.
     """
 
     columns: Mapping[str, Array]
@@ -43,6 +44,7 @@ class Table:
     sidecar_file: str
     text: Mapping[str, str]
     cut: bool = False
+    findings: tuple[Finding, ...] = ()
 
 
 def read_table(path: Path, sidecar: Mapping[str, Any], sidecar_file: str) -> Table:
