@@ -146,6 +146,7 @@ class Diagnosis:
         complete: False when a time budget ran out.
         overlays: for the pictures, not in the JSON.
         notes: sentences that a reader should know (no test trial, channels left out, what the log cannot show).
+        command: the command line that made it; in the page, not in the JSON, since the answer does not depend on it.
     """
 
     kind: str
@@ -168,3 +169,4 @@ class Diagnosis:
     seconds: float
     overlays: tuple[Overlay, ...] = ()
     notes: tuple[str, ...] = ()
+    command: str = ""

@@ -1,0 +1,123 @@
+"""``report.html``: one file that needs nothing else, neither network nor another file.
+
+Plotly's script is in it, compressed, and unpacked by the browser after the text has been drawn; figures are drawn as
+they come into view. Whatever comes from files is escaped.
+"""
+
+from __future__ import annotations
+
+import base64
+import functools
+import gzip
+import shlex
+from importlib import resources
+from pathlib import Path
+from typing import Any, Final
+
+import jinja2
+
+from tiago_mj import atomic
+from tiago_mj.gap import extra
+from tiago_mj.gap.report import overlays, tables, verdict, words
+from tiago_mj.gap.result import PHASES, Diagnosis
+
+KIND_NAMES: Final = {
+    "no_gap": "no gap",
+    "effect": "effect named",
+    "ambiguous": "ambiguous",
+    "unknown": "unknown cause",
+}
+#: Rows of the ranking that are shown at once, and channels whose figures are.
+RANKED, DRAWN = 10, 6
+
+
+def render(diagnosis: Diagnosis) -> str:
+    """The page."""
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader("tiago_mj.gap.report", "templates"),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters.update(
+        number=words.number, percent=words.percent, channel=words.channel, begin=words.begin, labels=words.labels
+    )
+    drawn = _drawn(diagnosis)
+    return environment.get_template("report.html.j2").render(
+        d=diagnosis,
+        kind=KIND_NAMES.get(diagnosis.kind, diagnosis.kind),
+        headline=verdict.headline(diagnosis),
+        remainder=verdict.remainder(diagnosis),
+        sure=verdict.sure(diagnosis.best) if diagnosis.best.effects else "",
+        best=[tables.shown(effect) for effect in diagnosis.best.effects],
+        heat=tables.heat(diagnosis.where),
+        heat_remains=tables.heat(diagnosis.remains_where) if diagnosis.remains else None,
+        interval=tables.interval,
+        stages=[(stage, name, stage == diagnosis.stage) for stage, name in tables.STAGE_NAMES.items()],
+        shrinking=tables.shrinking(diagnosis),
+        between=words.interval_percent(diagnosis.shrink.low, diagnosis.shrink.high),
+        ranking=tables.ranking(diagnosis),
+        ranked=RANKED,
+        not_excited=tables.not_excited(diagnosis),
+        lint=tables.lint(diagnosis.findings),
+        next_motion=_next_motion(diagnosis),
+        overlays=drawn,
+        figures={row["id"]: row["figure"] for trial in drawn for row in trial["rows"]},
+        drawn=DRAWN,
+        phase_names=PHASES,
+        phases=list(dict.fromkeys(p for trial in drawn for p in trial["phases"])),
+        plotly=_plotly() if drawn else "",
+    )
+
+
+def write(diagnosis: Diagnosis, path: Path) -> None:
+    """Write the page whole."""
+    atomic.write_text(path, render(diagnosis))
+
+
+@functools.cache
+def _plotly() -> str:
+    """Plotly's script, gzip, base64."""
+    extra.load("plotly", "the report")
+    script = resources.files("plotly").joinpath("package_data", "plotly.min.js").read_bytes()
+    return base64.b64encode(gzip.compress(script, 9, mtime=0)).decode()
+
+
+def _drawn(diagnosis: Diagnosis) -> list[dict[str, Any]]:
+    """Per overlay its trial and its channels, those with most of the gap first."""
+    total = sum(len(overlay.measured) for overlay in diagnosis.overlays)
+    share: dict[str, float] = {}
+    for place in diagnosis.where:
+        share[place.channel] = share.get(place.channel, 0.0) + place.share
+    trials = []
+    for index, overlay in enumerate(diagnosis.overlays):
+        figures = overlays.figures(overlay, total)
+        rows = [
+            {
+                "id": f"figure-{index}-{number}",
+                "channel": name,
+                "share": words.percent(share[name]) if share.get(name, 0.0) > 0.0005 else "",
+                "figure": figures[name],
+            }
+            for number, name in enumerate(sorted(figures, key=lambda name: -share.get(name, 0.0)))
+            if figures[name]["data"]
+        ]
+        seen = {phase for phase, _, _ in overlays.stretches(overlay.time, overlay.phases)}
+        named = [name for index, name in enumerate(PHASES) if index in seen]
+        trials.append({"trial": overlay.trial, "rows": rows, "phases": named})
+    return trials if total else []
+
+
+def _next_motion(diagnosis: Diagnosis) -> dict[str, Any] | None:
+    motion = diagnosis.next_motion
+    if motion is None:
+        return None
+    kind = "--model" if diagnosis.robot.endswith(".xml") else "--env"
+    robot = shlex.quote(diagnosis.robot) if diagnosis.robot else "ID"
+    return {
+        "file": motion.file,
+        "pairs": [(words.title(a), words.title(b)) for a, b in motion.resolves],
+        "probability": words.percent(motion.expected_probability),
+        "command": f"tiago-mj record {kind} {robot} --motion {shlex.quote(motion.file)} --episodes 3 --out next",
+    }

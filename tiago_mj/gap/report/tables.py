@@ -1,0 +1,272 @@
+"""What the page's tables and small drawings show: plain values, ready to be written."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, Final
+
+from tiago_mj.gap.effects import EFFECTS
+from tiago_mj.gap.effects.declare import STAGES
+from tiago_mj.gap.recording import Finding
+from tiago_mj.gap.report import words
+from tiago_mj.gap.result import BANDS, PHASES, Diagnosis, Explanation, Named, Place, Value
+
+#: Words for the stages of the signal chain, in its order.
+STAGE_NAMES: Final = {
+    "timing": "timing",
+    "command": "command",
+    "actuator": "actuator",
+    "transmission": "transmission",
+    "contact": "contact",
+    "body": "bodies",
+    "joint_sensor": "joint sensor",
+    "force_sensor": "force sensor",
+}
+
+
+@dataclass(frozen=True)
+class Cell:
+    """Of the heat map. ``strength`` is 0 to 1; ``text`` is what it says, ``hover`` in full."""
+
+    text: str
+    hover: str
+    strength: float
+
+
+@dataclass(frozen=True)
+class Heat:
+    """Channel × (phase, band): rows sorted by what they hold of the gap; None where a phase holds no such band."""
+
+    by_share: bool
+    phases: tuple[tuple[str, tuple[str, ...]], ...]
+    rows: tuple[tuple[str, str, tuple[Cell | None, ...]], ...]
+    totals: tuple[str, ...]
+
+
+def heat(places: tuple[Place, ...]) -> Heat:
+    """The table as a map. Cells show the share of the excess; where there is no excess, the gap itself."""
+    total = math.fsum(p.share for p in places)
+    by_share = total > 0.5  # shares sum to 1, or to 0 where nothing exceeds the floor
+    columns = [
+        (phase, tuple(b for b in _order(BANDS, {p.band for p in places if p.phase == phase})))
+        for phase in _order(PHASES, {p.phase for p in places})
+    ]
+    by = {(p.channel, p.phase, p.band): p for p in places}
+    excess: dict[str, float] = {}
+    for p in places:
+        excess[p.channel] = excess.get(p.channel, 0.0) + (p.share if by_share else _finite(p.gap))
+    most = max((p.share if by_share else _finite(p.gap) for p in places), default=0.0)
+    rows = []
+    for name in sorted(excess, key=lambda name: -excess[name]):
+        cells = tuple(_cell(by.get((name, phase, band)), most, by_share) for phase, bands in columns for band in bands)
+        rows.append((name, words.percent(excess[name]) if by_share else "", cells))
+    totals = tuple(
+        words.percent(math.fsum(p.share for p in places if p.phase == phase)) if by_share else ""
+        for phase, _ in columns
+    )
+    return Heat(by_share, tuple(columns), tuple(rows), totals)
+
+
+def _cell(place: Place | None, most: float, by_share: bool) -> Cell | None:
+    if place is None:
+        return None
+    share = words.percent(place.share)
+    hover = f"{place.channel}, {place.phase}, {place.band}: gap {interval(place)}, {share} of the excess"
+    value = place.share if by_share else _finite(place.gap)
+    strength = min(max(value / most, 0.0), 1.0) if most > 0 else 0.0
+    if not by_share:
+        strength *= 0.5 if most < 5 else 1.0  # near the floor nothing deserves a loud colour
+        return Cell(words.number(place.gap, 2), hover, strength)
+    return Cell("" if value < 0.005 else f"{100 * value:.0f}", hover, strength)
+
+
+def interval(place: Place) -> str:
+    """A gap with its interval: ``12.3 (8.1–17)``."""
+    return f"{words.number(place.gap)} ({words.number(place.low, 2)}–{words.number(place.high, 2)})"
+
+
+@dataclass(frozen=True)
+class Whisker:
+    """A parameter beside the value that the simulator has: positions in per cent of the drawing's width."""
+
+    name: str
+    text: str
+    identity: str
+    zero: float | None
+    value: float
+    low: float | None
+    high: float | None
+
+
+def whiskers(effect: Named) -> list[Whisker]:
+    """One per parameter."""
+    return [_whisker(effect.name, key, value) for key, value in effect.parameters.items()]
+
+
+def _whisker(effect: str, key: str, given: Value) -> Whisker:
+    declared = EFFECTS[effect].parameters.get(key) if effect in EFFECTS else None
+    identity = declared.identity if declared is not None else None
+    ends = [x for x in (given.value, given.low, given.high, identity) if x is not None and math.isfinite(x)]
+    low, high = min(ends, default=0.0), max(ends, default=0.0)
+
+    def at(x: float | None) -> float | None:
+        if x is None or not math.isfinite(x):
+            return None
+        return 50.0 if high <= low else round(6 + 88 * (x - low) / (high - low), 2)
+
+    known = identity is not None and math.isfinite(identity)
+    simulated = words.amount(Value(identity or 0.0, None, None, given.unit)) if known else ""
+    place = at(given.value)
+    return Whisker(
+        name=key.replace("_", " "),
+        text=words.amount(given),
+        identity=simulated,
+        zero=at(identity),
+        value=50.0 if place is None else place,
+        low=at(given.low),
+        high=at(given.high),
+    )
+
+
+@dataclass(frozen=True)
+class Bar:
+    """Before and after of one channel; positions in per cent on a logarithmic axis that all rows share."""
+
+    channel: str
+    before: str
+    after: str
+    closed: str
+    worse: bool
+    at_before: float | None
+    at_after: float | None
+
+
+@dataclass(frozen=True)
+class Shrinking:
+    """Rows of the before/after drawing, largest gap first; its axis as (position [%], label); the floor's position."""
+
+    rows: tuple[Bar, ...]
+    ticks: tuple[tuple[float, str], ...]
+    floor: float
+
+
+def shrinking(diagnosis: Diagnosis) -> Shrinking:
+    """Gap per channel on the test trials, before and after, in units of the floor."""
+    items = sorted(diagnosis.shrink.per_channel.items(), key=lambda item: -_finite(item[1].before))
+    values = [v for _, c in items for v in (c.before, c.after) if math.isfinite(v) and v > 0]
+    floor = diagnosis.shrink.floor if diagnosis.shrink.floor > 0 else 1.0
+    low = math.floor(math.log10(min([*values, floor]) + 1e-300))
+    high = math.ceil(math.log10(max([*values, floor * 1.01])))
+
+    def at(v: float) -> float | None:
+        if not math.isfinite(v):
+            return None
+        return round(100 * (math.log10(max(v, 10.0**low)) - low) / (high - low), 2)
+
+    rows = tuple(
+        Bar(
+            name, words.number(c.before), words.number(c.after), words.percent(c.closed), c.after > c.before * 1.02,
+            at(c.before), at(c.after),
+        )
+        for name, c in items
+    )  # fmt: skip
+    step = max(1, math.ceil((high - low) / 6))
+    ticks = tuple((at(10.0**k) or 0.0, _power(k)) for k in range(low, high + 1, step))
+    return Shrinking(rows, ticks, at(floor) or 0.0)
+
+
+def _power(exponent: int) -> str:
+    return words.number(10.0**exponent) if -3 <= exponent <= 4 else f"1e{exponent}"
+
+
+@dataclass(frozen=True)
+class Ranked:
+    """A row of the ranking."""
+
+    effects: tuple[dict[str, Any], ...]
+    probability: str
+    width: float
+    gain: str
+    gain_width: float
+    chosen: bool
+    tied: bool
+
+
+def ranking(diagnosis: Diagnosis) -> list[Ranked]:
+    """Explanations as ranked, with those that the data cannot tell from the best marked."""
+    best = identity(diagnosis.best)
+    tied = {identity(one) for one in diagnosis.alternatives}
+    most = max((_finite(one.validation_gain) for one in diagnosis.ranking), default=0.0)
+    rows = []
+    for one in diagnosis.ranking:
+        rows.append(
+            Ranked(
+                effects=tuple(shown(effect) for effect in one.effects),
+                probability=words.percent(one.probability),
+                width=round(100 * min(max(_finite(one.probability), 0.0), 1.0), 1),
+                gain=words.number(one.validation_gain),
+                gain_width=round(100 * max(_finite(one.validation_gain), 0.0) / most, 1) if most > 0 else 0.0,
+                chosen=identity(one) == best,
+                tied=len(tied) > 1 and identity(one) in tied,
+            )
+        )
+    return rows
+
+
+def shown(effect: Named) -> dict[str, Any]:
+    """An effect for the template."""
+    values = [(key.replace("_", " "), words.amount(value)) for key, value in effect.parameters.items()]
+    declared = EFFECTS.get(effect.name)
+    return {
+        "name": effect.name,
+        "label": words.label(effect),
+        "meaning": words.meaning(effect.name),
+        "gap_class": declared.gap_class.replace("_", " ") if declared and declared.gap_class != effect.name else "",
+        "parameters": values,
+        "whiskers": whiskers(effect),
+    }
+
+
+def identity(one: Explanation) -> tuple[tuple[str, str | tuple[str, ...]], ...]:
+    """What an explanation names, without its numbers."""
+    return tuple((effect.name, effect.target) for effect in one.effects)
+
+
+def not_excited(diagnosis: Diagnosis) -> list[tuple[str, list[tuple[str, str]]]]:
+    """Names with what they mean, by stage of the signal chain."""
+    by: dict[str, list[tuple[str, str]]] = {}
+    for name in diagnosis.not_excited:
+        stage = EFFECTS[name].stage if name in EFFECTS else "other"
+        by.setdefault(stage, []).append((words.title(name), words.meaning(name)))
+    order = [*STAGES, "other"]
+    return [(STAGE_NAMES.get(stage, stage), by[stage]) for stage in order if stage in by]
+
+
+@dataclass(frozen=True)
+class Found:
+    """Lint findings of one kind that read the same: the files are listed once."""
+
+    code: str
+    channel: str
+    message: str
+    repaired: bool
+    discredits: bool
+    files: tuple[str, ...]
+
+
+def lint(findings: tuple[Finding, ...]) -> list[Found]:
+    """Findings, equal ones of several files as one; those that were not repaired first."""
+    files: dict[tuple[str, str, str, bool, bool], list[str]] = {}
+    for f in findings:
+        files.setdefault((f.code, f.channel, f.message, f.repaired, f.discredits), []).append(f.file)
+    rows = [Found(*key, tuple(dict.fromkeys(which))) for key, which in files.items()]
+    return sorted(rows, key=lambda row: (row.repaired, not row.discredits))
+
+
+def _order(known: tuple[str, ...], present: set[str]) -> list[str]:
+    return [name for name in known if name in present] + sorted(present - set(known))
+
+
+def _finite(value: float | None) -> float:
+    return value if value is not None and math.isfinite(value) else 0.0

@@ -1,0 +1,158 @@
+"""The answer in short on the terminal, and a progress bar while it is worked out (rich)."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Mapping
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+from tiago_mj.gap import extra
+from tiago_mj.gap.report import tables, verdict, words
+from tiago_mj.gap.result import Diagnosis
+
+#: Lines of each list.
+MOST = 5
+
+
+class Progress:
+    """A bar on standard error, one stage after the other. Nothing is shown where that is no terminal.
+
+    Use it as a context: ``with Progress() as progress: progress.stage("fit", 120); progress.advance()``.
+    """
+
+    def __init__(self, *, console: Any = None, quiet: bool = False) -> None:
+        """Take a ``rich.console.Console`` (standard error if None); ``quiet`` shows nothing."""
+        rich_progress = extra.load("rich.progress", "the progress bar")
+        console = console or extra.load("rich.console", "the progress bar").Console(stderr=True)
+        self._bar = rich_progress.Progress(
+            rich_progress.TextColumn("{task.description}", markup=False),
+            rich_progress.BarColumn(),
+            rich_progress.MofNCompleteColumn(),
+            rich_progress.TimeElapsedColumn(),
+            console=console,
+            transient=True,
+            disable=quiet or not console.is_terminal,
+        )
+        self._task: Any = None
+
+    def __enter__(self) -> Progress:
+        self._bar.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, fault: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._bar.stop()
+
+    def stage(self, name: str, total: int | None = None) -> None:
+        """Begin a stage of so many steps (None: not known); the one before counts as done."""
+        if self._task is not None:
+            self._bar.remove_task(self._task)
+        self._task = self._bar.add_task(name, total=total)
+
+    def advance(self, steps: int = 1) -> None:
+        """So many steps of the stage are done.
+
+        Raises:
+            RuntimeError: no stage has begun.
+        """
+        if self._task is None:
+            raise RuntimeError("progress before its first stage: call stage(name, total) first")
+        self._bar.advance(self._task, steps)
+
+
+def show(diagnosis: Diagnosis, written: Mapping[str, Path] | None = None, *, console: Any = None) -> None:
+    """Print the answer: verdict, where, which, how far, what to do next.
+
+    Args:
+        diagnosis: the answer.
+        written: files by name (``report.html``, ``calibration.yaml``), for the last lines.
+        console: a ``rich.console.Console``; standard output if None.
+    """
+    rich_text = extra.load("rich.text", "the terminal's answer")
+    console = console or extra.load("rich.console", "the terminal's answer").Console(highlight=False)
+    for style, line in lines(diagnosis, written or {}):
+        console.print(rich_text.Text(line, style=style), soft_wrap=not console.is_terminal)
+
+
+def lines(diagnosis: Diagnosis, written: Mapping[str, Path]) -> list[tuple[str, str]]:
+    """(style, line) of what :func:`show` prints."""
+    d = diagnosis
+    colour = {"no_gap": "bold green", "effect": "bold green"}.get(d.kind, "bold yellow")
+    shown = [(colour, verdict.headline(d))]
+    if not d.complete:
+        shown.append(("yellow", "The time budget ran out: this is the best answer so far."))
+    if d.kind != "unknown" and verdict.remainder(d):
+        shown.append(("", verdict.remainder(d)))
+    shown += [("yellow", note) for note in d.notes]
+    shown += _where(d) + _which(d) + _how_far(d)
+    if d.not_excited:
+        names = [words.title(name) for name in d.not_excited]
+        more = f" and {len(names) - 2 * MOST} more" if len(names) > 2 * MOST else ""
+        shown.append(("", f"Not excited, so not ruled out: {', '.join(names[: 2 * MOST])}{more}"))
+    found = tables.lint(d.findings)
+    left = [row for row in found if not row.repaired]
+    if found:
+        shown.append(("", f"Recordings: {len(found) - len(left)} things repaired, {len(left)} left as they are"))
+        for row in left[:MOST]:
+            which = row.files[0] if len(row.files) == 1 else f"{row.files[0]} and {len(row.files) - 1} more"
+            shown.append(("dim", f"  {row.code}: {which}: {row.message}"))
+    if d.next_motion is not None:
+        chance = words.percent(d.next_motion.expected_probability)
+        shown.append(
+            ("", f"Next: record --motion {shlex.quote(d.next_motion.file)}; the chance that it decides is {chance}")
+        )
+    shown += [("dim", f"Written: {path}") for path in written.values()]
+    return shown
+
+
+def _where(d: Diagnosis) -> list[tuple[str, str]]:
+    rows = sorted((p for p in d.where if p.share >= 0.005), key=lambda p: -p.share)
+    if d.kind == "no_gap" or not rows:
+        return []
+    stage = f", stage: {tables.STAGE_NAMES.get(d.stage, d.stage)}" if d.stage else ""
+    shown = [("bold", f"Where{stage}")]
+    width = max(len(p.channel) for p in rows[:MOST])
+    for p in rows[:MOST]:
+        shown.append(("", f"  {words.percent(p.share):>6}  {p.channel:<{width}}  {p.phase}, {p.band}"))
+    return shown
+
+
+def _which(d: Diagnosis) -> list[tuple[str, str]]:
+    if d.kind == "no_gap" or not d.ranking:
+        return []
+    shown = [("bold", "Which")]
+    for row, one in list(zip(tables.ranking(d), d.ranking, strict=True))[:MOST]:
+        mark = "*" if row.chosen else "~" if row.tied else " "
+        values = [
+            ", ".join(
+                [words.label(e), *(f"{key.replace('_', ' ')} {words.amount(v)}" for key, v in e.parameters.items())]
+            )
+            for e in one.effects
+        ]
+        shown.append(("", f"{mark} {row.probability:>6}  {' and '.join(values) or 'nominal simulator'}"))
+    if any(row.tied and not row.chosen for row in tables.ranking(d)[:MOST]):
+        shown.append(("dim", "  * best   ~ cannot be told from it"))
+    return shown
+
+
+def _how_far(d: Diagnosis) -> list[tuple[str, str]]:
+    shrink = d.shrink
+    if shrink.before is None or d.kind == "no_gap":
+        return []
+    after = f" → {words.number(shrink.after)}" if shrink.after is not None and d.best.effects else ""
+    closed = f": {words.percent(shrink.closed)} closed" if shrink.closed is not None else ""
+    gap = f"{words.number(shrink.before)}{after}, noise floor {words.number(shrink.floor)}{closed}"
+    shown = [("bold", "How far"), ("", f"  gap on test trials {gap}")]
+    if shrink.task:
+        task = {key: words.number(shrink.task.get(key), 4) for key in ("nominal", "repaired", "measured")}
+        shown.append(
+            (
+                "",
+                f"  return of {shrink.task.get('policy')}: nominal {task['nominal']}, repaired {task['repaired']}, "
+                f"measured {task['measured']}",
+            )
+        )
+    return shown

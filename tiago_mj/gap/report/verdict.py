@@ -1,0 +1,97 @@
+"""The verdict in plain words: the first sentence of every report."""
+
+from __future__ import annotations
+
+import math
+
+from tiago_mj.gap.report.words import begin, channel, clauses, interval_percent, labels, listed, percent
+from tiago_mj.gap.result import Diagnosis, Explanation, Place
+
+#: Alternatives up to this number are spelled out in the first sentence; of more, only the effects' names are given.
+SPELLED = 2
+#: A larger share than this of the gap has to close before a report says that it does.
+CLOSES = 0.02
+
+
+def headline(diagnosis: Diagnosis) -> str:
+    """One sentence: what is wrong, by how much, and how far the gap shrinks with it."""
+    kind, best = diagnosis.kind, diagnosis.best
+    if kind == "no_gap":
+        return (
+            "No gap: the simulator predicts these recordings as well as the uncertainty of its own parameters allows, "
+            "so no effect is named."
+        )
+    if kind == "unknown":
+        return _unknown(diagnosis)
+    if kind == "ambiguous":
+        return begin(f"{_either(diagnosis)}{closing(diagnosis, 'adding the likelier one')}.")
+    if not best.effects:
+        return begin(f"there is a gap, and no effect is named{closing(diagnosis, 'the fitted parameters')}.")
+    them = "adding it" if len(best.effects) == 1 else "adding both"
+    return begin(f"{clauses(best)}{closing(diagnosis, them)}.")
+
+
+def remainder(diagnosis: Diagnosis) -> str:
+    """What is left after the best explanation, as a sentence; empty where nothing is."""
+    if not diagnosis.remains:
+        return ""
+    place = main_place(diagnosis.remains_where)
+    if not place:
+        return "A gap above the noise is left after that."
+    return f"A gap above the noise is left after that, most of it in {place}."
+
+
+def closing(diagnosis: Diagnosis, subject: str) -> str:
+    """How far the gap shrinks, as the end of a sentence."""
+    shrink = diagnosis.shrink
+    if shrink.closed is None or not math.isfinite(shrink.closed):
+        if diagnosis.splits.get("test"):
+            return "; on the recordings that were kept aside there was no gap to close"
+        return "; no recording was kept aside, so how much of the gap this closes is not known"
+    if shrink.closed < CLOSES:
+        return f"; yet {subject} does not close the gap on recordings that were kept aside"
+    between = interval_percent(shrink.low, shrink.high)
+    closed = f"{percent(shrink.closed)} ({between} %)" if between else percent(shrink.closed)
+    return f"; {subject} closes {closed} of the gap on recordings that were kept aside"
+
+
+def main_place(places: tuple[Place, ...]) -> str:
+    """Where most of an excess lies: channel and phase, in words."""
+    by: dict[tuple[str, str], float] = {}
+    for place in places:
+        by[place.channel, place.phase] = by.get((place.channel, place.phase), 0.0) + place.share
+    if not by:
+        return ""
+    (name, phase), share = max(by.items(), key=lambda item: item[1])
+    if not share > 0:
+        return ""
+    return f"{channel(name)} during {phase} ({percent(share)})"
+
+
+def sure(explanation: Explanation) -> str:
+    """What a probability means."""
+    return (
+        f"Probability {percent(explanation.probability)}: of a hundred answers given with this probability, about "
+        f"{100 * explanation.probability:.0f} name the true effect or one of its class."
+    )
+
+
+def _either(diagnosis: Diagnosis) -> str:
+    choices = diagnosis.alternatives or (diagnosis.best,)
+    if len(choices) <= SPELLED:
+        # A comma, since a clause may hold an "and" of its own.
+        either = " – or ".join(clauses(choice) or "the nominal simulator is right" for choice in choices)
+        return f"either {either}: these recordings cannot tell which"
+    return (
+        f"one of {len(choices)} explanations holds, and these recordings cannot tell which: "
+        f"{listed([labels(choice) for choice in choices], 'or')}"
+    )
+
+
+def _unknown(diagnosis: Diagnosis) -> str:
+    place = main_place(diagnosis.remains_where or diagnosis.where)
+    if diagnosis.best.effects:
+        what = f"{clauses(diagnosis.best)}, but that is not all: the rest of the gap is explained by no known effect"
+    else:
+        what = "there is a gap that no known effect explains"
+    return begin(f"{what}{f'; most of it lies in {place}' if place else ''}.")

@@ -1,0 +1,207 @@
+"""Numbers, names and effects as a reader wants them: millimetres for small metres, sentences for effects."""
+
+from __future__ import annotations
+
+import inspect
+import math
+import re
+from collections.abc import Sequence
+from typing import Final
+
+from tiago_mj.gap.effects import EFFECTS
+from tiago_mj.gap.report.clauses import CLAUSES, LESS
+from tiago_mj.gap.result import Explanation, Named, Value
+from tiago_mj.models import names
+
+#: Unit, and the thousandth of it in which a reader expects small amounts.
+SMALLER: Final = {"m": "mm", "s": "ms", "rad": "mrad", "m/s": "mm/s", "rad/s": "mrad/s"}
+#: A reader's word for the one part that an effect acts on, and for all of them.
+PARTS: Final = {
+    "command": ("{}", "every actuator"),
+    "joint": ("{}", "every joint"),
+    "sensor": ("the {} load cell", "both load cells"),
+    "object": ("the object", "the object"),
+    "clock": ("the clock", "the clock"),
+}
+QUANTITIES: Final = {"position": "position", "velocity": "velocity", "effort": "effort", "force": "force reading"}
+#: More targets than these are counted instead of listed.
+LISTED: Final = 3
+
+
+def number(value: float | None, digits: int = 3) -> str:
+    """To so many significant digits, with a true minus sign; a dash where nothing is known."""
+    if value is None or math.isnan(value):
+        return "–"
+    if math.isinf(value):
+        return "∞" if value > 0 else "−∞"
+    if value == 0:
+        return "0"
+    decimals = digits - 1 - math.floor(math.log10(abs(value)))
+    return _fixed(round(value, decimals), max(decimals, 0))
+
+
+def percent(share: float | None) -> str:
+    """A share in whole per cent; with a decimal below ten."""
+    if share is None or not math.isfinite(share):
+        return "–"
+    return f"{_fixed(100 * share, 1 if 0 < abs(share) < 0.0995 else 0)} %"
+
+
+def span(low: float | None, high: float | None, decimals: int) -> str:
+    """An interval, or nothing where it is not known."""
+    if low is None or high is None or not (math.isfinite(low) and math.isfinite(high)):
+        return ""
+    return f"{_fixed(low, decimals)}{' to ' if low < 0 else '–'}{_fixed(high, decimals)}"
+
+
+def interval_percent(low: float | None, high: float | None) -> str:
+    """An interval of shares in whole per cent."""
+    return span(None if low is None else 100 * low, None if high is None else 100 * high, 0)
+
+
+def amount(given: Value, *, share: bool = False, flip: bool = False) -> str:
+    """A parameter with unit and interval: ``2.6 N (2.4–2.9)``.
+
+    Args:
+        given: the parameter.
+        share: write it in per cent.
+        flip: write the opposite (what is less by a negative amount).
+    """
+    value, low, high, unit = given.value, given.low, given.high, given.unit
+    if flip:
+        value, low, high = -value, None if high is None else -high, None if low is None else -low
+    scale = 1.0
+    if share:
+        scale, unit = 100.0, "%"
+    elif unit in SMALLER and 0 < abs(value) < (0.1 if unit.startswith("rad") else 1.0):
+        scale, unit = 1000.0, SMALLER[unit]
+    value, low, high = value * scale, None if low is None else low * scale, None if high is None else high * scale
+    known = low is not None and high is not None and math.isfinite(high - low)
+    if not known or high == low:
+        text, between = _bare(number(value)), ""
+    else:
+        assert low is not None
+        assert high is not None
+        decimals = min(6, max(0, -math.floor(math.log10(abs(high - low) / 2))))
+        text, between = _fixed(value, decimals), span(low, high, decimals)
+    unit = "" if unit in ("-", "–", "1") else unit
+    return " ".join(piece for piece in (text, unit, between and f"({between})") if piece)
+
+
+def title(name: str) -> str:
+    """An effect's name as words: ``Coulomb friction``."""
+    words = name.replace("_", " ")
+    for person in ("coulomb", "stribeck"):
+        words = words.replace(person, person.capitalize())
+    return words
+
+
+def meaning(name: str) -> str:
+    """What an effect is: the first sentence of its declaration."""
+    declared = EFFECTS.get(name)
+    described = (inspect.getdoc(declared) if declared else None) or ""
+    paragraph = " ".join(described.split("\n\n")[0].split())
+    sentence = re.split(r"(?<=[.;])\s", paragraph)[0].rstrip(";.").replace("``", "")
+    return f"{sentence}." if sentence else ""
+
+
+def part(name: str, kind: str) -> str:
+    """A reader's name of one target."""
+    for side, joint in zip(names.SIDES, names.FINGERS, strict=True):
+        if name == joint:
+            return f"the gripper's {side} finger"
+    return PARTS.get(kind, PARTS["joint"])[0].format(name)
+
+
+def whom(effect: Named) -> tuple[str, bool]:
+    """A reader's name of an effect's targets, and whether they are several."""
+    declared = EFFECTS.get(effect.name)
+    kind = declared.targets if declared else "joint"
+    if effect.target == "all":
+        if effect.name == "payload":
+            return "the tool", False
+        return PARTS[kind][1], kind == "sensor"
+    several = (effect.target,) if isinstance(effect.target, str) else effect.target
+    if set(several) == set(names.FINGERS):
+        return "both fingers of the gripper", True
+    if kind == "sensor" and set(several) == set(names.SIDES):
+        return "both load cells", True
+    if len(several) > LISTED + 1:
+        rest = len(several) - LISTED
+        return f"{', '.join(part(name, kind) for name in several[:LISTED])} and {rest} more", True
+    return listed([part(name, kind) for name in several]), len(several) > 1
+
+
+def label(effect: Named) -> str:
+    """Effect and targets in a few words: ``Coulomb friction on the gripper's right finger``."""
+    declared = EFFECTS.get(effect.name)
+    if declared is not None and declared.targets in ("object", "clock"):
+        return title(effect.name)
+    return f"{title(effect.name)} on {whom(effect)[0]}"
+
+
+def labels(explanation: Explanation) -> str:
+    """A set of effects in a few words."""
+    return " and ".join(label(effect) for effect in explanation.effects) or "nothing (the nominal simulator)"
+
+
+def clause(effect: Named) -> str:
+    """What an effect says about the robot, as a clause that begins with a small letter."""
+    template = CLAUSES.get(effect.name)
+    parameters = effect.parameters
+    first = next(iter(parameters.values()), None)
+    less = first is not None and first.value < 0 and effect.name in LESS
+    if less:
+        template = LESS[effect.name]
+    fields = re.findall(r"{(\w+)(?:%)?}", template or "")
+    subject, several = whom(effect)
+    grammar = {"t": subject, "s": "" if several else "s", "has": "have" if several else "has"}
+    grammar["is"] = "are" if several else "is"
+    if template is None or any(field not in grammar and field not in parameters for field in fields):
+        shown = ", ".join(f"{key} {amount(value)}" for key, value in parameters.items())
+        return f"there is {label(effect)}{f' ({shown})' if shown else ''}"
+
+    def fill(found: re.Match[str]) -> str:
+        key = found.group(1)
+        if key in grammar:
+            return grammar[key]
+        return amount(parameters[key], share=found.group(2) == "%", flip=less and parameters[key] is first)
+
+    return re.sub(r"{(\w+)(%?)}", fill, template)
+
+
+def clauses(explanation: Explanation) -> str:
+    """A set of effects as one clause."""
+    return ", and ".join(clause(effect) for effect in explanation.effects)
+
+
+def channel(name: str) -> str:
+    """A channel as a reader says it: ``the force reading of the right finger``."""
+    kind, _, rest = name.partition(".")
+    if kind not in QUANTITIES or not rest:
+        return name
+    owner = f"the {rest} finger" if kind == "force" and rest in names.SIDES else part(rest, "joint")
+    return f"the {QUANTITIES[kind]} of {owner}"
+
+
+def listed(items: Sequence[str], word: str = "and") -> str:
+    """``a``, ``a and b``, ``a, b and c``."""
+    items = list(items)
+    return items[0] if len(items) == 1 else f"{', '.join(items[:-1])} {word} {items[-1]}" if items else ""
+
+
+def begin(sentence: str) -> str:
+    """With a capital letter."""
+    return sentence[:1].upper() + sentence[1:]
+
+
+def _bare(text: str) -> str:
+    """Without zeros at the end of its decimals."""
+    return text.rstrip("0").rstrip(".") if "." in text else text
+
+
+def _fixed(value: float, decimals: int) -> str:
+    text = f"{value + 0.0:.{decimals}f}"
+    if float(text) == 0:
+        text = text.lstrip("-")
+    return text.replace("-", "−")
