@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from tiago_mj.gap.lint import clocks, consistency, facts, ranges, sensors
+from tiago_mj.gap.lint import clocks, consistency, exchange, facts, ranges, sensors
 from tiago_mj.gap.lint.ranges import JointRanges, check_names
 from tiago_mj.gap.recording import CODES, Finding, RecordingError, Trial, channels
 
@@ -30,7 +30,10 @@ def inspect(trials: Sequence[Trial], joint_ranges: JointRanges | None = None) ->
         found += [*clocks.check(trial), *facts.check(trial)]
     if joint_ranges is not None:
         found += ranges.check(trials, joint_ranges)
-    found += [*sensors.check(trials), *consistency.check(trials)]
+    exchanged = list(exchange.check(trials))
+    found += [finding for finding, _ in exchanged]
+    joints = frozenset[str]().union(*(joints for _, joints in exchanged))
+    found += [*sensors.check(trials), *consistency.check(trials, joints)]
     if len(trials) == 1:
         found.append(
             Finding(
@@ -40,8 +43,10 @@ def inspect(trials: Sequence[Trial], joint_ranges: JointRanges | None = None) ->
                 "there is no other recording to predict, so no share of the gap can be said to be closed: record more",
             )
         )
-    once = dict.fromkeys(found)
-    return tuple(sorted(once, key=lambda finding: (not finding.refuses, CODES.index(finding.code))))
+    once: dict[tuple[str, str, str, bool], Finding] = {}
+    for finding in found:
+        once.setdefault((finding.code, finding.file, finding.channel, finding.refuses), finding)
+    return tuple(sorted(once.values(), key=lambda finding: (not finding.refuses, CODES.index(finding.code))))
 
 
 def refuse(trials: Sequence[Trial], findings: Sequence[Finding]) -> None:

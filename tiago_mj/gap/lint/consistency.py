@@ -1,18 +1,16 @@
 """Channels against each other: a velocity is the position's derivative, motion follows commands, a pad's force follows
-its finger's effort. Where they disagree by a sign, a known factor or an exchange, the log is wrong."""
+its finger's effort. Where they disagree by a sign or a known factor, the log is wrong."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from itertools import combinations
 from typing import Final
 
 import numpy as np
 
-from tiago_mj.gap.lint.motion import CLEAR, Travel, commanded, integrated, lags, measured
+from tiago_mj.gap.lint.motion import Travel, commanded, integrated, lags, measured
 from tiago_mj.gap.lint.numbers import correlation, noise, rms
 from tiago_mj.gap.recording import Array, Finding, Trial, sampled
-from tiago_mj.models import names
 
 #: Cosine of two displacements from which they are the same motion, and below which they are not.
 SAME, DIFFERENT = 0.85, 0.4
@@ -27,21 +25,15 @@ PLAIN_FACTOR: Final = 1.6
 LATE: Final = 0.1
 #: Windows in which something must have moved before anything is said.
 ENOUGH: Final = 6
-#: Unexplained variance by the other finger's channel over that by the finger's own that shows an exchange.
-EXCHANGED: Final = 0.3
 #: Percentage of the samples in which a pad must read below zero: one that is hit from the side does so for a moment.
 PRESSED: Final = 5
 
 
-def check(trials: Sequence[Trial]) -> Iterator[Finding]:
-    """Findings of channels that disagree."""
-    swapped = set()
-    for finding in _swapped(trials):
-        swapped.update(finding.message.split("'")[1::2])
-        yield finding
+def check(trials: Sequence[Trial], exchanged: frozenset[str]) -> Iterator[Finding]:
+    """Findings of channels that disagree; joints whose columns are exchanged are left out."""
     joints = dict.fromkeys(joint for trial in trials for joint in trial.positions)
     for joint in joints:
-        if joint in swapped:
+        if joint in exchanged:
             continue
         yield from _joint(joint, [trial for trial in trials if joint in trial.positions])
     yield from _effort_signs(trials)
@@ -167,18 +159,24 @@ def _command_and_motion(joint: str, trials: Sequence[Trial], kind: str) -> str:
     pairs = [(trial, travel) for trial, travel in pairs if joint in trial.commands]
     if not pairs or sum(len(travel.windows) for _, travel in pairs) < ENOUGH:
         return "ok"
-    stated = _follows(joint, pairs, None)
+    stated = follows(joint, pairs, None)
     if stated.max(initial=-1.0) < DIFFERENT:
         other = {"velocity": "position", "position": "velocity"}.get(pairs[0][0].sidecar.interface or "")
-        if other and _follows(joint, pairs, other).max(initial=-1.0) > SAME and _close(joint, pairs, other):
+        if other and follows(joint, pairs, other).max(initial=-1.0) > SAME and _close(joint, pairs, other):
             return "interface"
         if stated.min(initial=1.0) < -SAME:
             return "sign"
     return "ok"
 
 
-def _follows(joint: str, pairs: Sequence[tuple[Trial, Travel]], interface: str | None) -> Array:
-    """Cosine of command and motion by lag, over all trials."""
+def follows(joint: str, pairs: Sequence[tuple[Trial, Travel]], interface: str | None) -> Array:
+    """Cosine of an actuator's command and a motion by lag, over all trials; (nlags,), or (0,) without commands.
+
+    Args:
+        joint: of the command.
+        pairs: trials, and the motion in each.
+        interface: what the command is taken for; None: what the sidecar says.
+    """
     cosines = []
     for lag in lags():
         sent = [commanded(trial, joint, interface or trial.sidecar.interface, lag) for trial, _ in pairs]
@@ -200,100 +198,6 @@ def _close(joint: str, pairs: Sequence[tuple[Trial, Travel]], interface: str) ->
     return True
 
 
-def _swapped(trials: Sequence[Trial]) -> Iterator[Finding]:
-    joints = tuple(dict.fromkeys(joint for trial in trials for joint in trial.positions))
-    for one, other in combinations(joints, 2):
-        both = [trial for trial in trials if one in trial.positions and other in trial.positions]
-        velocity = [trial for trial in both if _velocities_exchanged(trial, one, other)]
-        command = _commands_exchanged(both, one, other)
-        for trial in both:
-            if command:
-                kind = "position" if trial in velocity else "command"
-            elif trial in velocity:
-                kind = "velocity"
-            else:
-                continue
-            yield Finding(
-                "swapped_channels",
-                trial.source,
-                f"{kind}.{one}",
-                f"the columns {kind} of '{one}' and '{other}' are exchanged: each follows the other joint; rename "
-                "them, or map them (--map)",
-                refuses=True,
-            )
-    yield from _forces_exchanged(trials)
-
-
-def _velocities_exchanged(trial: Trial, one: str, other: str) -> bool:
-    position = [measured(trial, joint) for joint in (one, other)]
-    velocity = [integrated(trial, joint) for joint in (one, other)]
-    if any(travel is None or len(travel.windows) < ENOUGH for travel in [*position, *velocity]):
-        return False
-    p, v = [t for t in position if t is not None], [t for t in velocity if t is not None]
-    difference = [t[0].windows - t[1].windows for t in (p, v)]
-    floors = [np.hypot(t[0].floor, t[1].floor) for t in (p, v)]
-    if any(rms(d) <= CLEAR * floor for d, floor in zip(difference, floors, strict=True)):
-        return False
-    return correlation(difference[0], difference[1]) < -SAME and all(
-        correlation(p[k].windows, v[1 - k].windows) > SAME for k in (0, 1)
-    )
-
-
-def _commands_exchanged(trials: Sequence[Trial], one: str, other: str) -> bool:
-    having = [
-        (trial, a, b)
-        for trial in trials
-        if {one, other} <= set(trial.commands)
-        and (a := measured(trial, one)) is not None
-        and (b := measured(trial, other)) is not None
-        and a.moved
-        and b.moved
-    ]
-    if sum(len(a.windows) for _, a, _ in having) < ENOUGH:
-        return False
-    first, second = [(t, a) for t, a, _ in having], [(t, b) for t, _, b in having]
-    own = max(_follows(one, first, None).max(initial=-1), _follows(other, second, None).max(initial=-1))
-    if own >= DIFFERENT:
-        return False
-    crossed = [_follows(other, first, None).max(initial=-1), _follows(one, second, None).max(initial=-1)]
-    return bool(min(crossed) > SAME)
-
-
-def _forces_exchanged(trials: Sequence[Trial]) -> Iterator[Finding]:
-    """Each sensor's force against the efforts of both fingers."""
-    usable = []
-    for trial in trials:
-        fingers = [next((j for j in trial.efforts if side in j), None) for side in names.SIDES]
-        if all(fingers) and set(names.SIDES) <= set(trial.forces):
-            usable.append((trial, fingers))
-    if not usable:
-        return
-    unexplained = np.empty((2, 2))
-    for s, side in enumerate(names.SIDES):
-        for f in range(2):
-            force, effort = [], []
-            for trial, fingers in usable:
-                time, values = sampled(trial, f"force.{side}")
-                when, pull = sampled(trial, f"effort.{fingers[f]}")
-                force.append(values)
-                effort.append(np.interp(time, when, pull))
-            a, b = np.concatenate(force), np.concatenate(effort)
-            if np.ptp(a) < CLEAR * 4 * noise(a) or np.ptp(b) == 0:
-                return
-            unexplained[s, f] = 1 - np.corrcoef(a, b)[0, 1] ** 2
-    own, crossed = np.diag(unexplained), np.diag(unexplained[:, ::-1])
-    if (crossed < EXCHANGED * own).all() and (crossed < 1 - SAME).all():
-        for trial, _ in usable:
-            yield Finding(
-                "swapped_channels",
-                trial.source,
-                "force.right",
-                "the columns force of 'right' and 'left' are exchanged: each follows the other finger's effort; rename "
-                "them, or map them (--map)",
-                refuses=True,
-            )
-
-
 def _effort_signs(trials: Sequence[Trial]) -> Iterator[Finding]:
     """A servo's effort grows with what it lacks to its set point."""
     for joint in dict.fromkeys(joint for trial in trials for joint in trial.efforts):
@@ -310,19 +214,27 @@ def _effort_signs(trials: Sequence[Trial]) -> Iterator[Finding]:
         if not effort:
             continue
         a, b = np.concatenate(lack), np.concatenate(effort)
-        if len(a) < 20 or not np.ptp(a) or not np.ptp(b) or b.min() >= 0 or b.max() <= 0:
+        if len(a) < 20 or not np.ptp(a) or not np.ptp(b) or np.corrcoef(a, b)[0, 1] > -SAME:
             continue
-        if np.corrcoef(a, b)[0, 1] < -SAME:
-            for trial in trials:
-                if joint in trial.efforts:
-                    yield Finding(
-                        "sign",
-                        trial.source,
-                        f"effort.{joint}",
-                        "it pushes away from what is commanded: flip its sign in the log, or map it with scale: -1 "
-                        "(--map)",
-                        refuses=True,
-                    )
+        one_sided = b.min() >= 0 or b.max() <= 0
+        for trial in trials:
+            if joint in trial.efforts and one_sided:
+                yield Finding(
+                    "unsigned",
+                    trial.source,
+                    f"effort.{joint}",
+                    "it is never on the side to which the servo is commanded, so it is a magnitude or is flipped: "
+                    "left out of use; record it with its sign",
+                    discredits=True,
+                )
+            elif joint in trial.efforts:
+                yield Finding(
+                    "sign",
+                    trial.source,
+                    f"effort.{joint}",
+                    "it pushes away from what is commanded: flip its sign in the log, or map it with scale: -1 (--map)",
+                    refuses=True,
+                )
 
 
 def _servo_error(trial: Trial, joint: str) -> tuple[Array, Array] | None:

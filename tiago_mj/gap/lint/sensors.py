@@ -68,11 +68,15 @@ def _dead(trial: Trial, name: str, coarse: float) -> Iterator[Finding]:
             because = f"it reads {values[0]:.4g} throughout, without any noise"
     elif constant and kind == "position" and _moves(trial, joint, by=("velocity", "command")):
         because = f"it reads {values[0]:.4g} throughout, while the joint is commanded or said to move"
-    elif constant and kind == "velocity" and _moves(trial, joint, by=("position",)):
-        because = f"it reads {values[0]:.4g} throughout, while the position changes"
-    elif kind == "effort" and not _commanded_effort(trial, joint) and _moves(trial, joint, by=("position", "velocity")):
+    elif constant and kind == "velocity" and _moves(trial, joint, by=("position", "command")):
+        because = f"it reads {values[0]:.4g} throughout, while the joint moves or is commanded to"
+    elif (
+        kind == "effort"
+        and not _commanded_effort(trial, joint)
+        and _moves(trial, joint, by=("position", "velocity", *(("command",) if constant else ())))
+    ):
         value, share = _most_frequent(trial, joint)
-        if share > DEAD_SHARE and (constant or abs(value) <= NOTHING * float(np.abs(values).max())):
+        if constant or (share > DEAD_SHARE and abs(value) <= NOTHING * float(np.abs(values).max())):
             because = f"it reads {value + 0.0:.4g} in {share:.0%} of the samples in which the joint moves"
     if because:
         said = because + ": left out of use; check the sensor and its cable"
