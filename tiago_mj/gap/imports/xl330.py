@@ -42,7 +42,9 @@ JOINT: Final = "pendulum"
 COMMANDS: Final = ("torque", "position")
 MODEL: Final = "pendulum.xml"
 
-#: Torque at stall [N·m] and speed without load [rad/s] at 5.0 V (ROBOTIS e-Manual, XL330-M288-T, 2024).
+#: Torque at stall [N·m] and speed without load [rad/s] at 5.0 V (ROBOTIS e-Manual, XL330-M288-T). Its stall torques at
+#: 3.7 and 6.0 V, 0.42 and 0.60 N·m, are up to 9 % off a line through zero and rise with 0.078 instead of 0.104 N·m/V:
+#: the scale of the torque is known to 30 %, and the known weight of the pendulum tells it better.
 STALL_TORQUE, NO_LOAD_SPEED, AT_VOLTS = 0.52, 103 * 2 * np.pi / 60, 5.0
 #: PWM of full voltage (same, PWM Limit 885, unit 0.113 %).
 FULL_PWM: Final = 885.0
@@ -213,7 +215,7 @@ def _trial(run: Run, commands: str) -> Trial:
                 "imported": f"effort [N·m] from PWM, voltage and speed by the torque-speed line {STALL_TORQUE} N·m and "
                 f"{NO_LOAD_SPEED:.4g} rad/s at {AT_VOLTS} V, 0 while the torque is off; "
                 f"first stamp {time[0]:.6g} s set to 0",
-                "unknown": "the motor's real torque constant: the line is the data sheet's",
+                "unknown": "scale of the torque, to 30 %: the line is the data sheet's; the mass and the length are known",
             },
         ),
         source=f"{name}.parquet",
