@@ -1,0 +1,69 @@
+"""``tiago-mj diagnose``: from recordings to a verdict, a report and a calibration."""
+
+from __future__ import annotations
+
+import argparse
+import shlex
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+from tiago_mj.gap import extra
+from tiago_mj.gap.recording import RecordingError
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's arguments."""
+    parser.add_argument("recordings", nargs="+", type=Path, metavar="RECORDING", help="files or folders of recordings")
+    what = parser.add_mutually_exclusive_group()
+    what.add_argument("--env", help="environment that they are compared with, where they do not say")
+    what.add_argument("--model", type=Path, help="MJCF file that they are compared with")
+    parser.add_argument("--map", type=Path, help="YAML: column to kind and name")
+    parser.add_argument(
+        "--out", type=Path, required=True, help="folder for report.html, diagnosis.json, calibration.yaml"
+    )
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--jobs", type=int, default=0, help="threads of the simulations; 0: all processors")
+    parser.add_argument("--time-budget", type=float, help="seconds after which the best verdict so far is written")
+    parser.add_argument("--json", action="store_true", help="print diagnosis.json instead of the summary")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Diagnose, write, and say in short what was found."""
+    extra.load("pandas", "reading recordings")
+    from tiago_mj.gap import lint
+    from tiago_mj.gap.diagnose import diagnose
+    from tiago_mj.gap.read import read_recordings
+    from tiago_mj.gap.report import json, terminal, write
+
+    try:
+        defaults = {"robot": arguments.env} if arguments.env else {}
+        if arguments.model:
+            defaults = {"robot": str(arguments.model)}
+        read = read_recordings(arguments.recordings, map_file=arguments.map, defaults=defaults)
+        findings = (*read.findings, *lint.inspect(read.trials))
+        lint.refuse(read.trials, findings)
+        usable = frozenset.intersection(*(lint.usable(trial, findings) for trial in read.trials))
+        with terminal.Progress(quiet=arguments.json) as progress:
+            diagnosis = diagnose(
+                read.trials,
+                findings=findings,
+                usable=usable,
+                env=arguments.env,
+                model=arguments.model,
+                seed=arguments.seed,
+                threads=max(arguments.jobs, 0),
+                budget=arguments.time_budget,
+                tick=lambda stage, total: progress.stage(stage, total),
+            )
+    except RecordingError as fault:
+        print(f"tiago-mj diagnose: {fault}", file=sys.stderr)
+        return 2
+    words = ["tiago-mj", "diagnose", *(path.name for path in arguments.recordings), "--seed", str(arguments.seed)]
+    diagnosis = replace(diagnosis, command=shlex.join(words))
+    paths = write(diagnosis, arguments.out)
+    if arguments.json:
+        print(json.text(diagnosis))
+    else:
+        terminal.show(diagnosis, paths)
+    return 0

@@ -1,0 +1,255 @@
+"""The diagnosis: recordings in, verdict out. Each stage is a function of the ones before."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+import tiago_mj
+from tiago_mj.gap import floor, hypotheses, locate, phases, replay, select, traces, verdict
+from tiago_mj.gap.effects import EFFECTS
+from tiago_mj.gap.fit import Fitted
+from tiago_mj.gap.plant import Plant, plant_of
+from tiago_mj.gap.predict import Predictor
+from tiago_mj.gap.recording import Finding, RecordingError, Trial
+from tiago_mj.gap.result import Closing, Diagnosis, Explanation, Named, Overlay, Shrink, Value
+
+Array = NDArray[np.float64]
+
+#: 90 % of a normal distribution lie within so many standard deviations.
+NINETY: Final = 1.645
+#: A gap within this of the floor is none: it is not shared out and not closed.
+NOTHING: Final = 0.1
+#: Trials drawn in the report.
+OVERLAYS: Final = 1
+
+
+def split(names: Sequence[str]) -> dict[str, tuple[str, ...]]:
+    """Train, validation and test trials: about 60, 20 and 20 %, spread over the session; one trial is for training
+    alone."""
+    count = len(names)
+    test = set(range(count - 1, 0, -5)) if count > 1 else set()
+    rest = [k for k in range(count) if k not in test]
+    validation = set(rest[len(rest) - 1 : 0 : -4]) if len(rest) > 2 else set()
+    return {
+        "train": tuple(names[k] for k in rest if k not in validation),
+        "validation": tuple(names[k] for k in sorted(validation)),
+        "test": tuple(names[k] for k in sorted(test)),
+    }
+
+
+def diagnose(
+    trials: Sequence[Trial],
+    *,
+    findings: Sequence[Finding] = (),
+    usable: frozenset[str] | None = None,
+    env: str | None = None,
+    model: Path | None = None,
+    names: Sequence[str] | None = None,
+    seed: int = 0,
+    threads: int = 0,
+    budget: float | None = None,
+    tick: Callable[[str, int], None] = lambda stage, total: None,
+) -> Diagnosis:
+    """Diagnose recordings of commands and what was measured.
+
+    Args:
+        trials: of one robot.
+        findings: of the lint, for the report.
+        usable: channels that the lint trusts; None for all.
+        env, model: what to simulate where the recordings do not say.
+        names: effects to consider; None for the whole library.
+        seed: of effects that draw at random and of the bootstrap.
+        threads: of the simulations; the answer does not depend on it.
+        budget: seconds after which the best verdict so far is given.
+        tick: told what begins.
+
+    Raises:
+        RecordingError: the recordings hold nothing that can be compared; one line.
+    """
+    begun = time.monotonic()
+    if not any(trial.commands for trial in trials):
+        raise RecordingError(f"{trials[0].source}: no command column: nothing can be replayed; add command.<actuator>")
+    plant = plant_of(trials, env=env, model=model)
+    on = replay.grid(plant, trials)
+    data = floor.collect(plant, trials, usable)
+    if not data.channels:
+        raise RecordingError(
+            f"{trials[0].source}: no measured column is of this robot ({', '.join(plant.joints)}): give a map file"
+        )
+    splits = split([trial.name for trial in trials])
+    fitted_on = [k for k, t in enumerate(trials) if t.name not in splits["test"]]
+    test = [k for k, t in enumerate(trials) if t.name in splits["test"]]
+    validation = [k for k, t in enumerate(trials) if t.name in splits["validation"]]
+    predict = Predictor(plant, on, data, threads, seed)
+    tick("replaying", len(trials))
+    everything = list(range(len(trials)))
+    base = predict.all_trials([()], everything, keep=True)[0]
+    nominal = replay.simulate(plant, on, [(k, ()) for k in everything], threads=threads, seed=seed)
+    phase = phases.phases(plant, on, nominal)[:, : data.value.shape[1]]
+    part = select._part(data, fitted_on)
+    ranked = select.select(
+        predict,
+        part,
+        fitted_on,
+        hypotheses.candidates(plant, names),
+        hypotheses.terms(plant),
+        base[fitted_on],
+        _marks(plant, part, base[fitted_on]),
+        out_of_time=lambda: budget is not None and time.monotonic() - begun > budget,
+        tick=tick,
+    )
+    judged = verdict.judge(ranked)
+    best = ranked.fits[judged.rivals[0]]
+    tick("writing", 1)
+    repaired = predict.all_trials([best.effects()], everything)[0] if best.parts else base
+    where = locate.locate(data, base, phase, plant.period, seed)
+    left = locate.locate(data, repaired, phase, plant.period, seed)
+    explanations = [
+        _explanation(predict, data, base, fit, float(p), validation or fitted_on)
+        for fit, p in zip(ranked.fits, judged.probability, strict=True)
+    ]
+    shown = [k for k in judged.rivals if ranked.fits[k].parts or judged.kind == "no_gap"]
+    if judged.kind == "no_gap":
+        shown = shown[:1]
+    notes = []
+    if not test:
+        notes.append("There is no test trial, so no share of the gap can be said to be closed: record more than one.")
+    if any(trial.efforts for trial in trials):
+        notes.append(
+            "Measured efforts are not compared where commands can be replayed: servos report them in many ways."
+        )
+    if not ranked.complete:
+        notes.append("The time budget ran out: what is said is the best so far.")
+    return Diagnosis(
+        kind=judged.kind,
+        best=Explanation((), explanations[judged.rivals[0]].probability, 0.0)
+        if judged.kind == "no_gap"
+        else explanations[judged.rivals[0]],
+        alternatives=tuple(explanations[k] for k in shown),
+        remains=judged.remains and judged.kind != "no_gap",
+        remains_where=tuple(place for place in left[:5] if place.share > 0) if judged.remains else (),
+        not_excited=ranked.not_excited,
+        where=where,
+        stage=_stage(best) if best.parts and judged.kind != "unknown" else locate.stage(where),
+        shrink=_shrink(data, base, repaired, test, seed),
+        ranking=tuple(explanations),
+        findings=tuple(findings),
+        next_motion=None,
+        splits=splits,
+        robot=plant.name,
+        complete=ranked.complete,
+        seed=seed,
+        version=tiago_mj.__version__,
+        seconds=time.monotonic() - begun,
+        overlays=tuple(
+            _overlay(plant, trials[k], data, base, repaired, phase, k) for k in (test or everything)[:OVERLAYS]
+        ),
+        notes=tuple(notes),
+    )
+
+
+def _marks(plant: Plant, data: floor.Data, base: Array) -> list[traces.Trace]:
+    expected = plant.cell.noise if plant.cell is not None and plant.cell.average == 1 else 0.0
+    return [
+        traces.trace(
+            name, data.value[:, :, c], phases.still(base[:, :, c]), expected if name.startswith("force") else 0.0
+        )
+        for c, name in enumerate(data.channels)
+    ]
+
+
+def _stage(best: Fitted) -> str:
+    return EFFECTS[best.parts[0].effect].stage
+
+
+def _explanation(
+    predict: Predictor, data: floor.Data, base: Array, fit: Fitted, probability: float, judged_on: Sequence[int]
+) -> Explanation:
+    index = list(judged_on)
+    gain = 0.0
+    if fit.parts:
+        after = predict.all_trials([fit.effects()], index)[0]
+        gain = _gap(data, base, index) - _gap(data, after, index, rows=True)
+    return Explanation(tuple(_named(predict.plant, fit, k) for k in range(len(fit.parts))), probability, gain)
+
+
+def _gap(data: floor.Data, predicted: Array, trials: Sequence[int], rows: bool = False) -> float:
+    """Mean squared residual in units of the floor; ``rows``: the predictions are of these trials alone."""
+    index = list(trials)
+    residual = (data.value[index] - (predicted if rows else predicted[index])) / data.noise
+    return float(np.nanmean(residual**2))
+
+
+def _named(plant: Plant, fit: Fitted, k: int) -> Named:
+    part = fit.parts[k]
+    declared = EFFECTS[part.effect]
+    target: str | tuple[str, ...] = "all"
+    if part.target is not None:
+        target = part.target[0] if len(part.target) == 1 else part.target
+    value, sd = float(fit.values[k]), float(fit.deviations[k])
+    low, high = max(value - NINETY * sd, part.low), min(value + NINETY * sd, part.high)
+    parameters: dict[str, Value] = {part.parameter: Value(value, low, high, part.unit)}
+    for name, fixed in part.fixed:
+        index = 0 if part.target is None else plant.wiring.targets.names(declared.targets).index(part.target[0])
+        side = 0 if plant.wiring.targets.slide(declared.targets, index) else 1
+        parameters[name] = Value(fixed, None, None, declared.parameters[name].unit[side])
+    return Named(part.effect, target, parameters)
+
+
+def _shrink(data: floor.Data, base: Array, repaired: Array, test: Sequence[int], seed: int) -> Shrink:
+    if not test:
+        return Shrink(None, None, 1.0, None, None, None)
+    index = list(test)
+    before = ((data.value[index] - base[index]) / data.noise) ** 2
+    after = ((data.value[index] - repaired[index]) / data.noise) ** 2
+    per = {}
+    for c, channel in enumerate(data.channels):
+        b, a = float(np.nanmean(before[:, :, c])), float(np.nanmean(after[:, :, c]))
+        per[channel] = Closing(b, a, _closed(b, a))
+    b_trial, a_trial = np.nanmean(before, axis=(1, 2)), np.nanmean(after, axis=(1, 2))
+    whole = _closed(float(b_trial.mean()), float(a_trial.mean()))
+    low = high = None
+    if whole is not None and len(test) > 1:
+        drawn = np.random.default_rng(seed).integers(len(test), size=(500, len(test)))
+        shares = [_closed(float(b_trial[d].mean()), float(a_trial[d].mean())) for d in drawn]
+        known = [s for s in shares if s is not None]
+        low, high = (float(q) for q in np.quantile(known, [0.05, 0.95])) if known else (None, None)
+    return Shrink(float(b_trial.mean()), float(a_trial.mean()), 1.0, whole, low, high, per)
+
+
+def _closed(before: float, after: float) -> float | None:
+    """Share of the excess over the floor (1) that is gone; None where there was none."""
+    if before - 1 <= NOTHING:
+        return None
+    return 1 - (max(after, 1.0) - 1) / (before - 1)
+
+
+def _overlay(
+    plant: Plant, trial: Trial, data: floor.Data, base: Array, repaired: Array, phase: NDArray[np.int_], k: int
+) -> Overlay:
+    rows = len(trial.time)
+    units: Mapping[str, Callable[[int], str]] = {
+        "position": lambda j: "m" if plant.wiring.targets.slides[j] else "rad",
+        "velocity": lambda j: "m/s" if plant.wiring.targets.slides[j] else "rad/s",
+        "force": lambda j: "sensor units",
+    }
+
+    def signals(values: Array) -> dict[str, Array]:
+        return {name: values[k, :rows, c] for c, name in enumerate(data.channels)}
+
+    return Overlay(
+        trial=trial.name,
+        time=trial.time,
+        phases=phase[k, :rows],
+        measured=signals(data.value),
+        nominal=signals(base),
+        repaired=signals(repaired),
+        units={name: units[name.partition(".")[0]](int(j)) for name, j in zip(data.channels, data.part, strict=True)},
+        floor={name: float(noise) for name, noise in zip(data.channels, data.noise, strict=True)},
+    )

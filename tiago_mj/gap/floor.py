@@ -1,0 +1,140 @@
+"""How well a simulator can be expected to agree with a recording: noise of the sensor, and tolerance of the model.
+
+The noise floor of a channel is one standard deviation of what its sensor adds: from rest, by the median absolute
+deviation of first differences over √2 (differences cancel a slow motion), at least the quantum over √12, at least what
+no sensor is better than. The tolerance is what two correct simulators differ by, at other time steps or integrators:
+it grows with the rate of change of a signal (an onset is never in the same millisecond) and a little with its size.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tiago_mj.gap.plant import Plant
+from tiago_mj.gap.recording import Trial
+
+Array = NDArray[np.float64]
+
+#: Smallest noise that is believed, (slide, hinge): 27 µm is what the 2023 project took for the fingers' encoders
+#: (llach/learning_fc), 0.3 mrad a 14-bit encoder's step over √12 and more; velocities by the same over 20 ms.
+LEAST: Final = {"position": (2.7e-5, 3e-4), "velocity": (1e-3, 1e-2), "force": (2e-3, 2e-3)}
+#: Two correct simulators agree on when something happens to within this [s]: about one physics step.
+TIMING: Final = 2e-3
+#: And on how large it is, to within this share of the signal's range over the trial.
+SHARE: Final = {"position": 0.001, "velocity": 0.01, "force": 0.01}
+#: Rows around an event over which its steepest slope counts.
+EVENT_ROWS: Final = 2
+
+
+@dataclass(frozen=True)
+class Data:
+    """Measured signals of trials on rows, with what they can be trusted to.
+
+    Attributes:
+        channels: names such as ``position.gripper_right_finger_joint``, C.
+        part: per channel, index of its joint or sensor, (C,).
+        value: (ntrials, T, C), NaN where nothing was measured.
+        noise: floor of each channel, (C,).
+        sigma: floor and tolerance, (ntrials, T, C).
+    """
+
+    channels: tuple[str, ...]
+    part: NDArray[np.int_]
+    value: Array
+    noise: Array
+    sigma: Array
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """``position``, ``velocity`` or ``force`` of each channel."""
+        return tuple(name.partition(".")[0] for name in self.channels)
+
+
+def collect(plant: Plant, trials: Sequence[Trial], usable: frozenset[str] | None = None) -> Data:
+    """Measured channels that the plant predicts.
+
+    Args:
+        plant: the nominal simulator.
+        trials: recordings.
+        usable: names of the channels that the lint trusts; None for all.
+    """
+    length = max(len(trial.time) for trial in trials)
+    wanted = [("position", plant.joints), ("velocity", plant.joints), ("force", plant.sensors)]
+    channels, part, columns, noise = [], [], [], []
+    for kind, names in wanted:
+        for index, name in enumerate(names):
+            channel = f"{kind}.{name}"
+            if usable is not None and channel not in usable:
+                continue
+            values = np.full((len(trials), length), np.nan)
+            for k, trial in enumerate(trials):
+                source = {"position": trial.positions, "velocity": trial.velocities, "force": trial.forces}[kind]
+                if name in source:
+                    values[k, : len(trial.time)] = source[name]
+            if not np.isfinite(values).any():
+                continue
+            slide = kind == "force" or plant.wiring.targets.slides[index]
+            channels.append(channel)
+            part.append(index)
+            columns.append(values)
+            noise.append(noise_floor(values, LEAST[kind][0 if slide else 1]))
+    value = np.stack(columns, axis=-1) if columns else np.zeros((len(trials), length, 0))
+    floor = np.array(noise)
+    return Data(
+        tuple(channels), np.array(part, dtype=int), value, floor, sigma(value, floor, tuple(channels), plant.period)
+    )
+
+
+def noise_floor(values: Array, least: float) -> float:
+    """One standard deviation of a channel's noise, from the quietest third of its first differences.
+
+    Args:
+        values: (ntrials, T).
+        least: what is believed at least.
+    """
+    steps = np.diff(values, axis=1).ravel()
+    steps = steps[np.isfinite(steps)]
+    if len(steps) < 8:
+        return least
+    moving = np.nonzero(steps)[0]
+    quantum = np.min(np.abs(steps[moving])) if len(moving) else 0.0
+    window = 16
+    count = len(steps) // window
+    if count >= 3:
+        blocks = steps[: count * window].reshape(count, window)
+        spread = np.median(np.abs(blocks - np.median(blocks, axis=1, keepdims=True)), axis=1)
+        quiet = np.quantile(spread, 1 / 3)
+    else:
+        quiet = np.median(np.abs(steps - np.median(steps)))
+    repeated = quantum if len(np.unique(values[np.isfinite(values)])) < 0.2 * len(steps) else 0.0
+    return float(max(1.4826 * quiet / np.sqrt(2), repeated / np.sqrt(12), least))
+
+
+def sigma(value: Array, noise: Array, channels: Sequence[str], period: float) -> Array:
+    """Floor and tolerance of every sample, same shape as ``value``."""
+    filled = np.where(np.isfinite(value), value, 0.0)
+    slope = np.abs(np.gradient(filled, axis=1)) / period
+    steepest = slope.copy()
+    for shift in range(1, EVENT_ROWS + 1):
+        steepest[:, shift:] = np.maximum(steepest[:, shift:], slope[:, :-shift])
+        steepest[:, :-shift] = np.maximum(steepest[:, :-shift], slope[:, shift:])
+    noisy = 2 * noise / period  # the slope that noise alone makes
+    steepest = np.maximum(steepest - noisy, 0.0)
+    span = np.nanmax(np.where(np.isfinite(value), value, np.nan), axis=1) - np.nanmin(
+        np.where(np.isfinite(value), value, np.nan), axis=1
+    )
+    share = np.array([SHARE[name.partition(".")[0]] for name in channels])
+    return np.sqrt(noise**2 + (TIMING * steepest) ** 2 + (share * np.nan_to_num(span)[:, None, :]) ** 2)
+
+
+def predicted(data: Data, signals: object) -> Array:
+    """The predictions of the measured channels, (nsim, T, C), of :class:`tiago_mj.gap.replay.Signals`."""
+    sources = {"position": signals.position, "velocity": signals.velocity, "force": signals.reading}  # type: ignore[attr-defined]
+    columns = [sources[kind][:, :, part] for kind, part in zip(data.kinds, data.part, strict=True)]
+    length = data.value.shape[1]
+    return np.stack([column[:, :length] for column in columns], axis=-1)

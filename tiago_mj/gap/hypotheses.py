@@ -1,0 +1,237 @@
+"""What may explain a gap: which effect, on which targets, at which magnitudes; and what every explanation may adjust.
+
+Nuisance parameters are the nominal model's own numbers, known to a few percent: an effect is only named when what it
+needs goes beyond them. They are effects too, at small magnitudes, with a normal prior.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tiago_mj.gap.effects import EFFECTS
+from tiago_mj.gap.effects.spec import Entry
+from tiago_mj.gap.plant import Plant
+
+Array = NDArray[np.float64]
+
+#: Magnitudes tried on either side of the identity in the first pass, as shares of the way to the bound.
+COARSE: Final = (0.01, 0.03, 0.08, 0.2, 0.45, 0.9)
+
+
+@dataclass(frozen=True)
+class Nuisance:
+    """One number of the nominal model and how well it is known.
+
+    Attributes:
+        effect, parameter: what changes it.
+        deviation: (slide, hinge), one standard deviation, in the parameter's unit; of ``relative`` where that is named.
+        relative: ``damping`` or ``inertia``: the deviation is a share of that nominal value of the joint.
+        each: whether every target has its own.
+        per_trial: whether every trial has its own (how the object was placed).
+    """
+
+    effect: str
+    parameter: str
+    deviation: tuple[float, float]
+    relative: str | None = None
+    each: bool = True
+    per_trial: bool = False
+
+
+#: A nominal model's numbers are known to about 5 %; contacts less well; an object is placed to about a millimetre.
+NUISANCES: Final = (
+    Nuisance("servo_stiffness", "factor", (0.05, 0.05)),
+    Nuisance("viscous_friction", "damping", (0.05, 0.05), relative="damping"),
+    Nuisance("armature", "mass", (0.05, 0.05), relative="inertia"),
+    Nuisance("force_limit", "limit", (0.05, 0.05), relative="effort"),
+    Nuisance("contact_stiffness", "factor", (0.1, 0.1)),
+    Nuisance("contact_damping", "factor", (0.2, 0.2)),
+    Nuisance("contact_friction", "factor", (0.1, 0.1)),
+    Nuisance("object_mass", "factor", (0.06, 0.06)),
+    Nuisance("object_size", "radius", (2e-4, 2e-4)),
+    Nuisance("object_offset", "distance", (6e-4, 6e-4), per_trial=True),
+    Nuisance("force_gain", "factor", (0.05, 0.05)),
+    Nuisance("force_bias", "offset", (0.002, 0.002)),
+    Nuisance("encoder_bias", "offset", (3e-5, 5e-4)),
+    Nuisance("command_delay", "seconds", (1e-3, 1e-3), each=False),
+)
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One effect on one choice of targets, with all but one parameter fixed.
+
+    Attributes:
+        effect: name.
+        target: names, or None for all.
+        parameter: the one that is fitted.
+        fixed: the others.
+        identity, low, high: of the parameter.
+        grid: magnitudes of the first pass.
+        unit: of the parameter.
+    """
+
+    effect: str
+    target: tuple[str, ...] | None
+    parameter: str
+    fixed: tuple[tuple[str, float], ...]
+    identity: float
+    low: float
+    high: float
+    grid: tuple[float, ...]
+    unit: str
+
+    def entry(self, value: float) -> Entry:
+        """The effect at a magnitude."""
+        return Entry(self.effect, self.target, {self.parameter: value, **dict(self.fixed)})
+
+    @property
+    def label(self) -> tuple[str, tuple[str, ...] | None]:
+        """Effect and targets."""
+        return self.effect, self.target
+
+
+def candidates(plant: Plant, names: Iterable[str] | None = None) -> tuple[Candidate, ...]:
+    """Every effect of the library that the plant can have, on all targets and on each."""
+    out: list[Candidate] = []
+    for name in EFFECTS if names is None else names:
+        declared = EFFECTS[name]
+        kind = declared.targets
+        targets = plant.wiring.targets.names(kind)
+        if not _possible(plant, name, targets):
+            continue
+        choices: list[tuple[str, ...] | None] = [None]
+        if kind in ("command", "joint", "sensor") and len(targets) > 1 and name != "payload":
+            choices += [(target,) for target in targets]
+        for choice in choices:
+            index = 0 if choice is None else targets.index(choice[0])
+            out += _of(plant, name, choice, index)
+    return tuple(out)
+
+
+def _possible(plant: Plant, name: str, targets: tuple[str, ...]) -> bool:
+    """Whether the plant has what the effect acts on."""
+    declared = EFFECTS[name]
+    if not targets:
+        return False
+    if declared.targets == "object" and name != "gravity_tilt":
+        return plant.wiring.object_body is not None
+    if declared.stage == "force_sensor":
+        return plant.cell is not None
+    needs_servo = ("servo_stiffness", "servo_damping", "joint_elasticity", "rate_limit", "command_deadband")
+    needs_set_point = ("command_quantization", "backlash", "coupling_error")
+    if name in needs_servo or name in needs_set_point:
+        return plant.wiring.interface != "effort" and bool(plant.wiring.servo.any())
+    if name == "coupling_error":
+        return len(targets) > 1
+    return True
+
+
+def _of(plant: Plant, name: str, target: tuple[str, ...] | None, index: int) -> list[Candidate]:
+    declared = EFFECTS[name]
+    kind = declared.targets
+    targets = plant.wiring.targets
+    side = 0 if targets.slide(kind, index) else 1
+    switch = next(p for p in declared.parameters.values() if p.identity is not None)
+    scale = 1.0
+    if switch.nominal is not None:
+        scale = targets.nominal(switch.nominal, kind, index)
+        if not np.isfinite(scale):
+            return []
+    low, high = (bound * scale for bound in switch.bounds[side])
+    assert switch.identity is not None
+    if name in ("coulomb_friction", "viscous_friction", "servo_damping"):
+        low = max(low, -_nominal_of(plant, name, index))
+    grid = _magnitudes(switch.identity, low, high)
+    others = [p for p in declared.parameters.values() if p is not switch]
+    settings: list[tuple[tuple[str, float], ...]] = [()]
+    for other in others:  # a second parameter is tried at three values across its bounds
+        a, b = other.bounds[side]
+        values = (other.default[side], float(np.sqrt(a * other.default[side])), float(np.sqrt(b * other.default[side])))
+        settings = [(*setting, (other.name, value)) for setting in settings for value in values]
+    return [
+        Candidate(name, target, switch.name, setting, switch.identity, low, high, grid, switch.unit[side])
+        for setting in settings
+    ]
+
+
+def _nominal_of(plant: Plant, name: str, joint: int) -> float:
+    model, dof = plant.model, plant.wiring.dof[joint]
+    if name == "coulomb_friction":
+        return float(model.dof_frictionloss[dof])
+    if name == "viscous_friction":
+        return float(np.max(model.dof_damping[dof]))
+    return float(-model.actuator_biasprm[plant.wiring.actuators[joint], 2])
+
+
+def _magnitudes(identity: float, low: float, high: float) -> tuple[float, ...]:
+    """Values on both sides of the identity, closer together near it."""
+    if not np.isfinite(identity):  # a limit: from loose to tight
+        return tuple(float(low + (high - low) * share) for share in (1.0, 0.7, 0.45, 0.28, 0.15, 0.05))
+    if identity == 1.0 and low > 0:  # a factor: evenly in its logarithm
+        up = [float(np.exp(np.log(high) * share)) for share in (0.04, 0.12, 0.3, 0.6, 0.95)]
+        down = [float(np.exp(np.log(low) * share)) for share in (0.04, 0.12, 0.3, 0.6, 0.95)]
+        return (*reversed(down), *up)
+    up = [identity + (high - identity) * share for share in COARSE] if high > identity else []
+    down = [identity + (low - identity) * share for share in COARSE] if low < identity else []
+    return (*reversed(down), *up)
+
+
+@dataclass(frozen=True)
+class Term:
+    """One nuisance parameter of a plant: what its value in deviations means.
+
+    Attributes:
+        effect, target, parameter: what it changes.
+        nominal: value at 0.
+        deviation: change of the value at +1, signed.
+        per_trial: whether every trial has its own.
+    """
+
+    effect: str
+    target: tuple[str, ...] | None
+    parameter: str
+    nominal: float
+    deviation: float
+    per_trial: bool
+
+    def entry(self, deviations: float) -> Entry:
+        """The effect at so many deviations."""
+        return Entry(self.effect, self.target, {self.parameter: self.nominal + deviations * self.deviation})
+
+
+def terms(plant: Plant) -> tuple[Term, ...]:
+    """The nuisance parameters of a plant."""
+    out: list[Term] = []
+    targets = plant.wiring.targets
+    for nuisance in NUISANCES:
+        declared = EFFECTS[nuisance.effect]
+        names = targets.names(declared.targets)
+        if not _possible(plant, nuisance.effect, names):
+            continue
+        parameter = declared.parameters[nuisance.parameter]
+        single = declared.targets in ("object", "clock") or not nuisance.each
+        for group in [None] if single else [(name,) for name in names]:
+            index = 0 if group is None else names.index(group[0])
+            size = nuisance.deviation[0 if targets.slide(declared.targets, index) else 1]
+            base = parameter.identity
+            if nuisance.relative == "damping":
+                size *= _nominal_of(plant, "viscous_friction", index)
+            elif nuisance.relative == "inertia":
+                size *= _inertia(plant, index)
+            elif nuisance.relative == "effort":
+                base = targets.nominal("effort", "command", index)
+                size *= -base  # a looser limit is not seen
+            if size and base is not None and np.isfinite(base):
+                out.append(Term(nuisance.effect, group, nuisance.parameter, base, size, nuisance.per_trial))
+    return tuple(out)
+
+
+def _inertia(plant: Plant, joint: int) -> float:
+    """What the joint moves, at the start [kg, kg·m²]."""
+    return float(plant.model.dof_M0[plant.wiring.dof[joint]])

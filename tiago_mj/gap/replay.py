@@ -1,0 +1,243 @@
+"""Replay the recorded commands through the simulator: what it predicts for every row, with and without effects.
+
+Every simulation is one trial with one set of effects; hundreds run at once in a ``mujoco.batch.Batch``. The true
+signals of a run are kept, so that effects of the sensors are applied to them without another run.
+"""
+
+from __future__ import annotations
+
+import copy
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import mujoco
+import mujoco.batch
+import numpy as np
+from numpy.typing import NDArray
+
+from tiago_mj.gap.effects import EFFECTS
+from tiago_mj.gap.effects.chain import Chain
+from tiago_mj.gap.effects.host import BatchHost
+from tiago_mj.gap.effects.spec import Entry
+from tiago_mj.gap.plant import OBJECT_FIELDS, Plant
+from tiago_mj.gap.recording import Trial
+from tiago_mj.models import scene
+
+Array = NDArray[np.float64]
+Effects = tuple[Entry, ...]
+
+#: Simulations in one batch: enough to fill any number of threads, few enough to stay within memory.
+BATCH = 256
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Commands and times of trials, padded to one length.
+
+    Attributes:
+        trials: their order.
+        rows: number of rows of each, (ntrials,).
+        period: length of every row, (ntrials, T - 1) [s].
+        uniform: whether all rows have the plant's nominal period.
+        commands: held where a row has none, (ntrials, T - 1, nactuators).
+    """
+
+    trials: tuple[Trial, ...]
+    rows: NDArray[np.int_]
+    period: Array
+    uniform: bool
+    commands: Array
+
+
+@dataclass(frozen=True)
+class Signals:
+    """What was simulated, row by row, (nsim, T, ...).
+
+    Attributes:
+        position, velocity, effort: of the joints, measured, (nsim, T, njoints).
+        reading: of the load cells, free of noise, (nsim, T, nsensors).
+        newtons: on the pads, true, (nsim, T, nsensors).
+    """
+
+    position: Array
+    velocity: Array
+    effort: Array
+    reading: Array
+    newtons: Array
+
+
+def grid(plant: Plant, trials: Sequence[Trial]) -> Grid:
+    """Commands and times on rows."""
+    rows = np.array([len(trial.time) for trial in trials])
+    length = max(int(rows.max()) - 1, 1)
+    period = np.full((len(trials), length), plant.period)
+    commands = np.zeros((len(trials), length, len(plant.actuators)))
+    uniform = True
+    for k, trial in enumerate(trials):
+        count = rows[k] - 1
+        steps = np.diff(trial.time)
+        if np.abs(steps - plant.period).max(initial=0.0) > 1e-6:
+            uniform = False
+            period[k, :count] = steps
+        for a, name in enumerate(plant.actuators):
+            sent = trial.commands.get(name)
+            idle = plant.starts[trial.name].set_point[a] if plant.wiring.interface == "position" else 0.0
+            commands[k, :count, a] = _held(sent[:count], idle) if sent is not None else idle
+            commands[k, count:, a] = commands[k, count - 1, a] if count else idle
+    return Grid(tuple(trials), rows, period, uniform, commands)
+
+
+def simulate(
+    plant: Plant, on: Grid, sims: Sequence[tuple[int, Effects]], *, threads: int = 0, seed: int = 0
+) -> Signals:
+    """Run simulations.
+
+    Args:
+        plant: the nominal simulator.
+        on: commands and times.
+        sims: (trial index, effects) of each.
+        threads: of the batch; 0 is all processors. The result does not depend on it.
+        seed: of what effects draw at random: the same for every simulation of a trial.
+    """
+    parts = [_batch(plant, on, sims[k : k + BATCH], threads, seed) for k in range(0, len(sims), BATCH)]
+    return Signals(*(np.concatenate([getattr(p, f) for p in parts]) for f in Signals.__dataclass_fields__))
+
+
+def measure(plant: Plant, on: Grid, true: Signals, sims: Sequence[tuple[int, Effects]], *, seed: int = 0) -> Signals:
+    """Apply the sensors' effects to true signals, one row of ``true`` a simulation; the physics is not run again.
+
+    Args:
+        plant, on, sims, seed: as for :func:`simulate`; effects that are not the sensors' are ignored.
+        true: signals of runs without sensor effects, (nsim, ...), row by row those of ``sims``.
+    """
+    host = _Silent(plant.model, len(sims))
+    sensing = [[e for e in entries if sensor_only(e)] for _, entries in sims]
+    chain = Chain(host, plant.wiring, sensing, _uniform(sims, seed))  # type: ignore[arg-type]
+    chain.now.dt = np.full(len(sims), plant.period)
+    for effect in chain.effects:
+        effect.start(chain.now)
+    position, velocity, reading = (
+        np.empty_like(true.position),
+        np.empty_like(true.velocity),
+        np.empty_like(true.reading),
+    )
+    trial = np.array([t for t, _ in sims])
+    quiet = np.zeros((len(sims), true.reading.shape[2]))
+    for k in range(true.position.shape[1]):
+        chain.now.step = k
+        if k:
+            if not on.uniform:
+                chain.now.dt = on.period[trial, k - 1]
+            chain.now.elapsed = chain.now.elapsed + chain.now.dt
+        position[:, k] = chain.position(true.position[:, k])
+        velocity[:, k] = chain.velocity(true.velocity[:, k])
+        if plant.cell is not None:
+            reading[:, k] = chain.reading(true.newtons[:, k], plant.cell.signal, quiet)
+    return Signals(position, velocity, true.effort, _averaged(plant, reading), true.newtons)
+
+
+def sensor_only(entry: Entry) -> bool:
+    """Whether an effect acts on readings alone, so that the motion is the nominal one."""
+    return EFFECTS[entry.name].stage in ("joint_sensor", "force_sensor") or entry.name == "clock_offset"
+
+
+def _batch(plant: Plant, on: Grid, sims: Sequence[tuple[int, Effects]], threads: int, seed: int) -> Signals:
+    nsim, length = len(sims), on.commands.shape[1] + 1
+    trial = np.array([t for t, _ in sims])
+    host = BatchHost(mujoco.batch.Batch(plant.model, nsim, threads))
+    wiring = plant.wiring
+    starts = [plant.starts[on.trials[t].name] for t in trial]
+    host.batch.reset(stage=mujoco.mjtStage.mjSTAGE_NONE)
+    _give_objects(plant, host, starts)
+    host.state("qpos")[:] = [start.qpos for start in starts]
+    host.state("qvel")[:] = [start.qvel for start in starts]
+    stateful = wiring.act >= 0
+    if stateful.any():
+        points = np.array([start.set_point for start in starts])
+        act = host.state("act")
+        act[:, wiring.act[stateful]] = points[:, stateful]
+    chain = Chain(host, wiring, [entries for _, entries in sims], _uniform(sims, seed))
+    substeps = math.ceil(plant.period / plant.max_timestep - 1e-6)
+    item = starts[0].item
+    contact = None if item is None else (item.stiffness, item.damping, scene.CONTACT_POINTS[item.shape])
+    if not on.uniform or substeps * plant.model.opt.timestep != plant.period:
+        host.set_timestep(np.full(nsim, plant.period / substeps))
+    chain.start(plant.period, substeps, contact)
+    host.forward()
+    tare = plant.pads.tare(host.output("sensordata")) if plant.pads is not None else 0.0
+    shape = (nsim, length)
+    position, velocity, effort = (np.zeros((*shape, len(plant.joints))) for _ in range(3))
+    reading, newtons = np.zeros((*shape, len(plant.sensors))), np.zeros((*shape, len(plant.sensors)))
+    quiet = np.zeros((nsim, len(plant.sensors)))
+
+    def read(k: int) -> None:
+        position[:, k] = chain.position(host.state("qpos")[:, wiring.qpos])
+        velocity[:, k] = chain.velocity(host.state("qvel")[:, wiring.dof])
+        effort[:, k] = host.output("qfrc_actuator")[:, wiring.dof]
+        if plant.pads is not None and plant.cell is not None:
+            newtons[:, k] = plant.pads.read(host.output("sensordata"), tare)
+            reading[:, k] = chain.reading(newtons[:, k], plant.cell.signal, quiet)
+
+    host.output("qfrc_actuator")
+    host.output("sensordata")
+    host.forward()
+    read(0)
+    for k in range(length - 1):
+        chain.advance(on.commands[trial, k], None if on.uniform else on.period[trial, k])
+        read(k + 1)
+    return Signals(position, velocity, effort, _averaged(plant, reading), newtons)
+
+
+def _averaged(plant: Plant, reading: Array) -> Array:
+    """The driver's moving average over the last samples, of those that there are at the start."""
+    if plant.cell is None or plant.cell.average == 1:
+        return reading
+    total = np.cumsum(reading, axis=1)
+    count = plant.cell.average
+    total[:, count:] -= np.cumsum(reading, axis=1)[:, :-count]
+    return total / np.minimum(np.arange(1, reading.shape[1] + 1), count)[None, :, None]
+
+
+def _give_objects(plant: Plant, host: BatchHost, starts: Sequence[object]) -> None:
+    """Trials with other objects than the model's: their fields, simulation by simulation."""
+    items = [start.item for start in starts]  # type: ignore[attr-defined]
+    if all(item is None for item in items):
+        return
+    models = {}
+    for item in dict.fromkeys(items):
+        model = copy.copy(plant.model)
+        scene.set_object(model, item)
+        models[item] = model
+    for name in OBJECT_FIELDS:
+        values = [getattr(models[item], name) for item in items]
+        if any(not np.array_equal(value, getattr(plant.model, name)) for value in values):
+            host.field(name)[:] = values
+
+
+def _held(values: Array, idle: float) -> Array:
+    """A command stays in force until the next; before the first it is idle."""
+    known = np.isfinite(values)
+    if known.all():
+        return values
+    last = np.maximum.accumulate(np.where(known, np.arange(len(values)), -1))
+    return np.where(last >= 0, values[np.maximum(last, 0)], idle)
+
+
+def _uniform(sims: Sequence[tuple[int, Effects]], seed: int):  # type: ignore[no-untyped-def]
+    """Uniform numbers that are the same for every simulation of a trial, whatever batch it runs in."""
+    trial = np.array([t for t, _ in sims])
+    generators = {int(t): np.random.default_rng([seed, int(t)]) for t in np.unique(trial)}
+
+    def draw(shape: tuple[int, ...]) -> Array:
+        drawn = {t: generator.random(shape[1:]) for t, generator in generators.items()}
+        return np.stack([drawn[int(t)] for t in trial])
+
+    return draw
+
+
+class _Silent:
+    """A host without a simulation, for effects that only measure."""
+
+    def __init__(self, model: mujoco.MjModel, nsim: int) -> None:
+        self.model, self.nsim = model, nsim

@@ -1,0 +1,127 @@
+"""How well an explanation predicts recordings, when the nominal model's own numbers may be a little off.
+
+Residuals are whitened by floor and tolerance and thinned by their correlation time. Nuisance parameters enter linearly
+with a
+normal prior and are integrated out in closed form: r = A ν + ε, ν ~ N(0, 1), so that
+
+    log p(r) = −½ (r'r − b' (1 + G)⁻¹ b) − ½ log |1 + G|,   b = A'r, G = A'A     (ν in units of its deviation).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import linalg
+
+from tiago_mj.gap.floor import Data
+
+Array = NDArray[np.float64]
+
+#: Whitened residuals count in full up to here, beyond by their logarithm: one onset a few rows off must not outweigh
+#: everything else.
+SOFT: Final = 6.0
+
+#: A nuisance parameter farther out than this many deviations is no nuisance.
+NUISANCE_BOUND: Final = 4.0
+
+
+@dataclass(frozen=True)
+class Frame:
+    """What all explanations of one set of trials are scored with.
+
+    Attributes:
+        data: measured, of these trials.
+        weight: square root of the share of samples that are independent, (C,).
+        columns: whitened response to one deviation of every nuisance, (n, p).
+        gram: 1 + A'A, its Cholesky factor.
+        logdet: of 1 + A'A.
+    """
+
+    data: Data
+    weight: Array
+    columns: Array
+    factor: tuple[Array, bool]
+    logdet: float
+
+
+def frame(data: Data, weight: Array, responses: Array, per_trial: NDArray[np.bool_]) -> Frame:
+    """Prepare scoring.
+
+    Args:
+        data: of ntrials trials.
+        weight: (C,).
+        responses: predictions one deviation away minus base, (p, ntrials, T, C).
+        per_trial: whether every trial has its own, (p,).
+    """
+    white = whiten(data, responses, weight)
+    count, trials = white.shape[:2]
+    columns = []
+    for k in range(count):
+        if per_trial[k]:
+            for t in range(trials):
+                alone = np.zeros_like(white[k])
+                alone[t] = white[k, t]
+                columns.append(alone.ravel())
+        else:
+            columns.append(white[k].ravel())
+    a = np.stack(columns, axis=1) if columns else np.zeros((data.value.size, 0))
+    gram = np.eye(a.shape[1]) + a.T @ a
+    factor = linalg.cho_factor(gram, lower=True)
+    return Frame(data, weight, a, factor, 2 * float(np.log(np.diag(factor[0])).sum()))
+
+
+def whiten(data: Data, difference: Array, weight: Array) -> Array:
+    """In units of floor and tolerance, thinned; 0 where nothing was measured. (..., ntrials, T, C)."""
+    scaled = difference / data.sigma * weight
+    return np.where(np.isfinite(data.value), np.nan_to_num(scaled), 0.0)
+
+
+def soften(white: Array) -> Array:
+    """Compress what lies far outside."""
+    size = np.abs(white)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(size > SOFT, np.sign(white) * SOFT * (1 + np.log(size / SOFT)), white)
+
+
+def log_likelihood(on: Frame, predicted: Array) -> Array:
+    """log p of the recordings given predictions (..., ntrials, T, C), nuisance integrated out, (...)."""
+    white = whiten(on.data, on.data.value - predicted, on.weight)
+    r = white.reshape(-1, on.columns.shape[0])
+    nuisance = np.clip(linalg.cho_solve(on.factor, (r @ on.columns).T).T, -NUISANCE_BOUND, NUISANCE_BOUND)
+    left = soften(r - nuisance @ on.columns.T)
+    total = -0.5 * (np.sum(left * left, axis=-1) + np.sum(nuisance * nuisance, axis=-1)) - 0.5 * on.logdet
+    out: Array = total.reshape(white.shape[:-3])
+    return out
+
+
+def independence(data: Data, predicted: Array) -> Array:
+    """Square root of the share of independent samples of each channel, (C,).
+
+    1 / (1 + 2 Σ ρ_k) over the autocorrelation of the whitened residual up to its first zero (initial positive
+    sequence).
+    """
+    white = np.where(np.isfinite(data.value), np.nan_to_num((data.value - predicted) / data.sigma), 0.0)
+    shares = np.ones(white.shape[-1])
+    for c in range(white.shape[-1]):
+        times = []
+        for t in range(white.shape[0]):
+            x = white[t, np.isfinite(data.value[t, :, c]), c]
+            if len(x) < 16:
+                continue
+            x = np.clip(x - x.mean(), -SOFT, SOFT)
+            power = float(x @ x)
+            if power == 0:
+                continue
+            total = 1.0
+            for lag in range(1, len(x) // 3):
+                rho = float(x[:-lag] @ x[lag:]) / power
+                if rho < 0.05:
+                    break
+                total += 2 * rho
+            times.append(total)
+        if times:
+            shares[c] = 1 / max(float(np.median(times)), 1.0)
+    return np.sqrt(shares)

@@ -1,0 +1,116 @@
+"""A first pass over every effect: which of them, at some magnitude, predict the recordings better than the nominal
+model."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tiago_mj.gap import score, traces
+from tiago_mj.gap.effects import EFFECTS
+from tiago_mj.gap.hypotheses import Candidate
+from tiago_mj.gap.predict import Predictor
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Screened:
+    """A candidate after the first pass.
+
+    Attributes:
+        candidate: effect, targets, fixed parameters.
+        value: its best magnitude of the grid.
+        gain: log-likelihood over the nominal model's.
+        change: its prediction minus the nominal one at that magnitude, (ntrials, T, C).
+        visible: root mean square of the change in units of floor and tolerance, at its largest magnitude.
+    """
+
+    candidate: Candidate
+    value: float
+    gain: float
+    change: Array
+    visible: float
+
+
+def screen(
+    predict: Predictor,
+    on: score.Frame,
+    trials: Sequence[int],
+    pool: Sequence[Candidate],
+    base: Array,
+    marks: Sequence[traces.Trace],
+) -> list[Screened]:
+    """Score every candidate at every magnitude of its grid.
+
+    Effects on one joint or sensor take the channels of that part from the run in which all have the effect, and the
+    nominal
+    ones elsewhere: fingers hardly feel each other, and what is promising is simulated properly later.
+
+    Args:
+        predict: simulations.
+        on: frame of these trials.
+        trials: their indices.
+        pool: candidates.
+        base: nominal predictions, (ntrials, T, C).
+        marks: of the readings themselves.
+
+    Returns:
+        One entry a candidate, best first.
+    """
+    wide = [c for c in pool if c.target is None]
+    runs: dict[tuple[str, tuple[tuple[str, float], ...], float], Array] = {}
+    wanted = [(c, value) for c in wide for value in c.grid]
+    predicted = predict.all_trials([(c.entry(value),) for c, value in wanted], trials)
+    for (c, value), one in zip(wanted, predicted, strict=True):
+        runs[(c.effect, c.fixed, value)] = one
+    nominal = score.log_likelihood(on, base) + traces.log_likelihood(marks, ())
+    out = []
+    for c in pool:
+        values = [v for v in c.grid if (c.effect, c.fixed, v) in runs]
+        if not values:
+            continue
+        stack = np.stack([runs[(c.effect, c.fixed, v)] for v in values])
+        if c.target is not None:
+            mine = parts_of(predict, c)
+            stack = np.where(mine, stack, base)
+        likelihood = score.log_likelihood(on, stack)
+        likelihood = likelihood + [traces.log_likelihood(marks, (c.entry(v),)) for v in values]
+        best = int(np.argmax(likelihood))
+        change = stack - base
+        white = score.whiten(on.data, change, np.ones(len(on.data.channels)))
+        out.append(
+            Screened(
+                c,
+                values[best],
+                float(likelihood[best] - nominal),
+                change[best],
+                float(np.sqrt(np.mean(white**2, axis=(1, 2, 3)).max())),
+            )
+        )
+    return sorted(out, key=lambda s: -s.gain)
+
+
+def parts_of(predict: Predictor, candidate: Candidate) -> NDArray[np.bool_]:
+    """Channels of a candidate's own targets, (C,)."""
+    targets = predict.plant.wiring.targets
+    kind = EFFECTS[candidate.effect].targets
+    assert candidate.target is not None
+    sides = set()
+    for name in candidate.target:
+        index = targets.names(kind).index(name)
+        sides.add(targets.actuated[index] if kind == "command" else index)
+    mine = []
+    for channel, part in zip(predict.data.channels, predict.data.part, strict=True):
+        sensor = channel.startswith("force.")
+        if kind == "sensor":
+            mine.append(sensor and part in sides)
+        elif sensor:  # a finger's load cell belongs to its joint, by order: right, left
+            joints = len(targets.joint) - len(targets.sensor)
+            mine.append(joints + part in sides)
+        else:
+            mine.append(part in sides)
+    return np.array(mine)
