@@ -1,6 +1,7 @@
 """Reading and writing recordings, and every unusable one as one clear line."""
 
 import json
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -351,6 +352,14 @@ def test_recordings_of_two_robots_are_refused(tmp_path):
     write_csv(tmp_path / "a.csv", columns())
     write_csv(tmp_path / "b.csv", {**columns(), "force.left": np.ones(60)}, {**FACTS, "robot": "other"})
     assert "several robots" in refusal(tmp_path)
+
+
+@pytest.mark.parametrize("library", ["pyarrow.csv", "pyarrow.parquet"])
+def test_a_missing_library_says_how_to_install_it(tmp_path, monkeypatch, library):
+    path = write_csv(tmp_path / "a.csv", columns())
+    monkeypatch.setitem(sys.modules, library, None)
+    with pytest.raises(ModuleNotFoundError, match=r"pip install 'tiago-mj\[gap\]'"):
+        read_recordings([path])
 
 
 def test_a_trial_name_that_is_no_file_name_is_refused(tmp_path):

@@ -215,7 +215,7 @@ def _trial(run: Run, commands: str) -> Trial:
                 "imported": f"effort [N·m] from PWM, voltage and speed by the torque-speed line {STALL_TORQUE} N·m and "
                 f"{NO_LOAD_SPEED:.4g} rad/s at {AT_VOLTS} V, 0 while the torque is off; "
                 f"first stamp {time[0]:.6g} s set to 0",
-                "unknown": "scale of the torque, to 30 %: the line is the data sheet's; the mass and the length are known",
+                "unknown": "scale of the torque, to 30 %: the line is the data sheet's",
             },
         ),
         source=f"{name}.parquet",
