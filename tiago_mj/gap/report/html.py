@@ -9,12 +9,14 @@ from __future__ import annotations
 import base64
 import functools
 import gzip
+import re
 import shlex
 from importlib import resources
 from pathlib import Path
 from typing import Any, Final
 
 import jinja2
+from markupsafe import Markup
 
 from tiago_mj import atomic
 from tiago_mj.gap import extra
@@ -41,7 +43,14 @@ def render(diagnosis: Diagnosis) -> str:
         lstrip_blocks=True,
     )
     environment.filters.update(
-        number=words.number, percent=words.percent, channel=words.channel, begin=words.begin, labels=words.labels
+        number=words.number,
+        percent=words.percent,
+        channel=words.channel,
+        begin=words.begin,
+        labels=words.labels,
+        bare=words.bare,
+        glued=glued,
+        breakable=breakable,
     )
     drawn = _drawn(diagnosis)
     return environment.get_template("report.html.j2").render(
@@ -51,7 +60,7 @@ def render(diagnosis: Diagnosis) -> str:
         remainder=verdict.remainder(diagnosis),
         sure=verdict.sure(diagnosis.best) if diagnosis.best.effects else "",
         best=[tables.shown(effect) for effect in diagnosis.best.effects],
-        heat=tables.heat(diagnosis.where),
+        heat=tables.heat(diagnosis.where, shares=diagnosis.kind != "no_gap"),
         heat_remains=tables.heat(diagnosis.remains_where) if diagnosis.remains else None,
         interval=tables.interval,
         stages=[(stage, name, stage == diagnosis.stage) for stage, name in tables.STAGE_NAMES.items()],
@@ -74,6 +83,17 @@ def render(diagnosis: Diagnosis) -> str:
 def write(diagnosis: Diagnosis, path: Path) -> None:
     """Write the page whole."""
     atomic.write_text(path, render(diagnosis))
+
+
+def glued(sentence: str) -> str:
+    """With no line break between a number and its unit or per cent sign, nor inside an interval."""
+    sentence = re.sub(r"(?<=\d)–(?=\d)", "\N{WORD JOINER}–\N{WORD JOINER}", sentence)
+    return re.sub(r"(?<=[0-9∞]) (?=[%a-zA-Zµ]{1,2}(?:[·/²]|\b|$)|%)", "\N{NO-BREAK SPACE}", sentence)
+
+
+def breakable(name: str) -> Markup:
+    """A name from a file, escaped, that may be broken after its dots and underscores."""
+    return Markup("<wbr>").join(re.findall(r".[^._]*[._]*", name, re.DOTALL)) if name else Markup()
 
 
 @functools.cache

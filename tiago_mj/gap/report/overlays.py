@@ -102,7 +102,10 @@ def _figure(overlay: Overlay, name: str, samples: int, shaded: list[tuple[int, f
     floor = overlay.floor.get(name)
     if differences and floor is not None and np.isfinite(floor):
         shapes.append(_band(float(floor)))
-    below = {"title": {"text": _axis("sim − real", unit)}, "domain": [0.0, 0.33]}
+    below = {
+        "title": {"font": {"size": 11}, "standoff": 20, "text": _axis("sim − real", unit, "<br>")},
+        "domain": [0.0, 0.33],
+    }
     return {
         "data": data,
         "layout": {
@@ -113,7 +116,10 @@ def _figure(overlay: Overlay, name: str, samples: int, shaded: list[tuple[int, f
                 if 0 <= phase < len(PHASES) and (b - a) / max(span, 1e-9) > 0.012 * len(PHASES[phase])
             ],
             "xaxis": {"title": {"text": "time [s]"}, "anchor": "y2" if differences else "y", "range": [0.0, span]},
-            "yaxis": {"title": {"text": _axis("signal", unit)}, "domain": [0.42, 1.0] if differences else [0.0, 1.0]},
+            "yaxis": {
+                "title": {"font": {"size": 11}, "standoff": 8, "text": _axis("signal", unit)},
+                "domain": [0.42, 1.0] if differences else [0.0, 1.0],
+            },
             **({"yaxis2": below} if differences else {}),
         },
     }
@@ -180,5 +186,5 @@ def _phase_name(phase: int, start: float, end: float) -> Figure:
     }
 
 
-def _axis(what: str, unit: str) -> str:
-    return html.escape(f"{what} [{unit}]" if unit else what)
+def _axis(what: str, unit: str, between: str = " ") -> str:
+    return f"{what}{between}[{html.escape(unit)}]" if unit else what

@@ -44,10 +44,10 @@ class Heat:
     totals: tuple[str, ...]
 
 
-def heat(places: tuple[Place, ...]) -> Heat:
-    """The table as a map. Cells show the share of the excess; where there is no excess, the gap itself."""
+def heat(places: tuple[Place, ...], *, shares: bool = True) -> Heat:
+    """The table as a map. Cells show the share of the excess; without ``shares`` or an excess, the gap itself."""
     total = math.fsum(p.share for p in places)
-    by_share = total > 0.5  # shares sum to 1, or to 0 where nothing exceeds the floor
+    by_share = shares and total > 0.5  # shares sum to 1, or to 0 where nothing exceeds the floor
     columns = [
         (phase, tuple(b for b in _order(BANDS, {p.band for p in places if p.phase == phase})))
         for phase in _order(PHASES, {p.phase for p in places})
@@ -177,7 +177,7 @@ def shrinking(diagnosis: Diagnosis) -> Shrinking:
 
 
 def _power(exponent: int) -> str:
-    return words.number(10.0**exponent) if -3 <= exponent <= 4 else f"1e{exponent}"
+    return words.bare(words.number(10.0**exponent)) if -3 <= exponent <= 4 else f"1e{exponent}"
 
 
 @dataclass(frozen=True)

@@ -95,7 +95,7 @@ def lines(diagnosis: Diagnosis, written: Mapping[str, Path]) -> list[tuple[str, 
     found = tables.lint(d.findings)
     left = [row for row in found if not row.repaired]
     if found:
-        shown.append(("", f"Recordings: {len(found) - len(left)} things repaired, {len(left)} left as they are"))
+        shown.append(("", f"Check of the recordings: {len(found) - len(left)} repaired, {len(left)} left as they are"))
         for row in left[:MOST]:
             which = row.files[0] if len(row.files) == 1 else f"{row.files[0]} and {len(row.files) - 1} more"
             shown.append(("dim", f"  {row.code}: {which}: {row.message}"))
@@ -132,7 +132,7 @@ def _which(d: Diagnosis) -> list[tuple[str, str]]:
             )
             for e in one.effects
         ]
-        shown.append(("", f"{mark} {row.probability:>6}  {' and '.join(values) or 'nominal simulator'}"))
+        shown.append(("", f"{mark} {row.probability:>6}  {' + '.join(values) or 'nominal simulator'}"))
     if any(row.tied and not row.chosen for row in tables.ranking(d)[:MOST]):
         shown.append(("dim", "  * best   ~ cannot be told from it"))
     return shown

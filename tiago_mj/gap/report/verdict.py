@@ -36,9 +36,8 @@ def remainder(diagnosis: Diagnosis) -> str:
     if not diagnosis.remains:
         return ""
     place = main_place(diagnosis.remains_where)
-    if not place:
-        return "A gap above the noise is left after that."
-    return f"A gap above the noise is left after that, most of it in {place}."
+    what = "A gap above the noise is left after that" if diagnosis.best.effects else "All of the gap remains"
+    return f"{what}, most of it in {place}." if place else f"{what}."
 
 
 def closing(diagnosis: Diagnosis, subject: str) -> str:
@@ -65,7 +64,7 @@ def main_place(places: tuple[Place, ...]) -> str:
     (name, phase), share = max(by.items(), key=lambda item: item[1])
     if not share > 0:
         return ""
-    return f"{channel(name)} during {phase} ({percent(share)})"
+    return f"{channel(name)} during {phase} ({percent(share)} of it)"
 
 
 def sure(explanation: Explanation) -> str:

@@ -40,6 +40,11 @@ def number(value: float | None, digits: int = 3) -> str:
     return _fixed(round(value, decimals), max(decimals, 0))
 
 
+def bare(text: str) -> str:
+    """Without zeros at the end of its decimals."""
+    return text.rstrip("0").rstrip(".") if "." in text else text
+
+
 def percent(share: float | None) -> str:
     """A share in whole per cent; with a decimal below ten."""
     if share is None or not math.isfinite(share):
@@ -78,7 +83,7 @@ def amount(given: Value, *, share: bool = False, flip: bool = False) -> str:
     value, low, high = value * scale, None if low is None else low * scale, None if high is None else high * scale
     known = low is not None and high is not None and math.isfinite(high - low)
     if not known or high == low:
-        text, between = _bare(number(value)), ""
+        text, between = bare(number(value)), ""
     else:
         assert low is not None
         assert high is not None
@@ -191,13 +196,9 @@ def listed(items: Sequence[str], word: str = "and") -> str:
 
 
 def begin(sentence: str) -> str:
-    """With a capital letter."""
-    return sentence[:1].upper() + sentence[1:]
-
-
-def _bare(text: str) -> str:
-    """Without zeros at the end of its decimals."""
-    return text.rstrip("0").rstrip(".") if "." in text else text
+    """With a capital letter, unless it begins with a name such as ``arm_1_joint``."""
+    first = sentence.partition(" ")[0]
+    return sentence if re.search(r"[_\d./]", first) else sentence[:1].upper() + sentence[1:]
 
 
 def _fixed(value: float, decimals: int) -> str:

@@ -19,7 +19,7 @@
       return { ...trace, line: { color: colour(trace.meta.role), dash, width } };
     });
     const axis = { gridcolor: colour("grid"), linecolor: colour("soft"), zeroline: false, showline: true,
-                   ticks: "outside", ticklen: 4, tickcolor: colour("soft"), automargin: true };
+                   ticks: "outside", ticklen: 4, tickcolor: colour("soft") };
     const root = getComputedStyle(document.documentElement);
     const shapes = figure.layout.shapes.map((shape) => {
       const index = phaseNames.indexOf(shape.name);
@@ -27,12 +27,14 @@
       const strength = shape.name === "noise floor" ? .3 : root.getPropertyValue("--shade").trim();
       return { ...shape, fillcolor: tint ? `rgba(${tint},${strength})` : "rgba(0,0,0,0)" };
     });
-    const layout = { ...figure.layout, shapes, height: innerWidth < 640 ? 330 : 390,
+    const narrow = innerWidth < 640 && !paper;  // the legend goes below, out of the way of the buttons
+    const layout = { ...figure.layout, shapes, height: narrow ? 380 : 390,
       paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)", hovermode: "x unified", dragmode: touch ? false : "zoom",
       hoverlabel: { bgcolor: paper ? "#fff" : colour("card"), font: { color: colour("ink") } },
       font: { color: colour("ink"), family: "system-ui, 'Segoe UI', Roboto, sans-serif", size: 12 },
-      margin: { l: 62, r: 12, t: 46, b: 44 },
-      legend: { orientation: "h", x: 0, xanchor: "left", y: 1.085, yanchor: "bottom", bgcolor: "rgba(0,0,0,0)" },
+      margin: { l: narrow ? 72 : 86, r: 12, t: 46, b: narrow ? 104 : 44 },
+      modebar: { bgcolor: "rgba(0,0,0,0)", color: colour("soft"), activecolor: colour("ink") },
+      legend: { orientation: "h", x: 0, xanchor: "left", y: narrow ? -0.29 : 1.085, yanchor: narrow ? "top" : "bottom", bgcolor: "rgba(0,0,0,0)" },
       annotations: figure.layout.annotations.map((a) => ({ ...a, font: { size: 10.5, color: colour("soft") } })),
       xaxis: { ...axis, ...figure.layout.xaxis, ...(window_[trial] ? { range: window_[trial] } : {}) },
       yaxis: { ...axis, ...figure.layout.yaxis } };
