@@ -153,6 +153,9 @@ class Chain:
         self._moves_set_point = self._any("set_point")
         hooks = ("added_friction", "added_damping", "added_force", "force_range")
         self._per_substep = any(overrides(e, hook) for e in self.effects for hook in hooks)
+        if self._per_substep:
+            for name in ("qfrc_actuator", "qfrc_smooth"):
+                host.output(name)  # a batch fills what is asked for at its next call: ask before the first
         self._timestep = float(host.model.opt.timestep)
         self._base_friction: Any = None
         self._base_damping: Any = None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
@@ -60,12 +61,14 @@ class ObjectSize(Effect):
         geom = now.wiring.object_geom
         if geom is None:
             return
-        size, box = now.host.field("geom_size"), now.host.field("geom_aabb")
-        round_ = now.host.model.geom_type[geom] == 5  # mjGEOM_CYLINDER: one radius for both horizontal extents
+        model = now.host.model
+        size, box, tree = (now.host.field(name) for name in ("geom_size", "geom_aabb", "bvh_aabb"))
         size[:, geom, 0] += self.radius[:, 0]
-        box[:, geom, 3] += self.radius[:, 0]
-        if round_:
-            box[:, geom, 4] += self.radius[:, 0]
+        # A cylinder's radius is both horizontal extents; the body's only bounding volume is its geom's.
+        wider = (3, 4) if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_CYLINDER else (3,)
+        for extent in wider:
+            box[:, geom, extent] += self.radius[:, 0]
+            tree[:, model.body_bvhadr[now.wiring.object_body], extent] += self.radius[:, 0]
         now.host.field("geom_rbound")[:, geom] += np.abs(self.radius[:, 0])
 
 
