@@ -24,7 +24,7 @@ COMMANDS: Final[Mapping[str, tuple[str, str]]] = MappingProxyType(
         "convert": ("tiago_mj.models.convert.command", "turn a robot's URDF into MJCF"),
         "diagnose": ("tiago_mj.gap.command", "say why recordings differ from the simulator, and mend it"),
         "record": ("tiago_mj.gap.record.command", "log an environment or any MJCF as a real robot would be"),
-        "import": ("tiago_mj.gap.imports.command", "turn public recordings and ROS bags into recordings of this package"),
+        "import": ("tiago_mj.gap.imports.command", "turn public recordings and ROS bags into recordings"),
     }
 )
 

@@ -33,6 +33,7 @@ def run(arguments: argparse.Namespace) -> int:
     extra.load("pandas", "reading recordings")
     from tiago_mj.gap import lint
     from tiago_mj.gap.diagnose import diagnose
+    from tiago_mj.gap.plant import plant_of
     from tiago_mj.gap.read import read_recordings
     from tiago_mj.gap.report import json, terminal, write
 
@@ -41,7 +42,8 @@ def run(arguments: argparse.Namespace) -> int:
         if arguments.model:
             defaults = {"robot": str(arguments.model)}
         read = read_recordings(arguments.recordings, map_file=arguments.map, defaults=defaults)
-        findings = (*read.findings, *lint.inspect(read.trials))
+        robot = plant_of(read.trials, env=arguments.env, model=arguments.model).model
+        findings = (*read.findings, *lint.inspect(read.trials, lint.JointRanges.of_model(robot)))
         lint.refuse(read.trials, findings)
         usable = frozenset.intersection(*(lint.usable(trial, findings) for trial in read.trials))
         with terminal.Progress(quiet=arguments.json) as progress:
@@ -54,7 +56,7 @@ def run(arguments: argparse.Namespace) -> int:
                 seed=arguments.seed,
                 threads=max(arguments.jobs, 0),
                 budget=arguments.time_budget,
-                tick=lambda stage, total: progress.stage(stage, total),
+                tick=lambda stage, total: progress.stage(stage),
             )
     except RecordingError as fault:
         print(f"tiago-mj diagnose: {fault}", file=sys.stderr)
