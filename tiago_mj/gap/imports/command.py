@@ -62,7 +62,7 @@ def run(arguments: argparse.Namespace) -> int:
         first = next(finding for finding in found if finding.code == code)
         print(f"  {code}: {', '.join(listed) or first.message}")
     folders = dict.fromkeys(str(arguments.out / folder) for folder, _ in trials)
-    print(f"next: tiago-mj preflight {next(iter(folders))}")
+    print(f"next: tiago-mj diagnose {next(iter(folders))} --out DIR")
     return 0
 
 
