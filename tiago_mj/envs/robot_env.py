@@ -15,11 +15,11 @@ from typing import TYPE_CHECKING, Any, Final, SupportsFloat
 
 import mujoco
 import numpy as np
-from gymnasium import error, spaces
+from gymnasium import spaces
 from gymnasium_robotics.envs.robot_env import MujocoRobotEnv
 from numpy.typing import NDArray
 
-from tiago_mj import headless
+from tiago_mj.envs import checks
 from tiago_mj.envs.choices import ObjectChoice, check_fits
 from tiago_mj.envs.state import State, StateReader
 from tiago_mj.models import names, scene
@@ -368,7 +368,7 @@ class RobotEnv(MujocoRobotEnv):  # type: ignore[misc]
         Raises:
             ValueError: the action has another shape, is not numeric or not finite. The simulation is unchanged.
         """
-        command = self._checked(action)
+        command = checks.action_in_range(action, self.joints)
         self._set_action(command)
         self._mujoco_step(command)
         self._read()
@@ -429,21 +429,9 @@ class RobotEnv(MujocoRobotEnv):  # type: ignore[misc]
         Raises:
             gymnasium.error.DependencyNotInstalled: no OpenGL could be started; says what to set.
         """
-        if self.render_mode == "human" and headless.without_display():
-            raise error.DependencyNotInstalled(  # GLFW would end the process instead
-                "render_mode 'human' needs a display, and neither DISPLAY nor WAYLAND_DISPLAY is set: use "
-                "render_mode='rgb_array', which renders without one"
-            )
-        try:
-            return super().render()
-        except Exception as fault:
-            if getattr(self.mujoco_renderer, "viewer", None) is not None:
-                raise
-            raise error.DependencyNotInstalled(
-                "no OpenGL context could be created. Without a display set the environment variable MUJOCO_GL=egl "
-                "before Python starts, and install EGL (Debian: libegl1 libegl-mesa0 libgl1-mesa-dri). "
-                f"Cause: {fault}"
-            ) from fault
+        return checks.rendered(
+            super().render, self.render_mode, lambda: getattr(self.mujoco_renderer, "viewer", None) is not None
+        )
 
     # Parts ----------------------------------------------------------------------------------------------------------
 
@@ -461,29 +449,9 @@ class RobotEnv(MujocoRobotEnv):  # type: ignore[misc]
             "is_success": self._is_success(achieved, self.goal),
         }
 
-    def _checked(self, action: Any) -> Array:
-        """The action as floats within [-1, 1]."""
-        shape = self.action_space.shape
-        try:
-            command = np.asarray(action, dtype=np.float64)
-        except (TypeError, ValueError) as fault:
-            raise ValueError(f"action {action!r} is not numeric: give {shape[0]} numbers from -1 to 1") from fault
-        if command.shape != shape:
-            raise ValueError(f"action has shape {command.shape}: give {shape}, one number a joint of {self.joints}")
-        if not np.isfinite(command).all():
-            raise ValueError(f"action {command} is not finite: give numbers from -1 to 1")
-        return np.minimum(np.maximum(command, -1.0), 1.0)
-
     def _checked_goal(self, goal: Any) -> Array:
         """A goal that a user gave, as (g,)."""
-        shape = self._goal_bound().shape
-        try:
-            values = np.broadcast_to(np.asarray(goal, dtype=np.float64), shape).copy()
-        except (TypeError, ValueError) as fault:
-            raise ValueError(f"goal {goal!r} is not usable: give {shape[0]} numbers") from fault
-        if not np.isfinite(values).all():
-            raise ValueError(f"goal {goal!r} is not finite: give {shape[0]} numbers")
-        return values
+        return checks.goal_numbers(goal, len(self._goal_bound()))
 
     def _joint_bound(self) -> Array:
         """Largest magnitude of (q, q̇), (2N,)."""

@@ -1,0 +1,77 @@
+"""What a user hands to an environment, read or refused in one line before anything changes; and how rendering fails."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from gymnasium import error
+from numpy.typing import NDArray
+
+from tiago_mj import headless
+
+Array = NDArray[np.float64]
+
+
+def action_in_range(action: Any, joints: Sequence[str]) -> Array:
+    """An action as floats, clipped to [-1, 1], (njoints,).
+
+    Raises:
+        ValueError: it is not numeric, of another shape, or not finite.
+    """
+    shape = (len(joints),)
+    try:
+        given = np.asarray(action)
+    except ValueError:  # a ragged list
+        given = np.asarray(None)
+    if given.dtype.kind not in "biuf":
+        raise ValueError(f"action {action!r} is not numeric: give {len(joints)} numbers from -1 to 1")
+    if given.shape != shape:
+        raise ValueError(f"action has shape {given.shape}: give {shape}, one number a joint of {tuple(joints)}")
+    command = given.astype(np.float64)
+    if not np.isfinite(command).all():
+        raise ValueError(f"action {command} is not finite: give numbers from -1 to 1")
+    return np.minimum(np.maximum(command, -1.0), 1.0)
+
+
+def goal_numbers(goal: Any, size: int) -> Array:
+    """A goal as floats, (size,); one number serves all.
+
+    Raises:
+        ValueError: it is not numeric, of another shape, or not finite.
+    """
+    try:
+        values = np.broadcast_to(np.asarray(goal, dtype=np.float64), (size,)).copy()
+    except (TypeError, ValueError) as fault:
+        raise ValueError(f"goal {goal!r} is not usable: give {size} numbers") from fault
+    if not np.isfinite(values).all():
+        raise ValueError(f"goal {goal!r} is not finite: give {size} numbers")
+    return values
+
+
+def rendered(frame: Callable[[], Any], mode: str | None, started: Callable[[], bool]) -> Any:
+    """A frame, or an error that says what to set.
+
+    Args:
+        frame: draws it.
+        mode: the environment's render mode.
+        started: whether OpenGL is running, so that a fault has another cause.
+
+    Raises:
+        gymnasium.error.DependencyNotInstalled: no OpenGL could be started, or there is no display for a window.
+    """
+    if mode == "human" and headless.without_display():
+        raise error.DependencyNotInstalled(  # GLFW would end the process instead
+            "render_mode 'human' needs a display, and neither DISPLAY nor WAYLAND_DISPLAY is set: use "
+            "render_mode='rgb_array', which renders without one"
+        )
+    try:
+        return frame()
+    except Exception as fault:
+        if started():
+            raise
+        raise error.DependencyNotInstalled(
+            "no OpenGL context could be created. Without a display set the environment variable MUJOCO_GL=egl before "
+            f"Python starts, and install EGL (Debian: libegl1 libegl-mesa0 libgl1-mesa-dri). Cause: {fault}"
+        ) from fault
