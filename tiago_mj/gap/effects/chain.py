@@ -24,6 +24,19 @@ Array = NDArray[np.float64]
 STICKING_SOLIMP: Final = (0.9999, 0.9999, 0.001, 0.5, 2.0)
 STICKING_SOLREF: Final = (0.002, 1.0)
 
+#: Hooks that act in every physics step, and in every control step.
+EACH_SUBSTEP: Final = ("added_friction", "added_damping", "added_force", "force_range")
+EACH_STEP: Final = (
+    "command",
+    "set_point",
+    "measure_position",
+    "measure_velocity",
+    "contact_force",
+    "reading",
+    "noise",
+    "sample",
+)
+
 
 @dataclass(frozen=True)
 class Wiring:
@@ -150,9 +163,9 @@ class Chain:
         self._host, self._wiring = host, wiring
         self._nominal: dict[str, Array] = {}
         self._masks = {effect.name: effect.present for effect in self.effects}
+        self._hooks = {hook: self._users(hook) for hook in (*EACH_SUBSTEP, *EACH_STEP)}
         self._moves_set_point = self._any("set_point")
-        hooks = ("added_friction", "added_damping", "added_force", "force_range")
-        self._per_substep = any(overrides(e, hook) for e in self.effects for hook in hooks)
+        self._per_substep = any(self._hooks[hook] for hook in EACH_SUBSTEP)
         if self._per_substep:
             for name in ("qfrc_actuator", "qfrc_smooth"):
                 host.output(name)  # a batch fills what is asked for at its next call: ask before the first
@@ -160,7 +173,7 @@ class Chain:
         self._base_friction: Any = None
         self._base_damping: Any = None
         self._base_range: Any = None
-        self._limits_force = any(overrides(e, "force_range") for e in self.effects)
+        self._limits_force = bool(self._hooks["force_range"])
 
     # Reset ----------------------------------------------------------------------------------------------------------
 
@@ -321,23 +334,19 @@ class Chain:
         now, host, dof = self.now, self._host, self._wiring.dof
         friction, damping = self._base_friction, self._base_damping
         force = np.zeros((now.nsim, len(dof)))
-        for effect in self.effects:
-            mask = self._masks[effect.name]
-            if overrides(effect, "added_friction"):
-                friction = np.where(mask, friction + effect.added_friction(now), friction)
-            if overrides(effect, "added_damping"):
-                damping = np.where(mask, damping + effect.added_damping(now), damping)
-            if overrides(effect, "added_force"):
-                force = np.where(mask, force + effect.added_force(now), force)
+        for effect, mask in self._hooks["added_friction"]:
+            friction = np.where(mask, friction + effect.added_friction(now), friction)
+        for effect, mask in self._hooks["added_damping"]:
+            damping = np.where(mask, damping + effect.added_damping(now), damping)
+        for effect, mask in self._hooks["added_force"]:
+            force = np.where(mask, force + effect.added_force(now), force)
         host.field("dof_frictionloss")[:, dof] = np.maximum(friction, 0.0)
         host.field("dof_damping")[:, dof] = np.maximum(damping, 0.0)
         host.state("qfrc_applied")[:, dof] = force
         if self._limits_force:
             limits = self._base_range
-            for effect in self.effects:
-                if overrides(effect, "force_range"):
-                    mask = self._of_actuators(effect)[:, :, None]
-                    limits = np.where(mask, effect.force_range(limits, now), limits)
+            for effect, mask in self._hooks["force_range"]:
+                limits = np.where(mask[:, :, None], effect.force_range(limits, now), limits)
             host.field("actuator_forcerange")[:, self._wiring.actuators] = limits
         host.step(1)
 
@@ -357,11 +366,16 @@ class Chain:
         return self._through("sample", self._through("reading", clean) + self._through("noise", noise))
 
     def _through(self, hook: str, value: Array) -> Array:
-        for effect in self.effects:
-            if overrides(effect, hook):
-                mask = self._of_actuators(effect) if hook == "set_point" else self._masks[effect.name]
-                value = np.where(mask, getattr(effect, hook)(value, self.now), value)
+        for effect, mask in self._hooks[hook]:
+            value = np.where(mask, getattr(effect, hook)(value, self.now), value)
         return value
+
+    def _users(self, hook: str) -> list[tuple[Effect, NDArray[np.bool_]]]:
+        """Effects that have a hook, and where each is present."""
+        acts = hook in ("set_point", "force_range")
+        return [
+            (e, self._of_actuators(e) if acts else self._masks[e.name]) for e in self.effects if overrides(e, hook)
+        ]
 
     def _of_actuators(self, effect: Effect) -> NDArray[np.bool_]:
         """Where an effect on commands or joints is present, (nsim, nactuators)."""
@@ -369,7 +383,7 @@ class Chain:
         return mask[:, list(self._wiring.targets.actuated)] if effect.targets == "joint" else mask
 
     def _any(self, hook: str) -> NDArray[np.bool_] | None:
-        masks = [self._of_actuators(e) for e in self.effects if overrides(e, hook)]
+        masks = [mask for _, mask in self._hooks[hook]]
         if not masks:
             return None
         moved: NDArray[np.bool_] = np.logical_or.reduce(masks)
