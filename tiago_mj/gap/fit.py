@@ -7,9 +7,9 @@ freedom.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,6 +54,35 @@ class Fitted:
         return tuple(part.entry(float(v)) for part, v in zip(self.parts, self.values, strict=True))
 
 
+@dataclass(frozen=True)
+class Start:
+    """Where a fit begins: candidates, their magnitudes (k,), nuisances (size,), all 0 if None."""
+
+    parts: tuple[Candidate, ...]
+    values: Array
+    nuisance: Array | None = None
+
+
+@dataclass(frozen=True)
+class Point:
+    """What is simulated on every trial: candidates, magnitudes (k,), nuisances (size,)."""
+
+    parts: tuple[Candidate, ...]
+    values: Array
+    nuisance: Array
+
+    def moved(self, which: slice) -> Point:
+        """One deviation further in some nuisances."""
+        nuisance = self.nuisance.copy()
+        nuisance[which] += 1.0
+        return Point(self.parts, self.values, nuisance)
+
+
+T = TypeVar("T")
+#: A computation that asks for predictions at points and is sent (npoints, ntrials, T, C).
+Steps = Generator[Sequence[Point], Array, T]
+
+
 @dataclass
 class Fitter:
     """Fits explanations to one set of trials.
@@ -94,9 +123,11 @@ class Fitter:
                 chosen.append(self.terms[term].entry(float(nuisance[base + k])))
         return tuple(chosen)
 
-    def predictions(self, points: Sequence[tuple[Sequence[Candidate], Array, Array]]) -> Array:
-        """(npoints, ntrials, T, C) at (parts, values, nuisance)."""
-        wanted = [(t, self.effects(p, v, n, k)) for p, v, n in points for k, t in enumerate(self.trials)]
+    def predictions(self, points: Sequence[Point]) -> Array:
+        """(npoints, ntrials, T, C)."""
+        wanted = [
+            (t, self.effects(p.parts, p.values, p.nuisance, k)) for p in points for k, t in enumerate(self.trials)
+        ]
         out = self.predict(wanted)
         return out.reshape(len(points), len(self.trials), *out.shape[1:])
 
@@ -110,18 +141,36 @@ class Fitter:
         w = score.soften(score.whiten(self.data, self.data.value - predicted, self.weight))
         return w.reshape(*w.shape[:-3], -1)
 
-    def nuisance_columns(self, parts: Sequence[Candidate], values: Array, nuisance: Array, base: Array) -> Array:
+    def fit(
+        self, parts: Sequence[Candidate], start: Array, nuisance: Array | None = None, *, thorough: bool = True
+    ) -> Fitted:
+        """Fit one explanation; see :meth:`fit_all`."""
+        return self.fit_all([Start(tuple(parts), start, nuisance)], thorough=thorough)[0]
+
+    def fit_all(self, starts: Sequence[Start], *, thorough: bool = True) -> list[Fitted]:
+        """Fit explanations, each its magnitudes and nuisances, side by side: what they all need next is simulated at
+        once.
+
+        Args:
+            starts: where they begin.
+            thorough: recompute the nuisances' responses on the way, around what was found.
+        """
+        if self._columns is None:
+            self._columns = _run([self._nominal_columns()], self.predictions)[0]
+        return _run([self._fit(start, thorough, self._columns) for start in starts], self.predictions)
+
+    def _nominal_columns(self) -> Steps[Array]:
+        nothing = np.zeros(self.size)
+        base = (yield [Point((), np.zeros(0), nothing)])[0]
+        return (yield from self._nuisance_columns(Point((), np.zeros(0), nothing), base))
+
+    def _nuisance_columns(self, at: Point, base: Array) -> Steps[Array]:
         """Whitened response to one deviation of every nuisance parameter around a point, (n, size)."""
-        points = []
-        for k in range(len(self.shared)):
-            points.append((parts, values, _moved(nuisance, k)))
-        for k in range(len(self._own)):
-            moved = nuisance.copy()
-            moved[len(self.shared) + k :: len(self._own)] += 1.0
-            points.append((parts, values, moved))
+        points = [at.moved(slice(k, k + 1)) for k in range(len(self.shared))]
+        points += [at.moved(slice(len(self.shared) + k, None, len(self._own))) for k in range(len(self._own))]
         if not points:
             return np.zeros((self.data.value.size, 0))
-        response = self.predictions(points) - base
+        response = (yield points) - base
         columns = list(self.white(response[: len(self.shared)]))
         for t in range(len(self.trials)):
             for k in range(len(self._own)):
@@ -130,77 +179,73 @@ class Fitter:
                 columns.append(self.white(alone))
         return np.stack(columns, axis=1)
 
-    def fit(
-        self, parts: Sequence[Candidate], start: Array, nuisance: Array | None = None, *, thorough: bool = True
-    ) -> Fitted:
-        """Fit magnitudes and nuisances.
-
-        Args:
-            parts: candidates.
-            start: their magnitudes, (k,).
-            nuisance: where to start, (size,); 0 if None.
-            thorough: recompute the nuisances' responses at the end, around what was found.
-        """
-        parts = tuple(parts)
-        values = np.array(start, dtype=float)
-        nu = np.zeros(self.size) if nuisance is None else nuisance.copy()
-        base = self.predictions([(parts, values, nu)])[0]
-        columns = self._columns
-        if columns is None:
-            columns = self._columns = self.nuisance_columns((), np.zeros(0), np.zeros(self.size), self._nominal())
+    def _fit(self, start: Start, thorough: bool, columns: Array) -> Steps[Fitted]:
+        parts = start.parts
+        at = Point(
+            parts,
+            np.array(start.values, dtype=float),
+            np.zeros(self.size) if start.nuisance is None else start.nuisance.copy(),
+        )
+        base = (yield [at])[0]
         renewed = False
         for iteration in range(ITERATIONS):
             if thorough and not renewed and iteration == 2:
-                columns = self.nuisance_columns(parts, values, nu, base)
+                columns = yield from self._nuisance_columns(at, base)
                 renewed = True
-            jacobian = self._value_columns(parts, values, nu, base)
-            r, everything = self._weighted(base, np.concatenate([jacobian, columns], axis=1))
-            prior = np.concatenate([np.zeros(len(parts)), np.ones(self.size)])
-            scale = np.concatenate([[part.high - part.low for part in parts], np.ones(self.size)])
-            everything = everything * scale  # magnitudes in units of their bounds: well conditioned
-            curvature = everything.T @ everything + np.diag(prior + 1e-6)
-            gradient = everything.T @ r - prior * np.concatenate([values * 0, nu])
-            step = scale * np.linalg.solve(curvature, gradient)
-            points = []
-            for share in STEPS:
-                moved = np.array([_inside(p, v + share * s) for p, v, s in zip(parts, values, step, strict=False)])
-                bound = score.NUISANCE_BOUND
-                points.append((parts, moved, np.clip(nu + share * step[len(parts) :], -bound, bound)))
-                if parts:
-                    points.append((parts, moved, nu))  # the nuisances' responses may be those of another point
-            tried = self.predictions(points)
-            costs = [self._cost(tried[k], points[k][2]) for k in range(len(points))]
+            jacobian = yield from self._value_columns(at, base)
+            points = self._steps(at, base, np.concatenate([jacobian, columns], axis=1))
+            tried = yield points
+            costs = [self._cost(tried[k], points[k].nuisance) for k in range(len(points))]
             best = int(np.argmin(costs))
-            before = self._cost(base, nu)
+            before = self._cost(base, at.nuisance)
             if costs[best] >= before:
                 if thorough and not renewed:
-                    columns = self.nuisance_columns(parts, values, nu, base)
+                    columns = yield from self._nuisance_columns(at, base)
                     renewed = True
                     continue
                 break
-            improved = before - costs[best]
-            values, nu, base = points[best][1], points[best][2], tried[best]
-            if improved < SETTLED and iteration > 1:
+            at, base = points[best], tried[best]
+            if before - costs[best] < SETTLED and iteration > 1:
                 break
-        return self._finished(parts, values, nu, base, columns)
+        jacobian = yield from self._value_columns(at, base)
+        return self._finished(at, base, np.concatenate([jacobian, columns], axis=1))
 
-    def _nominal(self) -> Array:
-        return self.predictions([((), np.zeros(0), np.zeros(self.size))])[0]
+    def _steps(self, at: Point, base: Array, columns: Array) -> list[Point]:
+        """Points to try: shares of a Gauss-Newton step, with and without a move of the nuisances."""
+        count = len(at.parts)
+        r, weighted = self._weighted(base, columns)
+        prior = np.concatenate([np.zeros(count), np.ones(self.size)])
+        scale = np.concatenate([[part.high - part.low for part in at.parts], np.ones(self.size)])
+        weighted = weighted * scale  # magnitudes in units of their bounds: well conditioned
+        curvature = weighted.T @ weighted + np.diag(prior + 1e-6)
+        gradient = weighted.T @ r - prior * np.concatenate([at.values * 0, at.nuisance])
+        step = scale * np.linalg.solve(curvature, gradient)
+        bound = score.NUISANCE_BOUND
+        points = []
+        for share in STEPS:
+            values = np.array(
+                [_inside(p, v + share * s) for p, v, s in zip(at.parts, at.values, step[:count], strict=True)]
+            )
+            points.append(Point(at.parts, values, np.clip(at.nuisance + share * step[count:], -bound, bound)))
+            if count:
+                points.append(Point(at.parts, values, at.nuisance))  # the responses may be those of another point
+        return points
 
-    def _value_columns(self, parts: tuple[Candidate, ...], values: Array, nu: Array, base: Array) -> Array:
-        if not parts:
+    def _value_columns(self, at: Point, base: Array) -> Steps[Array]:
+        """Whitened response to each magnitude, per unit of it, (n, k)."""
+        if not at.parts:
             return np.zeros((self.data.value.size, 0))
         points, steps = [], []
-        for k, part in enumerate(parts):
-            step = 0.02 * (abs(values[k] - part.identity) if np.isfinite(part.identity) else abs(values[k]))
+        for k, part in enumerate(at.parts):
+            step = 0.02 * abs(at.values[k] - (part.identity if np.isfinite(part.identity) else 0.0))
             step = max(step, 1e-4 * (part.high - part.low))
-            if values[k] + step > part.high:
+            if at.values[k] + step > part.high:
                 step = -step
-            moved = values.copy()
-            moved[k] += step
-            points.append((parts, moved, nu))
+            values = at.values.copy()
+            values[k] += step
+            points.append(Point(at.parts, values, at.nuisance))
             steps.append(step)
-        response = (self.predictions(points) - base) / np.array(steps)[:, None, None, None]
+        response = ((yield points) - base) / np.array(steps)[:, None, None, None]
         return np.asarray(self.white(response).T)
 
     def _weighted(self, base: Array, columns: Array) -> tuple[Array, Array]:
@@ -215,24 +260,24 @@ class Fitter:
         r = self.residual(predicted)
         return float(0.5 * r @ r + 0.5 * nu @ nu)
 
-    def _finished(self, parts: tuple[Candidate, ...], values: Array, nu: Array, base: Array, columns: Array) -> Fitted:
-        jacobian = self._value_columns(parts, values, nu, base)
-        _, everything = self._weighted(base, np.concatenate([jacobian, columns], axis=1))
+    def _finished(self, at: Point, base: Array, columns: Array) -> Fitted:
+        parts = at.parts
+        _, weighted = self._weighted(base, columns)
         prior = np.concatenate([np.full(len(parts), 1e-9), np.ones(self.size)])
-        curvature = everything.T @ everything + np.diag(prior)
+        curvature = weighted.T @ weighted + np.diag(prior)
         # A magnitude that the data do not bind is bound by its bounds.
         for k, part in enumerate(parts):
             curvature[k, k] += 12 / (part.high - part.low) ** 2
         _, logdet = np.linalg.slogdet(curvature)
-        evidence = -self._cost(base, nu) - 0.5 * logdet
+        evidence = -self._cost(base, at.nuisance) - 0.5 * logdet
         for part in parts:
             evidence += 0.5 * np.log(2 * np.pi) - np.log(part.high - part.low)
         covariance = np.linalg.inv(curvature)
         return Fitted(
             parts,
-            values,
+            at.values,
             np.sqrt(np.diag(covariance)[: len(parts)]),
-            nu,
+            at.nuisance,
             float(evidence),
             float(self._misfit(base).max(initial=0.0)),
         )
@@ -245,10 +290,26 @@ class Fitter:
         return mean
 
 
-def _moved(nuisance: Array, index: int) -> Array:
-    moved = nuisance.copy()
-    moved[index] += 1.0
-    return moved
+def _run(tasks: Sequence[Steps[T]], predict: Callable[[Sequence[Point]], Array]) -> list[T]:
+    """Drive tasks to their ends, answering in one go what all of them ask for."""
+    done: dict[int, T] = {}
+    asked: dict[int, Sequence[Point]] = {}
+    answers: dict[int, Array | None] = dict.fromkeys(range(len(tasks)))
+    while True:
+        for k, answer in answers.items():
+            try:
+                asked[k] = tasks[k].send(answer) if answer is not None else next(tasks[k])
+            except StopIteration as end:
+                done[k] = end.value
+        if not asked:
+            break
+        predicted = predict([point for points in asked.values() for point in points])
+        answers, used = {}, 0
+        for k, points in asked.items():
+            answers[k] = predicted[used : used + len(points)]
+            used += len(points)
+        asked = {}
+    return [done[k] for k in range(len(tasks))]
 
 
 def _inside(part: Candidate, value: float) -> float:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from tiago_mj.gap import score, traces
 from tiago_mj.gap.effects import EFFECTS
-from tiago_mj.gap.fit import Fitted, Fitter
+from tiago_mj.gap.fit import Fitted, Fitter, Point, Start
 from tiago_mj.gap.floor import Data
 from tiago_mj.gap.hypotheses import Candidate, Term
 from tiago_mj.gap.predict import Predictor
@@ -95,27 +95,28 @@ def select(
 
     tick("fitting", SINGLES)
     few = Fitter(predict, tuple(trials[k] for k in first), some, weight, tuple(terms))
-    singles = [few.fit((s.candidate,), np.array([s.value]), thorough=False) for s in _best(promising, SINGLES)]
-    ranked = _order([few.fit((), np.zeros(0)), *singles], marks)
+    starts = [Start((), np.zeros(0)), *(Start((s.candidate,), np.array([s.value])) for s in _best(promising, SINGLES))]
+    ranked = _order(few.fit_all(starts, thorough=False), marks)
     # Once something explains the bulk, what is left shows how correlated the residuals really are.
-    reference = few.predictions([(ranked[0].parts, ranked[0].values, ranked[0].nuisance)])[0]
+    reference = few.predictions([Point(ranked[0].parts, ranked[0].values, ranked[0].nuisance)])[0]
     weight = np.maximum(score.independence(some, reference), weight)
     everywhere = Fitter(predict, tuple(trials), data, weight, tuple(terms))
     tick("refitting", SECONDS)
-    fits = [everywhere.fit((), np.zeros(0))]
     again = [f for f in ranked if f.parts][:SECONDS]
-    fits += [everywhere.fit(f.parts, f.values) for f in again]
+    fits = everywhere.fit_all([Start((), np.zeros(0)), *(Start(f.parts, f.values) for f in again)])
     complete = not out_of_time()
     if complete and again:
         tick("pairs", PAIRS)
         few = Fitter(predict, few.trials, some, weight, tuple(terms))
         pairs = _order(_pairs(predict, few, again, promising, first, trials, responses, terms, base, marks), marks)
-        for pair in pairs[:PAIRS_AGAIN]:
-            both = everywhere.fit(pair.parts, pair.values, pair_start(pair, few, everywhere))
-            fits.append(both)
-            needed = [k for k in range(len(both.parts)) if _away(both, k)]
+        both = everywhere.fit_all([Start(p.parts, p.values, _shared(p, few, everywhere)) for p in pairs[:PAIRS_AGAIN]])
+        fits += both
+        alone = []
+        for fit in both:
+            needed = [k for k in range(len(fit.parts)) if _away(fit, k)]
             if len(needed) == 1:  # the second effect only led the first to a better place
-                fits.append(everywhere.fit((both.parts[needed[0]],), both.values[needed], both.nuisance))
+                alone.append(Start((fit.parts[needed[0]],), fit.values[needed], fit.nuisance))
+        fits += everywhere.fit_all(alone)
     fits = _worth(_order(fits, marks), marks)
     evidence = np.array([f.evidence + traces.log_likelihood(marks, f.effects()) for f in fits])
     return Ranked(tuple(fits), evidence, tuple(screened), unseen, weight, not out_of_time() and complete)
@@ -141,7 +142,7 @@ def _pairs(
     found: list[tuple[float, Fitted, Screened]] = []
     for seed in seeds:
         # Without its nuisances: they may have absorbed what the second effect is to explain.
-        whole = fitter.predictions([(seed.parts, seed.values, np.zeros(fitter.size))])[0]
+        whole = fitter.predictions([Point(seed.parts, seed.values, np.zeros(fitter.size))])[0]
         others = [s for s in promising if s.candidate.label != seed.parts[0].label]
         stack = np.stack([whole + s.change for s in others])
         alone = float(score.log_likelihood(on, whole[None])[0]) + traces.log_likelihood(marks, seed.effects())
@@ -150,20 +151,16 @@ def _pairs(
             extra = traces.log_likelihood(marks, (*seed.effects(), s.candidate.entry(s.value)))
             found.append((float(gain) + extra - alone + seed.evidence, seed, s))
     found.sort(key=lambda item: -item[0])
-    out, done = [], set()
+    starts: dict[object, Start] = {}
     for _, seed, s in found:
-        key = frozenset((seed.parts[0].label, s.candidate.label))
-        if key in done:
-            continue
-        done.add(key)
-        start = np.array([seed.values[0], s.value])
-        out.append(fitter.fit((*seed.parts, s.candidate), start, thorough=False))
-        if len(done) == PAIRS:
+        start = Start((*seed.parts, s.candidate), np.array([seed.values[0], s.value]))
+        starts.setdefault(frozenset((seed.parts[0].label, s.candidate.label)), start)
+        if len(starts) == PAIRS:
             break
-    return out
+    return fitter.fit_all(list(starts.values()), thorough=False)
 
 
-def pair_start(pair: Fitted, few: Fitter, everywhere: Fitter) -> Array:
+def _shared(pair: Fitted, few: Fitter, everywhere: Fitter) -> Array:
     """Nuisances of a fit to some trials, for all: the shared ones."""
     nuisance = np.zeros(everywhere.size)
     nuisance[: len(few.shared)] = pair.nuisance[: len(few.shared)]
