@@ -11,6 +11,17 @@ from tiago_mj.gap.effects import (  # noqa: F401  (their import declares the eff
     transmission,
 )
 from tiago_mj.gap.effects.declare import EFFECTS, Effect, Parameter, effect, parameter
+from tiago_mj.gap.effects.describe import Description, describe
 from tiago_mj.gap.effects.spec import Entry, read_effects
 
-__all__ = ["EFFECTS", "Effect", "Entry", "Parameter", "effect", "parameter", "read_effects"]
+__all__ = [
+    "EFFECTS",
+    "Description",
+    "Effect",
+    "Entry",
+    "Parameter",
+    "describe",
+    "effect",
+    "parameter",
+    "read_effects",
+]

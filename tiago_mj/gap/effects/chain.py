@@ -205,11 +205,16 @@ class Chain:
         recording = _Recording(self._host, self._nominal)
         now.host = recording  # remembers what is changed
         try:
+            heavier = np.zeros(now.nsim, dtype=bool)
             for effect in self.effects:
+                rebuilt, now.rebuild = now.rebuild, False
                 effect.change(now)
+                if now.rebuild:
+                    heavier |= self._masks[effect.name].any(axis=1)
+                now.rebuild |= rebuilt
             if now.rebuild:
                 recording.set_const()
-            self._renew_contacts()
+            self._renew_contacts(heavier)
         finally:
             now.host = self._host
         for effect in self.effects:
@@ -233,18 +238,15 @@ class Chain:
         for effect in self.effects:
             effect.start(now)
 
-    def _renew_contacts(self) -> None:
-        """Stiffness and damping of pad and object follow the masses, or the effects that scale them."""
+    def _renew_contacts(self, touched: NDArray[np.bool_]) -> None:
+        """Stiffness and damping of pad and object follow masses that an effect changed, and effects that scale them."""
         now = self.now
         if now.contact is None:
             return
-        touched = np.zeros(now.nsim, dtype=bool)
         factors = np.ones((now.nsim, 2))
-        for effect in self.effects:
-            if effect.name in ("contact_stiffness", "contact_damping"):
-                factors[:, int(effect.name == "contact_damping")] = effect.factor[:, 0]  # type: ignore[attr-defined]
-            if effect.name in ("contact_stiffness", "contact_damping", "object_mass", "armature", "payload"):
-                touched |= self._masks[effect.name].any(axis=1)
+        for effect, mask in self._users("contact_factors"):
+            factors = np.where(mask, effect.contact_factors(factors, now), factors)
+            touched = touched | mask.any(axis=1)
         if touched.any():
             from tiago_mj.gap.effects.contact import renew_contacts
 
@@ -373,9 +375,7 @@ class Chain:
     def _users(self, hook: str) -> list[tuple[Effect, NDArray[np.bool_]]]:
         """Effects that have a hook, and where each is present."""
         acts = hook in ("set_point", "force_range")
-        return [
-            (e, self._of_actuators(e) if acts else self._masks[e.name]) for e in self.effects if overrides(e, hook)
-        ]
+        return [(e, self._of_actuators(e) if acts else self._masks[e.name]) for e in self.effects if overrides(e, hook)]
 
     def _of_actuators(self, effect: Effect) -> NDArray[np.bool_]:
         """Where an effect on commands or joints is present, (nsim, nactuators)."""

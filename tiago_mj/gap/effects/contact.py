@@ -15,30 +15,58 @@ from tiago_mj.gap.effects.declare import Array, Effect, effect, parameter
 class ContactStiffness(Effect):
     """The contact of pad and object is softer or stiffer by a factor.
 
+    Formula: force = factor · stiffness · depth + damping · d depth / dt
+
     In a recording: force rises more slowly or faster while the pad sinks in; against a soft position servo barely
     visible.
-    Typical: 0.1-3 between a sponge and wood (facts on the real objects).
+
+    Typical: 0.1-3 between a sponge and wood; behind the gripper's servo the force per set point differs by 1.3 only.
+
+    Source: chosen; the 1.3 is force_vs_displacement's.
+
+    MuJoCo: ``pair_solref`` in its direct format, with the stiffness in N/m by the exact law (docs/compliance.md).
     """
 
     factor = parameter("-", identity=1.0, default=0.3, bounds=(0.05, 6.0))
 
+    def contact_factors(self, factors: Array, now: Now) -> Array:
+        return factors * np.hstack([self.factor, np.ones_like(self.factor)])
+
 
 @effect("contact_damping", stage="contact", targets="object")
 class ContactDamping(Effect):
-    """The contact's damping is larger or smaller by a factor.
+    """The damping of pad and object's contact is larger or smaller by a factor.
+
+    Formula: force = stiffness · depth + factor · damping · d depth / dt
 
     In a recording: the force at the instant of touch, damping · approach speed, is larger; held forces are as before.
-    Typical: unknown to a factor of several; few measure it.
+
+    Typical: known to a factor of several only; few measure it.
+
+    Source: chosen.
+
+    MuJoCo: ``pair_solref`` (docs/compliance.md).
     """
 
     factor = parameter("-", identity=1.0, default=4.0, bounds=(0.05, 12.0))
 
+    def contact_factors(self, factors: Array, now: Now) -> Array:
+        return factors * np.hstack([np.ones_like(self.factor), self.factor])
+
 
 @effect("contact_friction", stage="contact", targets="object")
 class ContactFriction(Effect):
-    """Sliding friction of pad and object times a factor.
+    """Sliding friction of pad and object times a factor; the torsional and rolling friction with it.
 
-    In a recording: the object slips under the same squeeze; without load across the pads nothing. Typical: 0.3-1.5.
+    Formula: largest force across the pads = factor · µ · squeeze
+
+    In a recording: the object slips under the same squeeze; without load across the pads nothing.
+
+    Typical: 0.3-1.5.
+
+    Source: chosen.
+
+    MuJoCo: ``pair_friction``.
     """
 
     factor = parameter("-", identity=1.0, default=0.3, bounds=(0.05, 4.0))
@@ -50,9 +78,17 @@ class ContactFriction(Effect):
 
 @effect("object_size", stage="contact", targets="object", gap_class="geometry")
 class ObjectSize(Effect):
-    """The object is wider than said: ``radius`` is added to its half width along the grasp.
+    """The object is wider than said: the radius is added to its half width along the grasp.
 
-    In a recording: both fingers touch earlier and rest farther apart. Typical: 1-3 mm of a hand measurement.
+    Formula: half width = nominal + radius
+
+    In a recording: both fingers touch earlier and rest farther apart.
+
+    Typical: 1-3 mm of a measurement by hand.
+
+    Source: chosen.
+
+    MuJoCo: ``geom_size`` with its bounding volumes; the mass stays.
     """
 
     radius = parameter("m", identity=0.0, default=0.003, bounds=(-0.015, 0.015))
@@ -76,7 +112,15 @@ class ObjectSize(Effect):
 class ObjectOffset(Effect):
     """The object stands off its place along the grasp axis, positive towards the left finger.
 
-    In a recording: one finger touches earlier, the other later, by distance / speed. Typical: 1-5 mm.
+    Formula: place = nominal + distance · (from right to left)
+
+    In a recording: one finger touches earlier, the other later, by distance / speed.
+
+    Typical: 1-5 mm.
+
+    Source: chosen.
+
+    MuJoCo: ``qpos`` of the object's free joint at the start.
     """
 
     distance = parameter("m", identity=0.0, default=0.005, bounds=(-0.02, 0.02))
@@ -89,9 +133,17 @@ class ObjectOffset(Effect):
 
 @effect("object_mass", stage="contact", targets="object")
 class ObjectMass(Effect):
-    """The object is heavier or lighter by a factor.
+    """The object is heavier or lighter by a factor, with its inertia.
 
-    In a recording: visible where one finger pushes the object over the table, or where it is lifted. Typical: 0.5-2.
+    Formula: mass = factor · nominal
+
+    In a recording: visible where one finger pushes the object over the table, or where it is lifted.
+
+    Typical: 0.5-2.
+
+    Source: chosen.
+
+    MuJoCo: ``body_mass``, ``body_inertia``; the contact's stiffness is kept.
     """
 
     factor = parameter("-", identity=1.0, default=2.0, bounds=(0.1, 8.0))

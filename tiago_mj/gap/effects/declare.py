@@ -4,12 +4,18 @@ An effect is declared once, as a class, and serves the environments (``effects=`
 
     @effect("force_gain", stage="force_sensor", targets="sensor", gap_class="gain")
     class ForceGain(Effect):
-        \"\"\"The load cell's gain is off.\"\"\"
+        \"\"\"The load cell's gain is not the nominal one.
+
+        Formula: reading = factor · x
+        \"\"\"
 
         factor = parameter("-", identity=1.0, default=1.3, bounds=(0.3, 3.0))
 
-        def reading(self, force, now):
-            return force * self.factor
+        def reading(self, reading, now):
+            return reading * self.factor
+
+A user's own is declared in the same way, anywhere; docs/effects.md is made of the docstrings, whose labelled
+paragraphs are listed in :mod:`tiago_mj.gap.effects.describe`.
 
 An instance holds the parameters of many simulations at once: ``self.factor`` is (nsim, ntargets). Hooks take and return
 arrays of that shape, once per control step (``added_friction``, ``added_damping``, ``added_force``, ``force_range``
@@ -20,6 +26,9 @@ that it changes nothing, to the last bit.
 
 from __future__ import annotations
 
+import inspect
+import math
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Final, TypeVar
@@ -44,6 +53,27 @@ STAGES: Final = (
     "force_sensor",
 )
 TARGETS: Final = ("command", "joint", "sensor", "object", "clock")
+
+#: Hooks that any effect may have, beside those whose arrays have the shape of its targets.
+COMMON_HOOKS: Final = ("start", "change", "place")
+HOOKS: Final = {
+    "command": ("command", "set_point", "force_range"),
+    "joint": (
+        "set_point",
+        "added_friction",
+        "added_damping",
+        "added_force",
+        "force_range",
+        "measure_position",
+        "measure_velocity",
+    ),
+    "sensor": ("contact_force", "reading", "noise", "sample"),
+}
+#: The diagnosis applies effects of these stages to motions that it has simulated before: they may only measure.
+MEASURING: Final = {
+    "joint_sensor": ("start", "measure_position", "measure_velocity"),
+    "force_sensor": ("start", "contact_force", "reading", "noise", "sample"),
+}
 
 
 @dataclass(frozen=True)
@@ -82,6 +112,8 @@ def parameter(
     units = (unit, unit) if isinstance(unit, str) else unit
     defaults = default if isinstance(default, tuple) else (default, default)
     ranges: Any = bounds if isinstance(bounds[0], tuple) else (bounds, bounds)
+    if not len(units) == len(defaults) == len(ranges) == len(ranges[0]) == len(ranges[1]) == 2:
+        raise ValueError(f"parameter [{unit}]: give units, defaults and bounds (low, high) once, or as a pair of each")
     return Parameter(units, identity, defaults, ranges, nominal)
 
 
@@ -113,6 +145,10 @@ class Effect:
 
     def change(self, now: Now) -> None:
         """Change the model, once per reset, through ``now.host.field(name)``, which holds nominal values before."""
+
+    def contact_factors(self, factors: Array, now: Now) -> Array:
+        """Factors on stiffness and damping of pad and object's contact, once per reset, (nsim, 2); those that hold."""
+        return factors
 
     def place(self, now: Now) -> None:
         """Change the initial state, once per reset, through ``now.host.state(name)``."""
@@ -172,36 +208,101 @@ E = TypeVar("E", bound=type[Effect])
 
 
 def effect(name: str, *, stage: str, targets: str, gap_class: str | None = None) -> Callable[[E], E]:
-    """Register a declaration under ``name``.
+    """Register a declaration under ``name``, for ``effects=`` and as a candidate of the diagnosis.
 
     Args:
-        name: as in ``effects=`` and ``diagnosis.json``.
+        name: as in ``effects=`` and ``diagnosis.json``: small letters, digits, underscores.
         stage: one of :data:`STAGES`.
         targets: one of :data:`TARGETS`.
         gap_class: groups effects that many recordings cannot tell apart; its own name if None.
 
     Raises:
-        ValueError: the name is taken, the stage or target is unknown, or nothing can switch the effect off.
+        ValueError: the name is taken, or the declaration could not work; one line. The same class declared again (a
+            module that is imported anew, a notebook's cell that is run again) takes the place of the one before.
     """
-    if stage not in STAGES or targets not in TARGETS:
-        raise ValueError(f"effect {name!r}: stage must be one of {STAGES}, targets one of {TARGETS}")
+    if not re.fullmatch(r"[a-z][a-z0-9_]*", name):
+        raise ValueError(f"effect {name!r}: write the name in small letters, digits and underscores")
+    if stage not in STAGES:
+        raise ValueError(f"effect {name!r}: stage {stage!r} is unknown: use one of {', '.join(STAGES)}")
+    if targets not in TARGETS:
+        raise ValueError(f"effect {name!r}: targets {targets!r} is unknown: use one of {', '.join(TARGETS)}")
 
     def register(declared: E) -> E:
         known = EFFECTS.get(name)
         if known is not None and (known.__module__, known.__qualname__) != (declared.__module__, declared.__qualname__):
-            raise ValueError(f"effect {name!r} is already declared, by {known.__module__}.{known.__qualname__}")
+            raise ValueError(
+                f"effect {name!r} is already declared, by {known.__module__}.{known.__qualname__}: choose another name"
+            )
+        if not (isinstance(declared, type) and issubclass(declared, Effect)):
+            raise ValueError(f"effect {name!r}: declare a class that derives from Effect")
+        inherited = {key: value for cls in reversed(declared.__mro__) for key, value in vars(cls).items()}
+        parameters = {key: value for key, value in inherited.items() if isinstance(value, Parameter)}
+        _check_parameters(name, parameters)
+        _check_hooks(name, declared, stage, targets)
         declared.name, declared.stage, declared.targets = name, stage, targets
         declared.gap_class = gap_class or name
-        declared.parameters = {key: value for key, value in vars(declared).items() if isinstance(value, Parameter)}
-        if not any(p.identity is not None for p in declared.parameters.values()):
-            raise ValueError(f"effect {name!r} has no parameter with an identity: nothing could switch it off")
+        declared.parameters = parameters
         EFFECTS[name] = declared
         return declared
 
     return register
 
 
+def _check_parameters(name: str, parameters: Mapping[str, Parameter]) -> None:
+    for key, p in parameters.items():
+        where = f"effect {name!r}: parameter {key!r}"
+        if hasattr(Effect, key) or key in (*Effect.__annotations__, "target_names"):
+            raise ValueError(f"{where} has the name of something that every effect has: choose another")
+        if p.identity not in (None, 0.0, 1.0, math.inf):
+            raise ValueError(f"{where} has identity {p.identity!r}: use 0 (an addition), 1 (a factor), inf (a limit)")
+        if p.nominal not in ((None, "velocity", "effort") if p.identity == math.inf else (None,)):
+            raise ValueError(f"{where} is nominal={p.nominal!r}: only a limit is a share of 'velocity' or 'effort'")
+        for (low, high), default in zip(p.bounds, p.default, strict=True):
+            if not (math.isfinite(low) and math.isfinite(high) and low < high and low <= default <= high):
+                raise ValueError(
+                    f"{where} has default {default:g} and bounds ({low:g}, {high:g}): give finite bounds, low first, "
+                    "with the default between them"
+                )
+            if default == p.identity:
+                raise ValueError(f"{where} has its identity as default: choose a magnitude that is clearly visible")
+            if low <= 0 and p.identity != 0:
+                raise ValueError(f"{where} has the lower bound {low:g}: only what is added may be 0 or negative")
+            if p.identity in (0.0, 1.0) and not low <= p.identity <= high:
+                raise ValueError(f"{where} has bounds ({low:g}, {high:g}), beyond its identity {p.identity:g}")
+    switches = [key for key, p in parameters.items() if p.identity is not None]
+    if len(switches) != 1:
+        raise ValueError(
+            f"effect {name!r} has {len(switches)} parameters with an identity: give one to the parameter that switches "
+            "the effect off, None to the others"
+        )
+
+
+def _check_hooks(name: str, declared: type[Effect], stage: str, targets: str) -> None:
+    own = [hook for hook in _ALL_HOOKS if overrides(declared, hook)]
+    if not set(own) - {"start"}:
+        raise ValueError(f"effect {name!r} does nothing: give it one of {', '.join(_ALL_HOOKS)}")
+    possible = (*COMMON_HOOKS, *HOOKS.get(targets, _ALL_HOOKS))
+    for hook in own:
+        if hook not in possible:
+            raise ValueError(
+                f"effect {name!r} has the hook {hook}, which targets={targets!r} cannot reach: "
+                f"use {', '.join(possible)}"
+            )
+        if hook not in MEASURING.get(stage, possible):
+            raise ValueError(
+                f"effect {name!r} has the hook {hook}, but in stage {stage!r} it may only measure: "
+                f"use {', '.join(MEASURING[stage])}, or an earlier stage"
+            )
+        takes, given = (len(inspect.signature(getattr(cls, hook)).parameters) for cls in (Effect, declared))
+        if takes != given:
+            asked = ", ".join(inspect.signature(getattr(Effect, hook)).parameters)
+            raise ValueError(f"effect {name!r}: {hook} takes {given} arguments, write {hook}({asked})")
+
+
 def overrides(declared: type[Effect] | Effect, hook: str) -> bool:
     """Whether a declaration has its own version of a hook."""
     cls = declared if isinstance(declared, type) else type(declared)
     return getattr(cls, hook) is not getattr(Effect, hook)
+
+
+_ALL_HOOKS: Final = tuple(key for key, value in vars(Effect).items() if inspect.isfunction(value) and key[0] != "_")

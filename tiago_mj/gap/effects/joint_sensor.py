@@ -14,7 +14,13 @@ LENGTH = ("m", "rad")
 class EncoderBias(Effect):
     """A constant error of the position readings.
 
-    In a recording: the same offset everywhere, at rest too. Typical: below 1 mm, 10 mrad, after a poor homing.
+    Formula: reading = position + offset
+
+    In a recording: the same offset everywhere, at rest too.
+
+    Typical: below 1 mm, 10 mrad, after a poor homing.
+
+    Source: chosen.
     """
 
     offset = parameter(LENGTH, identity=0.0, default=0.001, bounds=((-0.01, 0.01), (-0.2, 0.2)))
@@ -27,7 +33,13 @@ class EncoderBias(Effect):
 class EncoderScale(Effect):
     """Position readings, and the velocities that are made of them, times a factor.
 
-    In a recording: the error grows with the distance from zero. Typical: 0.98-1.02.
+    Formula: reading = factor · position
+
+    In a recording: the error grows with the distance from zero.
+
+    Typical: 0.98-1.02.
+
+    Source: chosen.
     """
 
     factor = parameter("-", identity=1.0, default=1.05, bounds=(0.7, 1.4))
@@ -43,7 +55,13 @@ class EncoderScale(Effect):
 class EncoderQuantization(Effect):
     """Position readings are rounded to a grid.
 
-    In a recording: readings stand still and jump by equal steps. Typical: 1.53 mrad (4096 steps a turn).
+    Formula: reading = step · round(position / step)
+
+    In a recording: readings stand still and jump by equal steps.
+
+    Typical: 1.53 mrad (4096 steps a turn).
+
+    Source: so101.
     """
 
     step = parameter(LENGTH, identity=0.0, default=0.0005, bounds=(0.0, 0.005))
@@ -54,9 +72,15 @@ class EncoderQuantization(Effect):
 
 @effect("velocity_filter", stage="joint_sensor", targets="joint")
 class VelocityFilter(Effect):
-    """Reported velocities are low-passed: time_constant · dy/dt = velocity - y.
+    """Reported velocities are low-passed.
 
-    In a recording: velocities trail the derivative of the positions. Typical: 10-50 ms.
+    Formula: time_constant · dy/dt = velocity - y
+
+    In a recording: velocities trail the derivative of the positions.
+
+    Typical: 10-50 ms.
+
+    Source: chosen.
     """
 
     time_constant = parameter("s", identity=0.0, default=0.04, bounds=(0.0, 0.3))

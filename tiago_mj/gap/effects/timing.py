@@ -11,10 +11,15 @@ from tiago_mj.gap.effects.memory import DelayLine
 class ClockOffset(Effect):
     """All measured channels are stamped late by a constant.
 
-    measured(t) = true(t - seconds), for positions, velocities and forces alike.
+    Formula: measured(t) = true(t - seconds), for positions, velocities and forces alike
 
     In a recording: everything measured comes late by the same time, at every speed; nothing changes at rest.
-    Typical: 0-25 ms in a bus loop (PACE).
+
+    Typical: 0-25 ms in a bus loop.
+
+    Source: PACE.
+
+    MuJoCo: a sensor's ``delay`` shifts that sensor alone; here one delay line holds every measured channel.
     """
 
     seconds = parameter("s", identity=0.0, default=0.03, bounds=(0.0, 0.2))
@@ -36,8 +41,15 @@ class ClockOffset(Effect):
 class ClockSkew(Effect):
     """The recorder's clock runs fast: a recorded second is 1 / (1 + rate) true seconds.
 
+    Formula: true time = recorded time / (1 + rate)
+
     In a recording: motion looks slower by the factor, and the error of positions grows with the distance travelled.
-    Typical: below 1e-4 for quartz; up to 1e-2 where loop counts are taken for time.
+
+    Typical: 0.003 where loop counts are taken for time; below 1e-4 for a quartz.
+
+    Source: so101 (a loop of nominally 50 Hz that ran at 49.85 Hz); the quartz is chosen.
+
+    MuJoCo: each simulation has its own ``opt.timestep``.
     """
 
     rate = parameter("-", identity=0.0, default=0.005, bounds=(-0.05, 0.05))

@@ -1,0 +1,50 @@
+"""How much inertia reality can lack: what may be taken from a joint before the mass matrix is none any more."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+#: Share of a joint's own inertia that may go: nearly all where nothing else moves with the joint; where others do, what
+#: all joints of TIAGo may lack at once in any pose (with 0.3 the mass matrix is positive definite in 2000 random
+#: poses of 2000, with 0.5 in half of them).
+ALONE: Final = 0.9
+IN_A_CHAIN: Final = 0.3
+
+
+def removable_inertia(model: mujoco.MjModel, dofs: NDArray[np.intp]) -> Array:
+    """What may be taken from each joint, (n,) [kg, kg·m²], of hinges and slides at these addresses."""
+    alone = [model.dof_parentid[dof] < 0 and dof not in model.dof_parentid for dof in dofs]
+    return np.where(alone, ALONE, IN_A_CHAIN) * own_inertia(model, dofs)
+
+
+def own_inertia(model: mujoco.MjModel, dofs: NDArray[np.intp]) -> Array:
+    """Mass on a sliding joint, inertia about a hinge's axis, of the bodies that are rigidly on it.
+
+    Args:
+        model: compiled.
+        dofs: addresses of hinges and slides, (n,).
+
+    Returns:
+        (n,) [kg, kg·m²]; less than the diagonal of the mass matrix where other joints follow.
+    """
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    own = np.zeros(len(dofs))
+    for k, dof in enumerate(dofs):
+        joint, body = model.dof_jntid[dof], model.dof_bodyid[dof]
+        on_it = model.body_weldid == model.body_weldid[body]
+        mass, axis = model.body_mass[on_it], data.xaxis[joint]
+        if model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_SLIDE:
+            own[k] = mass.sum()
+            continue
+        arms = np.cross(axis, data.xipos[on_it] - data.xanchor[joint])
+        turned = data.ximat[on_it].reshape(-1, 3, 3).transpose(0, 2, 1) @ axis  # the axis in each inertial frame
+        own[k] = (mass * np.square(arms).sum(axis=1)).sum() + (model.body_inertia[on_it] * np.square(turned)).sum()
+    return own
