@@ -23,6 +23,10 @@ COMMANDS: Final[Mapping[str, tuple[str, str]]] = MappingProxyType(
         "rollout": ("tiago_mj.rollout.command", "run a policy in an environment: returns, forces, a film"),
         "convert": ("tiago_mj.models.convert.command", "turn a robot's URDF into MJCF"),
         "diagnose": ("tiago_mj.gap.command", "say why recordings differ from the simulator, and mend it"),
+        "calibrate-sensor": (
+            "tiago_mj.gap.calibrate_sensor.command",
+            "noise, threshold and scale of your own load cells",
+        ),
         "record": ("tiago_mj.gap.record.command", "log an environment or any MJCF as a real robot would be"),
         "import": ("tiago_mj.gap.imports.command", "turn public recordings and ROS bags into recordings"),
     }

@@ -146,7 +146,7 @@ class HoldForce(RobotEnv, EzPickle):
         self._goal_choice = interval("goal", default if goal is None else goal, unit="sensor units")
         self._check_reachable(self._goal_choice.low)
         self._check_reachable(self._goal_choice.high)
-        self.tolerance = SUCCESS_DEVIATIONS * self.load_cell.noise
+        self.tolerance = SUCCESS_DEVIATIONS * float(self.load_cell.noises.max())
         self.goal = np.full(2, self._goal_choice.low)
 
     def _check_reachable(self, goal: float) -> None:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import replace
+from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final, SupportsFloat
 
@@ -62,7 +63,8 @@ class RobotEnv(MujocoRobotEnv):  # type: ignore[misc]
             over the joint's range; the set point moves there no faster than the velocity limit.
         control_hz: rate of the actions [Hz].
         finger_speed: velocity limit of the fingers [m/s].
-        sensing: a :class:`LoadCell` or the name of a preset (``ta11``, ``released``, ``newtons``).
+        sensing: a :class:`LoadCell`, the name of a preset (``ta11``, ``released``, ``newtons``), or the path of a file
+            that ``tiago-mj calibrate-sensor`` wrote.
         force_source: what the load cells read: ``contact``, ``touch`` or ``force`` (:mod:`tiago_mj.sensing.sources`).
         effects: what the real robot has and the nominal model lacks: a list, the short form, or the path of a
             ``calibration.yaml`` (docs/effects.md).
@@ -107,7 +109,7 @@ class RobotEnv(MujocoRobotEnv):  # type: ignore[misc]
         control: str = "velocity",
         control_hz: float = 240.0,
         finger_speed: float = FINGER_SPEED,
-        sensing: str | LoadCell = "ta11",
+        sensing: str | Path | LoadCell = "ta11",
         force_source: str = "contact",
         effects: Any = None,
         load_cells: bool = False,
@@ -126,7 +128,7 @@ class RobotEnv(MujocoRobotEnv):  # type: ignore[misc]
         self.joints = joints
         self.control = control
         self.servo = servo
-        self.load_cell = named_load_cell(sensing) if isinstance(sensing, str) else sensing
+        self.load_cell = sensing if isinstance(sensing, LoadCell) else named_load_cell(sensing)
         self.object_choice = item
         self._force_source = force_source
         self._effects = effects
@@ -293,7 +295,7 @@ class RobotEnv(MujocoRobotEnv):  # type: ignore[misc]
             if self._chain is None:
                 sample = self.load_cell.sample(newtons, self._draw_noise())
             else:
-                noise = self.load_cell.noise * self._draw_noise()
+                noise = self.load_cell.noises * self._draw_noise()
                 sample = self._chain.reading(newtons[None], self.load_cell.signal, noise[None])[0]
             raw = self._filter(sample)
             binary = self.load_cell.binary(raw)

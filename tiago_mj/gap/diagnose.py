@@ -155,10 +155,14 @@ def diagnose(
 
 
 def _marks(plant: Plant, data: floor.Data, base: Array) -> list[traces.Trace]:
-    expected = plant.cell.noise if plant.cell is not None and plant.cell.average == 1 else 0.0
+    known = plant.cell is not None and plant.cell.average == 1
+    noises = plant.cell.noises if plant.cell is not None and known else np.zeros(2)
     return [
         traces.trace(
-            name, data.value[:, :, c], phases.still(base[:, :, c]), expected if name.startswith("force") else 0.0
+            name,
+            data.value[:, :, c],
+            phases.still(base[:, :, c]),
+            float(noises[data.part[c]]) if name.startswith("force") else 0.0,
         )
         for c, name in enumerate(data.channels)
     ]

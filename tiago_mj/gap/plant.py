@@ -143,9 +143,13 @@ def environment_arguments(sidecar: Sidecar) -> dict[str, Any]:
     if servo.get("name") in scene.SERVOS:
         arguments["servo"] = servo["name"]
     sensing = sidecar.sensing or {}
-    keys = {key: sensing[key] for key in ("scale", "contact_unit", "average", "noise") if sensing.get(key) is not None}
+    wanted = ("scale", "contact_unit", "average", "noise", "bias")
+    keys = {key: sensing[key] for key in wanted if sensing.get(key) is not None}
     if keys:
-        arguments["sensing"] = LoadCell(**keys)
+        try:
+            arguments["sensing"] = LoadCell(**keys)
+        except (TypeError, ValueError) as fault:
+            raise RecordingError(f"sensing in the sidecar: {fault}") from fault
     return arguments
 
 

@@ -25,8 +25,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from types import MappingProxyType
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,32 +48,49 @@ TA11_CONTACT_UNIT: Final = PAPER_SCALE * SERVO_STIFFNESS / TA11_SLOPE
 GOAL_NEWTONS: Final = SERVO_STIFFNESS / TA11_SLOPE
 
 
+def _numbers(given: Any) -> Array | None:
+    """One finite number or two; None for anything else."""
+    try:
+        values = np.asarray(given, dtype=float)
+    except (TypeError, ValueError):
+        return None
+    return values if values.shape in ((), (2,)) and np.isfinite(values).all() else None
+
+
 @dataclass(frozen=True)
 class LoadCell:
-    """How newtons on a pad become readings. The same for both fingers but for the threshold.
+    """How newtons on a pad become readings. Of two numbers the first is the right finger's; one serves both.
 
     Attributes:
-        scale: sensor units per unit of contact force.
+        scale: sensor units per unit of contact force; one number or two.
         contact_unit: the unit of contact force [N].
-        noise: standard deviation of one sample [sensor units].
+        noise: standard deviation of one sample [sensor units]; one number or two.
         threshold: above it a reading counts as touch, (right, left) [sensor units]; one number serves both. By default
             5 standard deviations: at 3, a single sample in 740 is a false contact, several per episode at 240 Hz with
             two fingers, which is what spread the original's results when it was measured.
         average: a reading is the mean of this many last samples; 1 is none. The 2021 code had 4 (until c8f64ca).
+        bias: reading without contact [sensor units]; one number or two. 0, as in the paper, is a cell that was tared.
     """
 
-    scale: float = PAPER_SCALE
+    scale: float | tuple[float, float] = PAPER_SCALE
     contact_unit: float = TA11_CONTACT_UNIT
-    noise: float = TA11_NOISE
+    noise: float | tuple[float, float] = TA11_NOISE
     threshold: float | tuple[float, float] | None = None
     average: int = 1
+    bias: float | tuple[float, float] = 0.0
 
     def __post_init__(self) -> None:
-        for name in ("scale", "contact_unit"):
-            value = getattr(self, name)
-            if not (np.isfinite(value) and value > 0):
-                raise ValueError(f"load cell {name} is {value!r}: give a positive, finite number")
-        if not (np.isfinite(self.noise) and self.noise >= 0):
+        for name in ("scale", "noise", "bias"):
+            given = getattr(self, name)
+            if _numbers(given) is None:
+                raise ValueError(f"load cell {name} is {given!r}: give one number, or two (right, left)")
+            if isinstance(given, (list, np.ndarray)):
+                object.__setattr__(self, name, tuple(float(value) for value in given))  # hashable, as the others
+        if not (np.asarray(self.scale) > 0).all():
+            raise ValueError(f"load cell scale is {self.scale!r}: give a positive, finite number")
+        if not (np.isfinite(self.contact_unit) and self.contact_unit > 0):
+            raise ValueError(f"load cell contact_unit is {self.contact_unit!r}: give a positive, finite number")
+        if not (np.asarray(self.noise) >= 0).all():
             raise ValueError(
                 f"load cell noise is {self.noise!r}: give a standard deviation of 0 or more [sensor units]"
             )
@@ -88,20 +106,30 @@ class LoadCell:
     @property
     def thresholds(self) -> Array:
         """(2,) [sensor units], right and left."""
-        limit = 5 * self.noise if self.threshold is None else self.threshold
+        limit = np.asarray(self.bias) + 5 * np.asarray(self.noise) if self.threshold is None else self.threshold
         return np.broadcast_to(np.asarray(limit, dtype=float), (2,)).copy()
 
+    @property
+    def noises(self) -> Array:
+        """Standard deviation of one sample, (2,) [sensor units], right and left."""
+        return np.broadcast_to(np.asarray(self.noise, dtype=float), (2,)).copy()
+
     def units(self, newtons: float) -> float:
-        """Noise-free reading [sensor units] of a force [N]."""
+        """Sensor units [without bias and noise] that a force [N] is; of two cells their mean."""
+        if isinstance(self.scale, tuple):
+            return float(np.mean(self.scale)) * newtons / self.contact_unit
         return self.scale * newtons / self.contact_unit
 
     def signal(self, newtons: Array) -> Array:
-        """Noise-free readings [sensor units] of forces [N]."""
-        return self.scale * (newtons / self.contact_unit)
+        """Noise-free readings [sensor units] of forces [N], (..., 2)."""
+        scale = np.asarray(self.scale) if isinstance(self.scale, tuple) else self.scale
+        reading: Array = scale * (newtons / self.contact_unit)
+        return reading if self.bias == 0 else reading + np.asarray(self.bias)
 
     def sample(self, newtons: Array, noise: Array) -> Array:
         """One sample [sensor units] of forces [N]; ``noise`` are standard normal numbers of the same shape."""
-        return self.signal(newtons) + self.noise * noise
+        deviation = np.asarray(self.noise) if isinstance(self.noise, tuple) else self.noise
+        return self.signal(newtons) + deviation * noise
 
     def binary(self, raw: Array) -> Array:
         """1.0 where a reading is above its finger's threshold, else 0.0; (..., 2)."""
@@ -118,14 +146,20 @@ SENSING: Final[Mapping[str, LoadCell]] = MappingProxyType(
 )
 
 
-def named_load_cell(name: str) -> LoadCell:
-    """The preset of that name.
+def named_load_cell(name: str | Path) -> LoadCell:
+    """The preset of that name, or what a file describes (:mod:`tiago_mj.sensing.sheet`).
 
     Raises:
-        ValueError: no such preset; says which there are.
+        ValueError: no such preset or file; says which there are.
     """
-    if name not in SENSING:
-        raise ValueError(f"sensing {name!r} is unknown: use one of {', '.join(SENSING)}, or a LoadCell")
+    if isinstance(name, Path) or (isinstance(name, str) and name.endswith((".yaml", ".yml"))):
+        from tiago_mj.sensing.sheet import read_load_cell
+
+        return read_load_cell(name)
+    if not isinstance(name, str) or name not in SENSING:
+        raise ValueError(
+            f"sensing {name!r} is unknown: use one of {', '.join(SENSING)}, a sensor's .yaml file, or a LoadCell"
+        )
     return SENSING[name]
 
 

@@ -21,7 +21,11 @@ BAGS: Final = (".bag", ".mcap", ".db3")
 
 
 def read_recordings(
-    paths: Sequence[Path], *, map_file: Path | None = None, defaults: Mapping[str, Any] | None = None
+    paths: Sequence[Path],
+    *,
+    map_file: Path | None = None,
+    defaults: Mapping[str, Any] | None = None,
+    replayed: bool = True,
 ) -> ReadResult:
     """Read recordings; nothing is guessed silently.
 
@@ -31,6 +35,7 @@ def read_recordings(
         map_file: YAML, see :mod:`tiago_mj.gap.read.mapping` and :mod:`tiago_mj.gap.read.bags`.
         defaults: sidecar fields from the command line (``robot``, ``interface``, ``sensing`` ...), for what sidecars
             lack.
+        replayed: whether a recording without commands and efforts is refused, as nothing can be replayed.
 
     Returns:
         Trials in the order of the paths, and what was found and repaired. Two recordings with the same samples are
@@ -45,7 +50,7 @@ def read_recordings(
     findings: list[Finding] = []
     files = list(find_recordings(paths))
     for path in files:
-        trial, found = trial_from_table(_load(path, content), columns, _defaults(path, content, defaults))
+        trial, found = trial_from_table(_load(path, content), columns, _defaults(path, content, defaults), replayed)
         trials.append(_model_found(trial, path))
         findings += found
     trials = _unique_names(trials, files)

@@ -18,7 +18,7 @@ from tiago_mj.gap.sidecar import parse_sidecar
 
 
 def trial_from_table(
-    table: Table, columns: Mapping[str, Target], defaults: Mapping[str, Any]
+    table: Table, columns: Mapping[str, Target], defaults: Mapping[str, Any], replayed: bool = True
 ) -> tuple[Trial, list[Finding]]:
     """A trial, and what was found while making it.
 
@@ -26,6 +26,7 @@ def trial_from_table(
         table: as it stands in its file.
         columns: of the map file; a column that is not there goes by its own name.
         defaults: what the sidecar lacks.
+        replayed: whether commands or efforts must be there.
 
     Raises:
         RecordingError: the table cannot be used; one line says why.
@@ -79,7 +80,7 @@ def trial_from_table(
         raise RecordingError(f"{file}: column time is missing (there are {there}): name it 'time' or map it with --map")
     check_clock(time, file)
     time, repairs = repair_clock(time, sidecar.rate_hz, file, declared=declared)
-    _check_enough(channels, sidecar, file, table.sidecar_file)
+    _check_enough(channels, sidecar, file, table.sidecar_file, replayed)
     stem = PurePath(file).stem
     name = sidecar.trial or stem
     if sidecar.rate_hz == 0.0:
@@ -136,13 +137,15 @@ def _check_known(sidecar: Sidecar, file: str, sidecar_file: str) -> None:
         )
 
 
-def _check_enough(channels: Mapping[str, Mapping[str, Array]], sidecar: Sidecar, file: str, sidecar_file: str) -> None:
+def _check_enough(
+    channels: Mapping[str, Mapping[str, Array]], sidecar: Sidecar, file: str, sidecar_file: str, replayed: bool
+) -> None:
     if not any(channels[kind] for kind in ("position", "velocity", "force")):
         raise RecordingError(
             f"{file}: no column is measured motion or force (missing_column): name them position.JOINT, velocity.JOINT "
             "or force.SENSOR, or map them with --map"
         )
-    if not channels["command"] and not channels["effort"]:
+    if replayed and not channels["command"] and not channels["effort"]:
         raise RecordingError(
             f"{file}: neither command.ACTUATOR nor effort.JOINT is there, so nothing can be replayed (missing_column): "
             "record the commands, or map them with --map"

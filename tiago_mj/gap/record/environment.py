@@ -250,4 +250,5 @@ def sensing_facts(core: Any) -> dict[str, Any] | None:
         "average": cell.average,
         "noise": cell.noise,
         "threshold": cell.thresholds.tolist(),
+        **({"bias": cell.bias} if np.any(cell.bias) else {}),
     }
