@@ -1,0 +1,196 @@
+"""On the way from what is commanded to the force of the drive."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from benchmarks.blind.effects.base import Array, Effect, World
+from benchmarks.blind.robots import Robot
+
+
+class CommandDelay(Effect):
+    """A command is queued and takes hold after a time, whatever the steps are."""
+
+    def latency(self, world: World) -> Array:
+        return self.on(world, self.values["seconds"])
+
+
+class DroppedCommands(Effect):
+    """A packet is lost; the receiver keeps what it had."""
+
+    def start(self, world: World) -> None:
+        self._last: Array | None = None
+
+    def sent(self, command: Array, world: World) -> Array:
+        if self._last is None:
+            self._last = command.copy()
+        lost = world.rng.random(command.shape) < self.on(world, self.values["probability"])
+        self._last = np.where(lost, self._last, command)
+        return self._last
+
+
+class CommandLag(Effect):
+    """Two equal poles in a row, each half the time constant: the same delay at low frequency as one."""
+
+    def start(self, world: World) -> None:
+        self._a, self._b = world.idle.copy(), world.idle.copy()
+
+    def shaped(self, command: Array, world: World) -> Array:
+        share = 1 - np.exp(-world.h / (self.values["time_constant"] / 2))
+        self._a = self._a + share * (command - self._a)
+        self._b = self._b + share * (self._a - self._b)
+        out = command.copy()
+        out[:, self.targets] = self._b[:, self.targets]
+        return out
+
+
+class RateLimit(Effect):
+    """The drive's profile follows the set point at no more than a speed; it brakes within 2 ms instead of at once."""
+
+    def start(self, world: World) -> None:
+        self._at: Array | None = None
+        self._speed = np.zeros_like(world.q)
+
+    def executed(self, point: Array, world: World) -> Array:
+        if self._at is None:
+            self._at = point.copy()
+        top = self.values["velocity"]
+        wanted = np.clip((point - self._at) / world.h, -top, top)
+        self._speed += (1 - np.exp(-world.h / 0.002)) * (wanted - self._speed)
+        settled = np.abs(point - self._at) <= np.abs(self._speed) * world.h
+        self._at = np.where(settled, point, self._at + self._speed * world.h)
+        out = point.copy()
+        out[:, self.targets] = self._at[:, self.targets]
+        return out
+
+
+class CommandDeadband(Effect):
+    """A driver that looks at the set point every 5 ms and passes it on only where it moved by the width."""
+
+    order = 60
+
+    def start(self, world: World) -> None:
+        self._held: Array | None = None
+        self._next = 0.0
+
+    def executed(self, point: Array, world: World) -> Array:
+        if self._held is None:
+            self._held = point.copy()
+        if world.t >= self._next - 1e-9:
+            self._next += 0.005
+            moved = np.abs(point - self._held) >= self.values["width"]
+            self._held = np.where(moved, point, self._held)
+        out = point.copy()
+        out[:, self.targets] = self._held[:, self.targets]
+        return out
+
+
+class CommandQuantization(Effect):
+    """The set point is a whole number of counts; where the counts lie is the drive's own."""
+
+    order = 61
+
+    def ready(self) -> None:
+        self._origin = float(self.own.uniform(0, 1)) * self.values["step"]
+
+    def executed(self, point: Array, world: World) -> Array:
+        step = self.values["step"]
+        out = point.copy()
+        some = out[:, self.targets]
+        out[:, self.targets] = np.floor((some - self._origin) / step + 0.5) * step + self._origin
+        return out
+
+
+class ServoStiffness(Effect):
+    """Another gain in the drive."""
+
+    def start(self, world: World) -> None:
+        world.stiffness = world.stiffness * self.on(world, self.values["factor"], 1.0)
+
+
+class ServoDamping(Effect):
+    """A derivative gain on a velocity that the drive estimates from its encoder, over 2 ms."""
+
+    def start(self, world: World) -> None:
+        self._slow = world.q.copy()
+
+    def control(self, force: Array, world: World) -> Array:
+        rate = (world.q - self._slow) / 0.002
+        self._slow += (1 - np.exp(-world.h / 0.002)) * (world.q - self._slow)
+        return force - self.on(world, self.values["damping"]) * rate
+
+
+class ForceLimit(Effect):
+    """The drive saturates earlier, with a rounded knee (3 % of the limit)."""
+
+    order = 40
+
+    def drive(self, force: Array, world: World) -> Array:
+        limit = self.values["limit"]
+        knee = 0.03 * limit
+        excess = np.abs(force) - limit
+        soft = np.abs(force) - knee * np.logaddexp(0.0, excess / knee)
+        out = force.copy()
+        out[:, self.targets] = (np.sign(force) * np.maximum(soft, 0.0))[:, self.targets]
+        return out
+
+
+class TorqueConstant(Effect):
+    """The motor makes less force of the same current, everywhere behind the limit."""
+
+    order = 45
+
+    def drive(self, force: Array, world: World) -> Array:
+        return force * self.on(world, self.values["factor"], 1.0)
+
+
+class VelocityLimit(Effect):
+    """Back-EMF: near the top speed no force is left in the direction of motion."""
+
+    order = 46
+
+    def drive(self, force: Array, world: World) -> Array:
+        top = self.values["velocity"]
+        band = 0.05 * top
+        left = np.clip((top - np.abs(world.v)) / band + 0.5, 0.0, 1.0)
+        held = np.where(force * world.v > 0, force * left, force)
+        # Beyond the top speed the motor is a generator and brakes.
+        brake = -np.sign(world.v) * np.maximum(np.abs(world.v) - top, 0.0) * world.robot.inertia / (4 * world.h)
+        out = force.copy()
+        out[:, self.targets] = (held + brake)[:, self.targets]
+        return out
+
+
+class MotorCogging(Effect):
+    """Detent force over position, not quite a sine: its second harmonic is a tenth."""
+
+    def ready(self) -> None:
+        self._phase = float(self.own.uniform(0, 2 * np.pi))
+
+    def drive(self, force: Array, world: World) -> Array:
+        angle = 2 * np.pi * world.q / self.values["period"] + self._phase
+        return force + self.on(world, self.values["amplitude"]) * (np.sin(angle) + 0.1 * np.sin(2 * angle))
+
+
+class CouplingError(Effect):
+    """The fingers' drives pull on each other: one follows a part of what the other has moved."""
+
+    def start(self, world: World) -> None:
+        self._home = world.q.copy()
+
+    def executed(self, point: Array, world: World) -> Array:
+        moved = world.q - self._home
+        out = point.copy()
+        for column in self.targets:
+            other = column + (1 if column == world.q.shape[1] - 2 else -1)
+            out[:, column] += self.values["ratio"] * moved[:, other]
+        return np.clip(out, world.robot.low, world.robot.high)
+
+
+class Armature(Effect):
+    """More mass on a slide (weightless, as a rotor is), more rotor inertia on a hinge."""
+
+    def build(self, robot: Robot) -> None:
+        model = robot.model
+        for column in self.targets:
+            model.dof_armature[model.joint(robot.joints[column]).dofadr[0]] += self.values["mass"]

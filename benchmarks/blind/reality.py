@@ -1,0 +1,282 @@
+"""The simulation of reality: commands in, what a logger would have written out; all trials of a case at once.
+
+Every physics step runs through the same chain: what was sent and when it arrives, the set point, the servo, the drive,
+what loads the joint, the bodies (MuJoCo), the sensors. An effect is a hook somewhere in that chain
+(:class:`benchmarks.blind.effects.base.Effect`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import mujoco
+import mujoco.batch
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.blind.effects.base import Effect, World
+from benchmarks.blind.robots import STIFF_STEP, Robot
+from tiago_mj.models import names, scene
+
+Array = NDArray[np.float64]
+
+#: Asks for the next command: (row, time, positions, readings, set points) -> commands, all (ntrials, n).
+Planner = Callable[[int, float, Array, Array], Array]
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """What was logged, row by row.
+
+    Attributes:
+        time: (ntrials, T) [s], by the recorder's clock.
+        commands: (ntrials, T, n); the last row is NaN.
+        position, velocity: (ntrials, T, n), measured.
+        force: (ntrials, T, 2) [sensor units], measured; (ntrials, T, 0) without load cells.
+    """
+
+    time: Array
+    commands: Array
+    position: Array
+    velocity: Array
+    force: Array
+
+
+@dataclass(frozen=True)
+class Setup:
+    """How the trials are run.
+
+    Attributes:
+        interface: ``velocity`` or ``position``.
+        rate: of the commands [Hz].
+        rows: control steps.
+        offsets: of the object from the middle along the grasp axis, per trial [m]; empty without an object.
+        start: joints' initial positions, (ntrials, n).
+        noise_seed: of the sensors' noise.
+        silent: no noise, for oracles.
+    """
+
+    interface: str
+    rate: float
+    rows: int
+    offsets: Array
+    start: Array
+    noise_seed: int
+    silent: bool = False
+
+
+def simulate(robot: Robot, effects: Sequence[Effect], setup: Setup, plan: Planner | Array) -> Recorded:
+    """Run all trials.
+
+    Args:
+        robot: as :mod:`benchmarks.blind.robots` made it; effects edit it, so it serves once.
+        effects: of this reality.
+        setup: see there.
+        plan: what to command, or the recorded commands (ntrials, T, n).
+    """
+    ntrials, n = setup.start.shape
+    for effect in effects:
+        effect.build(robot)
+    period = 1 / setup.rate
+    substeps = int(np.ceil(period / (STIFF_STEP if any(e.stiff for e in effects) else robot.step) - 1e-9))
+    h = period / substeps
+    robot.model.opt.timestep = h
+    batch = mujoco.batch.Batch(robot.model, ntrials, 1)
+    _place(batch, robot, setup)
+    world = World(
+        robot=robot,
+        h=h,
+        period=period,
+        q=setup.start.copy(),
+        v=np.zeros((ntrials, n)),
+        newtons=np.zeros((ntrials, 2 if robot.pads is not None else 0)),
+        idle=np.zeros_like(setup.start) if setup.interface == "velocity" else setup.start.copy(),
+        rng=np.random.default_rng([setup.noise_seed, 1]),
+    )
+    for effect in effects:
+        effect.start(world)
+    return _Loop(robot, list(effects), setup, plan, world, batch, substeps).run()
+
+
+class _Loop:
+    """One run; splits the chain into steps that each do one thing."""
+
+    def __init__(
+        self,
+        robot: Robot,
+        effects: list[Effect],
+        setup: Setup,
+        plan: Planner | Array,
+        world: World,
+        batch: mujoco.batch.Batch,
+        substeps: int,
+    ) -> None:
+        self.robot, self.setup, self.plan, self.world, self.batch = robot, setup, plan, world, batch
+        self.substeps = substeps
+        self.effects = sorted(effects, key=lambda effect: effect.order)
+        self.noise = np.random.default_rng([setup.noise_seed, 0])
+        self.latency = np.max([e.latency(world) for e in effects], axis=0) if effects else np.zeros(world.q.shape[1])
+        self.late = max((e.late for e in effects), default=0.0)
+        self.noise_factor = np.prod([e.noise_factor(world) for e in effects], axis=0) if effects else 1.0
+        self.transmission = next((e for e in effects if e.two_mass), None)
+        self.sent: list[tuple[float, Array]] = []
+        self.command = world.idle.copy()
+        self.set_point = setup.start.copy()
+        self.speed = np.zeros_like(world.q)
+        self.past: list[tuple[float, Array, Array, Array]] = []
+        for name in ("sent", "shaped", "executed", "control", "drive", "load", "joints_read", "forces_read", "sampled"):
+            setattr(self, f"_{name}", [e for e in self.effects if e.has(name)])
+
+    def run(self) -> Recorded:
+        """All rows of all trials."""
+        batch, world, setup = self.batch, self.world, self.setup
+        self.qpos, self.qvel = batch.bind("qpos"), batch.bind("qvel")
+        self.applied = batch.bind("qfrc_applied")
+        self.address, self.dof = self.robot.qpos, self.robot.dof
+        self.sensors = batch.bind("sensordata") if self.robot.pads is not None else None
+        ntrials, n = world.q.shape
+        nforce = world.newtons.shape[1]
+        rows = setup.rows + 1
+        commands = np.full((ntrials, rows, n), np.nan)
+        position, velocity = np.zeros((ntrials, rows, n)), np.zeros((ntrials, rows, n))
+        force = np.zeros((ntrials, rows, nforce))
+        time = np.zeros(rows)
+        self.seen = self._sense()
+        for k in range(rows):
+            world.row = k
+            time[k] = world.t
+            position[:, k], velocity[:, k], force[:, k] = self._log()
+            if k == rows - 1:
+                break
+            if callable(self.plan):
+                commands[:, k] = self.plan(k, world.t, position[:, k], force[:, k])
+            else:
+                commands[:, k] = self.plan[:, k]
+            sent = commands[:, k]
+            for effect in self._sent:  # type: ignore[attr-defined]
+                sent = effect.sent(sent, world)
+            self.sent.append((world.t, sent))
+            for _ in range(self.substeps):
+                self._step()
+        stamps = time.copy()
+        for effect in self.effects:
+            stamps = effect.stamp(stamps)
+        return Recorded(np.tile(stamps, (ntrials, 1)), commands, position, velocity, force)
+
+    def _step(self) -> None:
+        world, robot = self.world, self.robot
+        point = self._aim()
+        if self.transmission is not None:
+            seen_q, seen_v = self.transmission.motor(world)
+        else:
+            seen_q, seen_v = world.q, world.v
+        force = world.stiffness * (point - seen_q) - world.damping * seen_v
+        for effect in self._control:  # type: ignore[attr-defined]
+            force = effect.control(force, world)
+        force = np.clip(force, -robot.limit, robot.limit)
+        for effect in self._drive:  # type: ignore[attr-defined]
+            force = effect.drive(force, world)
+        world.force = force
+        if self.transmission is not None:
+            force = self.transmission.through(force, world)
+        for effect in self._load:  # type: ignore[attr-defined]
+            force = force + effect.load(world)
+        self.applied[:, self.dof] = force
+        self.batch.step()
+        world.t += world.h
+        world.q = self.qpos[:, self.address]
+        world.v = self.qvel[:, self.dof]
+        if self.sensors is not None:
+            contact, axis = robot.pads  # type: ignore[misc]
+            world.newtons = -np.einsum("tsk,tsk->ts", self.sensors[:, contact], self.sensors[:, axis])
+        if self._joints_read or self._forces_read or self.late:  # type: ignore[attr-defined]
+            self.seen = self._sense()
+
+    def _aim(self) -> Array:
+        """The set point that the servo follows now."""
+        world, setup, robot = self.world, self.setup, self.robot
+        arrived = False
+        for instant, command in self.sent:
+            due = world.t - instant >= self.latency - 1e-9
+            if not due.any():
+                break
+            self.command = np.where(due, command, self.command)
+            arrived = True
+        while self.sent and world.t - self.sent[0][0] >= self.latency.max() - 1e-9:
+            self.sent.pop(0)
+        wanted = self.command
+        for effect in self._shaped:  # type: ignore[attr-defined]
+            wanted = effect.shaped(wanted, world)
+            arrived = arrived or self._tick()
+        if setup.interface == "velocity":
+            self.speed = np.clip(wanted, -robot.speed, robot.speed)
+        elif arrived:
+            self.speed = np.clip((wanted - self.set_point) / world.period, -robot.speed, robot.speed)
+        if setup.interface == "direct":  # a plain position servo: the target is the set point
+            self.set_point = np.clip(wanted, robot.low, robot.high)
+        else:
+            self.set_point = np.clip(self.set_point + self.speed * world.h, robot.low, robot.high)
+        point = self.set_point
+        for effect in self._executed:  # type: ignore[attr-defined]
+            point = effect.executed(point, world)
+        return point
+
+    def _tick(self) -> bool:
+        """Whether a control period begins now."""
+        phase = self.world.t / self.world.period
+        return abs(phase - round(phase)) * self.world.period < self.world.h / 2
+
+    def _sense(self) -> tuple[Array, Array, Array]:
+        """What the sensors' electronics give now, free of the noise of sampling."""
+        world = self.world
+        q, v, x = world.q, world.v, world.newtons * self.robot.units
+        for effect in self._joints_read:  # type: ignore[attr-defined]
+            q, v = effect.joints_read(q, v, world)
+        for effect in self._forces_read:  # type: ignore[attr-defined]
+            x = effect.forces_read(x, world)
+        if self.late:
+            self.past.append((world.t, q.copy(), v.copy(), x.copy()))
+            while len(self.past) > 2 and self.past[1][0] <= world.t - self.late - 2 * world.h:
+                self.past.pop(0)
+        return q, v, x
+
+    def _log(self) -> tuple[Array, Array, Array]:
+        """A row of the log: late, noisy, digitised."""
+        world = self.world
+        if not (self._joints_read or self._forces_read or self.late):  # type: ignore[attr-defined]
+            self.seen = self._sense()
+        q, v, x = self.seen if not self.late else self._then(world.t - self.late)
+        drawn = self.noise.standard_normal((3, *world.q.shape))
+        noise = self.noise.standard_normal(world.newtons.shape)
+        if not self.setup.silent:
+            q = q + drawn[0] * self.robot.noise[0]
+            v = v + drawn[1] * self.robot.noise[1]
+            x = x + noise * self.robot.force_noise * self.noise_factor
+        for effect in self._sampled:  # type: ignore[attr-defined]
+            q, v, x = effect.sampled(q, v, x, world)
+        return q, v, x
+
+    def _then(self, when: float) -> tuple[Array, Array, Array]:
+        """The sensors at an earlier instant, between the two that were kept around it."""
+        if when <= self.past[0][0]:
+            return self.past[0][1:]
+        for earlier, later in zip(self.past, self.past[1:], strict=False):
+            if earlier[0] <= when <= later[0]:
+                w = (when - earlier[0]) / (later[0] - earlier[0])
+                return tuple((1 - w) * a + w * b for a, b in zip(earlier[1:], later[1:], strict=True))  # type: ignore
+        return self.past[-1][1:]
+
+
+def _place(batch: mujoco.batch.Batch, robot: Robot, setup: Setup) -> None:
+    batch.reset(stage=mujoco.mjtStage.mjSTAGE_NONE)
+    qpos = batch.bind("qpos")
+    qpos[:] = robot.start
+    qpos[:, robot.qpos] = setup.start
+    if robot.item is not None:
+        address = int(robot.model.joint(names.OBJECT_JOINT).qposadr[0])
+        qpos[:, address : address + 2] = robot.middle + setup.offsets[:, None] * robot.along
+        qpos[:, address + 2] = scene.TABLE_TOP + robot.item.half_extents()[2]
+        qpos[:, address + 3 : address + 7] = robot.turned
+    batch.bind("qvel")[:] = 0
+    batch.forward()
