@@ -79,4 +79,4 @@ class ViscousFriction(Effect):
         model = robot.model
         for column in self.targets:
             dof = model.joint(robot.joints[column]).dofadr[0]
-            model.dof_damping[dof, 0] += self.values["damping"]
+            model.dof_damping[dof] += self.values["damping"]
