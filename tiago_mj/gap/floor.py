@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tiago_mj.gap.plant import Plant
-from tiago_mj.gap.recording import Trial
+from tiago_mj.gap.recording import RecordingError, Trial
 
 Array = NDArray[np.float64]
 
@@ -82,12 +82,27 @@ def collect(plant: Plant, trials: Sequence[Trial], usable: frozenset[str] | None
             channels.append(channel)
             part.append(index)
             columns.append(values)
-            noise.append(noise_floor(values, LEAST[kind][0 if slide else 1]))
+            stated = max((_stated(trial, kind, channel) for trial in trials), default=0.0)
+            noise.append(max(noise_floor(values, LEAST[kind][0 if slide else 1]), stated))
     value = np.stack(columns, axis=-1) if columns else np.zeros((len(trials), length, 0))
     floor = np.array(noise)
     return Data(
         tuple(channels), np.array(part, dtype=int), value, floor, sigma(value, floor, tuple(channels), plant.period)
     )
+
+
+def _stated(trial: Trial, kind: str, channel: str) -> float:
+    """What the sidecar says a value is known to, where rest does not show it: ``"uncertainty": {"force": 0.02}``."""
+    said = trial.sidecar.raw.get("uncertainty") or {}
+    try:
+        value = float(said.get(channel, said.get(kind, 0.0)))
+    except (AttributeError, TypeError, ValueError):
+        value = -1.0
+    if not 0 <= value < np.inf:
+        raise RecordingError(
+            f'{trial.source}: uncertainty in the sidecar: write columns or kinds and numbers, such as {{"force": 0.02}}'
+        )
+    return value
 
 
 def noise_floor(values: Array, least: float) -> float:

@@ -78,6 +78,7 @@ class Plant:
         cell: load cell, or None without force channels.
         pads: reads the pads' forces; None without.
         make: rebuilds the environment, for policies; None for a plain model.
+        relative: whether a command is a change from the measured position, as of controllers that follow it.
     """
 
     name: str
@@ -88,6 +89,7 @@ class Plant:
     cell: LoadCell | None
     pads: PadForces | None
     environment: Mapping[str, Any] | None = None
+    relative: bool = False
     starts: Mapping[str, Start] = field(default_factory=dict)
 
     @property
@@ -205,6 +207,7 @@ def _environment(trials: Sequence[Trial], robot: str) -> Plant:
         cell=core.load_cell if core._pads is not None else None,
         pads=core._pads,
         environment={"id": f"tiago_mj/{name}", **arguments},
+        relative=_relative(trials),
         starts=starts,
     )
 
@@ -238,6 +241,23 @@ def _environment_start(core: Any, trial: Trial) -> Start:
         qpos[address + 2] = scene.TABLE_TOP + item.half_extents()[2]
         qpos[address + 3 : address + 7] = core._object_orientation
     return _initial(core.model, core.wiring(), trial, qpos, item)
+
+
+def _relative(trials: Sequence[Trial]) -> bool:
+    """Whether commands are changes from the measured position: ``"command_reference": "measured"`` in the sidecars."""
+    said = {trial.sidecar.raw.get("command_reference") for trial in trials}
+    if len(said) > 1:
+        raise RecordingError("some sidecars have a command_reference and others have another: diagnose them apart")
+    reference = said.pop()
+    if reference not in (None, "measured"):
+        raise RecordingError(
+            f'{trials[0].source}: command_reference in the sidecar is {reference!r}: write "measured", or leave it out'
+        )
+    if reference and trials[0].sidecar.interface != "position":
+        raise RecordingError(
+            f'{trials[0].source}: commands from the measured position need "interface": "position" in the sidecar'
+        )
+    return reference is not None
 
 
 def _initial(model: mujoco.MjModel, wiring: Wiring, trial: Trial, qpos: Array, item: GraspObject | None) -> Start:
@@ -296,5 +316,6 @@ def _plain(trials: Sequence[Trial], path: Path) -> Plant:
         period=period,
         cell=None,
         pads=None,
+        relative=_relative(trials),
         starts=starts,
     )

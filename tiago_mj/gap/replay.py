@@ -40,7 +40,8 @@ class Grid:
         rows: number of rows of each, (ntrials,).
         period: length of every row, (ntrials, T - 1) [s].
         uniform: whether all rows have the plant's nominal period.
-        commands: held where a row has none, (ntrials, T - 1, nactuators).
+        commands: held where a row has none, (ntrials, T - 1, nactuators); of a plant whose commands are relative NaN
+            where a row has none.
     """
 
     trials: tuple[Trial, ...]
@@ -83,6 +84,9 @@ def grid(plant: Plant, trials: Sequence[Trial]) -> Grid:
         for a, name in enumerate(plant.actuators):
             sent = trial.commands.get(name)
             idle = plant.starts[trial.name].set_point[a] if plant.wiring.interface == "position" else 0.0
+            if plant.relative:
+                commands[k, :count, a] = np.nan if sent is None else sent[:count]
+                continue
             commands[k, :count, a] = _held(sent[:count], idle) if sent is not None else idle
             commands[k, count:, a] = commands[k, count - 1, a] if count else idle
     return Grid(tuple(trials), rows, period, uniform, commands)
@@ -183,8 +187,14 @@ def _batch(plant: Plant, on: Grid, sims: Sequence[tuple[int, Effects]], threads:
     host.output("sensordata")
     host.forward()
     read(0)
+    held = np.array([start.set_point for start in starts])
     for k in range(length - 1):
-        chain.advance(on.commands[trial, k], None if on.uniform else on.period[trial, k])
+        sent = on.commands[trial, k]
+        if plant.relative:
+            # The controller and the servo read one encoder, so that what is wrong with it cancels: the true position.
+            here = host.state("qpos")[:, wiring.qpos[list(wiring.targets.actuated)]]
+            sent = held = np.where(np.isnan(sent), held, here + sent)
+        chain.advance(sent, None if on.uniform else on.period[trial, k])
         read(k + 1)
     return Signals(position, velocity, effort, _averaged(plant, reading), newtons)
 

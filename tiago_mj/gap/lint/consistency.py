@@ -255,6 +255,8 @@ def _force_signs(trials: Sequence[Trial]) -> Iterator[Finding]:
             if sensor not in trial.forces:
                 continue
             values = sampled(trial, f"force.{sensor}")[1]
+            if len(values) < ENOUGH:
+                continue  # a few steady readings have no rest to fall below
             rest = float(np.median(values[: max(len(values) // 20, 3)]))
             values = _without_drift(values, rest)
             up, down = np.percentile(values, 99) - rest, rest - np.percentile(values, PRESSED)
