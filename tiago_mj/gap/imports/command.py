@@ -8,23 +8,27 @@ from pathlib import Path
 from typing import Final
 
 from tiago_mj import atomic
-from tiago_mj.gap.imports import so101, tiago_arm, xl330
+from tiago_mj.gap.imports import so101, ta11_curve, tiago_arm, xl330
 from tiago_mj.gap.lint import inspect
 from tiago_mj.gap.read import read_recordings
 from tiago_mj.gap.recording import Trial
 from tiago_mj.gap.write import write_trial
+from tiago_mj.sensing.load_cell import TA11_SLOPE
 
 #: Importer: trials of a source, each with its folder below the output.
 PUBLIC: Final[Mapping[str, Callable[[argparse.Namespace], Iterator[tuple[str, Trial]]]]] = {
     "tiago-arm": lambda arguments: (("", trial) for trial in tiago_arm.trials(arguments.source)),
     "so101": lambda arguments: (("", trial) for trial in so101.trials(arguments.source)),
     "xl330": lambda arguments: xl330.trials(arguments.source, arguments.commands),
+    "ta11-curve": lambda arguments: ta11_curve.trials(arguments.source, arguments.slope),
 }
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of the command."""
-    parser.add_argument("kind", choices=[*PUBLIC, "bag"], metavar="tiago-arm|so101|xl330|bag", help="what SRC holds")
+    parser.add_argument(
+        "kind", choices=[*PUBLIC, "bag"], metavar="tiago-arm|so101|xl330|ta11-curve|bag", help="what SRC holds"
+    )
     parser.add_argument(
         "source", metavar="SRC", help="folder or bag; 'download' fetches a public data set and checks every file"
     )
@@ -35,6 +39,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         choices=xl330.COMMANDS,
         default="torque",
         help="of xl330: what the pendulum is said to be commanded",
+    )
+    parser.add_argument(
+        "--slope",
+        type=float,
+        default=TA11_SLOPE,
+        help="of ta11-curve: sensor units per metre of servo error of the simulator that it is compared with (330)",
     )
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder of the recordings")
 
