@@ -135,3 +135,63 @@ def tiago_actions(seconds=1.0, hz=240):
     t = np.arange(round(seconds * hz)) / hz
     arm = 0.08 * np.sin(2 * np.pi * t[:, None] * (0.9 + 0.15 * np.arange(8)))
     return np.hstack([arm, np.where(t < 0.8, -0.8, 0.8)[:, None] * np.ones(2)])
+
+
+# Physical consequences ------------------------------------------------------------------------------------------------
+
+#: Of the gripper's servos and joints, as their models say: what consequences are computed from.
+KP, DAMPING, FORCE_LIMIT, FINGER_MASS, SPEED_LIMIT = 2000.0, 80.0, 16.0, 0.091, 0.08  # N/m, N·s/m, N, kg, m/s
+CONTACT_STIFFNESS, CONTACT_DAMPING, OBJECT_MASS = 10_000.0, 100.0, 0.421  # N/m, N·s/m, kg
+UNITS_PER_NEWTON = QUIET.scale / QUIET.contact_unit
+PERIOD = 1 / 240
+#: Fingers without an object, and with one exactly in the middle.
+FREE, MIDDLE = "GripperClose-v0", {"object_offset": 0.0, "sensing": QUIET}
+
+#: Effect: the tests that show its consequence in a rollout.
+SHOWN: dict[str, list[str]] = {}
+
+
+def shows(*effects):
+    """Mark a test that measures the physical consequence of effects."""
+
+    def mark(test):
+        for name in effects:
+            SHOWN.setdefault(name, []).append(test.__name__)
+        return test
+
+    return mark
+
+
+def speeds(*parts, hz=240):
+    """Actions of both fingers from (velocity [m/s], seconds) in a row; a pair of velocities is right, left."""
+    rows = [np.tile(np.broadcast_to(v, 2), (round(seconds * hz), 1)) for v, seconds in parts]
+    return np.concatenate(rows) / SPEED_LIMIT
+
+
+def free(effects, *parts, **arguments):
+    """Move the fingers without an object."""
+    return rollout(effects, speeds(*parts, hz=arguments.get("control_hz", 240)), FREE, **arguments)
+
+
+def grasp(effects, *parts, **arguments):
+    """Move the fingers with an object in the middle between them, read without noise."""
+    return rollout(effects, speeds(*parts), **{**MIDDLE, **arguments})
+
+
+def crossing(time, signal, level):
+    """When a signal first passes a level, interpolated between rows."""
+    above = signal >= level
+    k = int(np.argmax(above != above[0]))
+    assert above[k] != above[0], "the signal never gets there"
+    share = (level - signal[k - 1]) / (signal[k] - signal[k - 1])
+    return time[k - 1] + share * (time[k] - time[k - 1])
+
+
+def entry(name, target, **parameters):
+    """One effect on some targets."""
+    return [{"name": name, "target": target, "parameters": parameters}]
+
+
+def same_motion(one, other):
+    """Whether two rollouts moved alike, to the last bit."""
+    return np.array_equal(one.state, other.state)
