@@ -37,7 +37,15 @@ def record(folder, effects=None, episodes=3, env="GripperTactile-v0", seed=0):
 
 @pytest.mark.parametrize(
     "effects",
-    [None, {"coulomb_friction": {}}, {"armature": {}}, {"command_delay": {}, "force_gain": {}}, {"clock_skew": {}}],
+    [
+        None,
+        {"coulomb_friction": {}},
+        {"armature": {}},
+        {"command_delay": {}, "force_gain": {}},
+        {"clock_skew": {}},
+        {"encoder_bias": {}},
+        {"encoder_scale": {}},
+    ],
     ids=str,
 )
 def test_a_replay_of_a_recording_is_the_recording_without_its_noise(tmp_path, effects):
@@ -62,7 +70,7 @@ def test_sensor_effects_on_kept_runs_are_those_of_a_new_run(tmp_path):
         {"force_lag": {}},
         {"force_drift": {}},
         {"pad_creep": {}},
-        {"encoder_scale": {}},
+        {"velocity_filter": {}},
         {"clock_offset": {}},
     ):
         sims = [(0, read_effects(effects))]

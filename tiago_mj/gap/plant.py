@@ -29,6 +29,10 @@ Array = NDArray[np.float64]
 #: Longest physics step of a plain MJCF in the diagnosis [s]; its own where that is shorter.
 PLAIN_TIMESTEP: Final = 1 / 500
 
+#: A first measured position that is farther from the sidecar's than this contradicts it, (slide [m], hinge [rad]): about
+#: three standard deviations of a poor encoder.
+STARTS_ELSEWHERE: Final = (1e-4, 1e-3)
+
 #: Fields that an object sets in a model: what differs between trials with different objects.
 OBJECT_FIELDS: Final = (
     "geom_type",
@@ -261,14 +265,16 @@ def _relative(trials: Sequence[Trial]) -> bool:
 
 
 def _initial(model: mujoco.MjModel, wiring: Wiring, trial: Trial, qpos: Array, item: GraspObject | None) -> Start:
-    """Start of a trial: what its sidecar says, else its first measured row."""
+    """Start of a trial: what its sidecar says, unless its first measured row says clearly otherwise."""
     said = trial.sidecar.initial or {}
     qvel = np.zeros(model.nv)
     for k, joint in enumerate(wiring.targets.joint):
         measured = trial.positions.get(joint)
         position = said.get("position", {}).get(joint)
-        if position is None and measured is not None and np.isfinite(measured).any():
-            position = float(measured[np.isfinite(measured)][0])
+        if measured is not None and np.isfinite(measured).any():
+            seen = float(measured[np.isfinite(measured)][0])
+            if position is None or abs(seen - position) > STARTS_ELSEWHERE[0 if wiring.targets.slides[k] else 1]:
+                position = seen
         if position is not None:
             qpos[wiring.qpos[k]] = position
         qvel[wiring.dof[k]] = said.get("velocity", {}).get(joint, 0.0)

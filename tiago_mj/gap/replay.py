@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from tiago_mj.gap.effects import EFFECTS
 from tiago_mj.gap.effects.chain import Chain
+from tiago_mj.gap.effects.declare import overrides
 from tiago_mj.gap.effects.host import BatchHost
 from tiago_mj.gap.effects.spec import Entry
 from tiago_mj.gap.plant import OBJECT_FIELDS, Plant
@@ -143,7 +144,10 @@ def measure(plant: Plant, on: Grid, true: Signals, sims: Sequence[tuple[int, Eff
 
 def sensor_only(entry: Entry) -> bool:
     """Whether an effect acts on readings alone, so that the motion is the nominal one."""
-    return EFFECTS[entry.name].stage in ("joint_sensor", "force_sensor") or entry.name == "clock_offset"
+    declared = EFFECTS[entry.name]
+    if declared.stage == "force_sensor" or entry.name == "clock_offset":
+        return True
+    return declared.stage == "joint_sensor" and not overrides(declared, "true_position")  # else it starts elsewhere
 
 
 def _batch(plant: Plant, on: Grid, sims: Sequence[tuple[int, Effects]], threads: int, seed: int) -> Signals:
@@ -162,6 +166,8 @@ def _batch(plant: Plant, on: Grid, sims: Sequence[tuple[int, Effects]], threads:
         act = host.state("act")
         act[:, wiring.act[stateful]] = points[:, stateful]
     chain = Chain(host, wiring, [entries for _, entries in sims], _uniform(sims, seed))
+    qpos = host.state("qpos")
+    qpos[:, wiring.qpos] = chain.true_position(qpos[:, wiring.qpos])
     substeps = math.ceil(plant.period / plant.max_timestep - 1e-6)
     item = starts[0].item
     contact = None if item is None else (item.stiffness, item.damping, scene.CONTACT_POINTS[item.shape])

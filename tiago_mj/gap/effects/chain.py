@@ -30,6 +30,7 @@ EACH_STEP: Final = (
     "command",
     "set_point",
     "measure_position",
+    "true_position",
     "measure_velocity",
     "contact_force",
     "reading",
@@ -357,6 +358,12 @@ class Chain:
     def position(self, position: Array) -> Array:
         """As measured, (nsim, njoints)."""
         return self._through("measure_position", position)
+
+    def true_position(self, measured: Array) -> Array:
+        """Where joints are that were measured at rest, (nsim, njoints); the last effect on the way is undone first."""
+        for effect, mask in reversed(self._hooks["true_position"]):
+            measured = np.where(mask, effect.true_position(measured, self.now), measured)
+        return measured
 
     def velocity(self, velocity: Array) -> Array:
         """As measured, (nsim, njoints)."""

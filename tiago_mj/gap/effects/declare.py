@@ -65,13 +65,14 @@ HOOKS: Final = {
         "added_force",
         "force_range",
         "measure_position",
+        "true_position",
         "measure_velocity",
     ),
     "sensor": ("contact_force", "reading", "noise", "sample"),
 }
 #: The diagnosis applies effects of these stages to motions that it has simulated before: they may only measure.
 MEASURING: Final = {
-    "joint_sensor": ("start", "measure_position", "measure_velocity"),
+    "joint_sensor": ("start", "measure_position", "true_position", "measure_velocity"),
     "force_sensor": ("start", "contact_force", "reading", "noise", "sample"),
 }
 
@@ -180,6 +181,10 @@ class Effect:
     def measure_position(self, position: Array, now: Now) -> Array:
         """Joint positions, (nsim, njoints) [m, rad]; as measured."""
         return position
+
+    def true_position(self, measured: Array, now: Now) -> Array:
+        """Joint positions as measured at rest, (nsim, njoints) [m, rad]; where the joints are. A replay starts there."""
+        return measured
 
     def measure_velocity(self, velocity: Array, now: Now) -> Array:
         """Joint velocities, (nsim, njoints) [m/s, rad/s]; as measured."""

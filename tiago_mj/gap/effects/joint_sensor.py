@@ -28,6 +28,9 @@ class EncoderBias(Effect):
     def measure_position(self, position: Array, now: Now) -> Array:
         return position + self.offset
 
+    def true_position(self, measured: Array, now: Now) -> Array:
+        return measured - self.offset
+
 
 @effect("encoder_scale", stage="joint_sensor", targets="joint")
 class EncoderScale(Effect):
@@ -46,6 +49,9 @@ class EncoderScale(Effect):
 
     def measure_position(self, position: Array, now: Now) -> Array:
         return position * self.factor
+
+    def true_position(self, measured: Array, now: Now) -> Array:
+        return measured / self.factor
 
     def measure_velocity(self, velocity: Array, now: Now) -> Array:
         return velocity * self.factor
