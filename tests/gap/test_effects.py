@@ -166,6 +166,42 @@ def test_no_value_that_a_fit_may_try_makes_the_gripper_diverge(end):
         assert r.force.max() < 60, name
 
 
+@pytest.mark.parametrize("end", [0, 1])
+def test_no_value_that_a_fit_may_try_makes_the_arm_diverge(end):
+    arm = [f"arm_{k}_joint" for k in range(1, 8)]
+    actions = tiago_actions(seconds=0.6)
+    for name, declared in EFFECTS.items():
+        values = {p.name: p.bounds[1][end] for p in declared.parameters.values()}
+        if name in RELATIVE:  # of the arm's slowest and weakest joint
+            values = {key: value * (1.76 if RELATIVE[name] == "velocity" else 3) for key, value in values.items()}
+        target = arm if declared.targets in ("joint", "command") and name != "payload" else "all"
+        r = rollout([{"name": name, "target": target, "parameters": values}], actions, TIAGO)
+        assert np.isfinite(r.state).all(), name
+        # 0.2 rad/s are commanded. A wrist of 0.5 g·m² that 10 N·m of friction let go leaps at some rad/s.
+        assert np.abs(r.true_velocity[:, 1:8]).max() < (10 if name == "asymmetric_friction" else 1), name
+
+
+#: What can be less than nominal, or point the other way; all else is a size, a time, a share or a factor.
+SIGNED = {
+    "clock_skew", "servo_damping", "coulomb_friction", "viscous_friction", "asymmetric_friction", "armature",
+    "coupling_error", "payload", "gravity_tilt", "object_size", "object_offset", "encoder_bias", "force_bias",
+    "force_nonlinearity", "force_drift", "force_crosstalk",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", CONTRACT)
+def test_a_fit_tries_only_what_is_possible(name):
+    for p in EFFECTS[name].parameters.values():
+        for low, high in p.bounds:
+            assert (low < 0) == (name in SIGNED)
+            if p.identity == 1 or p.identity is None or np.isinf(p.identity):
+                assert low > 0  # factors, limits, and what a switch needs beside it
+            if p.name in ("probability", "fraction"):
+                assert high < 1
+            if p.nominal is not None:
+                assert high <= 1  # beyond the nominal limit it would not be seen
+
+
 def broadcasting(seed):
     """Uniform numbers that are the same for every simulation of a batch, and for a single one."""
     rng = np.random.default_rng(seed)

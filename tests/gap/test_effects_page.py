@@ -25,6 +25,15 @@ def test_the_page_is_that_of_the_declarations(generator):
     assert written == generator.page(), "run python docs/make_effects_page.py"
 
 
+def test_the_pages_python_runs():
+    blocks = re.findall(r"```python\n(.*?)```", (DOCS / "effects.md").read_text(encoding="utf-8"), re.S)
+    names = {}
+    for block in blocks:
+        exec(block, names)
+        names["env"].reset(seed=0)
+    assert len(blocks) == 2
+
+
 @pytest.mark.parametrize("name", LIBRARY)
 def test_a_declaration_says_what_it_is_how_it_looks_and_where_its_magnitude_is_from(name, generator):
     declared = EFFECTS[name]
