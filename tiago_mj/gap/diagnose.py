@@ -93,14 +93,15 @@ def diagnose(
     nominal = replay.simulate(plant, on, [(k, ()) for k in everything], threads=threads, seed=seed)
     phase = phases.phases(plant, on, nominal)[:, : data.value.shape[1]]
     part = select._part(data, fitted_on)
+    pool = hypotheses.candidates(plant, names)
     ranked = select.select(
         predict,
         part,
         fitted_on,
-        hypotheses.candidates(plant, names),
+        pool,
         hypotheses.terms(plant),
         base[fitted_on],
-        _marks(plant, part, base[fitted_on]),
+        traces.betrayed(_marks(plant, part, base[fitted_on]), pool),
         out_of_time=lambda: budget is not None and time.monotonic() - begun > budget,
         tick=tick,
     )

@@ -93,6 +93,7 @@ class Fitter:
         data: measured, of these trials.
         weight: (C,), see :func:`score.independence`.
         terms: nuisance parameters.
+        given: effects that are part of whatever is fitted.
     """
 
     predict: Predictor
@@ -100,6 +101,7 @@ class Fitter:
     data: Data
     weight: Array
     terms: tuple[Term, ...]
+    given: tuple[Entry, ...] = ()
 
     def __post_init__(self) -> None:
         self.shared = [k for k, term in enumerate(self.terms) if not term.per_trial]
@@ -113,7 +115,7 @@ class Fitter:
 
     def effects(self, parts: Sequence[Candidate], values: Array, nuisance: Array, trial: int) -> tuple[Entry, ...]:
         """What is simulated for a trial (by its position among the trials)."""
-        chosen = [part.entry(float(v)) for part, v in zip(parts, values, strict=True)]
+        chosen = [*self.given, *(part.entry(float(v)) for part, v in zip(parts, values, strict=True))]
         for k, term in enumerate(self.shared):
             if nuisance[k]:
                 chosen.append(self.terms[term].entry(float(nuisance[k])))

@@ -29,8 +29,8 @@ Array = NDArray[np.float64]
 #: Longest physics step of a plain MJCF in the diagnosis [s]; its own where that is shorter.
 PLAIN_TIMESTEP: Final = 1 / 500
 
-#: A first measured position that is farther from the sidecar's than this contradicts it, (slide [m], hinge [rad]): about
-#: three standard deviations of a poor encoder.
+#: A first measured position that is farther from the sidecar's than this contradicts it, (slide [m], hinge [rad]):
+#: about three standard deviations of a poor encoder.
 STARTS_ELSEWHERE: Final = (1e-4, 1e-3)
 
 #: Fields that an object sets in a model: what differs between trials with different objects.

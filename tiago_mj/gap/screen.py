@@ -5,16 +5,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tiago_mj.gap import score, traces
+from tiago_mj.gap import score
 from tiago_mj.gap.effects import EFFECTS
 from tiago_mj.gap.hypotheses import Candidate
 from tiago_mj.gap.predict import Predictor
 
 Array = NDArray[np.float64]
+
+#: Magnitudes between two of a candidate's grid at which its prediction is drawn as a straight line.
+BETWEEN: Final = 3
 
 
 @dataclass(frozen=True)
@@ -42,13 +46,11 @@ def screen(
     trials: Sequence[int],
     pool: Sequence[Candidate],
     base: Array,
-    marks: Sequence[traces.Trace],
 ) -> list[Screened]:
     """Score every candidate at every magnitude of its grid.
 
     Effects on one joint or sensor take the channels of that part from the run in which all have the effect, and the
-    nominal
-    ones elsewhere: fingers hardly feel each other, and what is promising is simulated properly later.
+    nominal ones elsewhere: fingers hardly feel each other, and what is promising is simulated properly later.
 
     Args:
         predict: simulations.
@@ -56,7 +58,6 @@ def screen(
         trials: their indices.
         pool: candidates.
         base: nominal predictions, (ntrials, T, C).
-        marks: of the readings themselves.
 
     Returns:
         One entry a candidate, best first.
@@ -67,7 +68,7 @@ def screen(
     predicted = predict.all_trials([(c.entry(value),) for c, value in wanted], trials)
     for (c, value), one in zip(wanted, predicted, strict=True):
         runs[(c.effect, c.fixed, value)] = one
-    nominal = score.log_likelihood(on, base) + traces.log_likelihood(marks, ())
+    nominal = score.log_likelihood(on, base)
     out = []
     for c in pool:
         values = [v for v in c.grid if (c.effect, c.fixed, v) in runs]
@@ -77,8 +78,8 @@ def screen(
         if c.target is not None:
             mine = parts_of(predict, c)
             stack = np.where(mine, stack, base)
+        values, stack = _between(values, stack)
         likelihood = score.log_likelihood(on, stack)
-        likelihood = likelihood + [traces.log_likelihood(marks, (c.entry(v),)) for v in values]
         best = int(np.argmax(likelihood))
         change = stack - base
         white = score.whiten(on.data, change, np.ones(len(on.data.channels)))
@@ -92,6 +93,23 @@ def screen(
             )
         )
     return sorted(out, key=lambda s: -s.gain)
+
+
+def _between(values: Sequence[float], stack: Array) -> tuple[list[float], Array]:
+    """Magnitudes and predictions between those that were simulated, too, by straight lines.
+
+    The grid is coarse: without them an effect whose magnitude lies between two of its points would rank behind one that
+    explains no more but happens to have a point there.
+    """
+    order = np.argsort(values)
+    at, there = np.asarray(values)[order], stack[order]
+    share = np.arange(BETWEEN + 1) / (BETWEEN + 1)
+    dense = at[:-1, None] + share * np.diff(at)[:, None]
+    lines = there[:-1, None] + share[:, None, None, None] * np.diff(there, axis=0)[:, None]
+    return (
+        [*dense.ravel().tolist(), float(at[-1])],
+        np.concatenate([lines.reshape(-1, *stack.shape[1:]), there[-1:]]),
+    )
 
 
 def parts_of(predict: Predictor, candidate: Candidate) -> NDArray[np.bool_]:

@@ -1,33 +1,42 @@
-"""Search explanations: screen all effects, fit the promising ones, add a second, rank by evidence."""
+"""Search explanations: screen all effects, fit the promising ones, add a second and a third, rank by evidence."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tiago_mj.gap import score, traces
+from tiago_mj.gap import score
 from tiago_mj.gap.effects import EFFECTS
 from tiago_mj.gap.fit import Fitted, Fitter, Point, Start
 from tiago_mj.gap.floor import Data
 from tiago_mj.gap.hypotheses import Candidate, Term
 from tiago_mj.gap.predict import Predictor
 from tiago_mj.gap.screen import Screened, screen
+from tiago_mj.gap.traces import MEASURES, Known
 
 Array = NDArray[np.float64]
 
-#: Trials of the first pass, singles and pairs that are fitted, seeds of the pairs.
+#: Trials of the first pass, singles that are fitted to them, and to all trials.
 SCREEN_TRIALS: Final = 4
 SINGLES: Final = 10
 SECONDS: Final = 4
-PAIRS: Final = 5
-PAIRS_AGAIN: Final = 2
+#: Singles beyond those are fitted to all trials, too, where some trials hardly tell them from the best [nats].
+TIED: Final = 3.0
+#: Explanations that are extended by another effect, extensions that are fitted to some trials, and to all.
 SEEDS: Final = 3
-#: Evidence that a second effect must add [nats]: a Bayes factor of 150, "very strong" (Kass & Raftery 1995).
-SECOND_GAIN: Final = 5.0
+EXTENSIONS: Final = 5
+EXTENSIONS_AGAIN: Final = 2
+#: Effects of one explanation, apart from what the readings betray: a third is only sought where two leave a gap.
+MOST: Final = 3
+#: Mean squared residual of the worst channel, in units of floor and tolerance, that calls for another effect.
+GAP: Final = 2.0
+#: Evidence that another effect must add to be worth showing [nats]: a Bayes factor of 150, "very strong" (Kass &
+#: Raftery 1995).
+ADDS: Final = 5.0
 #: A change below this share of floor and tolerance (rms, largest magnitude tried) cannot be seen in the recording.
 INVISIBLE: Final = 0.05
 
@@ -39,19 +48,19 @@ class Ranked:
     """Explanations with the evidence for them, best first.
 
     Attributes:
-        fits: explanations.
-        evidence: log evidence, traces included, (n,).
+        fits: explanations; ``known`` effects are the last parts of each.
         screened: the first pass.
         not_excited: effects that no magnitude makes visible in these recordings.
-        weight: (C,) that the evidence was computed with.
+        known: number of effects that the readings betray: they are part of every explanation.
+        pool: number of different effects that were considered.
         complete: False when time ran out.
     """
 
     fits: tuple[Fitted, ...]
-    evidence: Array
     screened: tuple[Screened, ...]
     not_excited: tuple[str, ...]
-    weight: Array
+    known: int
+    pool: int
     complete: bool
 
 
@@ -62,7 +71,7 @@ def select(
     pool: Sequence[Candidate],
     terms: Sequence[Term],
     base: Array,
-    marks: Sequence[traces.Trace],
+    known: Sequence[Known] = (),
     *,
     out_of_time: Callable[[], bool] = lambda: False,
     tick: Tick = lambda stage, total: None,
@@ -76,95 +85,89 @@ def select(
         pool: candidates.
         terms: nuisance parameters.
         base: nominal predictions, (ntrials, T, C).
-        marks: what the readings betray.
+        known: what the readings betray by themselves: it is part of every explanation.
         out_of_time: asked between stages.
         tick: told what begins.
     """
+    pool = [c for c in pool if c.effect not in MEASURES]
     tick("screening", len(pool))
     weight = score.independence(data, base)
     first = _spread(base, data, min(SCREEN_TRIALS, len(trials)))
-    some = _part(data, first)
-    responses = predict.all_trials([(term.entry(1.0),) for term in terms], [trials[k] for k in first]) - base[first]
-    on = score.frame(some, weight, responses, np.array([term.per_trial for term in terms], dtype=bool))
-    screened = screen(predict, on, [trials[k] for k in first], pool, base[first], marks)
+    few_trials, some = tuple(trials[k] for k in first), _part(data, first)
+    responses = predict.all_trials([(term.entry(1.0),) for term in terms], few_trials) - base[first]
+    per_trial = np.array([term.per_trial for term in terms], dtype=bool)
+    screened = screen(predict, score.frame(some, weight, responses, per_trial), few_trials, pool, base[first])
     visible = {s.candidate.effect for s in screened if s.visible > INVISIBLE}
     names = dict.fromkeys(c.effect for c in pool)
-    marked = {"force_noise", "force_dropout", "force_quantization", "encoder_quantization"}
-    unseen = tuple(name for name in names if name not in visible and name not in marked)
+    unseen = tuple(name for name in names if name not in visible)
     promising = [s for s in screened if s.candidate.effect not in unseen]
 
     tick("fitting", SINGLES)
-    few = Fitter(predict, tuple(trials[k] for k in first), some, weight, tuple(terms))
+    given = tuple(k.candidate.entry(k.value) for k in known)
+    few = Fitter(predict, few_trials, some, weight, tuple(terms), given)
     starts = [Start((), np.zeros(0)), *(Start((s.candidate,), np.array([s.value])) for s in _best(promising, SINGLES))]
-    ranked = _order(few.fit_all(starts, thorough=False), marks)
+    ranked = _order(few.fit_all(starts, thorough=False))
     # Once something explains the bulk, what is left shows how correlated the residuals really are.
     reference = few.predictions([Point(ranked[0].parts, ranked[0].values, ranked[0].nuisance)])[0]
     weight = np.maximum(score.independence(some, reference), weight)
-    everywhere = Fitter(predict, tuple(trials), data, weight, tuple(terms))
+    few = Fitter(predict, few_trials, some, weight, tuple(terms), given)
+    everywhere = Fitter(predict, tuple(trials), data, weight, tuple(terms), given)
     tick("refitting", SECONDS)
-    again = [f for f in ranked if f.parts][:SECONDS]
-    fits = everywhere.fit_all([Start((), np.zeros(0)), *(Start(f.parts, f.values) for f in again)])
+    seeds = _rivals([f for f in ranked if f.parts])
+    fits = everywhere.fit_all([Start((), np.zeros(0)), *(Start(f.parts, f.values) for f in seeds)])
     complete = not out_of_time()
-    if complete and again:
-        tick("pairs", PAIRS)
-        few = Fitter(predict, few.trials, some, weight, tuple(terms))
-        pairs = _order(_pairs(predict, few, again, promising, first, trials, responses, terms, base, marks), marks)
-        both = everywhere.fit_all([Start(p.parts, p.values, _shared(p, few, everywhere)) for p in pairs[:PAIRS_AGAIN]])
-        fits += both
-        alone = []
-        for fit in both:
-            needed = [k for k in range(len(fit.parts)) if _away(fit, k)]
-            if len(needed) == 1:  # the second effect only led the first to a better place
-                alone.append(Start((fit.parts[needed[0]],), fit.values[needed], fit.nuisance))
-        fits += everywhere.fit_all(alone)
-    fits = _worth(_order(fits, marks), marks)
-    evidence = np.array([f.evidence + traces.log_likelihood(marks, f.effects()) for f in fits])
-    return Ranked(tuple(fits), evidence, tuple(screened), unseen, weight, not out_of_time() and complete)
+    frame = score.frame(some, weight, responses, per_trial)
+    for size in range(2, MOST + 1):
+        best = _order(fits)[0]
+        if not complete or (size > 2 and (best.misfit < GAP or len(best.parts) < size - 1)):
+            break
+        tick("pairs" if size == 2 else "triples", EXTENSIONS)
+        seeds = [f for f in _order(fits) if len(f.parts) == size - 1][:SEEDS]
+        extended = _order(few.fit_all(_extensions(few, frame, seeds, promising), thorough=False))
+        fits += _refitted(everywhere, [_carried(f, few, everywhere) for f in extended[:EXTENSIONS_AGAIN]])
+        complete = not out_of_time()
+    fits = [_with(fit, known) for fit in _worth(_once(_order(fits)))]
+    return Ranked(tuple(fits), tuple(screened), unseen, len(known), len(names), complete)
 
 
-def _pairs(
-    predict: Predictor,
-    fitter: Fitter,
-    fits: Sequence[Fitted],
-    promising: Sequence[Screened],
-    first: Sequence[int],
-    trials: Sequence[int],
-    responses: Array,
-    terms: Sequence[Term],
-    base: Array,
-    marks: Sequence[traces.Trace],
-) -> list[Fitted]:
-    """The best explanations with a second effect, found by adding its change to the prediction of the first."""
-    seeds = [f for f in _order(fits, marks) if f.parts][:SEEDS]
-    if not seeds:
-        return []
-    on = score.frame(fitter.data, fitter.weight, responses, np.array([t.per_trial for t in terms], dtype=bool))
-    found: list[tuple[float, Fitted, Screened]] = []
+def _extensions(fitter: Fitter, on: score.Frame, seeds: Sequence[Fitted], promising: Sequence[Screened]) -> list[Start]:
+    """The best explanations with another effect, found by adding its change to the prediction of the first."""
+    found: list[tuple[float, Start]] = []
     for seed in seeds:
-        # Without its nuisances: they may have absorbed what the second effect is to explain.
+        # Without its nuisances: they may have absorbed what the other effect is to explain.
         whole = fitter.predictions([Point(seed.parts, seed.values, np.zeros(fitter.size))])[0]
-        others = [s for s in promising if s.candidate.label != seed.parts[0].label]
-        stack = np.stack([whole + s.change for s in others])
-        alone = float(score.log_likelihood(on, whole[None])[0]) + traces.log_likelihood(marks, seed.effects())
-        gains = score.log_likelihood(on, stack)
+        there = {part.label for part in seed.parts}
+        others = [s for s in promising if s.candidate.label not in there]
+        if not others:
+            continue
+        gains = score.log_likelihood(on, np.stack([whole + s.change for s in others]))
+        alone = float(score.log_likelihood(on, whole[None])[0])
         for s, gain in zip(others, gains, strict=True):
-            extra = traces.log_likelihood(marks, (*seed.effects(), s.candidate.entry(s.value)))
-            found.append((float(gain) + extra - alone + seed.evidence, seed, s))
+            start = Start((*seed.parts, s.candidate), np.array([*seed.values, s.value]))
+            found.append((float(gain) - alone + seed.evidence, start))
     found.sort(key=lambda item: -item[0])
     starts: dict[object, Start] = {}
-    for _, seed, s in found:
-        start = Start((*seed.parts, s.candidate), np.array([seed.values[0], s.value]))
-        starts.setdefault(frozenset((seed.parts[0].label, s.candidate.label)), start)
-        if len(starts) == PAIRS:
-            break
-    return fitter.fit_all(list(starts.values()), thorough=False)
+    for _, start in found:
+        starts.setdefault(frozenset(part.label for part in start.parts), start)
+    return list(starts.values())[:EXTENSIONS]
 
 
-def _shared(pair: Fitted, few: Fitter, everywhere: Fitter) -> Array:
-    """Nuisances of a fit to some trials, for all: the shared ones."""
+def _refitted(everywhere: Fitter, starts: Sequence[Start]) -> list[Fitted]:
+    """Fits to all trials; and without an effect that only led the others to a better place."""
+    fits = everywhere.fit_all(starts)
+    fewer = []
+    for fit in fits:
+        needed = [k for k in range(len(fit.parts)) if _away(fit, k)]
+        if 0 < len(needed) < len(fit.parts):
+            fewer.append(Start(tuple(fit.parts[k] for k in needed), fit.values[needed], fit.nuisance))
+    return fits + everywhere.fit_all(fewer)
+
+
+def _carried(fit: Fitted, few: Fitter, everywhere: Fitter) -> Start:
+    """Start for all trials of what was fitted to some: with its nuisances, as far as trials share them."""
     nuisance = np.zeros(everywhere.size)
-    nuisance[: len(few.shared)] = pair.nuisance[: len(few.shared)]
-    return nuisance
+    nuisance[: len(few.shared)] = fit.nuisance[: len(few.shared)]
+    return Start(fit.parts, fit.values, nuisance)
 
 
 def _away(fit: Fitted, part: int) -> bool:
@@ -175,33 +178,59 @@ def _away(fit: Fitted, part: int) -> bool:
     return bool(abs(fit.values[part] - identity) > 1.645 * fit.deviations[part])
 
 
-def _order(fits: Sequence[Fitted], marks: Sequence[traces.Trace]) -> list[Fitted]:
-    return sorted(fits, key=lambda f: -(f.evidence + traces.log_likelihood(marks, f.effects())))
+def _order(fits: Sequence[Fitted]) -> list[Fitted]:
+    return sorted(fits, key=lambda f: -f.evidence)
 
 
-def _worth(fits: Sequence[Fitted], marks: Sequence[traces.Trace]) -> list[Fitted]:
-    """Without pairs that say no more than one of their parts alone."""
-    alone = {
-        f.parts[0].label: f.evidence + traces.log_likelihood(marks, f.effects()) for f in fits if len(f.parts) == 1
-    }
+def _worth(fits: Sequence[Fitted]) -> list[Fitted]:
+    """Without those that say no more than some of their parts alone."""
+    evidence = {frozenset(p.label for p in f.parts): f.evidence for f in fits}
     out = []
     for f in fits:
-        evidence = f.evidence + traces.log_likelihood(marks, f.effects())
-        better = [evidence - alone[part.label] for part in f.parts if part.label in alone]
-        if len(f.parts) < 2 or (all(gain > SECOND_GAIN for gain in better) and all(_away(f, k) for k in range(2))):
+        labels = frozenset(p.label for p in f.parts)
+        fewer = [e for other, e in evidence.items() if other and other < labels]
+        if len(f.parts) < 2 or (
+            all(f.evidence - e > ADDS for e in fewer) and all(_away(f, k) for k in range(len(f.parts)))
+        ):
             out.append(f)
     return out
 
 
+def _with(fit: Fitted, known: Sequence[Known]) -> Fitted:
+    """What the readings betray, as parts of an explanation."""
+    return replace(
+        fit,
+        parts=(*fit.parts, *(k.candidate for k in known)),
+        values=np.concatenate([fit.values, [k.value for k in known]]),
+        deviations=np.concatenate([fit.deviations, [k.deviation for k in known]]),
+    )
+
+
+def _rivals(fits: Sequence[Fitted]) -> list[Fitted]:
+    """Of single effects, best first: the first few, and whatever cannot be told from the best."""
+    return [f for k, f in enumerate(fits) if k < SECONDS or f.evidence > fits[0].evidence - TIED]
+
+
+def _once(fits: Sequence[Fitted]) -> list[Fitted]:
+    """The best of fits of the same effects on the same targets: found twice, an explanation is no likelier."""
+    best: dict[frozenset[object], Fitted] = {}
+    for fit in fits:
+        best.setdefault(frozenset(part.label for part in fit.parts), fit)
+    return list(best.values())
+
+
 def _best(promising: Sequence[Screened], count: int) -> list[Screened]:
-    """The best of every effect and target; no more than half of them of one class, so that rivals get their chance."""
+    """The best of every effect, then of every effect and target; no more than half of them of one class, so that rivals
+    get their chance."""
     out: list[Screened] = []
     seen: set[object] = set()
     classes: dict[str, int] = {}
-    for s in promising:
+    first = dict.fromkeys(s.candidate.effect for s in promising)
+    leaders = {effect: next(s for s in promising if s.candidate.effect == effect) for effect in first}
+    for s in (*leaders.values(), *promising):
         gap_class = EFFECTS[s.candidate.effect].gap_class
         if s.gain <= 0 and len(out) >= 2:
-            break
+            continue
         if s.candidate.label in seen or classes.get(gap_class, 0) >= count // 2:
             continue
         seen.add(s.candidate.label)

@@ -1,7 +1,7 @@
 """What the readings themselves betray, whatever the motion: repeats, a grid, the size of the noise.
 
 A dropped reading repeats the one before exactly, a quantised one lies on a grid, and more noise is more scatter.
-Predicted means are blind to all three, so they are compared here.
+Predicted means are blind to all three, so they are read off here, beside whatever else explains the recordings.
 """
 
 from __future__ import annotations
@@ -13,14 +13,26 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from tiago_mj.gap.effects.spec import Entry
+from tiago_mj.gap.hypotheses import Candidate
 
 Array = NDArray[np.float64]
 
-#: Log-likelihood of a grid that is there and not explained, or explained and not there.
-DECISIVE: Final = -200.0
 #: A sensor's noise is known to about this share.
 NOISE_SHARE: Final = 0.12
+#: Standard deviations from what is expected that are named, and within which two channels have the same value.
+CLEAR: Final = 3.5
+SAME: Final = 2.5
+#: Exact repeats of a noisy reading that are no accident.
+LEAST_REPEATS: Final = 4
+
+
+@dataclass(frozen=True)
+class Known:
+    """An effect whose magnitude is read off the readings, with one standard deviation."""
+
+    candidate: Candidate
+    value: float
+    deviation: float
 
 
 @dataclass(frozen=True)
@@ -82,36 +94,68 @@ def grid_step(values: Array) -> float:
     return step if float(np.abs(multiples - np.round(multiples)).max()) < 1e-3 else 0.0
 
 
-def log_likelihood(traces: Sequence[Trace], entries: Sequence[Entry]) -> float:
-    """Log-likelihood of the traces, given effects, up to a constant."""
-    return sum(_one(trace, entries) for trace in traces)
+def betrayed(traces: Sequence[Trace], pool: Sequence[Candidate]) -> tuple[Known, ...]:
+    """Effects that the readings betray by themselves, with their magnitudes.
+
+    One entry serves all channels where one value does, else each channel has its own.
+
+    Args:
+        traces: of the channels.
+        pool: candidates that may be named.
+    """
+    found: list[Known] = []
+    for name, measure in MEASURES.items():
+        mine = [c for c in pool if c.effect == name]
+        kind = "position" if name.startswith("encoder") else "force"
+        seen = {t.channel.partition(".")[2]: measure(t) for t in traces if t.channel.startswith(f"{kind}.")}
+        there = {key: value for key, value in seen.items() if value is not None}
+        everywhere = [c for c in mine if c.target is None]
+        values = np.array([value for value, _ in there.values()])
+        errors = np.array([error for _, error in there.values()])
+        if everywhere and there and len(there) == len(seen):
+            weight = 1 / errors**2
+            mean = float((weight * values).sum() / weight.sum())
+            if bool((np.abs(values - mean) <= SAME * errors).all()):
+                found.append(_known(everywhere[0], mean, float(weight.sum() ** -0.5)))
+                continue
+        for c in mine:
+            if c.target is not None and len(c.target) == 1 and c.target[0] in there:
+                found.append(_known(c, *there[c.target[0]]))
+    return tuple(found)
 
 
-def _one(trace: Trace, entries: Sequence[Entry]) -> float:
-    kind, _, name = trace.channel.partition(".")
-    effects = {e.name: e.parameters for e in entries if e.target is None or name in e.target}
-    total = 0.0
-    step_name = "force_quantization" if kind == "force" else "encoder_quantization"
-    step = effects.get(step_name, {}).get("step", 0.0)
-    if trace.grid and not step:
-        total += DECISIVE
-    if step:
-        total += DECISIVE if not trace.grid else -0.5 * min(((step - trace.grid) / (0.02 * trace.grid)) ** 2, 400.0)
-    if kind != "force" or not trace.expected:
-        return total
-    if not trace.grid:
-        share = effects.get("force_dropout", {}).get("probability", 0.0)
-        share = min(max(share, 1e-4), 0.999)
-        observed = trace.repeats / max(trace.samples, 1)
-        likeliest = min(max(observed, 1e-4), 0.999)
-        total += trace.samples * (
-            observed * np.log(share / likeliest) + (1 - observed) * np.log((1 - share) / (1 - likeliest))
-        )
-        if trace.noise_samples > 20 and trace.noise > 0:
-            factor = effects.get("force_noise", {}).get("factor", 1.0)
-            error = np.log(trace.noise / (trace.expected * factor))
-            spread = (
-                1.0 / trace.noise_samples + NOISE_SHARE**2 if "force_noise" not in effects else 1 / trace.noise_samples
-            )
-            total += -0.5 * min(error**2 / (spread + 0.02**2), 400.0)
-    return float(total)
+def _known(candidate: Candidate, value: float, error: float) -> Known:
+    return Known(candidate, float(np.clip(value, candidate.low, candidate.high)), error)
+
+
+def _grid(trace: Trace) -> tuple[float, float] | None:
+    return (trace.grid, 1e-3 * trace.grid) if trace.grid else None
+
+
+def _noise(trace: Trace) -> tuple[float, float] | None:
+    """Factor on the noise. A nominal sensor's noise is only known to a share."""
+    if trace.grid or not trace.expected or trace.noise_samples <= 20 or trace.noise <= 0:
+        return None
+    factor = trace.noise / trace.expected
+    # The median absolute deviation of n differences is uncertain by about 1.2 / √n of itself.
+    error = 1.2 / np.sqrt(trace.noise_samples)
+    if abs(np.log(factor)) < CLEAR * np.hypot(NOISE_SHARE, error):
+        return None
+    return factor, factor * error
+
+
+def _dropout(trace: Trace) -> tuple[float, float] | None:
+    """Share of readings that repeat the one before, which noisy readings never do."""
+    if trace.grid or not trace.expected or trace.repeats < LEAST_REPEATS:
+        return None
+    share = trace.repeats / trace.samples
+    return share, float(np.sqrt(share * (1 - share) / trace.samples))
+
+
+#: Effects that readings betray, and how: value and one standard deviation, or None.
+MEASURES: Final = {
+    "encoder_quantization": _grid,
+    "force_quantization": _grid,
+    "force_noise": _noise,
+    "force_dropout": _dropout,
+}

@@ -17,9 +17,13 @@ Array = NDArray[np.float64]
 #: Evidence is divided by this before it becomes a probability: two simulators never agree as closely as their noise, so
 #: a Bayes factor of exp(10) is counted as exp(1). Chosen, not yet calibrated.
 TEMPERATURE: Final = 10.0
-#: Prior odds of one effect against none, spread over the library, and of a second one.
+#: Prior odds of one effect against none, spread over the library, and of another one beside it; and of one target
+#: against all.
 ONE_EFFECT: Final = 1.0
-SECOND_EFFECT: Final = 0.2
+ANOTHER_EFFECT: Final = 0.5
+ONE_TARGET: Final = 0.5
+#: The nominal model stands unless it is this much less probable than the best explanation.
+STANDS: Final = 0.5
 #: Explanations at least this probable beside the best are not ruled out.
 RIVAL: Final = 0.05
 #: Mean squared residual of the worst channel, in units of floor and tolerance, above which even the best explanation
@@ -49,13 +53,18 @@ class Judged:
 
 def judge(ranked: Ranked) -> Judged:
     """Judge ranked explanations, best first."""
-    scores = ranked.evidence / TEMPERATURE + np.log([_prior(f) for f in ranked.fits])
+    evidence = np.array([f.evidence for f in ranked.fits])
+    scores = evidence / TEMPERATURE + np.array([_log_prior(f, ranked) for f in ranked.fits])
     order_free = np.exp(scores - scores.max())
     single = order_free / order_free.sum()
     classes = [classes_of(f) for f in ranked.fits]
     pooled = np.array([single[[c == classes[k] for c in classes]].sum() for k in range(len(classes))])
     best = int(np.argmax(single))
-    rivals = sorted((k for k in range(len(single)) if single[k] >= RIVAL * single[best]), key=lambda k: -single[k])
+    nominal = next(k for k, f in enumerate(ranked.fits) if len(f.parts) == ranked.known)
+    if single[nominal] >= STANDS * single[best]:
+        best, rivals = nominal, [nominal]
+    else:
+        rivals = _rivals(ranked, single, best, nominal)
     misfit = ranked.fits[best].misfit
     if misfit > FAILS:
         kind = "unknown"
@@ -68,10 +77,23 @@ def judge(ranked: Ranked) -> Judged:
     return Judged(kind, pooled, tuple(rivals), misfit > REMAINS)
 
 
+def _rivals(ranked: Ranked, probability: Array, best: int, nominal: int) -> list[int]:
+    """What is not ruled out beside the best, most probable first; of the same effects on several targets the best."""
+    out: dict[frozenset[str], int] = {}
+    for k in np.argsort(-probability):
+        if k != nominal and probability[k] >= RIVAL * probability[best]:
+            out.setdefault(frozenset(part.effect for part in ranked.fits[k].parts), int(k))
+    return list(out.values())
+
+
 def classes_of(fit: Fitted) -> frozenset[str]:
     """Classes of the effects of an explanation."""
     return frozenset(EFFECTS[part.effect].gap_class for part in fit.parts)
 
 
-def _prior(fit: Fitted) -> float:
-    return (1.0, ONE_EFFECT, ONE_EFFECT * SECOND_EFFECT)[len(fit.parts)]
+def _log_prior(fit: Fitted, ranked: Ranked) -> float:
+    """One of the effects is as likely as none; each has its share; one finger's half of both's."""
+    count = len(fit.parts) - ranked.known
+    parts = fit.parts[:count]
+    share = sum(np.log((ANOTHER_EFFECT if k else ONE_EFFECT) / ranked.pool) for k in range(count))
+    return float(share + sum(np.log(ONE_TARGET) for part in parts if part.target is not None))
