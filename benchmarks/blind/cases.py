@@ -87,10 +87,12 @@ class Made:
     truth: dict[str, Any] = field(default_factory=dict)
 
 
-ARM_JOINTS: Final = (*names.TORSO, *names.ARM)
+ARM_JOINTS: Final = (*names.TORSO, *names.ARM[:4])
 #: How far the arm's joints move from where they start, and how fast [m, rad; per s].
-ARM_REACH: Final = 0.25
-ARM_FASTEST: Final = 0.7
+ARM_REACH: Final = 0.15
+ARM_FASTEST: Final = 0.5
+#: The arm moves above the table, where it meets nothing [m].
+ARM_RAISED: Final = 0.3
 
 
 def joints_of(setting: str) -> tuple[str, ...]:
@@ -143,6 +145,8 @@ def simulate(case: Case, folder: Path | None = None) -> Made:
     rng = np.random.default_rng([case.seed, 2])
     n = len(robot.joints)
     start = np.tile(robot.start[robot.qpos], (case.trials, 1))
+    if case.setting == ARM:
+        start[:, robot.joints.index(names.TORSO[0])] = ARM_RAISED
     offsets = case.offset + case.placement * rng.standard_normal(case.trials)
     interface = "direct" if case.setting == PLAIN else case.interface
     setup = reality.Setup(
@@ -213,7 +217,7 @@ def sidecar(made: Made, name: str, k: int) -> dict[str, Any]:
         "robot": {GRIPPER: "tiago_mj/GripperTactile-v0", ARM: ARM_ENVIRONMENT, PLAIN: robots.PLAIN_FILE}[case.setting],
         "rate_hz": RATE,
         "interface": "position" if case.setting == PLAIN else case.interface,
-        "initial": {"set_point": initial},
+        "initial": {"position": initial, "set_point": initial},
         "source": {"tool": "benchmarks/blind", "version": VERSION},
     }
     if case.setting != PLAIN:

@@ -188,7 +188,11 @@ KINDS: Final[Mapping[str, Kind]] = {
     "thermal_fade": Kind(
         unknown.ThermalFade,
         "joint",
-        _r(*({"heating": (LOG, lo, hi), "time_constant": (FLAT, 1.5, 5.0)} for lo, hi in ((1, 12), (4, 60), (4, 60)))),
+        _r(
+            {"heating": (LOG, 1.0, 12.0), "time_constant": (FLAT, 1.5, 5.0)},
+            None,
+            {"heating": (LOG, 10.0, 300.0), "time_constant": (FLAT, 1.5, 5.0)},
+        ),
         known=False,
     ),
     "cable_tug": Kind(

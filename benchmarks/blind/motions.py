@@ -34,9 +34,7 @@ class Conductor:
         period: of control [s].
     """
 
-    def __init__(
-        self, programs: list[Program], robot: Robot, interface: str, start: Array, period: float
-    ) -> None:
+    def __init__(self, programs: list[Program], robot: Robot, interface: str, start: Array, period: float) -> None:
         self._programs, self._interface, self._period = programs, interface, period
         self._low, self._high, self._speed = robot.low, robot.high, robot.speed
         self._target = start.copy()

@@ -7,6 +7,7 @@ what loads the joint, the bodies (MuJoCo), the sensors. An effect is a hook some
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -75,14 +76,22 @@ def simulate(robot: Robot, effects: Sequence[Effect], setup: Setup, plan: Planne
         setup: see there.
         plan: what to command, or the recorded commands (ntrials, T, n).
     """
-    ntrials, n = setup.start.shape
     for effect in effects:
         effect.build(robot)
+    return run_built(robot, effects, setup, plan)
+
+
+def run_built(robot: Robot, effects: Sequence[Effect], setup: Setup, plan: Planner | Array) -> Recorded:
+    """As :func:`simulate`, of a robot that the effects have already changed."""
+    ntrials, n = setup.start.shape
     period = 1 / setup.rate
     substeps = int(np.ceil(period / (STIFF_STEP if any(e.stiff for e in effects) else robot.step) - 1e-9))
     h = period / substeps
-    robot.model.opt.timestep = h
+    for model in {id(m): m for m in (robot.model, *robot.models)}.values():
+        model.opt.timestep = h
     batch = mujoco.batch.Batch(robot.model, ntrials, 1)
+    if robot.models:
+        batch.set_models(robot.models)
     _place(batch, robot, setup)
     world = World(
         robot=robot,
@@ -118,7 +127,7 @@ class _Loop:
         self.noise = np.random.default_rng([setup.noise_seed, 0])
         self.latency = np.max([e.latency(world) for e in effects], axis=0) if effects else np.zeros(world.q.shape[1])
         self.late = max((e.late for e in effects), default=0.0)
-        self.noise_factor = np.prod([e.noise_factor(world) for e in effects], axis=0) if effects else 1.0
+        self.noise_factor = math.prod((e.noise_factor(world) for e in effects), start=1.0)
         self.transmission = next((e for e in effects if e.two_mass), None)
         self.sent: list[tuple[float, Array]] = []
         self.command = world.idle.copy()
@@ -276,7 +285,7 @@ def _place(batch: mujoco.batch.Batch, robot: Robot, setup: Setup) -> None:
     if robot.item is not None:
         address = int(robot.model.joint(names.OBJECT_JOINT).qposadr[0])
         qpos[:, address : address + 2] = robot.middle + setup.offsets[:, None] * robot.along
-        qpos[:, address + 2] = scene.TABLE_TOP + robot.item.half_extents()[2]
+        qpos[:, address + 2] = scene.TABLE_TOP + robot.item.half_extents()[2]  # every object is as high
         qpos[:, address + 3 : address + 7] = robot.turned
     batch.bind("qvel")[:] = 0
     batch.forward()

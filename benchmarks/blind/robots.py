@@ -7,7 +7,7 @@ another time step, with another integrator, and act through plain motors.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -23,6 +23,8 @@ Array = NDArray[np.float64]
 #: Physics step [s]; effects that are stiff (bristles, gear teeth) take half of it.
 STEP: Final = 1e-3
 STIFF_STEP: Final = 5e-4
+#: The wrists are light and firmly damped.
+ARM_STEP: Final = 5e-4
 #: Impedance of the pads' contacts: not the nominal 0.5, so that the artefact of MuJoCo's contacts (a virtual mass)
 #: differs too.
 IMPEDANCE: Final = 0.35
@@ -57,6 +59,7 @@ class Robot:
         item: the object as it really is; None without.
         middle, along: place between the fingers and grasp axis on the table, (2,).
         truth: extra facts for the label.
+        models: with several robots in one simulation, each trial's; arrays over joints are then (ntrials, n).
     """
 
     model: mujoco.MjModel
@@ -79,6 +82,7 @@ class Robot:
     turned: Array
     step: float = STEP
     truth: dict[str, Any] = field(default_factory=dict)
+    models: list[mujoco.MjModel] = field(default_factory=list)
 
     @property
     def qpos(self) -> NDArray[np.intp]:
@@ -166,6 +170,7 @@ def _tiago(setting: str, jitter: Jitter, other_source: bool) -> Robot:
         model.pair_friction[:, :2] = item.friction
     made = _assemble(model, joints, stiffness, damping, limit, speed, keyed, jitter)
     made.item, made.truth = thing, truth
+    made.step = STEP if thing is not None else ARM_STEP
     fingers = np.isin(joints, names.FINGERS)
     made.noise = np.where(fingers, np.array(FINGER_NOISE)[:, None], np.array(ARM_NOISE)[:, None])
     made.noise = np.where(np.isin(joints, names.TORSO), np.array(TORSO_NOISE)[:, None], made.noise)
@@ -327,3 +332,21 @@ def _plain(path: Path, jitter: Jitter) -> Robot:
     )
     made.noise = np.array(PLAIN_NOISE)[:, None]
     return made
+
+
+# Several robots at once ----------------------------------------------------------------------------------------------
+
+
+def stack(several: list[Robot], each: int) -> Robot:
+    """One simulation of several robots of a kind: each for so many trials, one robot after the other."""
+    first = several[0]
+
+    def rows(name: str) -> Array:
+        return np.repeat(np.array([getattr(robot, name) for robot in several]), each, axis=0)
+
+    arrays = ("stiffness", "damping", "limit", "speed", "low", "high", "units", "inertia", "middle")
+    return replace(
+        first,
+        models=[robot.model for robot in several for _ in range(each)],
+        **{name: rows(name) for name in arrays},
+    )

@@ -9,9 +9,10 @@ from __future__ import annotations
 import numpy as np
 
 from benchmarks.blind.effects.base import Array, Effect, World
+from benchmarks.blind.robots import Robot
 
-#: Mass of the rotor over the joint's effective inertia.
-ROTOR = 0.3
+#: Mass of the rotor over the joint's effective inertia. As much is taken off the joint's own armature where it has any.
+ROTOR = 0.05
 
 
 class TwoMass(Effect):
@@ -20,10 +21,22 @@ class TwoMass(Effect):
     two_mass = True
     stiff = True
 
+    def build(self, robot: Robot) -> None:
+        """Part of the joint's damping sits on the motor: as much as keeps it from ringing within the play."""
+        wanted = np.maximum(0.6 * np.sqrt(robot.stiffness * ROTOR * robot.inertia) - robot.damping, 0.0)
+        self._drag = np.zeros(len(robot.joints))
+        model = robot.model
+        for column in self.targets:
+            dof = model.joint(robot.joints[column]).dofadr[0]
+            self._drag[column] = min(wanted[column], 0.5 * model.dof_damping[dof])
+            model.dof_damping[dof] -= self._drag[column]
+            model.dof_armature[dof] = max(model.dof_armature[dof] - ROTOR * robot.inertia[column], 0.0)
+
     def start(self, world: World) -> None:
         inertia = world.robot.inertia
         self._mass = ROTOR * inertia
         self._k, self._c, self._gap = self.connection(world)
+        self._soft = 0.02 * np.maximum(world.robot.limit, 1e-9) / self._k
         self._q = world.q.copy()
         self._v = np.zeros_like(world.q)
 
@@ -41,13 +54,12 @@ class TwoMass(Effect):
         stretch = self._q - world.q
         half = self._gap / 2
         beyond = np.sign(stretch) * np.maximum(np.abs(stretch) - half, 0.0)
-        engaged = beyond != 0.0
-        kk, cc = np.where(engaged, k, 0.0), np.where(engaged, c, 0.0)
-        drag = 0.5 * np.sqrt(world.stiffness * self._mass)
+        kk = np.where(beyond != 0.0, k, 0.0)
+        cc = c * np.minimum(np.abs(beyond) / self._soft, 1.0)  # grows with the depth, so that the force has no jumps
+        drag = self._drag
         momentum = self._mass * self._v + h * (force - kk * beyond + cc * world.v)
         self._v = momentum / (self._mass + h * (cc + drag) + h * h * kk)
         passed = kk * (beyond + h * self._v) + cc * (self._v - world.v)
-        passed = np.where(np.sign(passed) == np.sign(beyond), passed, 0.0)  # teeth push, they do not pull
         self._q = self._q + h * self._v
         out = force.copy()
         out[:, self.targets] = passed[:, self.targets]
@@ -55,7 +67,18 @@ class TwoMass(Effect):
 
 
 class Backlash(TwoMass):
-    """Play between the teeth; they meet as a stiff, damped contact."""
+    """Play between the teeth; they meet as a stiff, damped contact.
+
+    The servo's gain makes up for the teeth's own give, so that a play of nothing is no effect.
+    """
+
+    def start(self, world: World) -> None:
+        super().start(world)
+        world.stiffness = world.stiffness.copy()
+        kp = world.stiffness[..., self.targets]
+        world.stiffness[..., self.targets] = 1 / (
+            1 / kp - 1 / np.broadcast_to(self._k, world.stiffness.shape)[..., self.targets]
+        )
 
     def connection(self, world: World) -> tuple[Array, Array, Array]:
         inertia = world.robot.inertia
@@ -74,7 +97,7 @@ class JointElasticity(TwoMass):
     def through(self, force: Array, world: World) -> Array:
         h, k, c = world.h, self._k, self._c
         stretch = self._q - world.q
-        drag = 0.1 * np.sqrt(world.stiffness * self._mass)
+        drag = self._drag
         momentum = self._mass * self._v + h * (force - k * stretch + c * world.v)
         self._v = momentum / (self._mass + h * (c + drag) + h * h * k)
         passed = k * (stretch + h * self._v) + c * (self._v - world.v)

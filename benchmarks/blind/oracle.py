@@ -1,0 +1,165 @@
+"""What could be known: how much an effect shows at all, and how much of the gap knowing it would close.
+
+Decided by the generator's own simulations of the recorded commands, on the test trials, never by the diagnosis:
+
+* **gap**: reality with the effect against the same reality without it, mean squared difference over the noise's
+  variance, channel by channel.
+* **distance**: the same difference e as a whole, over what the user's uncertainty of the nominal numbers can imitate.
+  With D the changes that M draws of the nominal numbers make (in units of the noise), the covariance of what is
+  measured without an effect is I + D Dᵀ / M, and the squared distance is eᵀ (I + D Dᵀ / M)⁻¹ e. With
+  nominal numbers that are known exactly it is the sum of the squared differences.
+* **closable**: what the nominal simulation leaves of the gap when the true effect, and nothing else, is added to it.
+
+An effect is *detectable* where its gap reaches :data:`VISIBLE` in a channel and its distance :data:`DISTANT`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.blind import cases, reality, robots
+from benchmarks.blind.cases import Case, Made
+
+Array = NDArray[np.float64]
+
+#: Draws of the nominal numbers.
+DRAWS: Final = 16
+VISIBLE: Final = 1.0
+DISTANT: Final = 100.0
+
+
+def judge(made: Made, folder: Path | None = None) -> dict[str, Any]:
+    """Detectability and closable gap of a case, for its label."""
+    case = made.case
+    sigma = _sigma(made)
+    test = [k for k in cases.TEST if k < case.trials] or [case.trials - 1]
+    skew = float(np.prod([1 + e.parameters["rate"] for e in case.effects if e.name == "clock_skew"]))
+    others = [_drawn(case, folder, number) for number in range(DRAWS)]
+    robots_without = [cases.real_robot(case, folder), _nominal(case, folder), *others]
+    without = _run(robots_without, [], made, test, rate=cases.RATE / skew)
+    measured = _stacked(made.recorded, test)
+    before = float(np.mean(((measured - without[1]) / sigma) ** 2))
+    out: dict[str, Any] = {"nominal_gap": before}
+    if not case.effects:
+        return {**out, "gap": {}, "distance": 0.0, "detectable": False, "closable": None, "each": []}
+    imitations = ((without[2:] - without[1]) / sigma).reshape(DRAWS, -1)
+    with_it = _with(case, cases.effects_of(case), made, test, folder)
+    noisy = [_noise(effect, made) for effect in cases.effects_of(case)]
+    per, distance = _shows((with_it[0] - without[0]) / sigma, sum(noisy), imitations)
+    each = []
+    if len(case.effects) > 1:
+        for k in range(len(case.effects)):
+            kept = replace(case, effects=tuple(e for n, e in enumerate(case.effects) if n != k))
+            rest = _with(kept, [e for n, e in enumerate(cases.effects_of(case)) if n != k], made, test, folder)
+            each.append(_shows((with_it[0] - rest[0]) / sigma, noisy[k], imitations))
+    else:
+        each.append((per, distance))
+    after = float(np.mean(((measured - with_it[1]) / sigma) ** 2))
+    return {
+        **out,
+        "gap": dict(zip(channels(made), (float(x) for x in per), strict=True)),
+        "distance": distance,
+        "each": [{"gap": float(gap.max()), "distance": away, "detectable": _seen(gap, away)} for gap, away in each],
+        "detectable": all(_seen(gap, away) for gap, away in each),
+        "after_true_effect": after,
+        "after_truth": float(np.mean(((measured - with_it[0]) / sigma) ** 2)),
+        "closable": _closed(before, after),
+    }
+
+
+def _seen(gap: Array, distance: float) -> bool:
+    return bool(gap.max() >= VISIBLE and distance >= DISTANT)
+
+
+def _shows(e: Array, noisy: Any, imitations: Array) -> tuple[Array, float]:
+    """Gap by channel and squared distance of a difference (test trials, T, channels); ``noisy``: variance on top."""
+    per = (e**2).mean(axis=(0, 1)) + noisy
+    flat = e.ravel()
+    overlap = imitations @ flat
+    within = DRAWS * np.eye(DRAWS) + imitations @ imitations.T
+    distance = float(flat @ flat - overlap @ np.linalg.solve(within, overlap))
+    return per, distance + float((np.asarray(noisy) ** 2).sum()) / 4 * e.shape[0] * e.shape[1]
+
+
+def _noise(effect: Any, made: Made) -> Array:
+    """Variance that an effect adds to the noise, in units of the noise's, by channel."""
+    out = np.zeros(2 * len(made.robot.joints) + made.robot.units.shape[-1])
+    if made.robot.pads is not None:
+        out[-2:] = np.broadcast_to(np.asarray(effect.noise_factor(_Columns(made)), dtype=float), 2) ** 2 - 1
+    return out
+
+
+def _nominal(case: Case, folder: Path | None) -> robots.Robot:
+    return robots.robot_of(case.setting, robots.Jitter(np.random.default_rng(0), 0.0), folder=folder)
+
+
+def _with(case: Case, effects: list[Any], made: Made, test: list[int], folder: Path | None) -> Array:
+    """The real and the nominal robot with effects."""
+    changed = [cases.real_robot(case, folder), _nominal(case, folder)]
+    for robot in changed:
+        for effect in effects:
+            effect.build(robot)
+    return _run(changed, effects, made, test)
+
+
+def channels(made: Made) -> list[str]:
+    """Names, in the order of the arrays here."""
+    joints = made.robot.joints
+    forces = ["force.right", "force.left"] if made.robot.pads is not None else []
+    return [*(f"position.{j}" for j in joints), *(f"velocity.{j}" for j in joints), *forces]
+
+
+def _closed(before: float, after: float) -> float | None:
+    return None if before <= 1.1 else 1 - (max(after, 1.0) - 1) / (before - 1)
+
+
+class _Columns:
+    """As much of a world as a noise factor needs."""
+
+    def __init__(self, made: Made) -> None:
+        self.q = made.recorded.position[:, 0]
+
+
+def _drawn(case: Case, folder: Path | None, number: int) -> robots.Robot:
+    jitter = robots.Jitter(np.random.default_rng([case.seed, 5, number]), case.spread)
+    return robots.robot_of(case.setting, jitter, folder=folder)
+
+
+def _sigma(made: Made) -> Array:
+    parts = [made.robot.noise[0], made.robot.noise[1]]
+    if made.robot.pads is not None:
+        parts.append(np.full(2, robots.FORCE_NOISE))
+    return np.concatenate(parts)
+
+
+def _stacked(recorded: reality.Recorded, trials: list[int] | slice) -> Array:
+    """Channels side by side, (ntrials, T, channels)."""
+    return np.concatenate([recorded.position[trials], recorded.velocity[trials], recorded.force[trials]], axis=2)
+
+
+def _run(
+    several: list[robots.Robot],
+    effects: list[Any],
+    made: Made,
+    test: list[int],
+    *,
+    rate: float = cases.RATE,
+) -> Array:
+    """Silent simulations of the recorded commands, (robots, test trials, T, channels).
+
+    From the second robot on, objects stand where the user says that they do. ``rate`` is that of the commands by the
+    recorder's clock.
+    """
+    n, count = len(several), len(test)
+    offsets = np.tile(made.setup.offsets[test], n)
+    offsets[count:] = made.case.offset
+    setup = replace(made.setup, rate=rate, offsets=offsets, start=np.tile(made.setup.start[test], (n, 1)), silent=True)
+    plan = np.tile(made.recorded.commands[test], (n, 1, 1))
+    recorded = reality.run_built(robots.stack(several, count), effects, setup, plan)
+    whole = _stacked(recorded, slice(None))
+    return whole.reshape(n, count, *whole.shape[1:])
