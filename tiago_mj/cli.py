@@ -29,6 +29,7 @@ COMMANDS: Final[Mapping[str, tuple[str, str]]] = MappingProxyType(
         ),
         "record": ("tiago_mj.gap.record.command", "log an environment or any MJCF as a real robot would be"),
         "import": ("tiago_mj.gap.imports.command", "turn public recordings and ROS bags into recordings"),
+        "blind": ("tiago_mj.blind", "check the diagnosis on data whose effect is withheld from it"),
     }
 )
 

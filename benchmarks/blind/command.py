@@ -1,0 +1,78 @@
+"""The whole check, as ``tiago-mj blind`` runs it."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import shlex
+from typing import Any
+
+from benchmarks.blind import plan, run, score
+from benchmarks.blind.cases import Case
+from benchmarks.blind.page import WORDS, number, page
+from benchmarks.blind.store import Store
+from tiago_mj import atomic
+
+
+def blind(arguments: argparse.Namespace, say: Any = print) -> int:
+    """Generate, seal, diagnose, unseal, score; goes on where it stopped.
+
+    Args:
+        arguments: of ``tiago-mj blind``.
+        say: told what is done.
+
+    Raises:
+        ValueError: an option is unusable, or the folder holds another run.
+    """
+    if arguments.cases < 1:
+        raise ValueError(f"--cases is {arguments.cases}: give 1 or more")
+    only, settings = _listed(arguments.kinds, plan.SHARES), _listed(arguments.settings, plan.SETTINGS)
+    store = Store(arguments.out.resolve())
+    store.begin(run.facts(arguments.cases, arguments.seed, only, settings))
+    planned = plan.plan(arguments.cases, arguments.seed, only=only, settings=settings)
+    run.generate(planned, store, workers=max(arguments.workers, 1), say=say)
+    digest = store.seal(len(planned))
+    say(f"labels sealed: SHA-256 {digest}")
+    if arguments.generate_only:
+        return 0
+    extra = tuple(shlex.split(arguments.diagnose_with or ""))
+    diagnoser = run.Diagnoser(jobs=max(arguments.jobs, 0), budget=arguments.time_budget, extra=extra)
+    run.diagnose(planned, store, diagnoser, say=say)
+    labels = store.unseal(len(planned))
+    write_scores(store, planned, labels, digest, command(arguments), say)
+    return 0
+
+
+def write_scores(
+    store: Store, planned: list[Case], labels: dict[str, Any], digest: str, words: str, say: Any = print
+) -> dict[str, Any]:
+    """Score and write ``scores.json`` and ``index.html``."""
+    judged = [score.Judged(labels[f"{k:03d}"], store.answer(k)) for k in range(len(planned))]
+    scores = score.score(judged)
+    scores["by_class"] = score.by_class(judged)
+    scores["command"], scores["seal"] = words, digest
+    atomic.write_text(store.root / "scores.json", json.dumps(scores, indent=1, allow_nan=False) + "\n")
+    atomic.write_text(store.root / "index.html", page(judged, scores, digest, words))
+    for name, meaning in WORDS.items():
+        entry = scores[name]
+        if entry["n"]:
+            say(f"{number(name, entry['value']):>8}  {meaning} (n = {entry['n']})")
+    say(f"Written: {store.root / 'index.html'}")
+    return scores
+
+
+def command(arguments: argparse.Namespace) -> str:
+    """The command line that makes the same run elsewhere."""
+    words = ["tiago-mj", "blind", "--cases", str(arguments.cases), "--seed", str(arguments.seed)]
+    for name in ("kinds", "settings"):
+        if getattr(arguments, name):
+            words += [f"--{name}", getattr(arguments, name)]
+    return shlex.join([*words, "--out", "DIR"])
+
+
+def _listed(given: str | None, known: Any) -> tuple[str, ...]:
+    names = tuple(name.strip() for name in (given or "").split(",") if name.strip())
+    unknown = [name for name in names if name not in known]
+    if unknown:
+        raise ValueError(f"{unknown[0]!r} is unknown: use some of {', '.join(known)}")
+    return names

@@ -1,0 +1,110 @@
+"""Which cases a run has: the same for the same number and seed, and the first n of a longer run are those of a shorter.
+
+Kinds come in a fixed order of a hundred, so that every run holds the mix; effects of a kind go through the whole
+dictionary before one comes again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+
+from benchmarks.blind import cases
+from benchmarks.blind.cases import Case, EffectChoice
+from benchmarks.blind.dictionary import ARM, GRIPPER, KINDS, KNOWN, PLAIN, UNKNOWN, available
+
+#: Of a hundred cases. 420 cases hold the 120, 150, 60 and 60 that the check asks for, and 40 with an effect left out.
+SHARES: Final = {"none": 28, "one": 36, "two": 14, "outside": 14, "left_out": 8}
+#: How often a setting comes, of ten.
+SETTINGS: Final = {GRIPPER: 7, ARM: 1, PLAIN: 2}
+#: Offset of the object that the user says, where it is not centred [m].
+OFFSET: Final = 0.005
+#: Share of cases whose nominal masses are another publication's.
+OTHER_SOURCE: Final = 0.2
+#: Two effects that undo or hide each other by construction are no pair: only different stages or classes are drawn.
+ALIKE: Final = (
+    {"force_gain", "torque_constant", "servo_stiffness", "joint_elasticity", "force_nonlinearity"},
+    {"command_delay", "clock_offset", "command_lag", "force_delay", "force_lag", "velocity_filter"},
+    {"coulomb_friction", "stribeck_friction", "load_dependent_friction", "asymmetric_friction", "backlash"},
+    {"viscous_friction", "servo_damping"},
+    {"rate_limit", "velocity_limit"},
+    {"object_size", "object_offset", "encoder_bias"},
+)
+
+
+def kinds(count: int, seed: int, only: Sequence[str] = ()) -> list[str]:
+    """Kind of every case."""
+    wanted = [kind for kind in SHARES if not only or kind in only]
+    out: list[str] = []
+    given = dict.fromkeys(wanted, 0)
+    for _ in range(count):  # the kind that is furthest behind its share comes next
+        kind = min(wanted, key=lambda k: (given[k] + 1) / SHARES[k])
+        given[kind] += 1
+        out.append(kind)
+    return out
+
+
+def plan(count: int, seed: int, *, only: Sequence[str] = (), settings: Sequence[str] = ()) -> list[Case]:
+    """The cases of a run.
+
+    Args:
+        count: how many.
+        seed: another gives other cases throughout.
+        only: kinds to draw, of :data:`SHARES`; all by default.
+        settings: to draw from; all by default.
+    """
+    turn = dict.fromkeys(SHARES, 0)
+    out = []
+    for number, kind in enumerate(kinds(count, seed, only)):
+        out.append(_case(number, kind, turn[kind], seed, settings))
+        turn[kind] += 1
+    return out
+
+
+def _case(number: int, kind: str, turn: int, seed: int, settings: Sequence[str]) -> Case:
+    rng = np.random.default_rng([seed, number, 11])
+    shares = {name: share for name, share in SETTINGS.items() if not settings or name in settings}
+    setting = str(rng.choice(list(shares), p=np.array(list(shares.values())) / sum(shares.values())))
+    names: tuple[str, ...] = ()
+    if kind in ("one", "left_out", "outside"):
+        deck = UNKNOWN if kind == "outside" else KNOWN
+        name = _dealt(deck, turn, [seed, {"one": 21, "left_out": 22, "outside": 23}[kind]])
+        if setting not in KINDS[name].ranges:
+            possible = [s for s in shares if s in KINDS[name].ranges]
+            if possible:
+                setting = str(rng.choice(possible))
+            else:  # the chosen settings do not know this effect: another one
+                name = str(rng.choice([n for n in deck if setting in KINDS[n].ranges]))
+        names = (name,)
+    elif kind == "two":
+        names = _pair(setting, rng)
+    choices: tuple[EffectChoice, ...] = tuple(cases.choose(setting, name, rng) for name in names)
+    gripper = setting == GRIPPER
+    position = setting == PLAIN or rng.random() < 0.4
+    offset = float(rng.choice([-OFFSET, OFFSET])) if gripper and rng.random() < 0.5 else 0.0
+    return Case(
+        seed=int(rng.integers(2**31)),
+        setting=setting,
+        interface="position" if position else "velocity",
+        offset=offset,
+        effects=choices,
+        spread=float(np.round(rng.uniform(0.03, 0.05), 4)),
+        other_source=bool(setting != PLAIN and rng.random() < OTHER_SOURCE),
+        without=names if kind == "left_out" else (),
+    )
+
+
+def _dealt(deck: Sequence[str], turn: int, seed: list[int]) -> str:
+    """One of the deck; each comes once before any comes again."""
+    whole, at = divmod(turn, len(deck))
+    return str(np.random.default_rng([*seed, whole]).permutation(deck)[at])
+
+
+def _pair(setting: str, rng: np.random.Generator) -> tuple[str, str]:
+    names = available(setting)
+    while True:
+        first, second = (str(name) for name in rng.choice(names, 2, replace=False))
+        if not any(first in group and second in group for group in ALIKE):
+            return first, second

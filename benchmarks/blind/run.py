@@ -1,0 +1,129 @@
+"""From a seed to scores: generate, seal, diagnose each case in a process of its own, open the labels, score."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from benchmarks.blind import cases, oracle, robots
+from benchmarks.blind.cases import Case
+from benchmarks.blind.dictionary import PLAIN
+from benchmarks.blind.store import Store
+from tiago_mj import atomic
+
+
+@dataclass(frozen=True)
+class Diagnoser:
+    """How a case is diagnosed.
+
+    Attributes:
+        jobs: threads of one diagnosis; 0: all.
+        budget: seconds for one, or None.
+        extra: further arguments of the command.
+    """
+
+    jobs: int = 0
+    budget: float | None = None
+    extra: tuple[str, ...] = ()
+
+    def command(self, case: Case, recordings: Path, out: Path) -> list[str]:
+        """The command line: recordings, and what a user would say of them."""
+        words = [sys.executable, "-m", "tiago_mj.cli", "diagnose", str(recordings), "--out", str(out)]
+        words += ["--seed", "0", "--jobs", str(self.jobs)]
+        if case.setting == PLAIN:
+            words += ["--model", str(recordings / robots.PLAIN_FILE)]
+        if case.without:
+            words += ["--without", ",".join(case.without)]
+        if self.budget is not None:
+            words += ["--time-budget", f"{self.budget:g}"]
+        return [*words, *self.extra]
+
+
+def make(case: Case, number: int, root: Path) -> float:
+    """Record a case and seal its label.
+
+    Returns:
+        Seconds that it took.
+    """
+    begun = time.monotonic()
+    store = Store(root)
+    folder = store.recordings(number)
+    if folder.exists():
+        shutil.rmtree(folder)  # left by a run that was cut off
+    folder.mkdir(parents=True)
+    if case.setting == PLAIN:
+        atomic.write_text(folder / robots.PLAIN_FILE, robots.PLAIN)
+    made = cases.simulate(case, folder)
+    cases.write(made, folder)
+    store.keep_label(number, {**cases.label(made), "oracle": oracle.judge(made, folder)})
+    return time.monotonic() - begun
+
+
+def generate(
+    planned: Sequence[Case], store: Store, *, workers: int, say: Callable[[str], None], limit: int | None = None
+) -> None:
+    """Record what is not recorded yet."""
+    todo = [k for k in range(len(planned)) if not store.label_file(k).exists()][:limit]
+    if not todo:
+        return
+    say(f"recording {len(todo)} cases")
+    if workers <= 1:
+        for k in todo:
+            make(planned[k], k, store.root)
+        return
+    with ProcessPoolExecutor(workers) as pool:
+        list(pool.map(make, [planned[k] for k in todo], todo, [store.root] * len(todo)))
+
+
+def diagnose(
+    planned: Sequence[Case],
+    store: Store,
+    diagnoser: Diagnoser,
+    *,
+    say: Callable[[str], None],
+    call: Callable[[list[str]], tuple[int, str]] | None = None,
+) -> None:
+    """Diagnose what is not diagnosed yet, one process a case; refuses before the labels are sealed.
+
+    Args:
+        planned, store, diagnoser: of the run.
+        say: told what is done.
+        call: runs a command and gives its exit status and what it said on standard error.
+
+    Raises:
+        ValueError: the seal is missing or broken.
+    """
+    store.seal(len(planned))
+    for k, case in enumerate(planned):
+        if store.answered(k):
+            continue
+        begun = time.monotonic()
+        partial = store.case(k) / ".diagnosis"
+        shutil.rmtree(partial, ignore_errors=True)
+        status, words = (call or _call)(diagnoser.command(case, store.recordings(k), partial))
+        if status == 0 and (partial / "diagnosis.json").exists():
+            partial.replace(store.diagnosis(k))
+            outcome = str((store.answer(k) or {}).get("verdict", {}).get("kind"))
+        else:
+            shutil.rmtree(partial, ignore_errors=True)
+            last = words.strip().splitlines()[-1] if words.strip() else ""
+            atomic.write_text(store.failure(k), f"exit status {status}\n{words}")
+            outcome = f"failed with exit status {status}: {last}"
+        say(f"case {k:03d} of {len(planned)}: {outcome}, {time.monotonic() - begun:.0f} s")
+
+
+def _call(command: list[str]) -> tuple[int, str]:
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    return done.returncode, done.stderr
+
+
+def facts(count: int, seed: int, only: Sequence[str], settings: Sequence[str]) -> dict[str, Any]:
+    """What decides a run's recordings."""
+    return {"cases": count, "seed": seed, "kinds": list(only), "settings": list(settings), "version": cases.VERSION}

@@ -1,0 +1,120 @@
+"""Where a run lies, and how its labels stay sealed until every case is diagnosed.
+
+    DIR/cases/NNN/recordings/    what the diagnosis is given, and nothing else
+    DIR/cases/NNN/diagnosis/     what it wrote
+    DIR/.sealed/NNN.json         the label of one case, apart from the cases
+    DIR/seal.txt                 SHA-256 of all labels, written and printed before the first diagnosis
+    DIR/labels.json              the labels, once everything is diagnosed
+    DIR/scores.json, DIR/index.html
+
+A part that is there is not made again, so a run goes on where it stopped.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from tiago_mj import atomic
+
+
+@dataclass(frozen=True)
+class Store:
+    """A run's folder."""
+
+    root: Path
+
+    def case(self, number: int) -> Path:
+        """Folder of a case."""
+        return self.root / "cases" / f"{number:03d}"
+
+    def recordings(self, number: int) -> Path:
+        """What the diagnosis is given."""
+        return self.case(number) / "recordings"
+
+    def diagnosis(self, number: int) -> Path:
+        """What the diagnosis writes."""
+        return self.case(number) / "diagnosis"
+
+    def label_file(self, number: int) -> Path:
+        """The sealed label of a case; it is there once its recordings are complete."""
+        return self.root / ".sealed" / f"{number:03d}.json"
+
+    def keep_label(self, number: int, label: dict[str, Any]) -> None:
+        """Put a label under seal."""
+        atomic.write_text(self.label_file(number), json.dumps(label, indent=1, sort_keys=True) + "\n")
+
+    def labels_text(self, count: int) -> str:
+        """All labels as ``labels.json`` will hold them."""
+        labels = {f"{k:03d}": json.loads(self.label_file(k).read_text()) for k in range(count)}
+        return json.dumps(labels, indent=1, sort_keys=True) + "\n"
+
+    def begin(self, run: dict[str, Any]) -> None:
+        """Note what is run.
+
+        Raises:
+            ValueError: another run lies here.
+        """
+        path = self.root / ".sealed" / "run.json"
+        if path.exists():
+            there = json.loads(path.read_text())
+            if there != run:
+                differ = ", ".join(f"{k} {there.get(k)!r}" for k in run if there.get(k) != run[k])
+                raise ValueError(
+                    f"{self.root.name} holds another run ({differ}): give another --out or the same options"
+                )
+            return
+        atomic.write_text(path, json.dumps(run, indent=1) + "\n")
+
+    def seal(self, count: int) -> str:
+        """Seal the labels; later calls check that they are as they were.
+
+        Returns:
+            SHA-256 of the text that ``labels.json`` will hold.
+
+        Raises:
+            ValueError: the labels are not those that were sealed.
+        """
+        digest = hashlib.sha256(self.labels_text(count).encode()).hexdigest()
+        path = self.root / "seal.txt"
+        if path.exists():
+            sealed = path.read_text().split()[0]
+            if sealed != digest:
+                raise ValueError(
+                    f"the labels are not those that {path.name} sealed ({sealed[:12]}…): start a new folder"
+                )
+        else:
+            atomic.write_text(path, f"{digest}  labels.json\n")
+        return digest
+
+    def unseal(self, count: int) -> dict[str, Any]:
+        """Open the labels, when every case has its answer.
+
+        Raises:
+            ValueError: the seal is missing or broken, or a case has no answer yet.
+        """
+        if not (self.root / "seal.txt").exists():
+            raise ValueError("there is no seal: the labels must be sealed before they are opened")
+        self.seal(count)
+        missing = [k for k in range(count) if not self.answered(k)]
+        if missing:
+            raise ValueError(f"case {missing[0]:03d} is not diagnosed yet: the labels stay sealed")
+        text = self.labels_text(count)
+        atomic.write_text(self.root / "labels.json", text)
+        return dict(json.loads(text))
+
+    def answered(self, number: int) -> bool:
+        """Whether a case has an answer, be it that the diagnosis failed."""
+        return (self.diagnosis(number) / "diagnosis.json").exists() or self.failure(number).exists()
+
+    def failure(self, number: int) -> Path:
+        """What a failed diagnosis said."""
+        return self.case(number) / "failed.txt"
+
+    def answer(self, number: int) -> dict[str, Any] | None:
+        """The diagnosis of a case; None where it failed."""
+        path = self.diagnosis(number) / "diagnosis.json"
+        return dict(json.loads(path.read_text())) if path.exists() else None

@@ -1,0 +1,50 @@
+"""``tiago-mj blind``: check the diagnosis on data whose effect is withheld from it.
+
+The check itself lives outside the package, in a checkout's ``benchmarks/blind``: it shares no code with the diagnosis.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import sys
+from pathlib import Path
+from typing import Final
+
+from tiago_mj.gap import extra
+
+#: Folder that a checkout holds this package in.
+CHECKOUT: Final = Path(__file__).resolve().parents[1]
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's arguments."""
+    parser.add_argument("--cases", type=int, required=True, metavar="N", help="how many")
+    parser.add_argument("--seed", type=int, required=True, metavar="N", help="another one gives other cases")
+    parser.add_argument(
+        "--out", type=Path, required=True, metavar="DIR", help="folder of the run; goes on where it stopped"
+    )
+    parser.add_argument("--kinds", metavar="LIST", help="only some of none,one,two,outside,left_out")
+    parser.add_argument("--settings", metavar="LIST", help="only some of gripper,arm,plain")
+    parser.add_argument("--workers", type=int, default=1, metavar="N", help="processes that record cases (1)")
+    parser.add_argument("--jobs", type=int, default=0, metavar="N", help="threads of one diagnosis; 0: all processors")
+    parser.add_argument("--time-budget", type=float, metavar="S", help="seconds for one diagnosis")
+    parser.add_argument("--diagnose-with", metavar="OPTIONS", help="further options of every diagnosis, in one string")
+    parser.add_argument("--generate-only", action="store_true", help="stop when the labels are sealed")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Load the check from the checkout and run it.
+
+    Raises:
+        ValueError: there is no checkout.
+    """
+    if not (CHECKOUT / "benchmarks" / "blind" / "command.py").is_file():
+        raise ValueError(
+            "the blind check is not part of the installed package: clone the repository, run "
+            "'pip install -e .[gap]' in it and repeat the command there"
+        )
+    extra.load("pyarrow", "the blind check")
+    sys.path.insert(0, str(CHECKOUT))
+    status: int = importlib.import_module("benchmarks.blind.command").blind(arguments)
+    return status
