@@ -234,7 +234,7 @@ KINDS: Final[Mapping[str, Kind]] = {
         known=False,
     ),
     "supply_sag": Kind(unknown.SupplySag, "joint", _r({"current": (LOG, 4.0, 16.0)}), known=False),
-    "sticky_pads": Kind(unknown.StickyPads, "sensor", _r({"share": (LOG, 0.05, 0.5)}), known=False),
+    "sticky_pads": Kind(unknown.StickyPads, "sensor", _r({"share": (LOG, 0.15, 1.0)}), known=False),
 }
 
 KNOWN: Final = tuple(name for name, kind in KINDS.items() if kind.known)

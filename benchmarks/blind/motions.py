@@ -142,8 +142,8 @@ def waves(rng: np.random.Generator) -> Program:
     while now[0] < 20:
         frequency, depth = rng.uniform(0.3, 2.0), rng.uniform(0.0005, 0.0022)
         begun, shift = now[0], np.array([0.0, rng.choice([0.0, 0.0, np.pi])])
-        move = np.zeros(2)
-        while now[0] < begun + rng.uniform(1.5, 2.5):
+        move, end = np.zeros(2), begun + rng.uniform(1.5, 2.5)
+        while now[0] < end:
             t, _, _ = yield move
             now[0] = t
             angle = 2 * np.pi * frequency * (t - begun)
@@ -155,17 +155,17 @@ def air(rng: np.random.Generator) -> Program:
     """To and fro without touching, slow and fast, rests between; then close and hold."""
     now = [0.0]
     zero = yield from _tare(now)
-    where = np.full(2, 0.045)
-    while now[0] < rng.uniform(5.0, 6.5):
+    where, end = np.full(2, 0.045), rng.uniform(5.0, 6.5)
+    while now[0] < end:
         wanted = np.where(rng.random(2) < 0.8, rng.uniform(0.028, 0.0445, 2), where)
-        speed = float(np.exp(rng.uniform(np.log(0.003), np.log(0.06))))
+        speed = float(np.exp(rng.uniform(np.log(0.005), np.log(0.06))))
         seconds = min(float(np.abs(wanted - where).max()) / speed, 2.0)
         if seconds < 0.04:
             continue
         move = (wanted - where) / seconds
         yield from _for(seconds, move, now)
         where = wanted
-        if rng.random() < 0.7:
+        if rng.random() < 0.4:
             yield from _for(rng.uniform(0.15, 0.8), np.zeros(2), now)
     yield from _approach(rng.uniform(0.03, 0.06), zero, now)
     yield from _hold(rng.uniform(0.5, 1.5), 9.0, rng.uniform(0.01, 0.025), zero, now)

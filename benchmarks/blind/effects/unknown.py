@@ -84,7 +84,7 @@ class MountResonance(Effect):
         self._x = self._x + world.h * self._v
         shake = self.values["strength"] * self._a
         out = np.zeros_like(world.q)
-        out[:, -2], out[:, -1] = -shake * world.robot.inertia[-2], shake * world.robot.inertia[-1]
+        out[:, -2], out[:, -1] = -shake * world.robot.inertia[..., -2], shake * world.robot.inertia[..., -1]
         return out
 
     def forces_read(self, x: Array, world: World) -> Array:

@@ -1,0 +1,162 @@
+"""Effects of the blind check's reality, by what they do to a robot; not by their parameters."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from benchmarks.blind import cases, motions, reality
+from benchmarks.blind.cases import Case, EffectChoice
+from benchmarks.blind.dictionary import KINDS, KNOWN, UNKNOWN, available, draw
+
+#: Effects whose parameters vanish at these values; at them reality is as without.
+HARMLESS = {
+    "command_lag": {"time_constant": 1e-6},
+    "force_limit": {"limit": 100.0},
+    "torque_constant": {"factor": 1.0},
+    "motor_cogging": {"amplitude": 0.0, "period": 0.005},
+    "coulomb_friction": {"force": 1e-9},
+    "load_dependent_friction": {"coefficient": 0.0},
+    "backlash": {"width": 0.0},
+    "joint_elasticity": {"stiffness": 3e6},
+    "servo_damping": {"damping": 0.0},
+    "coupling_error": {"ratio": 0.0},
+    "pad_creep": {"fraction": 0.0, "time_constant": 0.3},
+    "force_hysteresis": {"width": 0.0},
+    "force_delay": {"seconds": 0.0},
+    "force_saturation": {"limit": 50.0},
+    "rate_limit": {"velocity": 10.0},
+    "velocity_limit": {"velocity": 10.0},
+    "clock_skew": {"rate": 0.0},
+    "dropped_commands": {"probability": 0.0},
+}
+
+
+def play(commands: np.ndarray, *choices: EffectChoice, seed: int = 1) -> reality.Recorded:
+    """Silent replay of commands (T, 2) by the nominal gripper, velocity control."""
+    case = Case(seed=seed, effects=choices, spread=0.0, placement=0.0, trials=1)
+    robot = cases.real_robot(case, None)
+    setup = reality.Setup("velocity", cases.RATE, len(commands), np.zeros(1), np.full((1, 2), 0.045), 0, silent=True)
+    return reality.simulate(robot, cases.effects_of(case), setup, commands[None])
+
+
+def both(*segments: tuple[float, float]) -> np.ndarray:
+    """Commands of (seconds, speed) for both fingers alike."""
+    return np.concatenate([np.full((round(s * cases.RATE), 2), v) for s, v in segments])
+
+
+#: Close, press 3 mm deep, hold, let go.
+SQUEEZE = both((0.4, 0.0), (1.12, -0.025), (1.2, 0.0), (0.2, 0.01), (0.6, 0.0))
+#: To and fro in the air.
+AIR = both((0.4, 0.0), (0.6, -0.02), (0.4, 0.0), (0.3, 0.02), (0.4, 0.0))
+
+
+@cache
+def squeezed() -> reality.Recorded:
+    """The nominal squeeze."""
+    return play(SQUEEZE)
+
+
+@pytest.mark.parametrize("name", sorted(HARMLESS))
+def test_an_effect_of_nothing_does_nothing(name: str) -> None:
+    plain, changed = squeezed(), play(SQUEEZE, EffectChoice(name, "all", HARMLESS[name]))
+    # The halved step of stiff effects shows where contact begins; a tenth of the sensors' noise otherwise.
+    assert np.median(np.abs(changed.position - plain.position)) < 3e-6
+    assert np.median(np.abs(changed.force - plain.force)) < 3e-3
+    assert np.abs(changed.position - plain.position).max() < 5e-5
+
+
+def test_dry_friction_holds_a_finger_off_its_set_point_for_good() -> None:
+    commands = both((0.4, 0.0), (0.6, -0.02), (6.0, 0.0))
+    q = play(commands, EffectChoice("coulomb_friction", "all", {"force": 2.0})).position[0]
+    # It stops where the servo's force (2000 N/m) equals the friction: 1 mm short, and does not creep on.
+    short = q[-1] - (0.045 - 0.012)
+    assert short == pytest.approx(0.001, rel=0.15)
+    assert np.abs(q[-1] - q[40]).max() < 2e-5
+
+
+def test_a_delay_shifts_the_motion_by_its_seconds_whatever_the_control_period() -> None:
+    seconds = 0.053
+    plain, late = play(AIR), play(AIR, EffectChoice("command_delay", "all", {"seconds": seconds}))
+    t = plain.time[0]
+    shifted = np.interp(t - seconds, t, plain.position[0, :, 0])
+    assert np.abs(late.position[0, :, 0] - shifted).max() < 1e-4  # a linear interpolation of 40 ms rows
+    assert np.abs(late.position[0, :, 0] - plain.position[0, :, 0]).max() > 9e-4
+
+
+def test_play_costs_its_width_at_a_reversal() -> None:
+    width = 0.001
+    plain, loose = play(AIR), play(AIR, EffectChoice("backlash", "all", {"width": width}))
+    lag = loose.position[0] - plain.position[0]
+    going, back = lag[24], lag[40]  # near the end of the way there, and of the way back
+    assert going == pytest.approx(width / 2, rel=0.2)
+    assert back == pytest.approx(-width / 2, rel=0.2)
+
+
+def test_a_spring_in_series_softens_the_grasp() -> None:
+    plain, soft = squeezed(), play(SQUEEZE, EffectChoice("joint_elasticity", "all", {"stiffness": 2000.0}))
+    held = 60
+    # The object (10 kN/m), the servo (2 kN/m) and the spring (2 kN/m) in series: (1/10 + 1/2) / (1/10 + 1/2 + 1/2).
+    assert soft.force[0, held, 0] / plain.force[0, held, 0] == pytest.approx(0.6 / 1.1, rel=0.05)
+
+
+def test_contact_stiffness_sets_the_depth_of_the_grasp() -> None:
+    plain = squeezed()
+    soft = play(SQUEEZE, EffectChoice("contact_stiffness", "all", {"factor": 0.2}))
+    held = 60
+    # Servo 2 kN/m and contact in series, the same travel: forces as (1/2 + 1/10) to (1/2 + 1/2).
+    assert soft.force[0, held, 0] / plain.force[0, held, 0] == pytest.approx(0.6, rel=0.05)
+    assert soft.position[0, held, 0] < plain.position[0, held, 0] - 5e-4
+
+
+def test_cells_lag_by_their_time_constant() -> None:
+    plain, slow = squeezed(), play(SQUEEZE, EffectChoice("force_lag", "all", {"time_constant": 0.08}))
+    x, y = plain.force[0, :, 0], slow.force[0, :, 0]
+    # What a lag of unit gain has withheld when the force is steady is its time constant times the force.
+    assert np.sum((x - y)[:61]) / cases.RATE == pytest.approx(0.08 * x[60], rel=0.05)
+    assert np.abs(x - y).max() > 0.2
+    assert y[60] == pytest.approx(x[60], rel=0.01)
+
+
+def test_loading_and_unloading_differ_by_the_hysteresis() -> None:
+    case = EffectChoice("force_hysteresis", "all", {"width": 0.2})
+    plain, play_ = squeezed(), play(SQUEEZE, case)
+    lost = (plain.force - play_.force)[0, :, 0]
+    assert lost[60] == pytest.approx(0.1, rel=0.1)  # pressed: half the width behind
+    assert lost[-1] == pytest.approx(-0.1, rel=0.15)  # let go a little: half the width above
+
+
+def test_a_cold_motor_fades() -> None:
+    commands = both((0.4, 0.0), (1.3, -0.025), (8.0, 0.0))
+    choice = EffectChoice("thermal_fade", "all", {"heating": 4.0, "time_constant": 2.0})
+    force = play(commands, choice).force[0, :, 0]
+    assert force[55] > 1.0
+    assert force[-1] < 0.9 * force[55]
+    assert force[-1] == pytest.approx(force[-10], rel=0.02)
+
+
+def test_every_effect_makes_finite_recordings_and_most_show() -> None:
+    shown = 0
+    for name in (*KNOWN, *UNKNOWN):
+        if "gripper" not in KINDS[name].ranges:
+            continue
+        rng = np.random.default_rng(2)
+        choice = EffectChoice(name, "all", draw(name, "gripper", rng))
+        plain, changed = squeezed(), play(SQUEEZE, choice)
+        for values in (changed.position, changed.velocity, changed.force, changed.time):
+            assert np.isfinite(values).all(), name
+        difference = np.abs(changed.position - plain.position).max() + np.abs(changed.force - plain.force).max()
+        shown += difference > 1e-4 or not np.array_equal(changed.time, plain.time)
+    # Noise alone is silent here, friction with the pads bears nothing on a table, little else hides.
+    assert shown >= 0.85 * len(available("gripper")) + len(available("gripper", known=False)) - 2
+
+
+def test_sessions_press_reverse_and_rest() -> None:
+    made = cases.simulate(Case(seed=9, spread=0.0))
+    force, velocity = made.recorded.force, made.recorded.velocity
+    assert (force.max(axis=(1, 2)) > 0.3).all(), "every trial touches"
+    assert force.max() > 1.5
+    assert np.mean(np.abs(velocity) < 2e-3) > 0.2, "there is rest to see the noise in"
+    moving = np.where(np.abs(velocity[:, :, 0]) > 3e-3, np.sign(velocity[:, :, 0]), 0)
+    assert sum(int(np.sum(np.diff(row[row != 0]) != 0)) for row in moving) > 20, "there are reversals"
+    assert len({program.__name__ for program in motions.SESSION}) >= 4
