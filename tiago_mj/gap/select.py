@@ -25,7 +25,7 @@ SCREEN_TRIALS: Final = 4
 SINGLES: Final = 10
 SECONDS: Final = 4
 #: Singles beyond those are fitted to all trials, too, where some trials hardly tell them from the best [nats].
-TIED: Final = 3.0
+TIED: Final = 10.0
 #: Explanations that are extended by another effect, extensions that are fitted to some trials, and to all.
 SEEDS: Final = 3
 EXTENSIONS: Final = 5
