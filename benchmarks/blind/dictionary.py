@@ -230,7 +230,7 @@ KINDS: Final[Mapping[str, Kind]] = {
     "mount_resonance": Kind(
         unknown.MountResonance,
         "joint",
-        _r({"strength": (LOG, 0.5, 6.0), "frequency": (FLAT, 2.5, 9.0)}),
+        _r({"strength": (LOG, 0.3, 1.2), "frequency": (FLAT, 5.0, 10.0)}),
         known=False,
     ),
     "supply_sag": Kind(unknown.SupplySag, "joint", _r({"current": (LOG, 4.0, 16.0)}), known=False),
