@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import tiago_mj
-from tiago_mj.gap import floor, hypotheses, locate, phases, replay, select, traces, verdict
+from tiago_mj.gap import floor, hypotheses, locate, phases, replay, select, set_points, traces, verdict
 from tiago_mj.gap.effects import EFFECTS
 from tiago_mj.gap.fit import Fitted
 from tiago_mj.gap.plant import Plant, plant_of
@@ -86,14 +86,18 @@ def diagnose(
     fitted_on = [k for k, t in enumerate(trials) if t.name not in splits["test"]]
     test = [k for k, t in enumerate(trials) if t.name in splits["test"]]
     validation = [k for k, t in enumerate(trials) if t.name in splits["validation"]]
-    predict = Predictor(plant, on, data, threads, seed)
     tick("replaying", len(trials))
     everything = list(range(len(trials)))
-    base = predict.all_trials([()], everything, keep=True)[0]
     nominal = replay.simulate(plant, on, [(k, ()) for k in everything], threads=threads, seed=seed)
+    pool = hypotheses.candidates(plant, names)
+    seen = set_points.told(plant, on, data, nominal)
+    if seen is not None:
+        pool = set_points.magnitudes(plant, on, seen, pool, fitted_on)
+        on, pool = set_points.with_lost(plant, on, seen, pool)
+    predict = Predictor(plant, on, data, threads, seed)
+    base = predict.all_trials([()], everything, keep=True)[0]
     phase = phases.phases(plant, on, nominal)[:, : data.value.shape[1]]
     part = select._part(data, fitted_on)
-    pool = hypotheses.candidates(plant, names)
     ranked = select.select(
         predict,
         part,

@@ -274,11 +274,11 @@ class Fitter:
         evidence = -self._cost(base, at.nuisance) - 0.5 * logdet
         for part in parts:
             evidence += 0.5 * np.log(2 * np.pi) - np.log(part.high - part.low)
-        covariance = np.linalg.inv(curvature)
+        deviations = np.sqrt(np.diag(np.linalg.inv(curvature))[: len(parts)])
         return Fitted(
             parts,
             at.values,
-            np.sqrt(np.diag(covariance)[: len(parts)]),
+            np.array([d if p.spread is None else p.spread for p, d in zip(parts, deviations, strict=True)]),
             at.nuisance,
             float(evidence),
             float(self._misfit(base).max(initial=0.0)),

@@ -74,6 +74,7 @@ class Candidate:
         identity, low, high: of the parameter.
         grid: magnitudes of the first pass.
         unit: of the parameter.
+        spread: one standard deviation of the magnitude where it was read off and no gradient tells; else None.
     """
 
     effect: str
@@ -85,6 +86,7 @@ class Candidate:
     high: float
     grid: tuple[float, ...]
     unit: str
+    spread: float | None = None
 
     def entry(self, value: float) -> Entry:
         """The effect at a magnitude."""

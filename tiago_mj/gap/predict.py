@@ -47,7 +47,11 @@ class Predictor:
             wanted: pairs; effects that draw at random are averaged over draws.
             keep: remember the physics for later calls (of the nominal model, say).
         """
-        draws = [DRAWS if any(e.name in RANDOM and not sensor_only(e) for e in effects) else 1 for _, effects in wanted]
+        drawn = self.on.luck is None
+        draws = [
+            DRAWS if drawn and any(e.name in RANDOM and not sensor_only(e) for e in effects) else 1
+            for _, effects in wanted
+        ]
         keys: dict[tuple[int, Effects, int], None] = {}
         for (trial, effects), count in zip(wanted, draws, strict=True):
             physics = tuple(e for e in effects if not sensor_only(e))

@@ -7,8 +7,9 @@ signals of a run are kept, so that effects of the sensors are applied to them wi
 from __future__ import annotations
 
 import copy
+import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import mujoco
@@ -41,6 +42,7 @@ class Grid:
         rows: number of rows of each, (ntrials,).
         period: length of every row, (ntrials, T - 1) [s].
         uniform: whether all rows have the plant's nominal period.
+        luck: the numbers that decide which commands are lost, (ntrials, T - 1, nactuators); None: drawn.
         commands: held where a row has none, (ntrials, T - 1, nactuators); of a plant whose commands are relative NaN
             where a row has none.
     """
@@ -50,6 +52,7 @@ class Grid:
     period: Array
     uniform: bool
     commands: Array
+    luck: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -118,7 +121,7 @@ def measure(plant: Plant, on: Grid, true: Signals, sims: Sequence[tuple[int, Eff
     """
     host = _Silent(plant.model, len(sims))
     sensing = [[e for e in entries if sensor_only(e)] for _, entries in sims]
-    chain = Chain(host, plant.wiring, sensing, _uniform(sims, seed))  # type: ignore[arg-type]
+    chain = Chain(host, plant.wiring, sensing, _uniform(sims, None, seed))  # type: ignore[arg-type]
     chain.now.dt = np.full(len(sims), plant.period)
     for effect in chain.effects:
         effect.start(chain.now)
@@ -140,6 +143,12 @@ def measure(plant: Plant, on: Grid, true: Signals, sims: Sequence[tuple[int, Eff
         if plant.cell is not None:
             reading[:, k] = chain.reading(true.newtons[:, k], plant.cell.signal, quiet)
     return Signals(position, velocity, true.effort, _averaged(plant, reading), true.newtons)
+
+
+def only_commands(plant: Plant, sims: Sequence[Effects]) -> Chain:
+    """The chain of effects on commands, without a simulation: for what it makes of them before a servo moves."""
+    host = _Silent(plant.model, len(sims))
+    return Chain(host, plant.wiring, sims, _uniform([(0, effects) for effects in sims], None, 0))  # type: ignore[arg-type]
 
 
 def sensor_only(entry: Entry) -> bool:
@@ -165,7 +174,7 @@ def _batch(plant: Plant, on: Grid, sims: Sequence[tuple[int, Effects]], threads:
         points = np.array([start.set_point for start in starts])
         act = host.state("act")
         act[:, wiring.act[stateful]] = points[:, stateful]
-    chain = Chain(host, wiring, [entries for _, entries in sims], _uniform(sims, seed))
+    chain = Chain(host, wiring, [entries for _, entries in sims], _uniform(sims, on.luck, seed))
     qpos = host.state("qpos")
     qpos[:, wiring.qpos] = chain.true_position(qpos[:, wiring.qpos])
     substeps = math.ceil(plant.period / plant.max_timestep - 1e-6)
@@ -240,12 +249,19 @@ def _held(values: Array, idle: float) -> Array:
     return np.where(last >= 0, values[np.maximum(last, 0)], idle)
 
 
-def _uniform(sims: Sequence[tuple[int, Effects]], seed: int):  # type: ignore[no-untyped-def]
-    """Uniform numbers that are the same for every simulation of a trial, whatever batch it runs in."""
+def _uniform(
+    sims: Sequence[tuple[int, Effects]], luck: Array | None, seed: int
+) -> Callable[[tuple[int, ...]], Array]:
+    """Uniform numbers that are the same for every simulation of a trial, whatever batch it runs in; once a control step
+    those of ``luck``, where they are known."""
     trial = np.array([t for t, _ in sims])
     generators = {int(t): np.random.default_rng([seed, int(t)]) for t in np.unique(trial)}
+    steps = itertools.count()
 
     def draw(shape: tuple[int, ...]) -> Array:
+        if luck is not None:
+            known: Array = luck[trial, next(steps)]
+            return known
         drawn = {t: generator.random(shape[1:]) for t, generator in generators.items()}
         return np.stack([drawn[int(t)] for t in trial])
 

@@ -22,9 +22,8 @@ TEMPERATURE: Final = 10.0
 ONE_EFFECT: Final = 1.0
 ANOTHER_EFFECT: Final = 0.5
 ONE_TARGET: Final = 0.5
-#: The nominal model stands unless it is this much less probable than the best explanation, or plainly fails: rivals
-#: that explain a gap equally well share what one of them alone would have.
-STANDS: Final = 0.5
+#: The nominal model stands at this probability or more, unless it plainly fails.
+STANDS: Final = 1 / 3
 #: Explanations at least this probable beside the best are not ruled out.
 RIVAL: Final = 0.05
 #: Mean squared residual of the worst channel, in units of floor and tolerance, above which even the best explanation
@@ -60,9 +59,11 @@ def judge(ranked: Ranked) -> Judged:
     single = order_free / order_free.sum()
     classes = [classes_of(f) for f in ranked.fits]
     pooled = np.array([single[[c == classes[k] for c in classes]].sum() for k in range(len(classes))])
-    best = int(np.argmax(single))
     nominal = next(k for k, f in enumerate(ranked.fits) if len(f.parts) == ranked.known)
-    if single[nominal] >= STANDS * single[best] and ranked.fits[nominal].misfit <= FAILS:
+    others = [k for k in range(len(single)) if k != nominal]
+    best = max(others, key=lambda k: single[k], default=nominal)
+    stands = single[nominal] >= STANDS * single[best] and ranked.fits[nominal].misfit <= FAILS
+    if stands or best == nominal:
         best, rivals = nominal, [nominal]
     else:
         rivals = _rivals(ranked, single, best, nominal)

@@ -1,0 +1,234 @@
+"""What the servos were really told, read back from how they moved.
+
+No gradient leads to a grid or a dead band of the set point, and nothing predicts which commands were lost; but a servo
+shows what it was told, smoothed by its lag: where it goes otherwise than predicted, its set point was another one.
+Magnitudes and lost commands that explain this are then simulated like any other explanation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tiago_mj.gap.effects import EFFECTS
+from tiago_mj.gap.effects.declare import overrides
+from tiago_mj.gap.floor import Data
+from tiago_mj.gap.hypotheses import Candidate
+from tiago_mj.gap.plant import Plant
+from tiago_mj.gap.replay import Grid, Signals, only_commands
+
+Array = NDArray[np.float64]
+
+#: Magnitudes that are looked at, from a hundredth of the bound to the bound, and around each of the best; how many of
+#: them are simulated.
+DENSE: Final = 400
+FINE: Final = 21
+BEST: Final = 3
+#: Share of the way that a servo is behind by which its position is known worse: what nominal gains are known to.
+LAG_SHARE: Final = 0.1
+#: A change of the command counts where it moves the set point by so many standard deviations.
+CLEAR: Final = 4.0
+#: A squared residual counts no more than this: where other causes act it says nothing of this one.
+FAR: Final = 25.0
+#: Lost commands that are no accident.
+LEAST_LOST: Final = 4
+
+
+@dataclass(frozen=True)
+class Told:
+    """What the servos' motion says of their set points.
+
+    A servo follows its set point with a lag: between two rows it covers ``share`` of the way that is left.
+
+    Attributes:
+        start: set points before the first command, (ntrials, nactuators) [m, rad].
+        wanted: what the commands ask for, after each row's command, (ntrials, T - 1, nactuators).
+        ahead: measured minus predicted position, by row, (ntrials, T, nactuators).
+        deviation: one standard deviation of that; infinite where it says nothing (in contact, unmeasured).
+        share: (nactuators,).
+    """
+
+    start: Array
+    wanted: Array
+    ahead: Array
+    deviation: Array
+    share: Array
+
+
+def told(plant: Plant, on: Grid, data: Data, nominal: Signals) -> Told | None:
+    """Compare the motion with the nominal one; None for a plant without position servos.
+
+    Args:
+        plant, on, data: what was recorded.
+        nominal: the nominal replay, one row a trial.
+    """
+    wiring = plant.wiring
+    if wiring.interface == "effort" or not wiring.servo.all() or plant.relative:
+        return None
+    joints = list(wiring.targets.actuated)
+    start = np.stack([plant.starts[trial.name].set_point for trial in on.trials])
+    wanted = _wanted(plant, on, start)
+    rows = wanted.shape[1] + 1
+    lead = _slewed(plant, on, start, wanted) - nominal.position[:, :rows][:, :, joints]
+    speed = nominal.velocity[:, :rows][:, :, joints]
+    free = _free(data, nominal, rows)
+    ahead, deviation = np.zeros(lead.shape), np.full(lead.shape, np.inf)
+    share = np.ones(len(joints))
+    columns = {name: c for c, name in enumerate(data.channels)}
+    for a, joint in enumerate(joints):
+        column = columns.get(f"position.{plant.joints[joint]}")
+        if column is None:
+            continue
+        v = speed[:, :, a][free]
+        lag = float(np.clip(v @ lead[:, :, a][free] / max(float(v @ v), 1e-12), 1e-6, 1.0))
+        share[a] = 1 - np.exp(-plant.period / lag)
+        measured = data.value[:, :rows, column] - nominal.position[:, :rows, joint]
+        known = free & np.isfinite(measured)
+        ahead[:, :, a] = np.where(known, measured, 0.0)
+        deviation[:, :, a] = np.where(known, np.hypot(data.noise[column], LAG_SHARE * lead[:, :, a]), np.inf)
+    return Told(start, wanted, ahead, deviation, share)
+
+
+def _free(data: Data, nominal: Signals, rows: int) -> NDArray[np.bool_]:
+    """Rows in which nothing is touched, (ntrials, T)."""
+    touching = np.zeros((nominal.position.shape[0], rows), dtype=bool)
+    if nominal.newtons.shape[2]:
+        touching |= np.any(nominal.newtons[:, :rows] > 0, axis=2)
+        for c, name in enumerate(data.channels):
+            if name.startswith("force."):
+                touching |= np.nan_to_num(np.abs(data.value[:, :rows, c])) > 5 * data.noise[c]
+    return ~touching
+
+
+def magnitudes(
+    plant: Plant, on: Grid, seen: Told, pool: Sequence[Candidate], trials: Sequence[int]
+) -> tuple[Candidate, ...]:
+    """The pool, in which effects on set points have the magnitudes on their grids that explain what was seen best.
+
+    Args:
+        plant, on, seen: as of :func:`told`.
+        pool: candidates.
+        trials: that are looked at.
+    """
+    commands = plant.wiring.targets.command
+    out = list(pool)
+    for name in dict.fromkeys(c.effect for c in pool):
+        declared = EFFECTS[name]
+        mine = [k for k, c in enumerate(pool) if c.effect == name]
+        wide = pool[mine[0]]
+        if declared.stage != "command" or not overrides(declared, "set_point") or not np.isfinite(wide.identity):
+            continue  # a limit is reached smoothly
+        values = wide.identity + np.geomspace(0.01, 1.0, DENSE) * (wide.high - wide.identity)
+        cost = _costs(plant, on, seen, wide, values, trials)
+        columns = [_columns(pool[k], commands) for k in mine]
+        near = sorted({b for column in columns for b in _minima(cost[:, column].sum(axis=1))})
+        fine = np.unique(np.concatenate([values[b] * np.linspace(0.985, 1.015, FINE) for b in near] or [values[:1]]))
+        cost = _costs(plant, on, seen, wide, fine, trials)
+        for k, column in zip(mine, columns, strict=True):
+            total = cost[:, column].sum(axis=1)
+            best = fine[_minima(total)]
+            if len(best):
+                like = fine[total <= total.min() + 1.0]
+                spread = max(float(np.ptp(like)) / 2, 1e-4 * float(best[0]))
+                out[k] = replace(pool[k], grid=tuple(sorted({*pool[k].grid, *best.tolist()})), spread=spread)
+    return tuple(out)
+
+
+def with_lost(plant: Plant, on: Grid, seen: Told, pool: Sequence[Candidate]) -> tuple[Grid, tuple[Candidate, ...]]:
+    """The grid with the commands that were lost, and the pool in which losing them has the share that was seen."""
+    found = lost_commands(on, seen, plant.wiring.interface)
+    if found is None:
+        return on, tuple(pool)
+    luck, share, informative = found
+    out = list(pool)
+    for k, candidate in enumerate(pool):
+        if candidate.effect != "dropped_commands":
+            continue
+        index = _columns(candidate, plant.wiring.targets.command)
+        count = max(float(informative[index].sum()), 1.0)
+        value = float(np.clip(share[index] @ informative[index] / count, 1e-3, candidate.high))
+        out[k] = replace(candidate, grid=(value,), spread=float(np.sqrt(value * (1 - value) / count)))
+    return replace(on, luck=luck), tuple(out)
+
+
+def _columns(candidate: Candidate, commands: tuple[str, ...]) -> list[int]:
+    """Actuators that a candidate acts on."""
+    return [commands.index(name) for name in candidate.target or commands]
+
+
+def lost_commands(on: Grid, seen: Told, interface: str) -> tuple[Array, Array, Array] | None:
+    """Commands that were not executed, the one before staying in force.
+
+    Returns:
+        Per command 0 where it was lost and 1 where it was not, (ntrials, T - 1, nactuators); share of those lost, of
+        those that could be told, and their number, (nactuators,). None where hardly any was lost.
+    """
+    gain = 1 / seen.share
+    taken = seen.wanted + seen.ahead[:, :-1] + (seen.ahead[:, 1:] - seen.ahead[:, :-1]) * gain
+    clear = CLEAR * gain * np.hypot(seen.deviation[:, 1:], (1 - seen.share) * seen.deviation[:, :-1])
+    done = taken
+    if interface == "velocity":
+        step = on.period[:, :, None]
+        done = np.diff(np.concatenate([seen.start[:, None], taken], axis=1), axis=1) / step
+        clear = clear * np.sqrt(2) / step
+    sent = on.commands
+    luck = np.ones(sent.shape)
+    informative, lost = np.zeros(sent.shape[2]), np.zeros(sent.shape[2])
+    before = np.zeros_like(sent[:, 0]) if interface == "velocity" else seen.start
+    for k in range(sent.shape[1]):
+        tells = np.abs(sent[:, k] - before) > clear[:, k]
+        missed = tells & (np.abs(done[:, k] - before) < np.abs(done[:, k] - sent[:, k]))
+        luck[:, k] = np.where(missed, 0.0, 1.0)
+        informative, lost = informative + tells.sum(axis=0), lost + missed.sum(axis=0)
+        before = np.where(missed, before, sent[:, k])
+    if lost.sum() < LEAST_LOST:
+        return None
+    return luck, lost / np.maximum(informative, 1), informative
+
+
+def _wanted(plant: Plant, on: Grid, start: Array) -> Array:
+    """Set points that the commands ask for, (ntrials, T - 1, nactuators)."""
+    if plant.wiring.interface == "position":
+        return on.commands.copy()
+    out, at = np.empty(on.commands.shape), start
+    for k in range(on.commands.shape[1]):
+        at = np.clip(at + on.commands[:, k] * on.period[:, k, None], *plant.wiring.span.T)
+        out[:, k] = at
+    return out
+
+
+def _slewed(plant: Plant, on: Grid, start: Array, wanted: Array) -> Array:
+    """Set points by row, (ntrials, T, nactuators): they move no faster than the joint's limit."""
+    out = np.empty((wanted.shape[0], wanted.shape[1] + 1, wanted.shape[2]))
+    out[:, 0] = start
+    for k in range(wanted.shape[1]):
+        most = plant.wiring.targets.velocity * on.period[:, k, None]
+        out[:, k + 1] = out[:, k] + np.clip(np.clip(wanted[:, k], *plant.wiring.span.T) - out[:, k], -most, most)
+    return out
+
+
+def _costs(plant: Plant, on: Grid, seen: Told, wide: Candidate, values: Array, trials: Sequence[int]) -> Array:
+    """Misfit of each magnitude, (nvalues, nactuators)."""
+    total = np.zeros((len(values), seen.wanted.shape[2]))
+    for t in trials:
+        chain = only_commands(plant, [(wide.entry(float(v)),) for v in values])
+        chain.now.set_point = np.broadcast_to(seen.start[t], total.shape).copy()
+        for effect in chain.effects:
+            effect.start(chain.now)
+        ahead = np.zeros(total.shape)
+        for k in range(seen.wanted.shape[1]):
+            chain.now.dt = np.full(len(values), on.period[t, k])
+            target = np.broadcast_to(seen.wanted[t, k], total.shape)
+            ahead = ahead + seen.share * (chain.set_point(target) - target - ahead)
+            total += np.minimum(((seen.ahead[t, k + 1] - ahead) / seen.deviation[t, k + 1]) ** 2, FAR)
+    return total
+
+
+def _minima(cost: Array) -> list[int]:
+    """The lowest points of a curve, each lower than both neighbours."""
+    inner = np.nonzero((cost[1:-1] <= cost[:-2]) & (cost[1:-1] <= cost[2:]))[0] + 1
+    return sorted(inner.tolist(), key=lambda k: float(cost[k]))[:BEST]
