@@ -86,6 +86,7 @@ class Made:
     setup: reality.Setup
     truth: dict[str, Any] = field(default_factory=dict)
     folder: Path | None = None
+    servo: str = "pal"
 
 
 ARM_JOINTS: Final = (*names.TORSO, *names.ARM[:4])
@@ -216,13 +217,13 @@ def sidecar(made: Made, name: str, k: int) -> dict[str, Any]:
         "schema": "tiago_mj.recording/1",
         "trial": name,
         "robot": {GRIPPER: "tiago_mj/GripperTactile-v0", ARM: ARM_ENVIRONMENT, PLAIN: robots.PLAIN_FILE}[case.setting],
-        "rate_hz": RATE,
+        "rate_hz": made.setup.rate,
         "interface": "position" if case.setting == PLAIN else case.interface,
         "initial": {"position": initial, "set_point": initial},
         "source": {"tool": "benchmarks/blind", "version": VERSION},
     }
     if case.setting != PLAIN:
-        out["servo"] = {"name": "pal"}
+        out["servo"] = {"name": made.servo}
     if case.setting == GRIPPER:
         thing = robots.nominal_object()
         out["sensing"] = {"scale": 100.0, "contact_unit": 100 * 2000 / 330, "average": 1}

@@ -105,42 +105,42 @@ def _open(seconds: float, speed: float, now: list[float]) -> Program:
     yield from _for(seconds, np.full(2, speed), now)
 
 
-def grasp(rng: np.random.Generator) -> Program:
+def grasp(rng: np.random.Generator, softness: float = 1.0) -> Program:
     """Close, hold a force, another, let go, open."""
     now = [0.0]
     zero = yield from _tare(now)
     yield from _approach(rng.uniform(0.015, 0.045), zero, now)
     for _ in range(int(rng.integers(2, 4))):
-        yield from _hold(rng.uniform(0.4, 1.6), rng.uniform(1.0, 1.8), rng.uniform(0.01, 0.025), zero, now)
+        yield from _hold(rng.uniform(0.4, 1.6), rng.uniform(1.0, 1.8), softness * rng.uniform(0.01, 0.025), zero, now)
     yield from _open(rng.uniform(0.3, 0.6), rng.uniform(0.01, 0.04), now)
     yield from _for(rng.uniform(0.3, 0.8), np.zeros(2), now)
     yield from _approach(rng.uniform(0.02, 0.06), zero, now)
-    yield from _hold(rng.uniform(0.6, 1.4), 9.0, rng.uniform(0.01, 0.025), zero, now)
+    yield from _hold(rng.uniform(0.6, 1.4), 9.0, softness * rng.uniform(0.01, 0.025), zero, now)
 
 
-def squeeze(rng: np.random.Generator) -> Program:
+def squeeze(rng: np.random.Generator, softness: float = 1.0) -> Program:
     """Close, press in steps without looking at the force, release in steps, press again, hardest last."""
     now = [0.0]
     zero = yield from _tare(now)
     yield from _approach(rng.uniform(0.02, 0.05), zero, now)
     depth = 0.0
     while now[0] < 20:
-        wanted = rng.uniform(0.0008, 0.007)
-        speed = rng.uniform(0.004, 0.03)
+        wanted = softness * rng.uniform(0.0008, 0.007)
+        speed = softness * rng.uniform(0.004, 0.03)
         seconds = abs(wanted - depth) / speed
         yield from _for(seconds, np.full(2, -np.sign(wanted - depth) * speed), now)
         depth = wanted
         yield from _for(rng.uniform(0.4, 1.3), np.zeros(2), now)
 
 
-def waves(rng: np.random.Generator) -> Program:
+def waves(rng: np.random.Generator, softness: float = 1.0) -> Program:
     """Close, press, then wave in contact, slower and faster."""
     now = [0.0]
     zero = yield from _tare(now)
     yield from _approach(rng.uniform(0.02, 0.05), zero, now)
-    yield from _for(0.15, np.full(2, -0.02), now)
+    yield from _for(0.15, np.full(2, -0.02 * softness), now)
     while now[0] < 20:
-        frequency, depth = rng.uniform(0.3, 2.0), rng.uniform(0.0005, 0.0022)
+        frequency, depth = rng.uniform(0.3, 2.0), softness * rng.uniform(0.0005, 0.0022)
         begun, shift = now[0], np.array([0.0, rng.choice([0.0, 0.0, np.pi])])
         move, end = np.zeros(2), begun + rng.uniform(1.5, 2.5)
         while now[0] < end:
@@ -151,7 +151,7 @@ def waves(rng: np.random.Generator) -> Program:
         yield from _for(rng.uniform(0.3, 0.7), np.zeros(2), now)
 
 
-def air(rng: np.random.Generator) -> Program:
+def air(rng: np.random.Generator, softness: float = 1.0) -> Program:
     """To and fro without touching, slow and fast, rests between; then close and hold."""
     now = [0.0]
     zero = yield from _tare(now)
@@ -168,18 +168,25 @@ def air(rng: np.random.Generator) -> Program:
         if rng.random() < 0.4:
             yield from _for(rng.uniform(0.15, 0.8), np.zeros(2), now)
     yield from _approach(rng.uniform(0.03, 0.06), zero, now)
-    yield from _hold(rng.uniform(0.5, 1.5), 9.0, rng.uniform(0.01, 0.025), zero, now)
+    yield from _hold(rng.uniform(0.5, 1.5), 9.0, softness * rng.uniform(0.01, 0.025), zero, now)
 
 
 #: Mix of a session of ten; any other number goes through it again.
 SESSION = (grasp, air, squeeze, waves, grasp, air, squeeze, grasp, waves, squeeze)
 
 
-def finger_programs(ntrials: int, seed: int) -> list[Program]:
-    """A session of finger motions; which comes first is drawn."""
+def finger_programs(ntrials: int, seed: int, softness: float = 1.0) -> list[Program]:
+    """A session of finger motions; which comes first is drawn.
+
+    Args:
+        ntrials: one program each.
+        seed: of the session.
+        softness: of what yields in contact, over the nominal servo's: scales depths and gains. A finger whose
+            velocity is a constraint has only the object's contact to yield.
+    """
     rng = np.random.default_rng([seed, 7])
     order = rng.permutation(len(SESSION))
-    return [SESSION[order[k % len(SESSION)]](np.random.default_rng([seed, 8, k])) for k in range(ntrials)]
+    return [SESSION[order[k % len(SESSION)]](np.random.default_rng([seed, 8, k]), softness) for k in range(ntrials)]
 
 
 def joint_program(rng: np.random.Generator, robot: Robot, joints: list[int], reach: Array, fastest: Array) -> Program:
