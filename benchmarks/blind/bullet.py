@@ -21,7 +21,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.blind import cases, motions, reality, robots
+from benchmarks.blind import cases, motions, reality, recordings, robots
 from tiago_mj.models import names, scene
 from tiago_mj.models.files import model_file
 
@@ -205,7 +205,7 @@ def main() -> None:
         iterations=given.iterations,
     )
     made = simulate(variant, seed=given.seed, trials=given.trials)
-    cases.write(made, given.out)
+    recordings.write(made, given.out)
     print(f"{given.trials} trials written to {given.out}")
 
 

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import json
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from benchmarks.blind import motions, reality, robots
@@ -144,21 +141,8 @@ def simulate(case: Case, folder: Path | None = None) -> Made:
         folder: where the plain model lies.
     """
     robot = real_robot(case, folder)
-    rng = np.random.default_rng([case.seed, 2])
+    setup = setup_of(case, robot, case.trials, int(case.seconds * RATE), case.seed)
     n = len(robot.joints)
-    start = np.tile(robot.start[robot.qpos], (case.trials, 1))
-    if case.setting == ARM:
-        start[:, robot.joints.index(names.TORSO[0])] = ARM_RAISED
-    offsets = case.offset + case.placement * rng.standard_normal(case.trials)
-    interface = "direct" if case.setting == PLAIN else case.interface
-    setup = reality.Setup(
-        interface=interface,
-        rate=RATE,
-        rows=int(case.seconds * RATE),
-        offsets=offsets,
-        start=start,
-        noise_seed=case.seed,
-    )
     if case.setting == GRIPPER:
         programs = motions.finger_programs(case.trials, case.seed)
     else:
@@ -168,9 +152,32 @@ def simulate(case: Case, folder: Path | None = None) -> Made:
             motions.joint_program(np.random.default_rng([case.seed, 8, k]), robot, moving, reach, fastest)
             for k in range(case.trials)
         ]
-    conductor = motions.Conductor(programs, robot, interface, start, 1 / RATE)
+    conductor = motions.Conductor(programs, robot, setup.interface, setup.start, 1 / RATE)
     recorded = reality.simulate(robot, effects_of(case), setup, conductor)
     return Made(case, robot, recorded, setup, dict(robot.truth), folder)
+
+
+def play(case: Case, commands: Array, repeats: int, folder: Path | None = None) -> Made:
+    """The same reality moves again: given commands (rows, n), a few times."""
+    robot = real_robot(case, folder)
+    setup = setup_of(case, robot, repeats, len(commands), case.seed + 1)
+    recorded = reality.simulate(robot, effects_of(case), setup, np.tile(commands, (repeats, 1, 1)))
+    return Made(case, robot, recorded, setup, dict(robot.truth), folder)
+
+
+def setup_of(case: Case, robot: robots.Robot, trials: int, rows: int, seed: int) -> reality.Setup:
+    """How trials of a case begin."""
+    start = np.tile(robot.start[robot.qpos], (trials, 1))
+    if case.setting == ARM:
+        start[:, robot.joints.index(names.TORSO[0])] = ARM_RAISED
+    return reality.Setup(
+        interface="direct" if case.setting == PLAIN else case.interface,
+        rate=RATE,
+        rows=rows,
+        offsets=case.offset + case.placement * np.random.default_rng([seed, 2]).standard_normal(trials),
+        start=start,
+        noise_seed=seed,
+    )
 
 
 def _limits(robot: robots.Robot, setting: str) -> tuple[Array, Array]:
@@ -184,122 +191,4 @@ def _limits(robot: robots.Robot, setting: str) -> tuple[Array, Array]:
     return reach, np.where(torso, 0.05, ARM_FASTEST)
 
 
-# Files ---------------------------------------------------------------------------------------------------------------
-
-
-def write(made: Made, folder: Path) -> None:
-    """Write the recordings; nothing in them is more than a user would know."""
-    folder.mkdir(parents=True, exist_ok=True)
-    case, recorded, robot = made.case, made.recorded, made.robot
-    if case.setting == PLAIN:
-        (folder / robots.PLAIN_FILE).write_text(robots.PLAIN)
-    for k in range(len(recorded.time)):
-        name = f"trial-{k:02d}"
-        columns = {"time": recorded.time[k]}
-        for kind, values in (
-            ("command", recorded.commands),
-            ("position", recorded.position),
-            ("velocity", recorded.velocity),
-        ):
-            columns.update({f"{kind}.{joint}": values[k, :, j] for j, joint in enumerate(robot.joints)})
-        if robot.pads is not None:
-            columns.update({f"force.{side}": recorded.force[k, :, s] for s, side in enumerate(names.SIDES)})
-        table = pa.table({key: pa.array(values, from_pandas=True) for key, values in columns.items()})
-        pq.write_table(table, folder / f"{name}.parquet", compression="zstd")
-        (folder / f"{name}.json").write_text(json.dumps(sidecar(made, name, k), indent=1) + "\n")
-
-
-def sidecar(made: Made, name: str, k: int) -> dict[str, Any]:
-    """What a user knows of a trial."""
-    case, robot = made.case, made.robot
-    initial = dict(zip(robot.joints, made.setup.start[k].tolist(), strict=True))
-    out: dict[str, Any] = {
-        "schema": "tiago_mj.recording/1",
-        "trial": name,
-        "robot": {GRIPPER: "tiago_mj/GripperTactile-v0", ARM: ARM_ENVIRONMENT, PLAIN: robots.PLAIN_FILE}[case.setting],
-        "rate_hz": made.setup.rate,
-        "interface": "position" if case.setting == PLAIN else case.interface,
-        "initial": {"position": initial, "set_point": initial},
-        "source": {"tool": "benchmarks/blind", "version": VERSION},
-    }
-    if case.setting != PLAIN:
-        out["servo"] = {"name": made.servo}
-    if case.setting == GRIPPER:
-        thing = robots.nominal_object()
-        out["sensing"] = {"scale": 100.0, "contact_unit": 100 * 2000 / 330, "average": 1}
-        out["object"] = {
-            "shape": thing.shape,
-            "radius_m": thing.width / 2,
-            "height_m": thing.height,
-            "mass_kg": thing.mass,
-            "stiffness": thing.stiffness,
-            "damping": thing.damping,
-            "friction": thing.friction,
-            "offset_m": case.offset,
-        }
-    return out
-
-
 ARM_ENVIRONMENT: Final = "tiago_mj/TIAGoTactile-v0"
-
-
-def label(made: Made) -> dict[str, Any]:
-    """The truth, as far as the case alone says it; the oracle adds its part."""
-    case = made.case
-    out = asdict(case)
-    out["kind"] = case.kind
-    out["classes"] = [KINDS[effect.name].group for effect in case.effects]
-    out["truth"] = made.truth
-    if case.effects:
-        out["effective"] = effective(made)
-    return out
-
-
-def effective(made: Made) -> dict[str, float]:
-    """Parameters of a single effect as they stand against the *nominal* numbers, which is all that can be measured.
-
-    A servo 4 % stiffer than its data sheet with an effect of 0.8 is one of 0.832; where nominal numbers and effect do
-    not mix, the parameter is the drawn one and is not listed.
-    """
-    case = made.case
-    if len(case.effects) != 1:
-        return {}
-    choice = case.effects[0]
-    real = real_robot(case, made.folder)
-    nominal = robots.robot_of(case.setting, robots.Jitter(np.random.default_rng(0), 0.0), folder=made.folder)
-    named = names.SIDES if KINDS[choice.name].on == "sensor" else real.joints
-    columns = list(range(len(named))) if choice.target == "all" else [named.index(t) for t in choice.target]
-    value = next(iter(choice.parameters.values()))
-    first = next(iter(choice.parameters))
-
-    def factor(a: Any, b: Any) -> dict[str, float]:
-        return {first: value * float(np.mean(np.asarray(a) / np.asarray(b)))}
-
-    def added(a: Any, b: Any) -> dict[str, float]:
-        return {first: value + float(np.mean(np.asarray(a) - np.asarray(b)))}
-
-    name = choice.name
-    if name in ("servo_stiffness", "torque_constant"):
-        return factor(real.stiffness[columns], nominal.stiffness[columns])
-    if name == "servo_damping":
-        return added(real.damping[columns], nominal.damping[columns])
-    if name == "viscous_friction":
-        dof = real.dof[columns]
-        return added(real.model.dof_damping[dof], nominal.model.dof_damping[dof])
-    if name == "coulomb_friction":
-        dof = real.dof[columns]
-        return added(real.model.dof_frictionloss[dof], nominal.model.dof_frictionloss[dof])
-    if name == "force_gain":
-        return factor(real.units[columns], nominal.units[columns])
-    if real.item is None or nominal.item is None:
-        return {}
-    if name in ("contact_stiffness", "contact_damping", "contact_friction"):
-        field_name = name.removeprefix("contact_")
-        return factor(getattr(real.item, field_name), getattr(nominal.item, field_name))
-    if name == "object_mass":
-        return factor(real.item.mass, nominal.item.mass)
-    if name == "object_size":
-        return added(real.item.width / 2, nominal.item.width / 2)
-    if name == "object_offset":
-        return added(made.setup.offsets, case.offset)
-    return {}

@@ -7,7 +7,7 @@ import json
 import shlex
 from typing import Any
 
-from benchmarks.blind import plan, run, score
+from benchmarks.blind import next_motion, plan, run, score
 from benchmarks.blind.cases import Case
 from benchmarks.blind.page import WORDS, number, page
 from benchmarks.blind.store import Store
@@ -39,6 +39,10 @@ def blind(arguments: argparse.Namespace, say: Any = print) -> int:
     diagnoser = run.Diagnoser(jobs=max(arguments.jobs, 0), budget=arguments.time_budget, extra=extra)
     run.diagnose(planned, store, diagnoser, say=say)
     labels = store.unseal(len(planned))
+    for k, case in enumerate(planned):
+        outcome = next_motion.follow(case, k, labels[f"{k:03d}"], store, diagnoser)
+        if outcome is not None:
+            say(f"case {k:03d}: the recommended motion {'resolves' if outcome['resolved'] else 'does not resolve'} it")
     write_scores(store, planned, labels, digest, command(arguments), say)
     return 0
 
@@ -48,7 +52,9 @@ def write_scores(
 ) -> dict[str, Any]:
     """Score and write ``scores.json`` and ``index.html``."""
     judged = [score.Judged(labels[f"{k:03d}"], store.answer(k)) for k in range(len(planned))]
-    scores = score.score(judged)
+    followed = [store.case(k) / "next.json" for k in range(len(planned))]
+    motions = [bool(json.loads(path.read_text())["resolved"]) for path in followed if path.exists()]
+    scores = score.score(judged, motions)
     scores["by_class"] = score.by_class(judged)
     scores["command"], scores["seal"] = words, digest
     atomic.write_text(store.root / "scores.json", json.dumps(scores, indent=1, allow_nan=False) + "\n")

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from benchmarks.blind import cases, oracle, robots
+from benchmarks.blind import cases, labels, oracle, recordings, robots
 from benchmarks.blind.cases import Case
 from benchmarks.blind.dictionary import PLAIN
 from benchmarks.blind.store import Store
@@ -33,12 +33,12 @@ class Diagnoser:
     budget: float | None = None
     extra: tuple[str, ...] = ()
 
-    def command(self, case: Case, recordings: Path, out: Path) -> list[str]:
+    def command(self, case: Case, given: Path, out: Path) -> list[str]:
         """The command line: recordings, and what a user would say of them."""
-        words = [sys.executable, "-m", "tiago_mj.cli", "diagnose", str(recordings), "--out", str(out)]
+        words = [sys.executable, "-m", "tiago_mj.cli", "diagnose", str(given), "--out", str(out)]
         words += ["--seed", "0", "--jobs", str(self.jobs)]
         if case.setting == PLAIN:
-            words += ["--model", str(recordings / robots.PLAIN_FILE)]
+            words += ["--model", str(given / robots.PLAIN_FILE)]
         if case.without:
             words += ["--without", ",".join(case.without)]
         if self.budget is not None:
@@ -61,8 +61,8 @@ def make(case: Case, number: int, root: Path) -> float:
     if case.setting == PLAIN:
         atomic.write_text(folder / robots.PLAIN_FILE, robots.PLAIN)
     made = cases.simulate(case, folder)
-    cases.write(made, folder)
-    store.keep_label(number, {**cases.label(made), "oracle": oracle.judge(made, folder)})
+    recordings.write(made, folder)
+    store.keep_label(number, {**labels.label(made), "oracle": oracle.judge(made, folder)})
     return time.monotonic() - begun
 
 
@@ -107,7 +107,7 @@ def diagnose(
         begun = time.monotonic()
         partial = store.case(k) / ".diagnosis"
         shutil.rmtree(partial, ignore_errors=True)
-        status, words = (call or _call)(diagnoser.command(case, store.recordings(k), partial))
+        status, words = (call or call_command)(diagnoser.command(case, store.recordings(k), partial))
         if status == 0 and (partial / "diagnosis.json").exists():
             partial.replace(store.diagnosis(k))
             outcome = str((store.answer(k) or {}).get("verdict", {}).get("kind"))
@@ -119,7 +119,8 @@ def diagnose(
         say(f"case {k:03d} of {len(planned)}: {outcome}, {time.monotonic() - begun:.0f} s")
 
 
-def _call(command: list[str]) -> tuple[int, str]:
+def call_command(command: list[str]) -> tuple[int, str]:
+    """Run a command in a process of its own: exit status, and what it said on standard error."""
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     return done.returncode, done.stderr
 

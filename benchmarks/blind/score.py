@@ -112,8 +112,13 @@ class Judged:
         return self.kind in ("none", "one", "two")
 
 
-def score(judged: Sequence[Judged]) -> dict[str, Any]:
-    """All scores, each {value, low, high, n}."""
+def score(judged: Sequence[Judged], motions: Sequence[bool] = ()) -> dict[str, Any]:
+    """All scores, each {value, low, high, n}.
+
+    Args:
+        judged: every case.
+        motions: whether the recommended motion resolved it, of each case in which one was played.
+    """
     one = [j for j in judged if j.kind == "one" and j.detectable]
     pairs = [j for j in judged if j.kind == "two" and j.detectable]
     none = [j for j in judged if j.kind == "none"]
@@ -123,9 +128,6 @@ def score(judged: Sequence[Judged]) -> dict[str, Any]:
     said = [row for j in judged if (row := _probability(j)) is not None]
     errors, covered = _parameters(one)
     closed = [row for j in (*one, *pairs) if (row := _closed(j)) is not None]
-    motions = [
-        bool(j.answer["blind_next_motion"]["resolved"]) for j in judged if j.answer and "blind_next_motion" in j.answer
-    ]
     seconds = [float(j.answer["seconds"]) for j in judged if j.answer is not None]
     scores = {
         "top1": intervals.share([j.best == j.truth for j in one]),

@@ -8,7 +8,7 @@ import pytest
 
 pytest.importorskip("pybullet")
 
-from benchmarks.blind import bullet, cases, robots
+from benchmarks.blind import bullet, cases, recordings, robots
 
 
 def stiffness(made: cases.Made) -> float:
@@ -27,7 +27,7 @@ def test_the_other_engine_closes_on_the_same_object_and_writes_recordings(tmp_pa
     force = made.recorded.force
     assert (force > 10 * robots.FORCE_NOISE).any()
     assert not (force[:, :12] > 10 * robots.FORCE_NOISE).any(), "it starts open"
-    cases.write(made, tmp_path)
+    recordings.write(made, tmp_path)
     assert "force.right" in pq.read_schema(tmp_path / "trial-00.parquet").names
     assert '"name": "ideal"' in (tmp_path / "trial-00.json").read_text()
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import tiago_mj  # noqa: F401  (registers the environments)
-from benchmarks.blind import cases, robots
+from benchmarks.blind import cases, recordings, robots
 
 BLIND = Path(__file__).resolve().parents[2] / "benchmarks" / "blind"
 
@@ -82,7 +82,7 @@ def test_recordings_hold_nothing_of_the_truth(tmp_path: Path) -> None:
 
     choice = cases.EffectChoice("object_size", "all", {"radius": 0.003})
     made = cases.simulate(cases.Case(seed=6, effects=(choice,), trials=1, seconds=1.0))
-    cases.write(made, tmp_path)
+    recordings.write(made, tmp_path)
     written = sorted(path.name for path in tmp_path.iterdir())
     assert written == ["trial-00.json", "trial-00.parquet"]
     text = (tmp_path / "trial-00.json").read_text()
