@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -106,6 +107,7 @@ def diagnose(
         hypotheses.terms(plant),
         base[fitted_on],
         traces.betrayed(_marks(plant, part, base[fitted_on]), pool),
+        steps=on.commands.shape[1] * math.ceil(plant.period / plant.max_timestep),
         out_of_time=lambda: budget is not None and time.monotonic() - begun > budget,
         tick=tick,
     )

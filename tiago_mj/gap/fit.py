@@ -22,8 +22,8 @@ from tiago_mj.gap.predict import Predictor
 
 Array = NDArray[np.float64]
 
-#: Shares of a Gauss-Newton step that are tried at once.
-STEPS: Final = (1.0, 0.4, 0.1)
+#: Shares of a Gauss-Newton step that are tried at once; the second ones where the first does not help.
+STEPS: Final = ((1.0,), (0.4, 0.1))
 #: A drop of the cost below this is no progress [nats].
 SETTLED: Final = 0.1
 ITERATIONS: Final = 5
@@ -93,6 +93,8 @@ class Fitter:
         data: measured, of these trials.
         weight: (C,), see :func:`score.independence`.
         terms: nuisance parameters.
+        responses: predictions one deviation of each term away minus the nominal ones, (nterms, ntrials, T, C); those
+            that every trial has of its own come last.
         given: effects that are part of whatever is fitted.
     """
 
@@ -101,12 +103,13 @@ class Fitter:
     data: Data
     weight: Array
     terms: tuple[Term, ...]
+    responses: Array
     given: tuple[Entry, ...] = ()
 
     def __post_init__(self) -> None:
         self.shared = [k for k, term in enumerate(self.terms) if not term.per_trial]
         self._own = [k for k, term in enumerate(self.terms) if term.per_trial]
-        self._columns: Array | None = None
+        self._nominal = self._columns(self.responses)
 
     @property
     def size(self) -> int:
@@ -143,28 +146,15 @@ class Fitter:
         w = score.soften(score.whiten(self.data, self.data.value - predicted, self.weight))
         return w.reshape(*w.shape[:-3], -1)
 
-    def fit(
-        self, parts: Sequence[Candidate], start: Array, nuisance: Array | None = None, *, thorough: bool = True
-    ) -> Fitted:
-        """Fit one explanation; see :meth:`fit_all`."""
-        return self.fit_all([Start(tuple(parts), start, nuisance)], thorough=thorough)[0]
-
-    def fit_all(self, starts: Sequence[Start], *, thorough: bool = True) -> list[Fitted]:
+    def fit_all(self, starts: Sequence[Start], *, renew: bool = False) -> list[Fitted]:
         """Fit explanations, each its magnitudes and nuisances, side by side: what they all need next is simulated at
         once.
 
         Args:
             starts: where they begin.
-            thorough: recompute the nuisances' responses on the way, around what was found.
+            renew: compute the nuisances' responses anew, around the starts, instead of the nominal model's.
         """
-        if self._columns is None:
-            self._columns = _run([self._nominal_columns()], self.predictions)[0]
-        return _run([self._fit(start, thorough, self._columns) for start in starts], self.predictions)
-
-    def _nominal_columns(self) -> Steps[Array]:
-        nothing = np.zeros(self.size)
-        base = (yield [Point((), np.zeros(0), nothing)])[0]
-        return (yield from self._nuisance_columns(Point((), np.zeros(0), nothing), base))
+        return _run([self._fit(start, renew) for start in starts], self.predictions)
 
     def _nuisance_columns(self, at: Point, base: Array) -> Steps[Array]:
         """Whitened response to one deviation of every nuisance parameter around a point, (n, size)."""
@@ -172,47 +162,46 @@ class Fitter:
         points += [at.moved(slice(len(self.shared) + k, None, len(self._own))) for k in range(len(self._own))]
         if not points:
             return np.zeros((self.data.value.size, 0))
-        response = (yield points) - base
+        return self._columns((yield points) - base)
+
+    def _columns(self, response: Array) -> Array:
+        """Columns, (n, size), of responses (nterms, ntrials, T, C), the shared terms first."""
         columns = list(self.white(response[: len(self.shared)]))
         for t in range(len(self.trials)):
             for k in range(len(self._own)):
                 alone = np.zeros_like(response[0])
                 alone[t] = response[len(self.shared) + k, t]
                 columns.append(self.white(alone))
-        return np.stack(columns, axis=1)
+        return np.stack(columns, axis=1) if columns else np.zeros((self.data.value.size, 0))
 
-    def _fit(self, start: Start, thorough: bool, columns: Array) -> Steps[Fitted]:
-        parts = start.parts
+    def _fit(self, start: Start, renew: bool) -> Steps[Fitted]:
         at = Point(
-            parts,
+            start.parts,
             np.array(start.values, dtype=float),
             np.zeros(self.size) if start.nuisance is None else start.nuisance.copy(),
         )
         base = (yield [at])[0]
-        renewed = False
+        columns = (yield from self._nuisance_columns(at, base)) if renew else self._nominal
         for iteration in range(ITERATIONS):
-            if thorough and not renewed and iteration == 2:
-                columns = yield from self._nuisance_columns(at, base)
-                renewed = True
             jacobian = yield from self._value_columns(at, base)
-            points = self._steps(at, base, np.concatenate([jacobian, columns], axis=1))
-            tried = yield points
-            costs = [self._cost(tried[k], points[k].nuisance) for k in range(len(points))]
-            best = int(np.argmin(costs))
+            everything = np.concatenate([jacobian, columns], axis=1)
             before = self._cost(base, at.nuisance)
-            if costs[best] >= before:
-                if thorough and not renewed:
-                    columns = yield from self._nuisance_columns(at, base)
-                    renewed = True
-                    continue
+            for shares in STEPS:
+                points = self._steps(at, base, everything, shares)
+                tried = yield points
+                costs = [self._cost(tried[k], points[k].nuisance) for k in range(len(points))]
+                best = int(np.argmin(costs))
+                if costs[best] < before:
+                    break
+            else:
                 break
             at, base = points[best], tried[best]
-            if before - costs[best] < SETTLED and iteration > 1:
+            if before - costs[best] < SETTLED * (1 + iteration):
                 break
         jacobian = yield from self._value_columns(at, base)
         return self._finished(at, base, np.concatenate([jacobian, columns], axis=1))
 
-    def _steps(self, at: Point, base: Array, columns: Array) -> list[Point]:
+    def _steps(self, at: Point, base: Array, columns: Array, shares: Sequence[float]) -> list[Point]:
         """Points to try: shares of a Gauss-Newton step, with and without a move of the nuisances."""
         count = len(at.parts)
         r, weighted = self._weighted(base, columns)
@@ -224,7 +213,7 @@ class Fitter:
         step = scale * np.linalg.solve(curvature, gradient)
         bound = score.NUISANCE_BOUND
         points = []
-        for share in STEPS:
+        for share in shares:
             values = np.array(
                 [_inside(p, v + share * s) for p, v, s in zip(at.parts, at.values, step[:count], strict=True)]
             )

@@ -20,7 +20,7 @@ from tiago_mj.gap.plant import Plant
 Array = NDArray[np.float64]
 
 #: Magnitudes tried on either side of the identity in the first pass, as shares of the way to the bound.
-COARSE: Final = (0.01, 0.03, 0.08, 0.2, 0.45, 0.9)
+COARSE: Final = (0.01, 0.05, 0.2, 0.6)
 
 
 @dataclass(frozen=True)
@@ -174,10 +174,10 @@ def _nominal_of(plant: Plant, name: str, joint: int) -> float:
 def _magnitudes(identity: float, low: float, high: float) -> tuple[float, ...]:
     """Values on both sides of the identity, closer together near it."""
     if not np.isfinite(identity):  # a limit: from loose to tight
-        return tuple(float(low + (high - low) * share) for share in (1.0, 0.7, 0.45, 0.28, 0.15, 0.05))
+        return tuple(float(low + (high - low) * share) for share in (1.0, 0.6, 0.3, 0.12, 0.05))
     if identity == 1.0 and low > 0:  # a factor: evenly in its logarithm
-        up = [float(np.exp(np.log(high) * share)) for share in (0.04, 0.12, 0.3, 0.6, 0.95)]
-        down = [float(np.exp(np.log(low) * share)) for share in (0.04, 0.12, 0.3, 0.6, 0.95)]
+        up = [float(np.exp(np.log(high) * share)) for share in (0.05, 0.2, 0.6)]
+        down = [float(np.exp(np.log(low) * share)) for share in (0.05, 0.2, 0.6)]
         return (*reversed(down), *up)
     up = [identity + (high - identity) * share for share in COARSE] if high > identity else []
     down = [identity + (low - identity) * share for share in COARSE] if low < identity else []

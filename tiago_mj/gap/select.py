@@ -20,8 +20,14 @@ from tiago_mj.gap.traces import MEASURES, Known
 
 Array = NDArray[np.float64]
 
-#: Trials of the first pass, singles that are fitted to them, and to all trials.
-SCREEN_TRIALS: Final = 4
+#: Physics steps of all trials that are fitted, and of those of the first pass; no fewer than so many trials: ten
+#: grasps of a second and a quarter are all fitted, of ten-second ones those in which the nominal model fails most.
+FIT_STEPS: Final = 16_000
+FIRST_STEPS: Final = 6_000
+FIT_TRIALS: Final = 3
+FIRST_TRIALS: Final = 2
+#: Trials of the first pass at most, singles that are fitted to them, and to all trials.
+SCREEN_TRIALS: Final = 3
 SINGLES: Final = 10
 SECONDS: Final = 4
 #: Singles beyond those are fitted to all trials, too, where some trials hardly tell them from the best [nats].
@@ -30,6 +36,10 @@ TIED: Final = 10.0
 SEEDS: Final = 3
 EXTENSIONS: Final = 5
 EXTENSIONS_AGAIN: Final = 2
+#: An extension is fitted if the sum of the effects' changes says that it adds this much evidence [nats].
+PROMISES: Final = 25.0
+#: Explanations this near to the best are fitted with the nuisances' responses around them [nats].
+NEAR: Final = 150.0
 #: Effects of one explanation, apart from what the readings betray: a third is only sought where two leave a gap.
 MOST: Final = 3
 #: Mean squared residual of the worst channel, in units of floor and tolerance, that calls for another effect.
@@ -73,6 +83,7 @@ def select(
     base: Array,
     known: Sequence[Known] = (),
     *,
+    steps: int = 0,
     out_of_time: Callable[[], bool] = lambda: False,
     tick: Tick = lambda stage, total: None,
 ) -> Ranked:
@@ -86,17 +97,22 @@ def select(
         terms: nuisance parameters.
         base: nominal predictions, (ntrials, T, C).
         known: what the readings betray by themselves: it is part of every explanation.
+        steps: physics steps of one trial.
         out_of_time: asked between stages.
         tick: told what begins.
     """
     pool = [c for c in pool if c.effect not in MEASURES]
     tick("screening", len(pool))
     weight = score.independence(data, base)
-    first = _spread(base, data, min(SCREEN_TRIALS, len(trials)))
+    chosen = _spread(base, data, max(FIT_STEPS // max(steps, 1), FIT_TRIALS))
+    data, base, trials = _part(data, chosen), base[chosen], [trials[k] for k in chosen]
+    first = _spread(base, data, min(max(FIRST_STEPS // max(steps, 1), FIRST_TRIALS), SCREEN_TRIALS))
     few_trials, some = tuple(trials[k] for k in first), _part(data, first)
-    responses = predict.all_trials([(term.entry(1.0),) for term in terms], few_trials) - base[first]
+    terms = tuple(sorted(terms, key=lambda term: term.per_trial))
+    responses = predict.all_trials([(term.entry(1.0),) for term in terms], trials) - base
     per_trial = np.array([term.per_trial for term in terms], dtype=bool)
-    screened = screen(predict, score.frame(some, weight, responses, per_trial), few_trials, pool, base[first])
+    frame = score.frame(some, weight, responses[:, first], per_trial)
+    screened = screen(predict, frame, few_trials, pool, base[first])
     visible = {s.candidate.effect for s in screened if s.visible > INVISIBLE}
     names = dict.fromkeys(c.effect for c in pool)
     unseen = tuple(name for name in names if name not in visible)
@@ -104,27 +120,32 @@ def select(
 
     tick("fitting", SINGLES)
     given = tuple(k.candidate.entry(k.value) for k in known)
-    few = Fitter(predict, few_trials, some, weight, tuple(terms), given)
+    few = Fitter(predict, few_trials, some, weight, terms, responses[:, first], given)
     starts = [Start((), np.zeros(0)), *(Start((s.candidate,), np.array([s.value])) for s in _best(promising, SINGLES))]
-    ranked = _order(few.fit_all(starts, thorough=False))
+    ranked = _order(few.fit_all(starts))
     # Once something explains the bulk, what is left shows how correlated the residuals really are.
     reference = few.predictions([Point(ranked[0].parts, ranked[0].values, ranked[0].nuisance)])[0]
     weight = np.maximum(score.independence(some, reference), weight)
-    few = Fitter(predict, few_trials, some, weight, tuple(terms), given)
-    everywhere = Fitter(predict, tuple(trials), data, weight, tuple(terms), given)
+    few = Fitter(predict, few_trials, some, weight, terms, responses[:, first], given)
+    frame = score.frame(some, weight, responses[:, first], per_trial)
+    everywhere = Fitter(predict, tuple(trials), data, weight, terms, responses, given)
     tick("refitting", SECONDS)
     seeds = _rivals([f for f in ranked if f.parts])
-    fits = everywhere.fit_all([Start((), np.zeros(0)), *(Start(f.parts, f.values) for f in seeds)])
+    fits = everywhere.fit_all([Start((), np.zeros(0)), *(_carried(f, few, everywhere) for f in seeds)])
+    fits = _renewed(everywhere, fits, fits)
     complete = not out_of_time()
-    frame = score.frame(some, weight, responses, per_trial)
     for size in range(2, MOST + 1):
         best = _order(fits)[0]
         if not complete or (size > 2 and (best.misfit < GAP or len(best.parts) < size - 1)):
             break
         tick("pairs" if size == 2 else "triples", EXTENSIONS)
-        seeds = [f for f in _order(fits) if len(f.parts) == size - 1][:SEEDS]
-        extended = _order(few.fit_all(_extensions(few, frame, seeds, promising), thorough=False))
-        fits += _refitted(everywhere, [_carried(f, few, everywhere) for f in extended[:EXTENSIONS_AGAIN]])
+        starts = _extensions(few, frame, [f for f in _order(fits) if len(f.parts) == size - 1][:SEEDS], promising)
+        if not starts:
+            break
+        extended = _order(few.fit_all(starts))[:EXTENSIONS_AGAIN]
+        found = everywhere.fit_all([_carried(f, few, everywhere) for f in extended])
+        found += everywhere.fit_all(_fewer(found))
+        fits += _renewed(everywhere, found, fits)
         complete = not out_of_time()
     fits = [_with(fit, known) for fit in _worth(_once(_order(fits)))]
     return Ranked(tuple(fits), tuple(screened), unseen, len(known), len(names), complete)
@@ -143,6 +164,8 @@ def _extensions(fitter: Fitter, on: score.Frame, seeds: Sequence[Fitted], promis
         gains = score.log_likelihood(on, np.stack([whole + s.change for s in others]))
         alone = float(score.log_likelihood(on, whole[None])[0])
         for s, gain in zip(others, gains, strict=True):
+            if gain - alone < PROMISES:
+                continue
             start = Start((*seed.parts, s.candidate), np.array([*seed.values, s.value]))
             found.append((float(gain) - alone + seed.evidence, start))
     found.sort(key=lambda item: -item[0])
@@ -152,15 +175,25 @@ def _extensions(fitter: Fitter, on: score.Frame, seeds: Sequence[Fitted], promis
     return list(starts.values())[:EXTENSIONS]
 
 
-def _refitted(everywhere: Fitter, starts: Sequence[Start]) -> list[Fitted]:
-    """Fits to all trials; and without an effect that only led the others to a better place."""
-    fits = everywhere.fit_all(starts)
-    fewer = []
+def _fewer(fits: Sequence[Fitted]) -> list[Start]:
+    """Starts without effects that only led the others to a better place."""
+    out = []
     for fit in fits:
         needed = [k for k in range(len(fit.parts)) if _away(fit, k)]
         if 0 < len(needed) < len(fit.parts):
-            fewer.append(Start(tuple(fit.parts[k] for k in needed), fit.values[needed], fit.nuisance))
-    return fits + everywhere.fit_all(fewer)
+            out.append(Start(tuple(fit.parts[k] for k in needed), fit.values[needed], fit.nuisance))
+    return out
+
+
+def _renewed(everywhere: Fitter, fits: Sequence[Fitted], others: Sequence[Fitted]) -> list[Fitted]:
+    """The same, with the nuisances' responses computed anew where that may decide: near the best of all."""
+    best = max(f.evidence for f in (*fits, *others)) if fits else 0.0
+    near = [k for k, f in enumerate(fits) if f.evidence > best - NEAR]
+    again = everywhere.fit_all([Start(fits[k].parts, fits[k].values, fits[k].nuisance) for k in near], renew=True)
+    out = list(fits)
+    for k, fit in zip(near, again, strict=True):
+        out[k] = max(fit, fits[k], key=lambda f: f.evidence)
+    return out
 
 
 def _carried(fit: Fitted, few: Fitter, everywhere: Fitter) -> Start:
