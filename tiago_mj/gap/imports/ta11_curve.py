@@ -38,8 +38,8 @@ from tiago_mj.sensing.ta11_curve import (
 BUILTIN: Final = "builtin"
 ROBOT: Final = "gripper_ta11"
 COLUMNS: Final = ("series", "object", "dq_m", "force_sensor_units")
-#: Length of a recording [s]: the protocol's was 6, of which the approach, over after 1.5, is not known.
-SECONDS: Final = 3.0
+#: Length of a recording [s]: the protocol's was 6, of which the approach, over after 1.5 at most, is not known.
+SECONDS: Final = 2.0
 #: Where the fingers begin, off the object [m].
 APART: Final = 1e-3
 #: Stand-in where no width is known (glue): the force does not depend on it.
