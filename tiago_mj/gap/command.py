@@ -25,7 +25,28 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--jobs", type=int, default=0, help="threads of the simulations; 0: all processors")
     parser.add_argument("--time-budget", type=float, help="seconds after which the best verdict so far is written")
+    parser.add_argument(
+        "--without",
+        default="",
+        metavar="NAME,...",
+        help="effects that are left out, as if the library lacked them",
+    )
     parser.add_argument("--json", action="store_true", help="print diagnosis.json instead of the summary")
+
+
+def considered(without: str) -> tuple[str, ...] | None:
+    """Effects of the library but those; None for all.
+
+    Raises:
+        ValueError: there is no such effect.
+    """
+    from tiago_mj.gap.effects import EFFECTS
+
+    left_out = [name.strip() for name in without.split(",") if name.strip()]
+    for name in left_out:
+        if name not in EFFECTS:
+            raise ValueError(f"--without {name}: there is no such effect: docs/effects.md lists them")
+    return tuple(name for name in EFFECTS if name not in left_out) if left_out else None
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -53,6 +74,7 @@ def run(arguments: argparse.Namespace) -> int:
                 usable=usable,
                 env=arguments.env,
                 model=arguments.model,
+                names=considered(arguments.without),
                 seed=arguments.seed,
                 threads=max(arguments.jobs, 0),
                 budget=arguments.time_budget,

@@ -182,8 +182,8 @@ class Fitter:
         )
         base = (yield [at])[0]
         columns = (yield from self._nuisance_columns(at, base)) if renew else self._nominal
+        jacobian = yield from self._value_columns(at, base)
         for iteration in range(ITERATIONS):
-            jacobian = yield from self._value_columns(at, base)
             everything = np.concatenate([jacobian, columns], axis=1)
             before = self._cost(base, at.nuisance)
             for shares in STEPS:
@@ -198,7 +198,7 @@ class Fitter:
             at, base = points[best], tried[best]
             if before - costs[best] < SETTLED * (1 + iteration):
                 break
-        jacobian = yield from self._value_columns(at, base)
+            jacobian = yield from self._value_columns(at, base)
         return self._finished(at, base, np.concatenate([jacobian, columns], axis=1))
 
     def _steps(self, at: Point, base: Array, columns: Array, shares: Sequence[float]) -> list[Point]:

@@ -30,6 +30,10 @@ FIRST_TRIALS: Final = 2
 SCREEN_TRIALS: Final = 3
 SINGLES: Final = 10
 SECONDS: Final = 4
+#: Where the first pass gains this much [nats], effects that gain less than this share of the most are not fitted. Of 46
+#: cases the right one was the best in 30, never behind 0.9 of it but where little was gained, and once 0.6.
+DECIDED: Final = 100.0
+BEHIND: Final = 0.4
 #: Singles beyond those are fitted to all trials, too, where some trials hardly tell them from the best [nats].
 TIED: Final = 10.0
 #: Explanations that are extended by another effect, extensions that are fitted to some trials, and to all.
@@ -260,9 +264,11 @@ def _best(promising: Sequence[Screened], count: int) -> list[Screened]:
     classes: dict[str, int] = {}
     first = dict.fromkeys(s.candidate.effect for s in promising)
     leaders = {effect: next(s for s in promising if s.candidate.effect == effect) for effect in first}
+    most = max((s.gain for s in promising), default=0.0)
     for s in (*leaders.values(), *promising):
         gap_class = EFFECTS[s.candidate.effect].gap_class
-        if s.gain <= 0 and len(out) >= 2:
+        hopeless = s.gain <= 0 or (most > DECIDED and s.gain < BEHIND * most)
+        if hopeless and len(out) >= 2:
             continue
         if s.candidate.label in seen or classes.get(gap_class, 0) >= count // 2:
             continue
