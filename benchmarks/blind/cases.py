@@ -183,7 +183,7 @@ def setup_of(case: Case, robot: robots.Robot, trials: int, rows: int, seed: int)
 def _limits(robot: robots.Robot, setting: str) -> tuple[Array, Array]:
     n = len(robot.joints)
     if setting == PLAIN:
-        return np.full(n, 1.2), np.full(n, 4.0)
+        return np.full(n, 1.2), np.full(n, 2.5)
     torso = np.isin(robot.joints, names.TORSO)
     start = robot.start[robot.qpos]
     room = np.minimum(start - robot.low, robot.high - start)

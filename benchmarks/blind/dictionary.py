@@ -151,7 +151,7 @@ KINDS: Final[Mapping[str, Kind]] = {
     "payload": Kind(things.Payload, "none", _r(None, {"mass": (LOG, 0.1, 2.0)}, {"mass": (LOG, 0.03, 0.4)})),
     "gravity_tilt": Kind(things.GravityTilt, "none", _r({"angle": (LOG, 0.03, 0.25)})),
     "contact_stiffness": Kind(things.ContactStiffness, "none", _r({"factor": (FACTOR, 0.1, 0.8)})),
-    "contact_damping": Kind(things.ContactDamping, "none", _r({"factor": (ABOVE, 0.5, 8.0)})),
+    "contact_damping": Kind(things.ContactDamping, "none", _r({"factor": (FACTOR, 0.4, 5.0)})),
     "contact_friction": Kind(things.ContactFriction, "none", _r({"factor": (BELOW, 0.3, 0.9)})),
     "object_size": Kind(things.ObjectSize, "none", _r({"radius": (SIGNED, 2e-4, 5e-3)}), "geometry"),
     "object_offset": Kind(things.ObjectOffset, "none", _r({"distance": (SIGNED, 8e-4, 8e-3)}), "geometry"),
@@ -191,7 +191,7 @@ KINDS: Final[Mapping[str, Kind]] = {
         _r(
             {"heating": (LOG, 1.0, 12.0), "time_constant": (FLAT, 1.5, 5.0)},
             None,
-            {"heating": (LOG, 10.0, 300.0), "time_constant": (FLAT, 1.5, 5.0)},
+            {"heating": (LOG, 0.5, 20.0), "time_constant": (FLAT, 1.5, 5.0)},
         ),
         known=False,
     ),
@@ -201,7 +201,7 @@ KINDS: Final[Mapping[str, Kind]] = {
         _r(
             {"stiffness": (LOG, 40, 800), "place": (FLAT, 0.55, 0.95)},
             {"stiffness": (LOG, 20, 200), "place": (FLAT, 0.5, 0.8)},
-            {"stiffness": (LOG, 0.3, 4.0), "place": (FLAT, 0.4, 0.6)},
+            {"stiffness": (LOG, 0.5, 4.0), "place": (FLAT, 0.4, 0.6)},
         ),
         known=False,
     ),

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Final
 
 import mujoco
 import mujoco.batch
@@ -24,6 +25,10 @@ Array = NDArray[np.float64]
 
 #: Asks for the next command: (row, time, positions, readings, set points) -> commands, all (ntrials, n).
 Planner = Callable[[int, float, Array, Array], Array]
+
+
+#: A robot stands still so long before it is recorded [s].
+SETTLING: Final = 0.6
 
 
 @dataclass(frozen=True)
@@ -151,7 +156,11 @@ class _Loop:
         position, velocity = np.zeros((ntrials, rows, n)), np.zeros((ntrials, rows, n))
         force = np.zeros((ntrials, rows, nforce))
         time = np.zeros(rows)
+        world.t = -round(SETTLING / world.h) * world.h
         self.seen = self._sense()
+        while world.t < -world.h / 2:  # a robot that is switched on has settled before anything is logged
+            self._step()
+        world.t = 0.0
         for k in range(rows):
             world.row = k
             time[k] = world.t

@@ -40,6 +40,7 @@ def write(made: Made, folder: Path, stem: str = "trial") -> None:
 def sidecar(made: Made, name: str, k: int) -> dict[str, Any]:
     """What a user knows of a trial."""
     case, robot = made.case, made.robot
+    measured = dict(zip(robot.joints, made.recorded.position[k, 0].tolist(), strict=True))
     initial = dict(zip(robot.joints, made.setup.start[k].tolist(), strict=True))
     out: dict[str, Any] = {
         "schema": "tiago_mj.recording/1",
@@ -49,7 +50,7 @@ def sidecar(made: Made, name: str, k: int) -> dict[str, Any]:
         ],
         "rate_hz": made.setup.rate,
         "interface": "position" if case.setting == PLAIN else case.interface,
-        "initial": {"position": initial, "set_point": initial},
+        "initial": {"position": measured, "set_point": initial},
         "source": {"tool": "benchmarks/blind", "version": cases.VERSION},
     }
     if case.setting != PLAIN:

@@ -35,6 +35,8 @@ TORSO_NOISE: Final = (5e-5, 5e-4)
 #: Real TA11 (paper, section III-B) [sensor units].
 FORCE_NOISE: Final = 0.0077
 FINGER_SPEED: Final = 0.08
+#: Points at which a flat pad touches an upright cylinder.
+POINTS: Final = 2
 #: Sensor units per newton of the nominal load cell: 100 · newtons / 606.06.
 UNITS_PER_NEWTON: Final = 330 / 2000
 
@@ -232,9 +234,12 @@ def press(model: mujoco.MjModel, stiffness: float, damping: float) -> None:
     for pair in range(model.npair):
         bodies = model.geom_bodyid[[model.pair_geom1[pair], model.pair_geom2[pair]]]
         weight = float(model.body_invweight0[bodies, 0].sum())
-        per = (1 - IMPEDANCE) * weight / 2  # a flat pad on an upright cylinder touches it at two points
+        # Stable while (h C + h² K / 2) (1 - d) Â / (n d) stays below 2 (semi-implicit Euler of the two bodies).
+        least = (STEP * damping + STEP**2 * stiffness / 2) * weight / POINTS / 1.2
+        impedance = max(IMPEDANCE, least / (1 + least))
+        per = (1 - impedance) * weight / POINTS
         model.pair_solref[pair] = -stiffness * per, -damping * per
-        model.pair_solimp[pair] = IMPEDANCE, IMPEDANCE, 0.001, 0.5, 2.0
+        model.pair_solimp[pair] = impedance, impedance, 0.001, 0.5, 2.0
 
 
 def _assemble(
@@ -293,6 +298,7 @@ def _grasp_frame(robot: Robot) -> None:
 PLAIN_FILE: Final = "pendulum.xml"
 #: A link of 0.6 kg, 0.25 m long, on a position servo: numbers of a medium hobby servo.
 PLAIN: Final = """<mujoco model="pendulum">
+  <compiler angle="radian"/>
   <option timestep="0.002" integrator="implicitfast"/>
   <worldbody>
     <body name="link" pos="0 0 1">

@@ -86,18 +86,14 @@ class CommandDeadband(Effect):
 
 
 class CommandQuantization(Effect):
-    """The set point is a whole number of counts; where the counts lie is the drive's own."""
+    """The set point is a whole number of counts from the joint's zero."""
 
     order = 61
-
-    def ready(self) -> None:
-        self._origin = float(self.own.uniform(0, 1)) * self.values["step"]
 
     def executed(self, point: Array, world: World) -> Array:
         step = self.values["step"]
         out = point.copy()
-        some = out[:, self.targets]
-        out[:, self.targets] = np.floor((some - self._origin) / step + 0.5) * step + self._origin
+        out[:, self.targets] = np.floor(out[:, self.targets] / step + 0.5) * step
         return out
 
 
@@ -145,19 +141,30 @@ class TorqueConstant(Effect):
 
 
 class VelocityLimit(Effect):
-    """Back-EMF: near the top speed no force is left in the direction of motion."""
+    """Back-EMF: at the top speed no more force is left than keeps that speed, and beyond it the motor brakes.
+
+    The slope of a real motor's curve there is steeper than a physics step can follow, so the force is the one that
+    brings the joint to the top speed within two steps, given what resisted in the last.
+    """
 
     order = 46
 
+    def start(self, world: World) -> None:
+        robot = world.robot
+        several = robot.models or [robot.model]
+        drag = np.array([model.dof_damping[robot.dof] for model in several])
+        self._drag = drag if robot.models else drag[0]
+        self._before, self._gave = world.v.copy(), np.zeros_like(world.v)
+
     def drive(self, force: Array, world: World) -> Array:
-        top = self.values["velocity"]
-        band = 0.05 * top
-        left = np.clip((top - np.abs(world.v)) / band + 0.5, 0.0, 1.0)
-        held = np.where(force * world.v > 0, force * left, force)
-        # Beyond the top speed the motor is a generator and brakes.
-        brake = -np.sign(world.v) * np.maximum(np.abs(world.v) - top, 0.0) * world.robot.inertia / (4 * world.h)
+        top, mass = self.values["velocity"], world.robot.inertia
+        resisted = self._gave - mass * (world.v - self._before) / world.h - self._drag * world.v
+        reserve = 0.5 * mass / world.h
+        most = resisted + reserve * (top - world.v) + self._drag * top
+        least = resisted - reserve * (top + world.v) - self._drag * top
         out = force.copy()
-        out[:, self.targets] = (held + brake)[:, self.targets]
+        out[:, self.targets] = np.clip(force, least, most)[:, self.targets]
+        self._before, self._gave = world.v.copy(), out
         return out
 
 

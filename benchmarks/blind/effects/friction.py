@@ -64,12 +64,21 @@ class LoadDependentFriction(Bristles):
         return self.values["coefficient"] * self._carried
 
 
-class AsymmetricFriction(Effect):
-    """More by the force in one direction, less by it in the other; fades below 1 % of the joint's speed."""
+class AsymmetricFriction(Bristles):
+    """More by the force in one direction, less by it in the other, down to none; the joint's own friction included."""
 
-    def load(self, world: World) -> Array:
-        slow = 0.01 * np.where(np.isfinite(world.robot.speed), world.robot.speed, 1.0)
-        return -self.on(world, self.values["force"]) * np.tanh((world.v / slow) ** 2)
+    def build(self, robot: Robot) -> None:
+        """Take the joint's own friction over, so that one bristle bears the whole."""
+        self._base = np.zeros(len(robot.joints))
+        for column in self.targets:
+            dof = robot.model.joint(robot.joints[column]).dofadr[0]
+            self._base[column] = robot.model.dof_frictionloss[dof]
+            robot.model.dof_frictionloss[dof] = 0.0
+
+    def level(self, world: World) -> Array:
+        # At rest the bristle's own bend says which way the joint is pushed.
+        going = np.where(np.abs(world.v) > 1e-5, np.sign(world.v), np.sign(self._z))
+        return np.maximum(self._base + going * self.values["force"], 0.0)
 
 
 class ViscousFriction(Effect):

@@ -30,16 +30,13 @@ class EncoderScale(Effect):
 
 
 class EncoderQuantization(Effect):
-    """Counts, whose zero lies where it lies."""
+    """Counts from the joint's zero; noise comes before counting and decides between two of them."""
 
     order = 80
 
-    def ready(self) -> None:
-        self._origin = float(self.own.uniform(0, 1)) * self.values["step"]
-
     def sampled(self, q: Array, v: Array, x: Array, world: World) -> tuple[Array, Array, Array]:
         step = self.values["step"]
-        return _some(q, np.round((q - self._origin) / step) * step + self._origin, self.targets), v, x
+        return _some(q, np.floor(q / step + 0.5) * step, self.targets), v, x
 
 
 class VelocityFilter(Effect):
@@ -184,12 +181,9 @@ class ForceSaturation(Effect):
 class ForceQuantization(Effect):
     order = 80
 
-    def ready(self) -> None:
-        self._origin = float(self.own.uniform(-0.5, 0.5)) * self.values["step"]
-
     def sampled(self, q: Array, v: Array, x: Array, world: World) -> tuple[Array, Array, Array]:
         step = self.values["step"]
-        return q, v, _some(x, np.round((x - self._origin) / step) * step + self._origin, self.targets)
+        return q, v, _some(x, np.floor(x / step + 0.5) * step, self.targets)
 
 
 class ForceDropout(Effect):
