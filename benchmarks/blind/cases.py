@@ -90,6 +90,8 @@ ARM_JOINTS: Final = (*names.TORSO, *names.ARM[:4])
 #: How far the arm's joints move from where they start, and how fast [m, rad; per s].
 ARM_REACH: Final = 0.15
 ARM_FASTEST: Final = 0.5
+#: Nobody jerks an arm of 14 kg [rad/s²].
+ARM_ACCELERATION: Final = 2.0
 #: The arm moves above the table, where it meets nothing [m].
 ARM_RAISED: Final = 0.3
 
@@ -152,7 +154,8 @@ def simulate(case: Case, folder: Path | None = None) -> Made:
             motions.joint_program(np.random.default_rng([case.seed, 8, k]), robot, moving, reach, fastest)
             for k in range(case.trials)
         ]
-    conductor = motions.Conductor(programs, robot, setup.interface, setup.start, 1 / RATE)
+    smooth = ARM_ACCELERATION if case.setting == ARM else None
+    conductor = motions.Conductor(programs, robot, setup.interface, setup.start, 1 / RATE, smooth)
     recorded = reality.simulate(robot, effects_of(case), setup, conductor)
     return Made(case, robot, recorded, setup, dict(robot.truth), folder)
 

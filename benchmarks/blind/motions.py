@@ -32,13 +32,23 @@ class Conductor:
         interface: ``velocity``, ``position`` or ``direct``.
         start: (ntrials, n) first set points.
         period: of control [s].
+        acceleration: of the commands [per s²]; None: they may jump, as a force controller's do.
     """
 
-    def __init__(self, programs: list[Program], robot: Robot, interface: str, start: Array, period: float) -> None:
+    def __init__(
+        self,
+        programs: list[Program],
+        robot: Robot,
+        interface: str,
+        start: Array,
+        period: float,
+        acceleration: float | None = None,
+    ) -> None:
         self._programs, self._interface, self._period = programs, interface, period
         self._low, self._high, self._speed = robot.low, robot.high, robot.speed
         self._target = start.copy()
-        self._begun = False
+        self._sent = np.zeros_like(start)
+        self._step = np.inf if acceleration is None else acceleration * period
 
     def __call__(self, row: int, t: float, q: Array, f: Array) -> Array:
         speed = np.zeros_like(self._target)
@@ -48,6 +58,7 @@ class Conductor:
             except StopIteration:
                 speed[k] = 0.0
         speed = np.clip(speed, -self._speed, self._speed)
+        self._sent = speed = np.clip(speed, self._sent - self._step, self._sent + self._step)
         moved = np.clip(self._target + speed * self._period, self._low, self._high)
         if self._interface == "velocity":
             return speed
