@@ -7,7 +7,7 @@ import json
 import shlex
 from typing import Any
 
-from benchmarks.blind import next_motion, plan, run, score
+from benchmarks.blind import baselines, next_motion, plan, run, score
 from benchmarks.blind.cases import Case
 from benchmarks.blind.page import WORDS, number, page
 from benchmarks.blind.store import Store
@@ -55,6 +55,7 @@ def write_scores(
     followed = [store.case(k) / "next.json" for k in range(len(planned))]
     motions = [bool(json.loads(path.read_text())["resolved"]) for path in followed if path.exists()]
     scores = score.score(judged, motions)
+    scores["baselines"] = baselines.scores(judged, store)
     scores["by_class"] = score.by_class(judged)
     scores["command"], scores["seal"] = words, digest
     atomic.write_text(store.root / "scores.json", json.dumps(scores, indent=1, allow_nan=False) + "\n")

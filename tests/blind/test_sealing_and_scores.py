@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks.blind import intervals, plan, run, score
+from benchmarks.blind import baselines, intervals, plan, run, score
 from benchmarks.blind.command import blind, write_scores
 from benchmarks.blind.dictionary import KINDS, available
 from benchmarks.blind.score import Judged
@@ -119,6 +119,19 @@ def test_parameter_errors_are_over_the_distance_from_the_identity() -> None:
     assert score.score([Judged(effective, answer("effect", said))])["parameter_error"]["value"] == pytest.approx(0.0)
 
 
+def test_the_commonest_guess_is_as_right_as_it_is_common(tmp_path: Path) -> None:
+    judged = [Judged(label("one", FRICTION), answer("effect", FRICTION)) for _ in range(3)]
+    judged += [
+        Judged(label("one", DELAY), answer("effect", DELAY)),
+        Judged(label("none", closable=None), answer("no_gap")),
+    ]
+    guessed = baselines.scores(judged, Store(tmp_path))["most_frequent"]
+    assert guessed["top1"]["value"] == 0.75
+    assert guessed["false_names"]["value"] == 1.0
+    assert guessed["closed_share"]["value"] == 0.0
+    assert guessed["ece"]["value"] == pytest.approx(0.0), "it says 3 of 5, and is right in 3 of 5"
+
+
 def test_calibration_error_is_zero_for_honest_probabilities_and_large_for_boasts() -> None:
     rng = np.random.default_rng(0)
     p = rng.uniform(0.2, 1.0, 20_000)
@@ -221,6 +234,7 @@ def test_scores_and_page_are_written_in_the_contracts_form(tmp_path: Path) -> No
     for name in SCORES:
         assert {"value", "low", "high", "n"} <= set(written[name]), name
     assert written["top1"]["value"] == 1.0
+    assert set(SCORES) <= set(written["baselines"]["most_frequent"])
     page = (tmp_path / "index.html").read_text()
     assert "cases/000/diagnosis/report.html" in page
     assert digest in page
