@@ -139,7 +139,7 @@ class Fitter:
     def white(self, difference: Array) -> Array:
         """Whitened, (..., n)."""
         w = score.whiten(self.data, difference, self.weight)
-        return w.reshape(*w.shape[:-3], -1)
+        return w.reshape(*w.shape[:-3], self.data.value.size)
 
     def residual(self, predicted: Array) -> Array:
         """Whitened, softened residual, (..., n)."""
