@@ -87,7 +87,7 @@ def number(name: str, value: float | None) -> str:
     """A score as it is read."""
     if value is None:
         return "–"
-    return f"{value:.3g}" if name in _PLAIN_NUMBERS else f"{100 * value:.1f} %"
+    return f"{value:.3g}" if name in _PLAIN_NUMBERS else f"{100 * value:.1f}\N{NO-BREAK SPACE}%"
 
 
 def _score_table(scores: Mapping[str, Any]) -> str:
