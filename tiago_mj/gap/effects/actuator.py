@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from tiago_mj.gap.effects.chain import Now
 from tiago_mj.gap.effects.declare import Array, Effect, effect, parameter
+from tiago_mj.gap.effects.now import Now
 
 FORCE = ("N", "N·m")
 DAMPING = ("N·s/m", "N·m·s/rad")

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from tiago_mj.gap.effects.chain import Now
 from tiago_mj.gap.effects.declare import Effect, effect, parameter
+from tiago_mj.gap.effects.now import Now
 
 
 @effect("payload", stage="body", targets="joint")

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from tiago_mj.gap.effects.chain import Now
 from tiago_mj.gap.effects.declare import Array, Effect, effect, parameter
 from tiago_mj.gap.effects.memory import DelayLine, Held, HeldLowPass
+from tiago_mj.gap.effects.now import Now
 
 LENGTH = ("m", "rad")
 SPEED = ("m/s", "rad/s")

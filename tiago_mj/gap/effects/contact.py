@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tiago_mj import compliance
-from tiago_mj.gap.effects.chain import Now
 from tiago_mj.gap.effects.declare import Array, Effect, effect, parameter
+from tiago_mj.gap.effects.now import Now
 
 
 @effect("contact_stiffness", stage="contact", targets="object")

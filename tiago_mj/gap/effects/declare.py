@@ -37,7 +37,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from tiago_mj.gap.effects.chain import Now
+    from tiago_mj.gap.effects.now import Now
 
 Array = NDArray[np.float64]
 
@@ -183,7 +183,7 @@ class Effect:
         return position
 
     def true_position(self, measured: Array, now: Now) -> Array:
-        """Joint positions as measured at rest, (nsim, njoints) [m, rad]; where the joints are. A replay starts there."""
+        """Joint positions as measured at rest, (nsim, njoints) [m, rad]; where they are. A replay starts there."""
         return measured
 
     def measure_velocity(self, velocity: Array, now: Now) -> Array:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from tiago_mj.gap.effects.chain import Now
 from tiago_mj.gap.effects.command import rounded
 from tiago_mj.gap.effects.declare import Array, Effect, effect, parameter
 from tiago_mj.gap.effects.memory import DelayLine, Held, LowPass, Play
+from tiago_mj.gap.effects.now import Now
 
 UNITS = "sensor units"
 

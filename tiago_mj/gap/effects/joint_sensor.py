@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from tiago_mj.gap.effects.chain import Now
 from tiago_mj.gap.effects.command import rounded
 from tiago_mj.gap.effects.declare import Array, Effect, effect, parameter
 from tiago_mj.gap.effects.memory import LowPass
+from tiago_mj.gap.effects.now import Now
 
 LENGTH = ("m", "rad")
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from tiago_mj.gap.effects.chain import Now
 from tiago_mj.gap.effects.declare import Array, Effect, effect, parameter
 from tiago_mj.gap.effects.memory import DelayLine
+from tiago_mj.gap.effects.now import Now
 
 
 @effect("clock_offset", stage="timing", targets="clock", gap_class="delay")

@@ -8,7 +8,7 @@ from typing import Final
 import mujoco
 import numpy as np
 
-from tiago_mj.gap.effects.chain import Wiring
+from tiago_mj.gap.effects.now import Wiring
 from tiago_mj.gap.effects.spec import Targets
 from tiago_mj.models import names
 from tiago_mj.models.limits import joint_limits
