@@ -140,7 +140,9 @@ def select(
     complete = not out_of_time()
     for size in range(2, MOST + 1):
         best = _order(fits)[0]
-        if not complete or (size > 2 and (best.misfit < GAP or len(best.parts) < size - 1)):
+        if not complete or best.evidence - fits[0].evidence < PROMISES:
+            break  # where one effect hardly explains more than none, two would not be believed
+        if size > 2 and (best.misfit < GAP or len(best.parts) < size - 1):
             break
         tick("pairs" if size == 2 else "triples", EXTENSIONS)
         starts = _extensions(few, frame, [f for f in _order(fits) if len(f.parts) == size - 1][:SEEDS], promising)
