@@ -27,6 +27,8 @@ STEPS: Final = ((1.0,), (0.4, 0.1))
 #: A drop of the cost below this is no progress [nats].
 SETTLED: Final = 0.1
 ITERATIONS: Final = 5
+#: A magnitude is moved by at least this share of its range to see what it does.
+REACH: Final = 1e-4
 
 
 @dataclass(frozen=True)
@@ -96,6 +98,10 @@ class Fitter:
         responses: predictions one deviation of each term away minus the nominal ones, (nterms, ntrials, T, C); those
             that every trial has of its own come last.
         given: effects that are part of whatever is fitted.
+        iterations: Gauss-Newton steps at most.
+        settled: a drop of the cost below this is no progress [nats].
+        reach: share of a magnitude's range that it is moved by at least to see what it does. Where contacts begin and
+            end the response to a very small move is of single physics steps; a fit from far off needs about 0.01.
     """
 
     predict: Predictor
@@ -105,6 +111,9 @@ class Fitter:
     terms: tuple[Term, ...]
     responses: Array
     given: tuple[Entry, ...] = ()
+    iterations: int = ITERATIONS
+    settled: float = SETTLED
+    reach: float = REACH
 
     def __post_init__(self) -> None:
         self.shared = [k for k, term in enumerate(self.terms) if not term.per_trial]
@@ -183,7 +192,7 @@ class Fitter:
         base = (yield [at])[0]
         columns = (yield from self._nuisance_columns(at, base)) if renew else self._nominal
         jacobian = yield from self._value_columns(at, base)
-        for iteration in range(ITERATIONS):
+        for iteration in range(self.iterations):
             everything = np.concatenate([jacobian, columns], axis=1)
             before = self._cost(base, at.nuisance)
             for shares in STEPS:
@@ -196,7 +205,7 @@ class Fitter:
             else:
                 break
             at, base = points[best], tried[best]
-            if before - costs[best] < SETTLED * (1 + iteration):
+            if before - costs[best] < self.settled * (1 + iteration):
                 break
             jacobian = yield from self._value_columns(at, base)
         return self._finished(at, base, np.concatenate([jacobian, columns], axis=1))
@@ -229,7 +238,7 @@ class Fitter:
         points, steps = [], []
         for k, part in enumerate(at.parts):
             step = 0.02 * abs(at.values[k] - (part.identity if np.isfinite(part.identity) else 0.0))
-            step = max(step, 1e-4 * (part.high - part.low))
+            step = max(step, self.reach * (part.high - part.low))
             if at.values[k] + step > part.high:
                 step = -step
             values = at.values.copy()
