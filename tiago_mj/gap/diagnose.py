@@ -90,7 +90,8 @@ def diagnose(
     tick("replaying", len(trials))
     everything = list(range(len(trials)))
     nominal = replay.simulate(plant, on, [(k, ()) for k in everything], threads=threads, seed=seed)
-    pool = hypotheses.candidates(plant, names)
+    fastest = np.abs(nominal.velocity).max(axis=(0, 1))
+    pool = hypotheses.candidates(plant, names, fastest)
     seen = set_points.told(plant, on, data, nominal)
     if seen is not None:
         pool = set_points.magnitudes(plant, on, seen, pool, fitted_on)

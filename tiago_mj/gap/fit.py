@@ -27,6 +27,10 @@ STEPS: Final = ((1.0,), (0.4, 0.1))
 #: A drop of the cost below this is no progress [nats].
 SETTLED: Final = 0.1
 ITERATIONS: Final = 5
+#: Evidence against an effect that is no larger than what the nominal model's own numbers are uncertain by [nats].
+TOLERATED: Final = 60.0
+#: Deviations by which a nuisance is moved to see what it does: contacts do not answer in straight lines.
+NUDGE: Final = 0.3
 #: A magnitude is moved by at least this share of its range to see what it does.
 REACH: Final = 1e-4
 
@@ -74,9 +78,9 @@ class Point:
     nuisance: Array
 
     def moved(self, which: slice) -> Point:
-        """One deviation further in some nuisances."""
+        """A little further in some nuisances."""
         nuisance = self.nuisance.copy()
-        nuisance[which] += 1.0
+        nuisance[which] += NUDGE
         return Point(self.parts, self.values, nuisance)
 
 
@@ -95,8 +99,8 @@ class Fitter:
         data: measured, of these trials.
         weight: (C,), see :func:`score.independence`.
         terms: nuisance parameters.
-        responses: predictions one deviation of each term away minus the nominal ones, (nterms, ntrials, T, C); those
-            that every trial has of its own come last.
+        responses: change of the nominal predictions per deviation of each term, (nterms, ntrials, T, C); those that
+            every trial has of its own come last.
         given: effects that are part of whatever is fitted.
         iterations: Gauss-Newton steps at most.
         settled: a drop of the cost below this is no progress [nats].
@@ -171,7 +175,7 @@ class Fitter:
         points += [at.moved(slice(len(self.shared) + k, None, len(self._own))) for k in range(len(self._own))]
         if not points:
             return np.zeros((self.data.value.size, 0))
-        return self._columns((yield points) - base)
+        return self._columns(((yield points) - base) / NUDGE)
 
     def _columns(self, response: Array) -> Array:
         """Columns, (n, size), of responses (nterms, ntrials, T, C), the shared terms first."""
@@ -270,8 +274,9 @@ class Fitter:
             curvature[k, k] += 12 / (part.high - part.low) ** 2
         _, logdet = np.linalg.slogdet(curvature)
         evidence = -self._cost(base, at.nuisance) - 0.5 * logdet
-        for part in parts:
+        for part, value in zip(parts, at.values, strict=True):
             evidence += 0.5 * np.log(2 * np.pi) - np.log(part.high - part.low)
+            evidence -= TOLERATED * max(0.0, 1 - abs(value - part.identity) / part.tolerance) if part.tolerance else 0.0
         deviations = np.sqrt(np.diag(np.linalg.inv(curvature))[: len(parts)])
         return Fitted(
             parts,

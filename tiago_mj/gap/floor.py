@@ -3,7 +3,7 @@
 The noise floor of a channel is one standard deviation of what its sensor adds: from rest, by the median absolute
 deviation of first differences over √2 (differences cancel a slow motion), at least the quantum over √12, at least what
 no sensor is better than. The tolerance is what two correct simulators differ by, at other time steps or integrators:
-it grows with the rate of change of a signal (an onset is never in the same millisecond) and a little with its size.
+it grows where a signal's slope jumps (an onset is never in the same millisecond) and a little with its size.
 """
 
 from __future__ import annotations
@@ -21,13 +21,14 @@ from tiago_mj.gap.recording import RecordingError, Trial
 Array = NDArray[np.float64]
 
 #: Smallest noise that is believed, (slide, hinge): 27 µm is what the 2023 project took for the fingers' encoders
-#: (llach/learning_fc), 0.3 mrad a 14-bit encoder's step over √12 and more; velocities by the same over 20 ms.
-LEAST: Final = {"position": (2.7e-5, 3e-4), "velocity": (1e-3, 1e-2), "force": (2e-3, 2e-3)}
+#: (llach/learning_fc), 0.1 mrad a 14-bit encoder's step over √12; velocities by the same over 50 ms.
+LEAST: Final = {"position": (2.7e-5, 1e-4), "velocity": (5e-4, 2e-3), "force": (2e-3, 2e-3)}
 #: Two correct simulators agree on when something happens to within this [s]: about one physics step.
 TIMING: Final = 2e-3
 #: And on how large it is, to within this share of the signal's range over the trial.
-SHARE: Final = {"position": 0.001, "velocity": 0.01, "force": 0.01}
-#: Rows around an event over which its steepest slope counts.
+SHARE: Final = {"position": 0.0005, "velocity": 0.002, "force": 0.005}
+#: An event is a jump of the slope within this time [s], and counts for so many rows around it.
+EVENT: Final = 0.02
 EVENT_ROWS: Final = 2
 
 
@@ -131,15 +132,22 @@ def noise_floor(values: Array, least: float) -> float:
 
 
 def sigma(value: Array, noise: Array, channels: Sequence[str], period: float) -> Array:
-    """Floor and tolerance of every sample, same shape as ``value``."""
+    """Floor and tolerance of every sample, same shape as ``value``.
+
+    How fast a smooth signal changes costs no tolerance: a common delay is a nuisance of its own. Where its slope jumps
+    something happens, and that may be a physics step earlier or later.
+    """
     filled = np.where(np.isfinite(value), value, 0.0)
-    slope = np.abs(np.gradient(filled, axis=1)) / period
-    steepest = slope.copy()
-    for shift in range(1, EVENT_ROWS + 1):
-        steepest[:, shift:] = np.maximum(steepest[:, shift:], slope[:, :-shift])
-        steepest[:, :-shift] = np.maximum(steepest[:, :-shift], slope[:, shift:])
-    noisy = 2 * noise / period  # the slope that noise alone makes
-    steepest = np.maximum(steepest - noisy, 0.0)
+    slope = np.gradient(filled, axis=1) / period
+    lag = max(round(EVENT / period), 1)
+    jump = np.zeros_like(slope)
+    if slope.shape[1] > 2 * lag:
+        inner = np.abs(slope[:, 2 * lag :] - 2 * slope[:, lag:-lag] + slope[:, : -2 * lag])
+        jump[:, lag:-lag] = np.maximum(inner - 4 * noise / period, 0.0)  # less what noise alone makes
+    steepest = jump.copy()
+    for shift in range(1, lag + EVENT_ROWS + 1):
+        steepest[:, shift:] = np.maximum(steepest[:, shift:], jump[:, :-shift])
+        steepest[:, :-shift] = np.maximum(steepest[:, :-shift], jump[:, shift:])
     span = np.nanmax(np.where(np.isfinite(value), value, np.nan), axis=1) - np.nanmin(
         np.where(np.isfinite(value), value, np.nan), axis=1
     )

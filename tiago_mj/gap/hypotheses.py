@@ -7,7 +7,7 @@ needs goes beyond them. They are effects too, at small magnitudes, with a normal
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -30,7 +30,8 @@ class Nuisance:
     Attributes:
         effect, parameter: what changes it.
         deviation: (slide, hinge), one standard deviation, in the parameter's unit; of ``relative`` where that is named.
-        relative: ``damping`` or ``inertia``: the deviation is a share of that nominal value of the joint.
+        relative: ``damping``, ``inertia``, ``effort`` or ``tool``: the deviation is a share of that nominal value of
+            the joint, or of the tool's mass.
         each: whether every target has its own.
         per_trial: whether every trial has its own (how the object was placed).
     """
@@ -46,10 +47,12 @@ class Nuisance:
 #: A nominal model's numbers are known to about 5 %; contacts less well; an object is placed to about a millimetre.
 NUISANCES: Final = (
     Nuisance("servo_stiffness", "factor", (0.05, 0.05)),
+    Nuisance("servo_damping", "damping", (0.05, 0.05), relative="damping"),
     Nuisance("viscous_friction", "damping", (0.05, 0.05), relative="damping"),
     Nuisance("armature", "mass", (0.05, 0.05), relative="inertia"),
     Nuisance("force_limit", "limit", (0.05, 0.05), relative="effort"),
-    Nuisance("contact_stiffness", "factor", (0.1, 0.1)),
+    Nuisance("payload", "mass", (0.04, 0.04), relative="tool"),
+    Nuisance("contact_stiffness", "factor", (0.06, 0.06)),
     Nuisance("contact_damping", "factor", (0.2, 0.2)),
     Nuisance("contact_friction", "factor", (0.1, 0.1)),
     Nuisance("object_mass", "factor", (0.06, 0.06)),
@@ -74,6 +77,7 @@ class Candidate:
         identity, low, high: of the parameter.
         grid: magnitudes of the first pass.
         unit: of the parameter.
+        tolerance: two deviations of the nominal model's own number of that kind; 0 if it has none.
         spread: one standard deviation of the magnitude where it was read off and no gradient tells; else None.
     """
 
@@ -86,6 +90,7 @@ class Candidate:
     high: float
     grid: tuple[float, ...]
     unit: str
+    tolerance: float = 0.0
     spread: float | None = None
 
     def entry(self, value: float) -> Entry:
@@ -98,9 +103,17 @@ class Candidate:
         return self.effect, self.target
 
 
-def candidates(plant: Plant, names: Iterable[str] | None = None) -> tuple[Candidate, ...]:
-    """Every effect of the library that the plant can have, on all targets and on each."""
+def candidates(plant: Plant, names: Iterable[str] | None = None, fastest: Array | None = None) -> tuple[Candidate, ...]:
+    """Every effect of the library that the plant can have, on all targets and on each.
+
+    Args:
+        plant: the nominal simulator.
+        names: effects; None for all.
+        fastest: of the joints in the nominal replay, (njoints,): a limit of the speed of a joint that has none would
+            show below.
+    """
     out: list[Candidate] = []
+    tolerances = _tolerances(plant)
     for name in EFFECTS if names is None else names:
         declared = EFFECTS[name]
         kind = declared.targets
@@ -112,8 +125,16 @@ def candidates(plant: Plant, names: Iterable[str] | None = None) -> tuple[Candid
             choices += [(target,) for target in targets]
         for choice in choices:
             index = 0 if choice is None else targets.index(choice[0])
-            out += _of(plant, name, choice, index)
+            tolerance = max(
+                (d for (e, t), d in tolerances.items() if e == name and (choice or (t,))[0] == t), default=0.0
+            )
+            out += [replace(c, tolerance=2 * tolerance) for c in _of(plant, name, choice, index, fastest)]
     return tuple(out)
+
+
+def _tolerances(plant: Plant) -> dict[tuple[str, str | None], float]:
+    """Deviation of the nominal model's own number of each kind, by effect and target."""
+    return {(t.effect, None if t.target is None else t.target[0]): abs(t.deviation) for t in terms(plant)}
 
 
 def _possible(plant: Plant, name: str, targets: tuple[str, ...]) -> bool:
@@ -127,14 +148,14 @@ def _possible(plant: Plant, name: str, targets: tuple[str, ...]) -> bool:
         return plant.cell is not None
     needs_servo = ("servo_stiffness", "servo_damping", "joint_elasticity", "rate_limit", "command_deadband")
     needs_set_point = ("command_quantization", "backlash", "coupling_error")
+    if name == "coupling_error" and len(targets) < 2:
+        return False
     if name in needs_servo or name in needs_set_point:
         return plant.wiring.interface != "effort" and bool(plant.wiring.servo.any())
-    if name == "coupling_error":
-        return len(targets) > 1
     return True
 
 
-def _of(plant: Plant, name: str, target: tuple[str, ...] | None, index: int) -> list[Candidate]:
+def _of(plant: Plant, name: str, target: tuple[str, ...] | None, index: int, fastest: Array | None) -> list[Candidate]:
     declared = EFFECTS[name]
     kind = declared.targets
     targets = plant.wiring.targets
@@ -143,7 +164,10 @@ def _of(plant: Plant, name: str, target: tuple[str, ...] | None, index: int) -> 
     scale = 1.0
     if switch.nominal is not None:
         scale = targets.nominal(switch.nominal, kind, index)
-        if not np.isfinite(scale):
+        if not np.isfinite(scale) and switch.nominal == "velocity" and fastest is not None:
+            joint = targets.actuated[index] if kind == "command" else index
+            scale = float(fastest[joint])
+        if not np.isfinite(scale) or scale == 0:
             return []
     low, high = (bound * scale for bound in switch.bounds[side])
     assert switch.identity is not None
@@ -223,7 +247,9 @@ def terms(plant: Plant) -> tuple[Term, ...]:
             size = nuisance.deviation[0 if targets.slide(declared.targets, index) else 1]
             base = parameter.identity
             if nuisance.relative == "damping":
-                size *= _nominal_of(plant, "viscous_friction", index)
+                size *= _nominal_of(plant, nuisance.effect, index)
+            elif nuisance.relative == "tool":
+                size *= float(plant.model.body_mass[plant.wiring.tool])
             elif nuisance.relative == "inertia":
                 size *= _inertia(plant, index)
             elif nuisance.relative == "effort":

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from tiago_mj.gap import score
 from tiago_mj.gap.effects import EFFECTS
-from tiago_mj.gap.fit import Fitted, Fitter, Point, Start
+from tiago_mj.gap.fit import NUDGE, Fitted, Fitter, Point, Start
 from tiago_mj.gap.floor import Data
 from tiago_mj.gap.hypotheses import Candidate, Term
 from tiago_mj.gap.predict import Predictor
@@ -113,7 +113,7 @@ def select(
     first = _spread(base, data, min(max(FIRST_STEPS // max(steps, 1), FIRST_TRIALS), SCREEN_TRIALS))
     few_trials, some = tuple(trials[k] for k in first), _part(data, first)
     terms = tuple(sorted(terms, key=lambda term: term.per_trial))
-    responses = predict.all_trials([(term.entry(1.0),) for term in terms], trials) - base
+    responses = (predict.all_trials([(term.entry(NUDGE),) for term in terms], trials) - base) / NUDGE
     per_trial = np.array([term.per_trial for term in terms], dtype=bool)
     frame = score.frame(some, weight, responses[:, first], per_trial)
     screened = screen(predict, frame, few_trials, pool, base[first])
@@ -194,7 +194,7 @@ def _fewer(fits: Sequence[Fitted]) -> list[Start]:
 def _renewed(everywhere: Fitter, fits: Sequence[Fitted], others: Sequence[Fitted]) -> list[Fitted]:
     """The same, with the nuisances' responses computed anew where that may decide: near the best of all."""
     best = max(f.evidence for f in (*fits, *others)) if fits else 0.0
-    near = [k for k, f in enumerate(fits) if f.evidence > best - NEAR]
+    near = [k for k, f in enumerate(fits) if f.evidence > best - NEAR or not f.parts]  # the nominal model always
     again = everywhere.fit_all([Start(fits[k].parts, fits[k].values, fits[k].nuisance) for k in near], renew=True)
     out = list(fits)
     for k, fit in zip(near, again, strict=True):
