@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tiago_mj.gap.effects import EFFECTS
-from tiago_mj.gap.effects.chain import Chain
+from tiago_mj.gap.effects.chain import BLIND, EACH_STEP, EACH_SUBSTEP, Chain
 from tiago_mj.gap.effects.declare import overrides
 from tiago_mj.gap.effects.host import BatchHost
 from tiago_mj.gap.effects.spec import Entry
@@ -31,6 +31,8 @@ Effects = tuple[Entry, ...]
 
 #: Simulations in one batch: enough to fill any number of threads, few enough to stay within memory.
 BATCH = 256
+#: Rows that an open loop runs at once: few enough to stay within memory.
+ROWS = 64
 
 
 @dataclass(frozen=True)
@@ -108,8 +110,27 @@ def simulate(
         threads: of the batch; 0 is all processors. The result does not depend on it.
         seed: of what effects draw at random: the same for every simulation of a trial.
     """
-    parts = [_batch(plant, on, sims[k : k + BATCH], threads, seed) for k in range(0, len(sims), BATCH)]
+    parts = [_parted(plant, on, sims[k : k + BATCH], threads, seed) for k in range(0, len(sims), BATCH)]
     return Signals(*(np.concatenate([getattr(p, f) for p in parts]) for f in Signals.__dataclass_fields__))
+
+
+def _parted(plant: Plant, on: Grid, sims: Sequence[tuple[int, Effects]], threads: int, seed: int) -> Signals:
+    """Simulations that need nobody between their steps apart from the others: they share all processors better."""
+    alone = np.array([all(_needs_no_one(entry) for entry in effects) for _, effects in sims])
+    if alone.all() or not alone.any():
+        return _batch(plant, on, sims, threads, seed)
+    order = np.argsort(~alone, kind="stable")
+    count = int(alone.sum())
+    parts = [_batch(plant, on, [sims[k] for k in some], threads, seed) for some in (order[:count], order[count:])]
+    back = np.argsort(order)
+    return Signals(*(np.concatenate([getattr(p, f) for p in parts])[back] for f in Signals.__dataclass_fields__))
+
+
+def _needs_no_one(entry: Entry) -> bool:
+    """Whether an effect changes the model alone, or a signal without asking what the joints do."""
+    hooks = (*EACH_SUBSTEP, *EACH_STEP)
+    declared = EFFECTS[entry.name]
+    return declared.stage != "timing" and (entry.name in BLIND or not any(overrides(declared, hook) for hook in hooks))
 
 
 def measure(plant: Plant, on: Grid, true: Signals, sims: Sequence[tuple[int, Effects]], *, seed: int = 0) -> Signals:
@@ -190,18 +211,31 @@ def _batch(plant: Plant, on: Grid, sims: Sequence[tuple[int, Effects]], threads:
     reading, newtons = np.zeros((*shape, len(plant.sensors))), np.zeros((*shape, len(plant.sensors)))
     quiet = np.zeros((nsim, len(plant.sensors)))
 
-    def read(k: int) -> None:
-        position[:, k] = chain.position(host.state("qpos")[:, wiring.qpos])
-        velocity[:, k] = chain.velocity(host.state("qvel")[:, wiring.dof])
-        effort[:, k] = host.output("qfrc_actuator")[:, wiring.dof]
+    def read(k: int, qpos: Array, qvel: Array, force: Array, sensordata: Array) -> None:
+        position[:, k] = chain.position(qpos[:, wiring.qpos])
+        velocity[:, k] = chain.velocity(qvel[:, wiring.dof])
+        effort[:, k] = force[:, wiring.dof]
         if plant.pads is not None and plant.cell is not None:
-            newtons[:, k] = plant.pads.read(host.output("sensordata"), tare)
+            newtons[:, k] = plant.pads.read(sensordata, tare)
             reading[:, k] = chain.reading(newtons[:, k], plant.cell.signal, quiet)
 
-    host.output("qfrc_actuator")
-    host.output("sensordata")
+    def present() -> tuple[Array, ...]:
+        return host.state("qpos"), host.state("qvel"), host.output("qfrc_actuator"), host.output("sensordata")
+
+    present()
     host.forward()
-    read(0)
+    read(0, *present())
+    if on.uniform and not plant.relative and chain.open_loop:
+        ctrl = np.repeat(host.state("ctrl")[:, None], length - 1, axis=1)
+        for k in range(length - 1):
+            ctrl[:, k, wiring.ctrl] = chain.ahead(on.commands[trial, k])
+        fields = ("qpos", "qvel", "qfrc_actuator", "sensordata")
+        for first in range(0, length - 1, ROWS):
+            some = np.repeat(ctrl[:, first : first + ROWS], substeps, axis=1)
+            seen = host.batch.rollout(some.shape[1], some, record=fields)
+            for k in range(some.shape[1] // substeps):
+                read(first + k + 1, *(seen[name][:, (k + 1) * substeps - 1] for name in fields))
+        return Signals(position, velocity, effort, _averaged(plant, reading), newtons)
     held = np.array([start.set_point for start in starts])
     for k in range(length - 1):
         sent = on.commands[trial, k]
@@ -210,7 +244,7 @@ def _batch(plant: Plant, on: Grid, sims: Sequence[tuple[int, Effects]], threads:
             here = host.state("qpos")[:, wiring.qpos[list(wiring.targets.actuated)]]
             sent = held = np.where(np.isnan(sent), held, here + sent)
         chain.advance(sent, None if on.uniform else on.period[trial, k])
-        read(k + 1)
+        read(k + 1, *present())
     return Signals(position, velocity, effort, _averaged(plant, reading), newtons)
 
 
@@ -249,9 +283,7 @@ def _held(values: Array, idle: float) -> Array:
     return np.where(last >= 0, values[np.maximum(last, 0)], idle)
 
 
-def _uniform(
-    sims: Sequence[tuple[int, Effects]], luck: Array | None, seed: int
-) -> Callable[[tuple[int, ...]], Array]:
+def _uniform(sims: Sequence[tuple[int, Effects]], luck: Array | None, seed: int) -> Callable[[tuple[int, ...]], Array]:
     """Uniform numbers that are the same for every simulation of a trial, whatever batch it runs in; once a control step
     those of ``luck``, where they are known."""
     trial = np.array([t for t, _ in sims])

@@ -35,6 +35,10 @@ EACH_STEP: Final = (
     "sample",
 )
 
+#: Effects of those that ask for nothing but the signal and the time: with them the commands of a whole run are known
+#: before it.
+BLIND: Final = ("command_delay", "command_lag", "encoder_bias", "encoder_scale")
+
 
 class Chain:
     """Effects at work on the simulations of a host.
@@ -206,6 +210,23 @@ class Chain:
             self._host.step(self._substeps)
         now.step += 1
         now.elapsed = now.elapsed + now.dt
+
+    @property
+    def open_loop(self) -> bool:
+        """Whether what the servos are given depends on commands alone, so that a run needs no one between its steps."""
+        wiring = self._wiring
+        servos = wiring.interface == "velocity" and bool((wiring.act >= 0).all())
+        if wiring.ideal or not (servos or wiring.interface == "effort"):
+            return False
+        users = [effect for hook in (*EACH_SUBSTEP, *EACH_STEP) for effect, _ in self._hooks[hook]]
+        return all(effect.name in BLIND for effect in users) and bool((self.now.clock == 1).all())
+
+    def ahead(self, command: Array) -> Array:
+        """Inputs that an open loop gives the servos for the next command, (nsim, nactuators)."""
+        command = self._through("command", command)
+        self.now.step += 1
+        self.now.elapsed = self.now.elapsed + self.now.dt
+        return command
 
     def _hold_set_points(self) -> None:
         """An ideal servo has no set point to run away: what the effort limit cannot hold is forgotten."""
