@@ -15,6 +15,7 @@ import tiago_mj
 from tiago_mj.gap import floor, hypotheses, locate, phases, replay, select, set_points, traces, verdict
 from tiago_mj.gap.effects import EFFECTS
 from tiago_mj.gap.fit import Fitted
+from tiago_mj.gap.inverse import diagnose_inverse
 from tiago_mj.gap.plant import Plant, plant_of
 from tiago_mj.gap.predict import Predictor
 from tiago_mj.gap.recording import Finding, RecordingError, Trial
@@ -74,9 +75,10 @@ def diagnose(
         RecordingError: the recordings hold nothing that can be compared; one line.
     """
     begun = time.monotonic()
-    if not any(trial.commands for trial in trials):
-        raise RecordingError(f"{trials[0].source}: no command column: nothing can be replayed; add command.<actuator>")
     plant = plant_of(trials, env=env, model=model)
+    if not any(trial.commands for trial in trials):
+        tick("inverse dynamics", 1)
+        return _without_commands(plant, trials, findings, seed)
     on = replay.grid(plant, trials)
     data = floor.collect(plant, trials, usable)
     if not data.channels:
@@ -159,6 +161,26 @@ def diagnose(
             _overlay(plant, trials[k], data, base, repaired, phase, k) for k in (test or everything)[:OVERLAYS]
         ),
         notes=tuple(notes),
+    )
+
+
+def _without_commands(plant: Plant, trials: Sequence[Trial], findings: Sequence[Finding], seed: int) -> Diagnosis:
+    """Explain the efforts along the measured motion."""
+    known = {plant.model.joint(j).name for j in range(plant.model.njnt)}
+    joints = [name for name in dict.fromkeys(n for trial in trials for n in trial.efforts) if name in known]
+    if not joints:
+        raise RecordingError(
+            f"{trials[0].source}: no command and no effort of a joint of this robot: nothing can be replayed; add "
+            "command.<actuator>, or effort.<joint>"
+        )
+    return diagnose_inverse(
+        tuple(trials),
+        plant.model,
+        joints,
+        findings=findings,
+        robot=plant.name,
+        seed=seed,
+        version=tiago_mj.__version__,
     )
 
 

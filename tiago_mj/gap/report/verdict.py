@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from tiago_mj.gap.report.words import begin, channel, clauses, interval_percent, labels, listed, percent
+from tiago_mj.gap.report.words import begin, channel, clauses, interval_percent, labels, percent
 from tiago_mj.gap.result import Diagnosis, Explanation, Place
 
 #: Alternatives up to this number are spelled out in the first sentence; of more, only the effects' names are given.
@@ -83,7 +83,7 @@ def _either(diagnosis: Diagnosis) -> str:
         return f"either {either}: these recordings cannot tell which"
     return (
         f"one of {len(choices)} explanations holds, and these recordings cannot tell which: "
-        f"{listed([labels(choice) for choice in choices], 'or')}"
+        f"{'; or '.join(labels(choice) for choice in choices)}"
     )
 
 

@@ -146,8 +146,17 @@ def label(effect: Named) -> str:
 
 
 def labels(explanation: Explanation) -> str:
-    """A set of effects in a few words."""
-    return " and ".join(label(effect) for effect in explanation.effects) or "nothing (the nominal simulator)"
+    """A set of effects in a few words; what acts on several joints is said once."""
+    return listed([label(effect) for effect in together(explanation.effects)]) or "nothing (the nominal simulator)"
+
+
+def together(effects: Sequence[Named]) -> list[Named]:
+    """Effects of one name as one, on all their targets."""
+    targets: dict[str, list[str]] = {}
+    for effect in effects:
+        mine = (effect.target,) if isinstance(effect.target, str) else effect.target
+        targets.setdefault(effect.name, []).extend(mine)
+    return [Named(name, found[0] if len(found) == 1 else tuple(found)) for name, found in targets.items()]
 
 
 def clause(effect: Named) -> str:
@@ -175,8 +184,14 @@ def clause(effect: Named) -> str:
     return re.sub(r"{(\w+)(%?)}", fill, template)
 
 
+#: Effects of an explanation that are spelled out one by one.
+MANY: Final = 3
+
+
 def clauses(explanation: Explanation) -> str:
-    """A set of effects as one clause."""
+    """A set of effects as one clause; of many, what they are and where."""
+    if len(explanation.effects) > MANY:
+        return f"the simulator lacks {labels(explanation)}"
     return ", and ".join(clause(effect) for effect in explanation.effects)
 
 

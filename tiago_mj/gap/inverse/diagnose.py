@@ -1,0 +1,142 @@
+"""Diagnosis of recordings that hold motion and effort but no commands."""
+
+from __future__ import annotations
+
+import time as clock
+from collections.abc import Sequence
+
+import mujoco
+
+from tiago_mj.gap.effects import EFFECTS
+from tiago_mj.gap.inverse import intervals, notes, tables
+from tiago_mj.gap.inverse.channels import choose
+from tiago_mj.gap.inverse.evidence import Evidence
+from tiago_mj.gap.inverse.judge import Verdict, judge, up_to_class
+from tiago_mj.gap.inverse.search import Scored, Search
+from tiago_mj.gap.recording import Finding, RecordingError, Trial
+from tiago_mj.gap.result import Diagnosis, Explanation, Named, Value
+
+
+def diagnose_inverse(
+    trials: tuple[Trial, ...],
+    model: mujoco.MjModel,
+    joints: Sequence[str],
+    *,
+    findings: Sequence[Finding] = (),
+    robot: str,
+    seed: int,
+    version: str,
+) -> Diagnosis:
+    """Which unmodelled effect makes a robot's joint efforts differ from what its model needs for the same motion.
+
+    Args:
+        trials: each with positions of the same joints [rad, m] and efforts [N·m, N]; commands are not used, velocities
+            are derived from the positions.
+        model: nominal; contacts, joint limits and gravity compensation are switched off in a copy of it.
+        joints: whose efforts are explained. Every joint that has a position takes part in the motion.
+        findings: of the lint; channels that it discredits are left out.
+        robot: name for the report.
+        seed: of the split and the bootstraps.
+        version: of the package.
+
+    Returns:
+        The diagnosis. The noise floor is what the effort channels' noise leaves after the low-pass; "closed" is
+        computed on blocks that were neither fitted nor chosen on, rows at rest left out.
+
+    Raises:
+        RecordingError: nothing moves, no effort can be used, or the recording is too short; names the file.
+        ValueError: the model lacks a joint.
+    """
+    began = clock.perf_counter()
+    if not trials:
+        raise RecordingError("no recording was given: name a file or a folder")
+    usable = choose(trials, model, joints, findings)
+    evidence = Evidence(usable.course, usable.torques, seed)
+    if len(evidence.blocks.names) < 2:
+        files = ", ".join(dict.fromkeys(trial.source for trial in trials))
+        raise RecordingError(f"{files}: the motion is too short to choose between explanations: record longer")
+    search = Search(evidence)
+    verdict = judge(search, seed)
+    spans = intervals.strengths(evidence, verdict.best, seed)
+    forms = intervals.shapes(search, verdict.best)
+
+    def explained(scored: Scored) -> Explanation:
+        own = scored is verdict.best
+        effects = tuple(_named(evidence, scored, k, spans if own else {}, forms if own else {}) for k in scored.terms)
+        gain = tables.validation_gain(evidence, verdict.null, scored)
+        return Explanation(effects, up_to_class(verdict, search, scored), gain)
+
+    best = explained(verdict.best)
+    left = [c for c, remains in enumerate(verdict.remains) if remains]
+    names = evidence.blocks.names
+    return Diagnosis(
+        kind=verdict.kind,
+        best=best,
+        alternatives=tuple(explained(one) for one in verdict.alternatives),
+        remains=bool(left),
+        remains_where=tables.where(evidence, verdict.best, seed, left)[:6] if left else (),
+        not_excited=_not_excited(evidence),
+        where=tables.where(evidence, verdict.null, seed),
+        stage=_stage(search, verdict),
+        shrink=tables.shrink(evidence, verdict.null, verdict.best, seed),
+        ranking=tuple(explained(one) for one in verdict.ranking),
+        findings=(*findings, *usable.findings),
+        next_motion=None,
+        splits={
+            part: tuple(names[b] for b in getattr(evidence.blocks, part)) for part in ("train", "validation", "test")
+        },
+        robot=robot,
+        complete=True,
+        seed=seed,
+        version=version,
+        seconds=clock.perf_counter() - began,
+        overlays=tables.overlays(evidence, verdict.null, verdict.best),
+        notes=notes.sentences(trials, usable, search, verdict),
+    )
+
+
+def _named(
+    evidence: Evidence,
+    scored: Scored,
+    index: int,
+    spans: dict[int, tuple[float, float]],
+    forms: dict[int, dict[str, tuple[float, float] | None]],
+) -> Named:
+    """One term as an effect with parameters."""
+    term, strength = evidence.terms[index], scored.strengths[index]
+    low, high = spans.get(index, (None, None))
+    parameters = {
+        term.parameter: Value(
+            term.identity + strength,
+            None if low is None else term.identity + low,
+            None if high is None else term.identity + high,
+            term.unit,
+        )
+    }
+    for name, value in term.shape:
+        ends = forms.get(index, {}).get(name)
+        shortest, longest = ends or (None, None)
+        parameters[name] = Value(value, shortest, longest, dict(term.shape_units)[name])
+    return Named(term.effect, term.target, parameters)
+
+
+def _not_excited(evidence: Evidence) -> tuple[str, ...]:
+    """Effects that, at the size of their default, would change no channel by as much as its noise."""
+    seen = set()
+    cols = evidence.course.columns
+    used = evidence.moving
+    for term, unit in zip(evidence.terms, evidence.units, strict=True):
+        change = abs(term.magnitude) * unit[:, cols]
+        for c in range(len(cols)):
+            if used[:, c].any() and float((change[used[:, c], c] ** 2).mean()) > evidence.floor.noise[c] ** 2:
+                seen.add(term.effect)
+    return tuple(name for name in EFFECTS if name not in seen)
+
+
+def _stage(search: Search, verdict: Verdict) -> str | None:
+    """Stage of the effect without which the best explanation would lose most."""
+    losses: dict[str, float] = {}
+    for name in search.names(verdict.best):
+        rest = search.score(k for k in verdict.best.terms if search.evidence.terms[k].effect != name)
+        losses[EFFECTS[name].stage] = losses.get(EFFECTS[name].stage, 0.0) + rest.bic - verdict.best.bic
+    return max(losses, key=lambda stage: losses[stage], default=None)

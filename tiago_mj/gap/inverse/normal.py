@@ -1,0 +1,150 @@
+"""Weighted least squares by blocks: normal equations are summed, so that leaving a block out costs nothing.
+
+Every explanation is a subset of one set of columns. Columns of the nominal model's own uncertainty (nuisance) are in
+every fit, each in units of its standard deviation, with a standard normal prior. Strengths stay inside their bounds.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.intp]
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Which samples count, how much, and to which block they belong.
+
+    Attributes:
+        used: (T, c), samples that count.
+        block: (T,), -1 for none.
+        weight: (c,) of a squared residual: effective samples per sample over its variance.
+    """
+
+    used: NDArray[np.bool_]
+    block: Ints
+    weight: Array
+
+    @property
+    def blocks(self) -> Ints:
+        """Numbers of the blocks."""
+        return np.unique(self.block[self.block >= 0])
+
+    def flat(self, values: Array) -> Array:
+        """Values (T, c) that count, weighted, (R,)."""
+        return (values * np.sqrt(self.weight))[self._there]
+
+    @property
+    def of(self) -> Ints:
+        """Block of every sample that counts, (R,)."""
+        return np.broadcast_to(self.block[:, None], self.used.shape)[self._there]
+
+    @property
+    def _there(self) -> NDArray[np.bool_]:
+        return self.used & (self.block >= 0)[:, None]
+
+
+class Normal:
+    """Normal equations of a gap over columns, block by block.
+
+    Args:
+        rows: samples.
+        gap: (T, c), what is to be explained.
+        columns: each (T, c).
+        precision: of each column's zero-mean prior, (K,); 0: none.
+        low, high: bounds of each strength, (K,).
+    """
+
+    def __init__(
+        self, rows: Rows, gap: Array, columns: Sequence[Array], precision: Array, low: Array, high: Array
+    ) -> None:
+        self.rows, self.precision, self.low, self.high = rows, precision, low, high
+        order = np.argsort(rows.of, kind="stable")
+        edges = np.searchsorted(rows.of[order], [*rows.blocks, np.inf])
+        self._order = order
+        self._slices = [slice(int(i), int(j)) for i, j in itertools.pairwise(edges)]
+        self._target = rows.flat(gap)[order]
+        self._matrix = np.stack([rows.flat(c)[order] for c in columns])
+        self.square = np.array([self._target[s] @ self._target[s] for s in self._slices])
+        self.gram = np.stack([self._matrix[:, s] @ self._matrix[:, s].T for s in self._slices])
+        self.right = np.stack([self._matrix[:, s] @ self._target[s] for s in self._slices])
+
+    def renew(self, index: int, column: Array) -> None:
+        """Replace a column."""
+        new = self.rows.flat(column)[self._order]
+        if np.array_equal(new, self._matrix[index]):
+            return
+        self._matrix[index] = new
+        for b, s in enumerate(self._slices):
+            products = self._matrix[:, s] @ new[s]
+            self.gram[b, index], self.gram[b, :, index] = products, products
+            self.right[b, index] = new[s] @ self._target[s]
+
+    def fit(self, active: Sequence[int], blocks: Sequence[int] | Ints, *, bounded: bool = True) -> Array:
+        """Strengths of the active columns, (n,), from these blocks (positions, not numbers)."""
+        chosen = np.asarray(active, dtype=int)
+        gram, right = self.gram[blocks].sum(axis=0), self.right[blocks].sum(axis=0)
+        return self.solve(gram[np.ix_(chosen, chosen)], right[chosen], chosen, bounded=bounded)
+
+    def solve(self, gram: Array, right: Array, chosen: Ints, *, bounded: bool = True) -> Array:
+        """Minimum of the penalized misfit, within the bounds."""
+        full = gram + np.diag(self.precision[chosen])
+        scale = np.sqrt(np.maximum(np.diag(full), 1e-300))
+        full, right = full / np.outer(scale, scale), right / scale
+        low, high = self.low[chosen] * scale, self.high[chosen] * scale
+        values = np.zeros(len(chosen))
+        free = np.ones(len(chosen), dtype=bool)
+        for _ in range(len(chosen) + 1):
+            # A little ridge decides between columns that are the same; it is far below any prior.
+            inner = full[np.ix_(free, free)] + 1e-9 * np.eye(int(free.sum()))
+            values[free] = np.linalg.solve(inner, right[free] - full[np.ix_(free, ~free)] @ values[~free])
+            beyond = free & ((values < low) | (values > high))
+            if not bounded or not beyond.any():
+                break
+            values = np.where(beyond, np.clip(values, low, high), values)
+            free &= ~beyond
+        return values / scale
+
+    def misfit(self, active: Sequence[int], strengths: Array) -> Array:
+        """Weighted squared residual of every block, (B,)."""
+        chosen = np.asarray(active, dtype=int)
+        gram = self.gram[:, chosen[:, None], chosen]
+        cross = self.right[:, chosen] @ strengths
+        return self.square - 2 * cross + np.einsum("i,bij,j->b", strengths, gram, strengths)
+
+    def criterion(self, active: Sequence[int], blocks: Sequence[int] | Ints) -> float:
+        """Misfit and prior at the best strengths: -2 log posterior up to a constant."""
+        strengths = self.fit(active, blocks)
+        prior = float(self.precision[np.asarray(active, dtype=int)] @ strengths**2)
+        return float(self.misfit(active, strengths)[blocks].sum()) + prior
+
+    def left_out(self, active: Sequence[int], blocks: Sequence[int] | Ints) -> Array:
+        """Misfit of each block under the strengths that the other blocks give, (len(blocks),)."""
+        scores = []
+        for b in blocks:
+            others = [k for k in blocks if k != b]
+            scores.append(self.misfit(active, self.fit(active, others))[b])
+        return np.array(scores)
+
+    def residual(self, active: Sequence[int], strengths: Array) -> Array:
+        """Weighted residual of every sample, (R,), in the order of the rows."""
+        values = np.empty_like(self._target)
+        values[self._order] = self._target - strengths @ self._matrix[np.asarray(active, dtype=int)]
+        return values
+
+    def gains(self, active: Sequence[int], blocks: Sequence[int] | Ints) -> Array:
+        """Drop of the misfit that each column alone would bring beside the active ones, (K,)."""
+        chosen = np.asarray(active, dtype=int)
+        gram, right = self.gram[blocks].sum(axis=0), self.right[blocks].sum(axis=0)
+        strengths = self.fit(active, blocks)
+        score = right - gram[:, chosen] @ strengths
+        inner = gram[np.ix_(chosen, chosen)] + np.diag(self.precision[chosen])
+        inner += 1e-9 * np.diag(np.diag(inner) + 1e-300)
+        own = np.diag(gram) - np.einsum("ki,ik->k", gram[:, chosen], np.linalg.solve(inner, gram[chosen]))
+        return np.where(own > 1e-6 * np.diag(gram), score**2 / np.maximum(own, 1e-300), 0.0)
