@@ -386,9 +386,10 @@ def _timeless(said: Any) -> Any:
 def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("part", choices=("fit", "diagnose"))
-    parser.add_argument("--seeds", type=int, default=3)
+    parser.add_argument("--seeds", type=int, default=3, help="sets of recordings")
+    parser.add_argument("--first", type=int, default=11, help="seed; settings of all tools were chosen on 1 to 3")
     arguments = parser.parse_args()
-    results = fit(range(1, arguments.seeds + 1)) if arguments.part == "fit" else diagnose()
+    results = fit(range(arguments.first, arguments.first + arguments.seeds)) if arguments.part == "fit" else diagnose()
     print("saved", save(f"diagnosis_speed_{arguments.part}", results).name)
 
 
