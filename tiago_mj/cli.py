@@ -22,6 +22,7 @@ COMMANDS: Final[Mapping[str, tuple[str, str]]] = MappingProxyType(
         "demo": ("tiago_mj.demo.command", "grasp, compare with real recordings, write a page with the pictures"),
         "rollout": ("tiago_mj.rollout.command", "run a policy in an environment: returns, forces, a film"),
         "convert": ("tiago_mj.models.convert.command", "turn a robot's URDF into MJCF"),
+        "preflight": ("tiago_mj.gap.preflight.command", "what recordings can tell, before anything is fitted"),
         "diagnose": ("tiago_mj.gap.command", "say why recordings differ from the simulator, and mend it"),
         "calibrate-sensor": (
             "tiago_mj.gap.calibrate_sensor.command",

@@ -101,7 +101,11 @@ def diagnose(
     predict = Predictor(plant, on, data, threads, seed)
     base = predict.all_trials([()], everything, keep=True)[0]
     phase = phases.phases(plant, on, nominal)[:, : data.value.shape[1]]
-    part = select._part(data, fitted_on)
+    part = floor.part(data, fitted_on)
+    known = traces.betrayed(_marks(plant, part, base[fitted_on]), pool)
+    if any(k.candidate.effect == "force_dropout" for k in known):
+        data = floor.without_repeats(data)
+        part = floor.part(data, fitted_on)
     ranked = select.select(
         predict,
         part,
@@ -109,7 +113,7 @@ def diagnose(
         pool,
         hypotheses.terms(plant),
         base[fitted_on],
-        traces.betrayed(_marks(plant, part, base[fitted_on]), pool),
+        known,
         steps=on.commands.shape[1] * math.ceil(plant.period / plant.max_timestep),
         out_of_time=lambda: budget is not None and time.monotonic() - begun > budget,
         tick=tick,

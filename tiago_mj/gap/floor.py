@@ -155,6 +155,23 @@ def sigma(value: Array, noise: Array, channels: Sequence[str], period: float) ->
     return np.sqrt(noise**2 + (TIMING * steepest) ** 2 + (share * np.nan_to_num(span)[:, None, :]) ** 2)
 
 
+def part(data: Data, trials: Sequence[int]) -> Data:
+    """Of some trials."""
+    index = list(trials)
+    return Data(data.channels, data.part, data.value[index], data.noise, data.sigma[index])
+
+
+def without_repeats(data: Data) -> Data:
+    """Readings of load cells that repeat the one before exactly count as not measured: they were missed."""
+    value = data.value.copy()
+    for c, kind in enumerate(data.kinds):
+        if kind == "force":
+            repeated = np.zeros(value.shape[:2], dtype=bool)
+            repeated[:, 1:] = data.value[:, 1:, c] == data.value[:, :-1, c]
+            value[:, :, c] = np.where(repeated, np.nan, value[:, :, c])
+    return Data(data.channels, data.part, value, data.noise, data.sigma)
+
+
 def predicted(data: Data, signals: object) -> Array:
     """The predictions of the measured channels, (nsim, T, C), of :class:`tiago_mj.gap.replay.Signals`."""
     sources = {"position": signals.position, "velocity": signals.velocity, "force": signals.reading}  # type: ignore[attr-defined]

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from tiago_mj.gap import score
+from tiago_mj.gap import floor, score
 from tiago_mj.gap.effects import EFFECTS
 from tiago_mj.gap.fit import NUDGE, Fitted, Fitter, Point, Start
 from tiago_mj.gap.floor import Data
@@ -44,6 +44,8 @@ EXTENSIONS_AGAIN: Final = 2
 PROMISES: Final = 25.0
 #: Explanations this near to the best are fitted with the nuisances' responses around them [nats].
 NEAR: Final = 150.0
+#: Further fits of the nominal model, each with the nuisances' responses around the one before.
+NOMINAL_ROUNDS: Final = 3
 #: Effects of one explanation, apart from what the readings betray: a third is only sought where two leave a gap.
 MOST: Final = 3
 #: Mean squared residual of the worst channel, in units of floor and tolerance, that calls for another effect.
@@ -109,9 +111,9 @@ def select(
     tick("screening", len(pool))
     weight = score.independence(data, base)
     chosen = _spread(base, data, max(FIT_STEPS // max(steps, 1), FIT_TRIALS))
-    data, base, trials = _part(data, chosen), base[chosen], [trials[k] for k in chosen]
+    data, base, trials = floor.part(data, chosen), base[chosen], [trials[k] for k in chosen]
     first = _spread(base, data, min(max(FIRST_STEPS // max(steps, 1), FIRST_TRIALS), SCREEN_TRIALS))
-    few_trials, some = tuple(trials[k] for k in first), _part(data, first)
+    few_trials, some = tuple(trials[k] for k in first), floor.part(data, first)
     terms = tuple(sorted(terms, key=lambda term: term.per_trial))
     responses = (predict.all_trials([(term.entry(NUDGE),) for term in terms], trials) - base) / NUDGE
     per_trial = np.array([term.per_trial for term in terms], dtype=bool)
@@ -199,6 +201,15 @@ def _renewed(everywhere: Fitter, fits: Sequence[Fitted], others: Sequence[Fitted
     out = list(fits)
     for k, fit in zip(near, again, strict=True):
         out[k] = max(fit, fits[k], key=lambda f: f.evidence)
+    # The nominal model must not look worse than it is: its fit goes on as long as it gets better.
+    for _ in range(NOMINAL_ROUNDS):
+        moved = [k for k in near if not fits[k].parts and out[k].evidence > fits[k].evidence + PROMISES]
+        if not moved:
+            break
+        fits = list(out)
+        more = everywhere.fit_all([Start((), np.zeros(0), out[k].nuisance) for k in moved], renew=True)
+        for k, fit in zip(moved, more, strict=True):
+            out[k] = max(fit, out[k], key=lambda f: f.evidence)
     return out
 
 
@@ -287,8 +298,3 @@ def _spread(base: Array, data: Data, count: int) -> list[int]:
     white = np.where(np.isfinite(data.value), np.nan_to_num((data.value - base) / data.sigma), 0.0)
     size = (score.soften(white) ** 2).sum(axis=(1, 2))
     return sorted(int(k) for k in np.argsort(-size)[:count])
-
-
-def _part(data: Data, trials: Sequence[int]) -> Data:
-    index = list(trials)
-    return Data(data.channels, data.part, data.value[index], data.noise, data.sigma[index])

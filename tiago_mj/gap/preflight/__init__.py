@@ -1,0 +1,1 @@
+"""What a recording can tell at all, before anything is fitted."""
