@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
@@ -12,21 +13,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 import tiago_mj
-from tiago_mj.gap import floor, hypotheses, locate, phases, replay, select, set_points, traces, verdict
+from tiago_mj.gap import floor, hypotheses, locate, phases, replay, select, set_points, shrink, traces, verdict
 from tiago_mj.gap.effects import EFFECTS
 from tiago_mj.gap.fit import Fitted
 from tiago_mj.gap.inverse import diagnose_inverse
 from tiago_mj.gap.plant import Plant, plant_of
 from tiago_mj.gap.predict import Predictor
 from tiago_mj.gap.recording import Finding, RecordingError, Trial
-from tiago_mj.gap.result import Closing, Diagnosis, Explanation, Named, Overlay, Shrink, Value
+from tiago_mj.gap.result import Diagnosis, Explanation, Named, Overlay, Value
+from tiago_mj.gap.task import task_return
 
 Array = NDArray[np.float64]
 
 #: 90 % of a normal distribution lie within so many standard deviations.
 NINETY: Final = 1.645
-#: A gap within this of the floor is none: it is not shared out and not closed.
-NOTHING: Final = 0.1
 #: Trials drawn in the report.
 OVERLAYS: Final = 1
 
@@ -56,6 +56,8 @@ def diagnose(
     seed: int = 0,
     threads: int = 0,
     budget: float | None = None,
+    policy: str | None = None,
+    trust: bool = False,
     tick: Callable[[str, int], None] = lambda stage, total: None,
 ) -> Diagnosis:
     """Diagnose recordings of commands and what was measured.
@@ -69,6 +71,8 @@ def diagnose(
         seed: of effects that draw at random and of the bootstrap.
         threads: of the simulations; the answer does not depend on it.
         budget: seconds after which the best verdict so far is given.
+        policy: ``pi`` or a file, whose return the nominal and the repaired simulator predict; None: not asked.
+        trust: load that file although loading runs what it holds.
         tick: told what begins.
 
     Raises:
@@ -122,6 +126,11 @@ def diagnose(
     best = ranked.fits[judged.rivals[0]]
     tick("writing", 1)
     repaired = predict.all_trials([best.effects()], everything)[0] if best.parts else base
+    shrink = _shrink(data, base, repaired, test, seed)
+    if policy is not None:
+        tested = [trials[k] for k in test]
+        task = task_return(plant, tested, best.effects(), policy, trust=trust, seed=seed)
+        shrink = replace(shrink, task=task)
     where = locate.locate(data, base, phase, plant.period, seed)
     left = locate.locate(data, repaired, phase, plant.period, seed)
     explanations = [
@@ -151,7 +160,7 @@ def diagnose(
         not_excited=ranked.not_excited,
         where=where,
         stage=_stage(best) if best.parts and judged.kind != "unknown" else locate.stage(where),
-        shrink=_shrink(data, base, repaired, test, seed),
+        shrink=shrink.shrink(data, base, repaired, phase, test, period=plant.period, seed=seed),
         ranking=tuple(explanations),
         findings=tuple(findings),
         next_motion=None,
@@ -238,34 +247,6 @@ def _named(plant: Plant, fit: Fitted, k: int) -> Named:
         side = 0 if plant.wiring.targets.slide(declared.targets, index) else 1
         parameters[name] = Value(fixed, None, None, declared.parameters[name].unit[side])
     return Named(part.effect, target, parameters)
-
-
-def _shrink(data: floor.Data, base: Array, repaired: Array, test: Sequence[int], seed: int) -> Shrink:
-    if not test:
-        return Shrink(None, None, 1.0, None, None, None)
-    index = list(test)
-    before = ((data.value[index] - base[index]) / data.noise) ** 2
-    after = ((data.value[index] - repaired[index]) / data.noise) ** 2
-    per = {}
-    for c, channel in enumerate(data.channels):
-        b, a = float(np.nanmean(before[:, :, c])), float(np.nanmean(after[:, :, c]))
-        per[channel] = Closing(b, a, _closed(b, a))
-    b_trial, a_trial = np.nanmean(before, axis=(1, 2)), np.nanmean(after, axis=(1, 2))
-    whole = _closed(float(b_trial.mean()), float(a_trial.mean()))
-    low = high = None
-    if whole is not None and len(test) > 1:
-        drawn = np.random.default_rng(seed).integers(len(test), size=(500, len(test)))
-        shares = [_closed(float(b_trial[d].mean()), float(a_trial[d].mean())) for d in drawn]
-        known = [s for s in shares if s is not None]
-        low, high = (float(q) for q in np.quantile(known, [0.05, 0.95])) if known else (None, None)
-    return Shrink(float(b_trial.mean()), float(a_trial.mean()), 1.0, whole, low, high, per)
-
-
-def _closed(before: float, after: float) -> float | None:
-    """Share of the excess over the floor (1) that is gone; None where there was none."""
-    if before - 1 <= NOTHING:
-        return None
-    return 1 - (max(after, 1.0) - 1) / (before - 1)
 
 
 def _overlay(

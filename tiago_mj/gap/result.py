@@ -72,18 +72,32 @@ class Place:
 
 @dataclass(frozen=True)
 class Closing:
-    """Gap of one channel on the test trials, before and after; ``closed`` None where there was nothing to close."""
+    """Gap of a part of the test trials, before and after; ``closed`` is None where there was nothing to close.
+
+    ``low`` and ``high`` are the ends of its 90 % interval; None where it is not known.
+    """
 
     before: float
     after: float
     closed: float | None
+    low: float | None = None
+    high: float | None = None
 
 
 @dataclass(frozen=True)
 class Shrink:
     """How far the gap shrinks on trials that were used for nothing else. None: there was no test trial, or no gap.
 
-    ``task`` is {policy, nominal, repaired, measured}: the return of a policy, predicted before and after; or None.
+    Attributes:
+        before, after: mean squared residual in units of the noise floor.
+        floor: what noise alone leaves, in the same units.
+        closed, low, high: share of the excess over the floor that is gone, and its 90 % interval.
+        per_channel: the same by channel.
+        task: {policy, nominal, repaired, measured}: the return of a policy, predicted before and after, and more
+            (:mod:`tiago_mj.gap.task`); or None.
+        per_phase: the same by phase, all channels together.
+        per_place: the same by channel, then by phase.
+        resampled: what the intervals are drawn over, in words.
     """
 
     before: float | None
@@ -94,6 +108,9 @@ class Shrink:
     high: float | None
     per_channel: Mapping[str, Closing] = field(default_factory=dict)
     task: Mapping[str, Any] | None = None
+    per_phase: Mapping[str, Closing] = field(default_factory=dict)
+    per_place: Mapping[str, Mapping[str, Closing]] = field(default_factory=dict)
+    resampled: str = ""
 
 
 @dataclass(frozen=True)
