@@ -107,6 +107,15 @@ def test_without_a_gap_nothing_is_named(tmp_path):
     assert found.shrink.closed is None
 
 
+def test_the_repaired_simulator_predicts_the_return_that_was_measured(tmp_path):
+    """A servo of a third of the stiffness presses less: the nominal simulator promises a better return."""
+    trials = record(tmp_path, {"command_lag": {"time_constant": 0.2}}, episodes=4)
+    found = diagnose(trials, names=("command_lag", "force_gain"), policy="pi", threads=1)
+    task = found.shrink.task
+    assert task["policy"] == "pi"
+    assert abs(task["repaired"] - task["measured"]) < 0.2 * abs(task["nominal"] - task["measured"])
+
+
 def test_an_effect_on_one_finger_is_named_there(tmp_path):
     one = [{"name": "coulomb_friction", "target": "gripper_left_finger_joint", "parameters": {"force": 2.5}}]
     found = diagnose(record(tmp_path, one), names=("coulomb_friction", "force_gain"), threads=1)

@@ -22,6 +22,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--out", type=Path, required=True, help="folder for report.html, diagnosis.json, calibration.yaml"
     )
+    parser.add_argument("--policy", metavar="pi|FILE.zip", help="predict this policy's return before and after")
+    parser.add_argument("--trust", action="store_true", help="load FILE.zip although loading runs what it holds")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--jobs", type=int, default=0, help="threads of the simulations; 0: all processors")
     parser.add_argument("--time-budget", type=float, help="seconds after which the best verdict so far is written")
@@ -78,6 +80,8 @@ def run(arguments: argparse.Namespace) -> int:
                 seed=arguments.seed,
                 threads=max(arguments.jobs, 0),
                 budget=arguments.time_budget,
+                policy=arguments.policy,
+                trust=arguments.trust,
                 tick=lambda stage, total: progress.stage(stage),
             )
     except RecordingError as fault:

@@ -126,11 +126,11 @@ def diagnose(
     best = ranked.fits[judged.rivals[0]]
     tick("writing", 1)
     repaired = predict.all_trials([best.effects()], everything)[0] if best.parts else base
-    shrink = _shrink(data, base, repaired, test, seed)
+    shrunk = shrink.shrink(data, base, repaired, phase, test, period=plant.period, seed=seed)
     if policy is not None:
         tested = [trials[k] for k in test]
         task = task_return(plant, tested, best.effects(), policy, trust=trust, seed=seed)
-        shrink = replace(shrink, task=task)
+        shrunk = replace(shrunk, task=task)
     where = locate.locate(data, base, phase, plant.period, seed)
     left = locate.locate(data, repaired, phase, plant.period, seed)
     explanations = [
@@ -160,7 +160,7 @@ def diagnose(
         not_excited=ranked.not_excited,
         where=where,
         stage=_stage(best) if best.parts and judged.kind != "unknown" else locate.stage(where),
-        shrink=shrink.shrink(data, base, repaired, phase, test, period=plant.period, seed=seed),
+        shrink=shrunk,
         ranking=tuple(explanations),
         findings=tuple(findings),
         next_motion=None,
