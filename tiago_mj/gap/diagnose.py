@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
@@ -13,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import tiago_mj
-from tiago_mj.gap import floor, hypotheses, locate, phases, replay, select, set_points, shrink, traces, verdict
+from tiago_mj.gap import floor, hypotheses, locate, phases, replay, select, set_points, shrink, task, traces, verdict
 from tiago_mj.gap.effects import EFFECTS
 from tiago_mj.gap.fit import Fitted
 from tiago_mj.gap.inverse import diagnose_inverse
@@ -21,7 +20,6 @@ from tiago_mj.gap.plant import Plant, plant_of
 from tiago_mj.gap.predict import Predictor
 from tiago_mj.gap.recording import Finding, RecordingError, Trial
 from tiago_mj.gap.result import Diagnosis, Explanation, Named, Overlay, Value
-from tiago_mj.gap.task import task_return
 
 Array = NDArray[np.float64]
 
@@ -80,16 +78,18 @@ def diagnose(
     """
     begun = time.monotonic()
     plant = plant_of(trials, env=env, model=model)
+    splits = split([trial.name for trial in trials])
+    tested = [trial for trial in trials if trial.name in splits["test"]]
+    asked = None if policy is None else task.ask(plant, tested, policy, trust=trust, seed=seed)
     if not any(trial.commands for trial in trials):
         tick("inverse dynamics", 1)
-        return _without_commands(plant, trials, findings, seed)
+        return task.told(_without_commands(plant, trials, findings, seed), asked)
     on = replay.grid(plant, trials)
     data = floor.collect(plant, trials, usable)
     if not data.channels:
         raise RecordingError(
             f"{trials[0].source}: no measured column is of this robot ({', '.join(plant.joints)}): give a map file"
         )
-    splits = split([trial.name for trial in trials])
     fitted_on = [k for k, t in enumerate(trials) if t.name not in splits["test"]]
     test = [k for k, t in enumerate(trials) if t.name in splits["test"]]
     validation = [k for k, t in enumerate(trials) if t.name in splits["validation"]]
@@ -126,11 +126,6 @@ def diagnose(
     best = ranked.fits[judged.rivals[0]]
     tick("writing", 1)
     repaired = predict.all_trials([best.effects()], everything)[0] if best.parts else base
-    shrunk = shrink.shrink(data, base, repaired, phase, test, period=plant.period, seed=seed)
-    if policy is not None:
-        tested = [trials[k] for k in test]
-        task = task_return(plant, tested, best.effects(), policy, trust=trust, seed=seed)
-        shrunk = replace(shrunk, task=task)
     where = locate.locate(data, base, phase, plant.period, seed)
     left = locate.locate(data, repaired, phase, plant.period, seed)
     explanations = [
@@ -149,7 +144,7 @@ def diagnose(
         )
     if not ranked.complete:
         notes.append("The time budget ran out: what is said is the best so far.")
-    return Diagnosis(
+    found = Diagnosis(
         kind=judged.kind,
         best=Explanation((), explanations[judged.rivals[0]].probability, 0.0)
         if judged.kind == "no_gap"
@@ -160,7 +155,7 @@ def diagnose(
         not_excited=ranked.not_excited,
         where=where,
         stage=_stage(best) if best.parts and judged.kind != "unknown" else locate.stage(where),
-        shrink=shrunk,
+        shrink=shrink.shrink(data, base, repaired, phase, test, period=plant.period, seed=seed),
         ranking=tuple(explanations),
         findings=tuple(findings),
         next_motion=None,
@@ -175,6 +170,7 @@ def diagnose(
         ),
         notes=tuple(notes),
     )
+    return task.told(found, asked, tick)
 
 
 def _without_commands(plant: Plant, trials: Sequence[Trial], findings: Sequence[Finding], seed: int) -> Diagnosis:
