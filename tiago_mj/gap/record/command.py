@@ -21,7 +21,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     robot.add_argument("--model", type=Path, metavar="FILE.xml", help="any MJCF")
     what = parser.add_mutually_exclusive_group(required=True)
     what.add_argument("--policy", metavar="pi|random|FILE.zip", help="who commands; --model takes random only")
-    what.add_argument("--motion", type=Path, metavar="FILE", help="CSV or YAML with time and command.ACTUATOR")
+    what.add_argument(
+        "--motion",
+        type=Path,
+        metavar="FILE",
+        help="CSV or YAML with time and command.ACTUATOR, or a name of docs/motions.md",
+    )
     parser.add_argument("--episodes", type=int, default=1, metavar="N", help="how many (1)")
     parser.add_argument(
         "--effects",

@@ -19,11 +19,14 @@ from typing import Any, Final
 import numpy as np
 import yaml
 
+from tiago_mj.gap import motions
 from tiago_mj.gap.read.tables import read_table
 from tiago_mj.gap.recording import INTERFACES, Array
 from tiago_mj.gap.sidecar import load_sidecar
 
 _PREFIX: Final = "command."
+#: Times within this share of a control step of its beginning were rounded.
+ROUNDED: Final = 0.02
 #: A motion is for minutes, not for hours [control steps].
 MAX_STEPS: Final = 200_000
 #: Frequencies of random motions [Hz]: below what a robot's servos follow, above what a short recording misses.
@@ -69,13 +72,16 @@ class Motion:
 
 
 def read_motion(path: Path) -> Motion:
-    """A motion from its file.
+    """A motion from its file, or from the menu (:mod:`tiago_mj.gap.motions`) by a name that is no file here.
 
     Raises:
         ValueError: it is no motion; says what is wrong.
     """
     if not path.is_file():
-        raise ValueError(f"motion {path}: no such file")
+        listed = motions.find(str(path))
+        if listed is None:
+            raise ValueError(f"motion {path}: no such file, nor on the menu of docs/motions.md")
+        path = listed
     facts: Mapping[str, Any]
     columns: dict[str, Any]
     if path.suffix.lower() in (".yaml", ".yml"):
@@ -146,4 +152,8 @@ def _motion(path: Path, columns: Mapping[str, Any], facts: Mapping[str, Any]) ->
     if rate is not None and not (isinstance(rate, (int, float)) and not isinstance(rate, bool) and rate > 0):
         raise ValueError(f"motion {file}: rate_hz is {rate!r}: give a positive number [Hz]")
     commands = {name.removeprefix(_PREFIX): values for name, values in series.items()}
-    return Motion(path.stem, time - time[0], commands, interface, None if rate is None else float(rate))
+    time = time - time[0]
+    if rate is not None:  # written with few digits, a row must not fall behind the control step that it is for
+        step = np.round(time * rate)
+        time = np.where(np.abs(time * rate - step) < ROUNDED, step / rate, time)
+    return Motion(path.stem, time, commands, interface, None if rate is None else float(rate))
