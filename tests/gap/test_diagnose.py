@@ -107,6 +107,16 @@ def test_without_a_gap_nothing_is_named(tmp_path):
     assert found.shrink.closed is None
 
 
+def test_a_pair_is_named_though_neither_of_it_is_the_best_single(tmp_path):
+    """A dead band alone explains friction and delay better than either: the pair is found by the sum of both changes."""
+    trials = record(tmp_path, {"coulomb_friction": {"force": 3.0}, "command_delay": {"seconds": 0.03}}, episodes=4)
+    names = ("command_deadband", "coulomb_friction", "command_delay", "command_lag", "backlash", "servo_damping")
+    found = diagnose(trials, names=names, threads=1)
+    assert found.kind == "effect"
+    assert {e.name for e in found.best.effects} == {"coulomb_friction", "command_delay"}
+    assert found.shrink.closed > 0.95
+
+
 def test_the_repaired_simulator_predicts_the_return_that_was_measured(tmp_path):
     """A servo of a third of the stiffness presses less: the nominal simulator promises a better return."""
     trials = record(tmp_path, {"command_lag": {"time_constant": 0.2}}, episodes=4)

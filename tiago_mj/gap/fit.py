@@ -32,7 +32,7 @@ TOLERATED: Final = 60.0
 #: Deviations by which a nuisance is moved to see what it does: contacts do not answer in straight lines.
 NUDGE: Final = 0.3
 #: A magnitude is moved by at least this share of its range to see what it does.
-REACH: Final = 1e-4
+REACH: Final = 5e-3
 
 
 @dataclass(frozen=True)

@@ -29,14 +29,16 @@ class Screened:
         candidate: effect, targets, fixed parameters.
         value: its best magnitude of the grid.
         gain: log-likelihood over the nominal model's.
-        change: its prediction minus the nominal one at that magnitude, (ntrials, T, C).
+        values: magnitudes that were looked at, (k,).
+        changes: its predictions minus the nominal ones at those, (k, ntrials, T, C).
         visible: root mean square of the change in units of floor and tolerance, at its largest magnitude.
     """
 
     candidate: Candidate
     value: float
     gain: float
-    change: Array
+    values: tuple[float, ...]
+    changes: Array
     visible: float
 
 
@@ -88,7 +90,8 @@ def screen(
                 c,
                 values[best],
                 float(likelihood[best] - nominal),
-                change[best],
+                tuple(values),
+                change,
                 float(np.sqrt(np.mean(white**2, axis=(1, 2, 3)).max())),
             )
         )

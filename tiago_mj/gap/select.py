@@ -36,10 +36,14 @@ DECIDED: Final = 100.0
 BEHIND: Final = 0.4
 #: Singles beyond those are fitted to all trials, too, where some trials hardly tell them from the best [nats].
 TIED: Final = 10.0
-#: Explanations that are extended by another effect, extensions that are fitted to some trials, and to all.
+#: Explanations that are extended by another effect, their extensions that are fitted to some trials, and those that are
+#: fitted to all.
 SEEDS: Final = 3
-EXTENSIONS: Final = 5
-EXTENSIONS_AGAIN: Final = 2
+EXTENSIONS: Final = 3
+EXTENSIONS_AGAIN: Final = 3
+#: Pairs that are found by superposition and fitted to some trials, and magnitudes of each effect that are tried.
+SUPERPOSED: Final = 6
+MAGNITUDES: Final = 7
 #: An extension is fitted if the sum of the effects' changes says that it adds this much evidence [nats].
 PROMISES: Final = 25.0
 #: Explanations this near to the best are fitted with the nuisances' responses around them [nats].
@@ -147,7 +151,10 @@ def select(
         if size > 2 and (best.misfit < GAP or len(best.parts) < size - 1):
             break
         tick("pairs" if size == 2 else "triples", EXTENSIONS)
-        starts = _extensions(few, frame, [f for f in _order(fits) if len(f.parts) == size - 1][:SEEDS], promising)
+        seeds = _distinct([f for f in _order(fits) if len(f.parts) == size - 1])[:SEEDS]
+        starts = _extensions(few, frame, seeds, promising)
+        if size == 2:
+            starts = _once_each([*_superposed(frame, base[first], promising), *starts])
         if not starts:
             break
         extended = _order(few.fit_all(starts))[:EXTENSIONS_AGAIN]
@@ -161,26 +168,76 @@ def select(
 
 def _extensions(fitter: Fitter, on: score.Frame, seeds: Sequence[Fitted], promising: Sequence[Screened]) -> list[Start]:
     """The best explanations with another effect, found by adding its change to the prediction of the first."""
-    found: list[tuple[float, Start]] = []
+    starts: dict[object, Start] = {}
     for seed in seeds:
         # Without its nuisances: they may have absorbed what the other effect is to explain.
         whole = fitter.predictions([Point(seed.parts, seed.values, np.zeros(fitter.size))])[0]
         there = {part.label for part in seed.parts}
-        others = [s for s in promising if s.candidate.label not in there]
-        if not others:
-            continue
-        gains = score.log_likelihood(on, np.stack([whole + s.change for s in others]))
         alone = float(score.log_likelihood(on, whole[None])[0])
-        for s, gain in zip(others, gains, strict=True):
-            if gain - alone < PROMISES:
-                continue
-            start = Start((*seed.parts, s.candidate), np.array([*seed.values, s.value]))
-            found.append((float(gain) - alone + seed.evidence, start))
-    found.sort(key=lambda item: -item[0])
-    starts: dict[object, Start] = {}
-    for _, start in found:
-        starts.setdefault(frozenset(part.label for part in start.parts), start)
-    return list(starts.values())[:EXTENSIONS]
+        found: list[tuple[float, Screened, float]] = []
+        for s in promising:
+            if s.candidate.label not in there:
+                gains = score.log_likelihood(on, whole + s.changes) - alone
+                best = int(np.argmax(gains))
+                found.append((float(gains[best]), s, s.values[best]))
+        classes: set[str] = set()
+        for gain, s, value in sorted(found, key=lambda item: -item[0]):
+            gap_class = EFFECTS[s.candidate.effect].gap_class
+            if gain < PROMISES or len(classes) == EXTENSIONS:
+                break
+            if gap_class not in classes:
+                classes.add(gap_class)
+                start = Start((*seed.parts, s.candidate), np.array([*seed.values, value]))
+                starts.setdefault(frozenset(part.label for part in start.parts), start)
+    return list(starts.values())
+
+
+def _superposed(on: score.Frame, base: Array, promising: Sequence[Screened]) -> list[Start]:
+    """The best pairs by the sum of both changes, at all magnitudes: the best pair need not hold the best single.
+
+    Args:
+        on: frame of some trials.
+        base: nominal predictions of these, (ntrials, T, C).
+        promising: after the first pass.
+    """
+    leaders: dict[str, Screened] = {}
+    for s in promising:
+        if s.candidate.target is None:
+            leaders.setdefault(s.candidate.effect, s)
+    thin = {
+        name: np.unique(np.linspace(0, len(s.values) - 1, MAGNITUDES).round().astype(int))
+        for name, s in leaders.items()
+    }
+    found: list[tuple[float, Start]] = []
+    names = list(leaders)
+    for k, a in enumerate(names):
+        one = leaders[a].changes[thin[a]]
+        for b in names[k + 1 :]:
+            both = base + one[:, None] + leaders[b].changes[thin[b]][None]
+            likelihood = score.log_likelihood(on, both)
+            i, j = np.unravel_index(int(np.argmax(likelihood)), likelihood.shape)
+            values = np.array([leaders[a].values[thin[a][i]], leaders[b].values[thin[b][j]]])
+            found.append((float(likelihood[i, j]), Start((leaders[a].candidate, leaders[b].candidate), values)))
+    out: dict[frozenset[str], Start] = {}
+    for _, start in sorted(found, key=lambda item: -item[0]):
+        out.setdefault(frozenset(EFFECTS[part.effect].gap_class for part in start.parts), start)
+    return list(out.values())[:SUPERPOSED]
+
+
+def _once_each(starts: Sequence[Start]) -> list[Start]:
+    """Each set of effects and targets once, the first of them."""
+    out: dict[object, Start] = {}
+    for start in starts:
+        out.setdefault(frozenset(part.label for part in start.parts), start)
+    return list(out.values())
+
+
+def _distinct(fits: Sequence[Fitted]) -> list[Fitted]:
+    """The best of every set of classes: what resembles it would lead to the same place."""
+    best: dict[frozenset[str], Fitted] = {}
+    for fit in fits:
+        best.setdefault(frozenset(EFFECTS[part.effect].gap_class for part in fit.parts), fit)
+    return list(best.values())
 
 
 def _fewer(fits: Sequence[Fitted]) -> list[Start]:

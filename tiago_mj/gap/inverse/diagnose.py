@@ -6,6 +6,7 @@ import time as clock
 from collections.abc import Sequence
 
 import mujoco
+import numpy as np
 
 from tiago_mj.gap.effects import EFFECTS
 from tiago_mj.gap.inverse import intervals, notes, tables
@@ -50,6 +51,10 @@ def diagnose_inverse(
     began = clock.perf_counter()
     if not trials:
         raise RecordingError("no recording was given: name a file or a folder")
+    if not any(
+        np.nanmax(p) > np.nanmin(p) for trial in trials for p in trial.positions.values() if np.isfinite(p).any()
+    ):
+        raise RecordingError(f"{trials[0].source}: no joint moves: torque along a motion needs a motion")
     usable = choose(trials, model, joints, findings)
     evidence = Evidence(usable.course, usable.torques, seed)
     if len(evidence.blocks.names) < 2:
