@@ -108,7 +108,7 @@ def test_without_a_gap_nothing_is_named(tmp_path):
 
 
 def test_a_pair_is_named_though_neither_of_it_is_the_best_single(tmp_path):
-    """A dead band alone explains friction and delay better than either: the pair is found by the sum of both changes."""
+    """A dead band alone explains friction and delay better than either: what finds the pair is the sum of changes."""
     trials = record(tmp_path, {"coulomb_friction": {"force": 3.0}, "command_delay": {"seconds": 0.03}}, episodes=4)
     names = ("command_deadband", "coulomb_friction", "command_delay", "command_lag", "backlash", "servo_damping")
     found = diagnose(trials, names=names, threads=1)

@@ -54,6 +54,7 @@ def considered(without: str) -> tuple[str, ...] | None:
 def run(arguments: argparse.Namespace) -> int:
     """Diagnose, write, and say in short what was found."""
     extra.load("pandas", "reading recordings")
+    threadpool_limits = extra.load("threadpoolctl", "the same answer on every machine").threadpool_limits
     from tiago_mj.gap import lint
     from tiago_mj.gap.diagnose import diagnose
     from tiago_mj.gap.plant import plant_of
@@ -69,7 +70,8 @@ def run(arguments: argparse.Namespace) -> int:
         findings = (*read.findings, *lint.inspect(read.trials, lint.JointRanges.of_model(robot)))
         lint.refuse(read.trials, findings)
         usable = frozenset.intersection(*(lint.usable(trial, findings) for trial in read.trials))
-        with terminal.Progress(quiet=arguments.json) as progress:
+        # One thread of linear algebra: the order of its sums must not depend on the machine.
+        with threadpool_limits(1), terminal.Progress(quiet=arguments.json) as progress:
             diagnosis = diagnose(
                 read.trials,
                 findings=findings,

@@ -26,9 +26,10 @@ FIT_STEPS: Final = 16_000
 FIRST_STEPS: Final = 6_000
 FIT_TRIALS: Final = 3
 FIRST_TRIALS: Final = 2
-#: Trials of the first pass at most, singles that are fitted to them, and to all trials.
+#: Trials of the first pass at most, singles that are fitted to them (where the time is over), and to all trials.
 SCREEN_TRIALS: Final = 3
 SINGLES: Final = 10
+FEWEST: Final = 3
 SECONDS: Final = 4
 #: Where the first pass gains this much [nats], effects that gain less than this share of the most are not fitted. Of 46
 #: cases the right one was the best in 30, never behind 0.9 of it but where little was gained, and once 0.6.
@@ -131,8 +132,11 @@ def select(
     tick("fitting", SINGLES)
     given = tuple(k.candidate.entry(k.value) for k in known)
     few = Fitter(predict, few_trials, some, weight, terms, responses[:, first], given)
-    starts = [Start((), np.zeros(0)), *(Start((s.candidate,), np.array([s.value])) for s in _best(promising, SINGLES))]
+    count = FEWEST if out_of_time() else SINGLES
+    starts = [Start((), np.zeros(0)), *(Start((s.candidate,), np.array([s.value])) for s in _best(promising, count))]
     ranked = _order(few.fit_all(starts))
+    if out_of_time():
+        return Ranked(tuple(_with(f, known) for f in ranked), tuple(screened), unseen, len(known), len(names), False)
     # Once something explains the bulk, what is left shows how correlated the residuals really are.
     reference = few.predictions([Point(ranked[0].parts, ranked[0].values, ranked[0].nuisance)])[0]
     weight = np.maximum(score.independence(some, reference), weight)
