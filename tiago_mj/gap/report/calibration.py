@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from pathlib import Path
 from typing import Any
 
@@ -10,12 +9,13 @@ import yaml
 
 from tiago_mj import atomic
 from tiago_mj.gap.effects.spec import SCHEMA
-from tiago_mj.gap.report.json import clean, target
+from tiago_mj.gap.report.json import clean, fingerprint, target
 from tiago_mj.gap.result import Diagnosis, Named, Value
 
 HEADER = """\
 # Made by tiago-mj diagnose. Load it with gymnasium.make(ID, effects="calibration.yaml").
-# Every value has a 90 % interval, low to high. source: the diagnosis that this is from.
+# Every value has a 90 % interval, low to high. source: the diagnosis that this is from, and the SHA-256 of what it says
+# without "seconds", so that the same recordings and seed give the same file.
 """
 
 
@@ -24,7 +24,7 @@ def text(diagnosis: Diagnosis, source: Path) -> str:
 
     Args:
         diagnosis: the answer.
-        source: its ``diagnosis.json``, already written; named, with its SHA-256.
+        source: its ``diagnosis.json``, already written; named, with its :func:`~tiago_mj.gap.report.json.fingerprint`.
 
     Raises:
         FileNotFoundError: there is no such file.
@@ -33,7 +33,7 @@ def text(diagnosis: Diagnosis, source: Path) -> str:
         "schema": SCHEMA,
         "robot": diagnosis.robot,
         "effects": [_effect(effect) for effect in diagnosis.best.effects],
-        "source": {"file": source.name, "sha256": hashlib.sha256(source.read_bytes()).hexdigest()},
+        "source": {"file": source.name, "sha256": fingerprint(source)},
     }
     return HEADER + yaml.safe_dump(data, sort_keys=False, allow_unicode=True, width=120)
 

@@ -20,7 +20,7 @@ from markupsafe import Markup
 
 from tiago_mj import atomic
 from tiago_mj.gap import extra
-from tiago_mj.gap.report import overlays, tables, verdict, words
+from tiago_mj.gap.report import overlays, shrinking, tables, verdict, words
 from tiago_mj.gap.result import PHASES, Diagnosis
 
 KIND_NAMES: Final = {
@@ -64,7 +64,10 @@ def render(diagnosis: Diagnosis) -> str:
         heat_remains=tables.heat(diagnosis.remains_where) if diagnosis.remains else None,
         interval=tables.interval,
         stages=[(stage, name, stage == diagnosis.stage) for stage, name in tables.STAGE_NAMES.items()],
-        shrinking=tables.shrinking(diagnosis),
+        shrinking=shrinking.by_channel(diagnosis),
+        pairs=shrinking.by_phase(diagnosis),
+        task=shrinking.on_the_task(diagnosis),
+        on_task=verdict.on_task(diagnosis),
         between=words.interval_percent(diagnosis.shrink.low, diagnosis.shrink.high),
         ranking=tables.ranking(diagnosis),
         ranked=RANKED,

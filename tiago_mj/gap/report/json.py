@@ -1,10 +1,12 @@
 """A diagnosis as ``diagnosis.json`` (schema ``tiago_mj.diagnosis/1``), and back.
 
-Floats have six significant digits, keys a fixed order: equal diagnoses are equal files. What is unknown is null.
+Floats have six significant digits, keys a fixed order: equal diagnoses are equal files, but for ``seconds``. What is
+unknown is null.
 """
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
 from collections.abc import Mapping, Sequence
@@ -13,7 +15,18 @@ from typing import Any
 
 from tiago_mj import atomic
 from tiago_mj.gap.recording import Finding
-from tiago_mj.gap.result import SCHEMA, Closing, Diagnosis, Explanation, Named, NextMotion, Place, Shrink, Value
+from tiago_mj.gap.result import (
+    PHASES,
+    SCHEMA,
+    Closing,
+    Diagnosis,
+    Explanation,
+    Named,
+    NextMotion,
+    Place,
+    Shrink,
+    Value,
+)
 
 DIGITS = 6
 SPLITS = ("train", "validation", "test")
@@ -40,11 +53,14 @@ def as_data(diagnosis: Diagnosis) -> dict[str, Any]:
         "stage": diagnosis.stage,
         "shrink": {
             **{key: getattr(shrink, key) for key in ("before", "after", "floor", "closed", "low", "high")},
-            "per_channel": {
-                name: {"before": c.before, "after": c.after, "closed": c.closed}
-                for name, c in sorted(shrink.per_channel.items())
+            "per_channel": _closings(shrink.per_channel),
+            "return": None if shrink.task is None else {**dict.fromkeys(TASK), **shrink.task},
+            "per_phase": {name: _closing(shrink.per_phase[name]) for name in _in_order(shrink.per_phase)},
+            "per_channel_and_phase": {
+                name: {phase: _closing(places[phase]) for phase in _in_order(places)}
+                for name, places in sorted(shrink.per_place.items())
             },
-            "return": None if shrink.task is None else {key: shrink.task.get(key) for key in TASK},
+            "resampled": shrink.resampled,
         },
         "ranking": [
             {
@@ -80,6 +96,19 @@ def text(diagnosis: Diagnosis) -> str:
 def write(diagnosis: Diagnosis, path: Path) -> None:
     """Write the file whole."""
     atomic.write_text(path, text(diagnosis))
+
+
+def fingerprint(path: Path) -> str:
+    """SHA-256 of what a diagnosis says, without ``seconds``: the same recordings and seed have the same.
+
+    It is taken of the JSON without that key, with sorted keys and no white space (ASCII).
+
+    Raises:
+        FileNotFoundError: there is no such file.
+    """
+    data = json.loads(path.read_text(encoding="utf-8"))
+    data.pop("seconds", None)
+    return hashlib.sha256(json.dumps(data, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
 
 
 def load(path: Path) -> Diagnosis:
@@ -143,6 +172,18 @@ def _keys(effects: Sequence[Named]) -> list[str]:
     ]
 
 
+def _closing(c: Closing) -> dict[str, Any]:
+    return {key: getattr(c, key) for key in ("before", "after", "closed", "low", "high")}
+
+
+def _closings(given: Mapping[str, Closing]) -> dict[str, Any]:
+    return {name: _closing(c) for name, c in sorted(given.items())}
+
+
+def _in_order(phases: Mapping[str, Closing]) -> list[str]:
+    return [name for name in PHASES if name in phases]
+
+
 def _place(place: Place) -> dict[str, Any]:
     return {key: getattr(place, key) for key in ("channel", "phase", "band", "gap", "low", "high", "share")}
 
@@ -172,11 +213,13 @@ def _diagnosis(data: Mapping[str, Any]) -> Diagnosis:
         stage=data["stage"],
         shrink=Shrink(
             **{key: shrink[key] for key in ("before", "after", "floor", "closed", "low", "high")},
-            per_channel={
-                name: Closing(_number(c["before"]), _number(c["after"]), c["closed"])
-                for name, c in shrink["per_channel"].items()
-            },
+            per_channel=_read_closings(shrink["per_channel"]),
             task=shrink["return"],
+            per_phase=_read_closings(shrink.get("per_phase", {})),
+            per_place={
+                name: _read_closings(places) for name, places in shrink.get("per_channel_and_phase", {}).items()
+            },
+            resampled=shrink.get("resampled", ""),
         ),
         ranking=ranking,
         findings=tuple(Finding(**finding) for finding in data["lint"]),
@@ -199,6 +242,13 @@ def _diagnosis(data: Mapping[str, Any]) -> Diagnosis:
 
 def _number(value: float | None) -> float:
     return math.nan if value is None else float(value)
+
+
+def _read_closings(given: Mapping[str, Mapping[str, Any]]) -> dict[str, Closing]:
+    return {
+        name: Closing(_number(c["before"]), _number(c["after"]), c["closed"], c.get("low"), c.get("high"))
+        for name, c in given.items()
+    }
 
 
 def _named(effect: Mapping[str, Any], parameters: Mapping[str, Any]) -> Named:

@@ -130,57 +130,6 @@ def _whisker(effect: str, key: str, given: Value) -> Whisker:
 
 
 @dataclass(frozen=True)
-class Bar:
-    """Before and after of one channel; positions in per cent on a logarithmic axis that all rows share."""
-
-    channel: str
-    before: str
-    after: str
-    closed: str
-    worse: bool
-    at_before: float | None
-    at_after: float | None
-
-
-@dataclass(frozen=True)
-class Shrinking:
-    """Rows of the before/after drawing, largest gap first; its axis as (position [%], label); the floor's position."""
-
-    rows: tuple[Bar, ...]
-    ticks: tuple[tuple[float, str], ...]
-    floor: float
-
-
-def shrinking(diagnosis: Diagnosis) -> Shrinking:
-    """Gap per channel on the test trials, before and after, in units of the floor."""
-    items = sorted(diagnosis.shrink.per_channel.items(), key=lambda item: -_finite(item[1].before))
-    values = [v for _, c in items for v in (c.before, c.after) if math.isfinite(v) and v > 0]
-    floor = diagnosis.shrink.floor if diagnosis.shrink.floor > 0 else 1.0
-    low = math.floor(math.log10(min([*values, floor]) + 1e-300))
-    high = math.ceil(math.log10(max([*values, floor * 1.01])))
-
-    def at(v: float) -> float | None:
-        if not math.isfinite(v):
-            return None
-        return round(100 * (math.log10(max(v, 10.0**low)) - low) / (high - low), 2)
-
-    rows = tuple(
-        Bar(
-            name, words.number(c.before), words.number(c.after), words.percent(c.closed), c.after > c.before * 1.02,
-            at(c.before), at(c.after),
-        )
-        for name, c in items
-    )  # fmt: skip
-    step = max(1, math.ceil((high - low) / 6))
-    ticks = tuple((at(10.0**k) or 0.0, _power(k)) for k in range(low, high + 1, step))
-    return Shrinking(rows, ticks, at(floor) or 0.0)
-
-
-def _power(exponent: int) -> str:
-    return words.bare(words.number(10.0**exponent)) if -3 <= exponent <= 4 else f"1e{exponent}"
-
-
-@dataclass(frozen=True)
 class Ranked:
     """A row of the ranking."""
 

@@ -9,11 +9,11 @@ from types import TracebackType
 from typing import Any
 
 from tiago_mj.gap import extra
-from tiago_mj.gap.report import tables, verdict, words
+from tiago_mj.gap.report import shrinking, tables, verdict, words
 from tiago_mj.gap.result import Diagnosis
 
-#: Lines of each list.
-MOST = 5
+#: Lines of each list, and of the channels before and after.
+MOST, CHANNELS = 5, 3
 
 
 class Progress:
@@ -143,16 +143,24 @@ def _how_far(d: Diagnosis) -> list[tuple[str, str]]:
     if shrink.before is None or d.kind == "no_gap":
         return []
     after = f" → {words.number(shrink.after)}" if shrink.after is not None and d.best.effects else ""
-    closed = f": {words.percent(shrink.closed)} closed" if shrink.closed is not None else ""
+    between = words.interval_percent(shrink.low, shrink.high)
+    between = f" ({between})" if between else ""
+    closed = f": {words.percent(shrink.closed)}{between} closed" if shrink.closed is not None else ""
     gap = f"{words.number(shrink.before)}{after}, noise floor {words.number(shrink.floor)}{closed}"
     shown = [("bold", "How far"), ("", f"  gap on test trials {gap}")]
-    if shrink.task:
-        task = {key: words.number(shrink.task.get(key), 4) for key in ("nominal", "repaired", "measured")}
-        shown.append(
-            (
-                "",
-                f"  return of {shrink.task.get('policy')}: nominal {task['nominal']}, repaired {task['repaired']}, "
-                f"measured {task['measured']}",
-            )
-        )
+    if d.best.effects:
+        rows = shrinking.by_channel(d).rows[:CHANNELS]
+        width = max((len(row.channel) for row in rows), default=0)
+        for row in rows:
+            between = f" ({row.between})" if row.between else ""
+            shown.append(("", f"  {row.channel:<{width}}  {row.before:>6} → {row.after:<6} {row.closed}{between}"))
+        phases = [
+            f"{name} {words.number(c.before, 2)} → {words.number(c.after, 2)}"
+            for name, c in sorted(shrink.per_phase.items(), key=lambda item: -item[1].before)
+            if c.closed is not None
+        ]
+        if phases:
+            shown.append(("", f"  by phase: {', '.join(phases[:MOST])}"))
+    if verdict.on_task(d):
+        shown.append(("", f"  {verdict.on_task(d)}"))
     return shown

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from tiago_mj.gap.report.words import begin, channel, clauses, interval_percent, labels, percent
+from tiago_mj.gap.report.words import begin, channel, clauses, interval_percent, labels, number, percent
 from tiago_mj.gap.result import Diagnosis, Explanation, Place
 
 #: Alternatives up to this number are spelled out in the first sentence; of more, only the effects' names are given.
@@ -52,6 +52,32 @@ def closing(diagnosis: Diagnosis, subject: str) -> str:
     between = interval_percent(shrink.low, shrink.high)
     closed = f"{percent(shrink.closed)} ({between} %)" if between else percent(shrink.closed)
     return f"; {subject} closes {closed} of the gap on recordings that were kept aside"
+
+
+def on_task(diagnosis: Diagnosis) -> str:
+    """What the gap means for the return of a policy; empty where none was asked for."""
+    task = diagnosis.shrink.task
+    if task is None:
+        return ""
+    count = len(diagnosis.splits.get("test", ()))
+    recordings = f"the {count} test recordings" if count > 1 else "the test recording"
+    simulators = {"nominal": "the nominal simulator"}
+    if diagnosis.best.effects:
+        simulators["repaired"] = "the repaired one"
+    measured = task.get("measured")
+
+    def predicts(key: str) -> str:
+        value = task.get(key)
+        off = "" if measured is None or value is None else f", off by {number(abs(value - measured), 3)}"
+        return f"{number(value, 4)}{off}"
+
+    said = "; ".join(f"{who} predicts {predicts(key)}" for key, who in simulators.items())
+    if measured is None:
+        return (
+            f"Return of policy {task.get('policy')} under the conditions of {recordings}: {said}. It was not "
+            "measured: the recordings are not all of this policy, or do not hold what the reward is of."
+        )
+    return f"Return of policy {task.get('policy')} in {recordings}: {number(measured, 4)} measured; {said}."
 
 
 def main_place(places: tuple[Place, ...]) -> str:
