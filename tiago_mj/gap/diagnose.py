@@ -16,6 +16,7 @@ from tiago_mj.gap import floor, hypotheses, locate, phases, replay, select, set_
 from tiago_mj.gap.effects import EFFECTS
 from tiago_mj.gap.fit import Fitted
 from tiago_mj.gap.inverse import diagnose_inverse
+from tiago_mj.gap.next_motion import next_motion
 from tiago_mj.gap.plant import Plant, plant_of
 from tiago_mj.gap.predict import Predictor
 from tiago_mj.gap.recording import Finding, RecordingError, Trial
@@ -124,6 +125,20 @@ def diagnose(
     )
     judged = verdict.judge(ranked)
     best = ranked.fits[judged.rivals[0]]
+    following = None
+    if judged.kind == "ambiguous":
+        tick("next motion", 1)
+        following = next_motion(
+            plant,
+            trials[0],
+            part,
+            ranked.weight,
+            [ranked.fits[k] for k in judged.rivals],
+            [judged.probability[k] for k in judged.rivals],
+            seed=seed,
+            threads=threads,
+            until=None if budget is None else begun + budget,
+        )
     tick("writing", 1)
     repaired = predict.all_trials([best.effects()], everything)[0] if best.parts else base
     where = locate.locate(data, base, phase, plant.period, seed)
@@ -158,7 +173,7 @@ def diagnose(
         shrink=shrink.shrink(data, base, repaired, phase, test, period=plant.period, seed=seed),
         ranking=tuple(explanations),
         findings=tuple(findings),
-        next_motion=None,
+        next_motion=following,
         splits=splits,
         robot=plant.name,
         complete=ranked.complete,

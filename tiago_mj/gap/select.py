@@ -75,6 +75,7 @@ class Ranked:
         known: number of effects that the readings betray: they are part of every explanation.
         pool: number of different effects that were considered.
         complete: False when time ran out.
+        weight: square root of the share of independent samples of each channel, (C,).
     """
 
     fits: tuple[Fitted, ...]
@@ -83,6 +84,7 @@ class Ranked:
     known: int
     pool: int
     complete: bool
+    weight: Array
 
 
 def select(
@@ -136,7 +138,9 @@ def select(
     starts = [Start((), np.zeros(0)), *(Start((s.candidate,), np.array([s.value])) for s in _best(promising, count))]
     ranked = _order(few.fit_all(starts))
     if out_of_time():
-        return Ranked(tuple(_with(f, known) for f in ranked), tuple(screened), unseen, len(known), len(names), False)
+        return Ranked(
+            tuple(_with(f, known) for f in ranked), tuple(screened), unseen, len(known), len(names), False, weight
+        )
     # Once something explains the bulk, what is left shows how correlated the residuals really are.
     reference = few.predictions([Point(ranked[0].parts, ranked[0].values, ranked[0].nuisance)])[0]
     weight = np.maximum(score.independence(some, reference), weight)
@@ -167,7 +171,7 @@ def select(
         fits += _renewed(everywhere, found, fits)
         complete = not out_of_time()
     fits = [_with(fit, known) for fit in _worth(_once(_order(fits)))]
-    return Ranked(tuple(fits), tuple(screened), unseen, len(known), len(names), complete)
+    return Ranked(tuple(fits), tuple(screened), unseen, len(known), len(names), complete, weight)
 
 
 def _extensions(fitter: Fitter, on: score.Frame, seeds: Sequence[Fitted], promising: Sequence[Screened]) -> list[Start]:

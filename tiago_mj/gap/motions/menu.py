@@ -18,7 +18,7 @@ import numpy as np
 from tiago_mj.gap.motions.shapes import Path, Shape, chirp, multisine, start, stop_and_go, wave
 from tiago_mj.models import names
 
-#: Where the fingers begin, where they touch no object yet that stands a few millimetres off, and where they hardly, well and firmly press [m].
+#: Where the fingers begin, where they do not touch yet, and where they hardly, well and firmly press [m].
 OPEN, NEAR, TOUCH, GRIP, FIRM = 0.045, 0.026, 0.0193, 0.0175, 0.0155
 #: Speeds of the set point [m/s].
 SLOW, MEDIUM, FAST = 0.005, 0.02, 0.05
@@ -95,7 +95,7 @@ def _gripper() -> list[Item]:
                  _near().to(0.0185, MEDIUM).hold(0.8).to(0.0160, MEDIUM).hold(0.8).to(0.0185, MEDIUM).hold(0.8)
                  .to(NEAR, MEDIUM)),
         _fingers("touch_release", "threshold, bias after a touch, size and place of the object",
-                 _near().between(TOUCH, NEAR, SLOW, 2, 0.25)),
+                 _near().between(TOUCH, NEAR, 0.01, 2, 0.25)),
         _fingers("taps", "lag of the cells, contact damping, restitution", _near().between(0.0185, NEAR, FAST, 6, 0.1)),
         _fingers("impact", "reflected mass, delay, contact damping: from open in one go",
                  start(OPEN).to(0.0185, FAST).hold(0.3).to(OPEN - 1e-3, FAST).hold(0.2).to(0.0185, FAST).hold(0.3)
