@@ -158,7 +158,8 @@ def test_from_files_to_files(tmp_path, capsys):
     written = json.loads((tmp_path / "out" / "diagnosis.json").read_text())
     assert written["schema"] == "tiago_mj.diagnosis/1"
     assert written["verdict"]["kind"] in ("effect", "ambiguous")
-    assert written["verdict"]["effects"][0]["name"] == "force_gain"
+    named = {e["name"] for a in written["verdict"]["alternatives"] for e in a["effects"]}
+    assert "force_gain" in named  # two grasps of one depth: a gain or a nonlinearity
     assert (tmp_path / "out" / "report.html").stat().st_size > 1e6
     repaired = gymnasium.make("tiago_mj/GripperTactile-v0", effects=str(tmp_path / "out" / "calibration.yaml"))
     repaired.reset(seed=0)
