@@ -25,3 +25,9 @@ def find(name: str) -> Path | None:
         return None
     path = FOLDER / (name if name.endswith(".csv") else f"{name}.csv")
     return path if path.is_file() else None
+
+
+def rates(name: str) -> tuple[str, ...]:
+    """Files of a motion that was named without its rate, such as ``rest``, without ``.csv``."""
+    listed = (FOLDER / file_name(name, rate) for rate in RATES)
+    return tuple(path.stem for path in listed if Path(name).name == name and path.is_file())

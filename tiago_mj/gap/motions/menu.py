@@ -3,8 +3,9 @@
 Finger motions are for an object about 40 mm wide (36 to 44 mm) that stands between the pads: they begin with the
 gripper open, at 45 mm a finger, where the default object is touched at 19.8 mm (pads 2q + 0.4 mm apart). The firmest
 presses the set point 4.3 mm into it: 8.6 N from a servo of 2000 N/m (pal_gripper), half of its 16 N. No set point is
-faster than 0.05 m/s, which is what the gripper's URDF allows, nor nearer than 1 mm to the end of a joint's range,
-except where it starts there. Arm motions first lift the torso by 0.15 m, away from the table.
+faster than 0.05 m/s, which is what the gripper's URDF allows (those of ``position_steps`` jump, by 2 mm at most), nor
+nearer than 1 mm to the end of a joint's range, except where it starts there. Arm motions first lift the torso by
+0.15 m, away from the table.
 """
 
 from __future__ import annotations

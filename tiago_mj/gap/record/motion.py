@@ -79,6 +79,8 @@ def read_motion(path: Path) -> Motion:
     """
     if not path.is_file():
         listed = motions.find(str(path))
+        if listed is None and (there := motions.rates(str(path))):
+            raise ValueError(f"motion {path} is on the menu at several rates: write {' or '.join(there)}")
         if listed is None:
             raise ValueError(f"motion {path}: no such file, nor on the menu of docs/motions.md")
         path = listed
