@@ -100,8 +100,8 @@ class GripperClose(RobotEnv, EzPickle):
             self._check_reachable(float(value))
         return values
 
-    def _sample_goal(self) -> Array:
-        return np.full(2, self._goal_choice.draw(self.np_random))
+    def _draw_goal(self, rng: np.random.Generator, object_place: Array) -> Array:
+        return np.full(2, self._goal_choice.draw(rng))
 
     def _observation(self, state: State) -> Array:
         return np.concatenate([state.position, state.velocity, state.position], axis=-1)

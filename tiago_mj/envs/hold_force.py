@@ -163,8 +163,8 @@ class HoldForce(RobotEnv, EzPickle):
             self._check_reachable(float(value))
         return values
 
-    def _sample_goal(self) -> Array:
-        return np.full(2, self._goal_choice.draw(self.np_random))
+    def _draw_goal(self, rng: np.random.Generator, object_place: Array) -> Array:
+        return np.full(2, self._goal_choice.draw(rng))
 
     def _forces(self, state: State) -> Array | None:
         """What the agent sees of the forces, (..., 2), or None."""

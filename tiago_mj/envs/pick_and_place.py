@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Final
 
+import numpy as np
+
 from tiago_mj.envs.position_goal import Array, ObjectToGoal
 
 #: Share of the goals that are above the table, as in the Fetch task.
@@ -75,8 +77,8 @@ class PickAndPlace(ObjectToGoal):
 
     LIFT = 0.2
 
-    def _draw_goal(self, height: float) -> Array:
-        goal = super()._draw_goal(height)
-        if self.np_random.uniform() < IN_THE_AIR:
-            goal[2] += self.np_random.uniform(0.0, self.LIFT)
+    def _any_goal(self, rng: np.random.Generator, height: float) -> Array:
+        goal = super()._any_goal(rng, height)
+        if rng.uniform() < IN_THE_AIR:
+            goal[2] += rng.uniform(0.0, self.LIFT)
         return goal

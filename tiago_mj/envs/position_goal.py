@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from tiago_mj.envs.choices import ObjectChoice, Range, Region, object_choice
 from tiago_mj.envs.robot_env import FORCE_BOUND, VELOCITY_BOUND, WORLD_BOUND, RobotEnv
+from tiago_mj.envs.start import Start
 from tiago_mj.envs.state import State
 from tiago_mj.models import names, scene
 from tiago_mj.models.objects import GraspObject
@@ -53,15 +54,13 @@ TABLE_SLACK: Final = 0.02
 class PositionGoal(RobotEnv):
     """TIAGo is to bring something to a place: its own hand, or an object.
 
-    A task names its ``workspace`` and overrides ``_achieved``, ``_sample_goal`` and, with an object, more.
+    A task names its ``workspace`` and overrides ``_achieved``, ``_draw_goal`` and, with an object, more.
     """
 
     GOAL_RADIUS = 0.02
     OVERVIEW: Mapping[str, Any] = MappingProxyType(
         {"lookat": np.array([0.5, 0.0, 0.68]), "distance": 1.5, "azimuth": 125, "elevation": -20}
     )
-    #: Whether the fingers stay where they start, whatever the action says of them.
-    FINGERS_HELD = False
 
     def __init__(
         self,
@@ -98,14 +97,7 @@ class PositionGoal(RobotEnv):
             load_cells=force_type != "none",
             **kwargs,
         )
-        self._fingers = [self.joints.index(name) for name in names.FINGERS]
         self.goal = np.add(workspace.low, workspace.high) / 2
-
-    def _command(self, action: Array) -> Array:
-        command = super()._command(action)
-        if self.FINGERS_HELD:
-            command[self._fingers] = 0.0 if self.control == "velocity" else self.data.act[self._ctrl[self._fingers]]
-        return command
 
     def _seen(self, state: State) -> list[Array]:
         """Parts of the observation between the joints and the forces, each (..., n)."""
@@ -217,9 +209,9 @@ class ObjectToGoal(PositionGoal, EzPickle):
             **common,
         )
 
-    def _reset_sim(self) -> bool:
-        self._place = self.np_random.uniform(*OBJECT_REGION)
-        return super()._reset_sim()
+    def _draw_start(self, rng: np.random.Generator) -> Start | None:
+        self._place = rng.uniform(*OBJECT_REGION)
+        return super()._draw_start(rng)
 
     def _grasp_frame(self) -> None:
         super()._grasp_frame()
@@ -228,16 +220,15 @@ class ObjectToGoal(PositionGoal, EzPickle):
     def _object_position(self, offset: float) -> Array:
         return self._place
 
-    def _sample_goal(self) -> Array:
-        start = self.state.object_pose[:3]
-        goal = start
-        while np.linalg.norm(goal - start) < NOT_THERE_YET:
-            goal = self._draw_goal(float(start[2]))
+    def _draw_goal(self, rng: np.random.Generator, object_place: Array) -> Array:
+        goal = object_place
+        while np.linalg.norm(goal - object_place) < NOT_THERE_YET:
+            goal = self._any_goal(rng, float(object_place[2]))
         return goal
 
-    def _draw_goal(self, height: float) -> Array:
+    def _any_goal(self, rng: np.random.Generator, height: float) -> Array:
         """Any goal, (3,) [m], with an object whose middle is at ``height`` [m] when it stands on the table."""
-        return np.append(self.np_random.uniform(*TABLE_REGION), height)
+        return np.append(rng.uniform(*TABLE_REGION), height)
 
     def _achieved(self, state: State) -> Array:
         return state.object_pose[..., :3]

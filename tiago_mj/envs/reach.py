@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 from gymnasium.utils import EzPickle
 
 from tiago_mj.envs.choices import Region
@@ -111,8 +112,8 @@ class Reach(PositionGoal, EzPickle):
             **kwargs,
         )
 
-    def _sample_goal(self) -> Array:
-        return self.workspace.draw(self.np_random)
+    def _draw_goal(self, rng: np.random.Generator, object_place: Array) -> Array:
+        return self.workspace.draw(rng)
 
     def _achieved(self, state: State) -> Array:
         return state.grasp_position

@@ -1,7 +1,7 @@
 """The base of every environment: model, joints, limits, stepping, sensing, rendering.
 
 It follows gymnasium-robotics: a ``MujocoRobotEnv`` (a ``GoalEnv``) with its hooks. A task overrides what differs:
-``_observation``, ``_achieved``, ``_sample_goal``, ``_is_success``, ``_reward_terms`` and, where it places things,
+``_observation``, ``_achieved``, ``_draw_goal``, ``_is_success``, ``_reward_terms`` and, where it places things,
 ``_object_position``.
 """
 
@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final, SupportsFloat
@@ -22,11 +21,15 @@ from numpy.typing import NDArray
 
 from tiago_mj.envs import checks
 from tiago_mj.envs.choices import ObjectChoice, check_fits
-from tiago_mj.envs.state import State, StateReader
+from tiago_mj.envs.drive import CONTROLS, Drive
+from tiago_mj.envs.sensors import OneOf, Sensors
+from tiago_mj.envs.start import Start, contact_of, grasp_frame, put_object
+from tiago_mj.envs.state import State
 from tiago_mj.models import names, scene
 from tiago_mj.models.files import model_file
+from tiago_mj.models.objects import GraspObject
 from tiago_mj.sensing.load_cell import LoadCell, MovingAverage, named_load_cell
-from tiago_mj.sensing.sources import PadForces
+from tiago_mj.sensing.noise import NoiseBlocks
 
 if TYPE_CHECKING:
     from tiago_mj.gap.effects.chain import Chain, Wiring
@@ -39,11 +42,8 @@ Array = NDArray[np.float64]
 MAX_TIMESTEP: Final = 1 / 480
 #: The same for ``servo="ideal"``, whose stiffness is bound by the step: it then lags by 4 steps, half a control period.
 IDEAL_MAX_TIMESTEP: Final = 1 / 1920
-CONTROLS: Final = ("velocity", "position")
 #: Commanded finger speed [m/s]: the 2021 project's. Its URDF says 0.05, and 0.02 is what the real robot was run at.
 FINGER_SPEED: Final = 0.08
-#: Readings' noise is drawn for this many control steps at once: a generator call a step would cost more than the noise.
-NOISE_BLOCK: Final = 320
 #: Bounds of the observation spaces. Positions may exceed a joint's range by what its soft limit gives [rad, m];
 #: velocities [rad/s, m/s] and forces [N] are bounded far above anything that the limits of the robot allow.
 POSITION_MARGIN, VELOCITY_BOUND, FORCE_BOUND, WORLD_BOUND = 0.5, 100.0, 2000.0, 10.0
@@ -81,6 +81,8 @@ class RobotEnv(MujocoRobotEnv):  # type: ignore[misc]
         "render_fps": 240,
     }
 
+    #: Whether the fingers, the last two joints, stay where they start, whatever the action says of them.
+    FINGERS_HELD = False
     #: Joint positions at the start of an episode, by name, where they differ from the pre-grasp pose.
     START: Mapping[str, float] = MappingProxyType({})
     #: Radius of the sphere that shows a goal in space [m]; None: the goal is no place.
@@ -183,6 +185,17 @@ class RobotEnv(MujocoRobotEnv):  # type: ignore[misc]
         """Where the object's axis meets the table at reset, (2,) [m]: between the fingers."""
         return self._middle + offset * self._towards_left
 
+    def _draw_start(self, rng: np.random.Generator) -> Start | None:
+        """The object and its place for one episode; None on an empty table."""
+        if self.object_choice is None:
+            return None
+        item, offset = self.object_choice.draw(rng)
+        return Start(item, offset, self._object_position(offset))
+
+    def _draw_goal(self, rng: np.random.Generator, object_place: Array) -> Array:
+        """The goal of one episode, (g,); the middle of the object starts at ``object_place``, (3,) [m], or (0,)."""
+        raise NotImplementedError
+
     # gymnasium-robotics' hooks --------------------------------------------------------------------------------------
 
     def _initialize_simulation(self) -> None:
@@ -192,15 +205,20 @@ class RobotEnv(MujocoRobotEnv):  # type: ignore[misc]
         self.model.vis.global_.offheight = self.height
         if self.object_choice is not None:
             check_fits(self.object_choice, scene.opening(self.model))
-        self._pads = PadForces(self.model, self._force_source) if self._load_cells else None
-        self._reader = StateReader(self.model, self.joints)
-        actuators = [self.model.actuator(name).id for name in self.joints]
-        self._ctrl = np.array(actuators)
-        self.velocity_limit = np.array(self.model.actuator_ctrlrange[actuators, 1])
-        stiffness = self.model.actuator_gainprm[actuators, 0]
-        self._slack = self.model.actuator_forcerange[actuators, 1] / stiffness
-        self._damping_lag = -self.model.actuator_biasprm[actuators, 2] / stiffness
-        self._range = np.array([self.model.joint(name).range for name in self.joints])
+        source = self._force_source if self._load_cells else None
+        self.sensors = Sensors(self.model, self.joints, self.load_cell, source)
+        self._pads = self.sensors.pads
+        self.drive = Drive.of(
+            self.model,
+            self.joints,
+            control=self.control,
+            ideal=self.servo == "ideal",
+            period=self._period,
+            held=self.FINGERS_HELD,
+        )
+        self.velocity_limit = self.drive.velocity_limit
+        self._ctrl = np.array([self.model.actuator(name).id for name in self.joints])
+        self._range = np.stack([self.drive.low, self.drive.high], axis=1)
         self._qpos_address = np.array([self.model.joint(name).qposadr[0] for name in self.joints])
         self._qvel_address = np.array([self.model.joint(name).dofadr[0] for name in self.joints])
         self.initial_time = 0.0
@@ -210,10 +228,10 @@ class RobotEnv(MujocoRobotEnv):  # type: ignore[misc]
         self.initial_qvel = np.zeros(self.model.nv)
         self._filter = MovingAverage(self.load_cell.average)
         self._grasp_frame()
-        self._noise, self._next_noise = np.zeros((1, 2)), 1
+        self._noise = NoiseBlocks(1)
         self._item_in_place, self._offset = self._scene.item, 0.0
         self._chain = None if self._effects is None else self._make_chain()
-        self._settle()
+        self._settle(self._object_position(0.0))
 
     def _make_chain(self) -> Chain:
         """The same signal chain that the diagnosis simulates with, for this one simulation."""
@@ -241,78 +259,67 @@ class RobotEnv(MujocoRobotEnv):  # type: ignore[misc]
 
     def contact(self) -> tuple[float, float, int] | None:
         """Stiffness [N/m], damping [N·s/m] and contact points of one pad with the present object; None without one."""
-        item = self._item_in_place
-        return None if item is None else (item.stiffness, item.damping, scene.CONTACT_POINTS[item.shape])
+        return contact_of(self._item_in_place)
 
     def _reset_sim(self) -> bool:
         if self._chain is not None:
             self._chain.restore()  # the next object goes into the nominal model
-        if self.object_choice is not None:
-            item, self._offset = self.object_choice.draw(self.np_random)
-            if item != self._item_in_place:
-                scene.set_object(self.model, item)
-                self._item_in_place = item
-        self._settle()
+        start = self._draw_start(self.np_random)
+        if start is not None:
+            self._offset = start.offset
+            if start.item != self._item_in_place:
+                scene.set_object(self.model, start.item)
+                self._item_in_place = start.item
+        self._settle(self._middle if start is None else start.place)
         return True
 
-    def _settle(self) -> None:
+    def _start_qpos(self, item: GraspObject | None, place: Array) -> Array:
+        """Where everything is at the start of an episode, (nq,)."""
+        qpos: Array = self.initial_qpos.copy()
+        if item is not None:
+            address = int(self.model.joint(names.OBJECT_JOINT).qposadr[0])
+            put_object(qpos, address, item, place, self._object_orientation)
+        return qpos
+
+    def _start_act(self, qpos: Array) -> Array:
+        """The servos' set points at the start: where their joints are, (na,)."""
+        points: Array = qpos[self.model.jnt_qposadr[self.model.actuator_trnid[:, 0]]]
+        return points
+
+    def _settle(self, place: Array) -> None:
         """Put everything at the start of an episode; nothing of the episode before remains."""
         mujoco.mj_resetData(self.model, self.data)
-        self.data.qpos[:] = self.initial_qpos
-        if self._item_in_place is not None:
-            place = self.data.joint(names.OBJECT_JOINT).qpos
-            place[:2] = self._object_position(self._offset)
-            place[2] = scene.TABLE_TOP + self._item_in_place.half_extents()[2]
-            place[3:] = self._object_orientation
-        self.data.act[:] = self.data.qpos[self.model.jnt_qposadr[self.model.actuator_trnid[:, 0]]]  # set points
+        self.data.qpos[:] = self._start_qpos(self._item_in_place, place)
+        self.data.act[:] = self._start_act(self.data.qpos)
         if self._chain is not None:
             self._chain.start(self._period, self.n_substeps, self.contact())
         mujoco.mj_forward(self.model, self.data)
         self._filter.reset()
-        self._noise, self._next_noise = self._noise[:0], 0
-        self._tare = 0.0 if self._pads is None else self._pads.tare(self.data.sensordata)
+        self._noise.forget()
+        self._tare = self.sensors.tare(self.data.sensordata)
         self._read()
 
     def _grasp_frame(self) -> None:
         """Middle and axis of the grasp on the table plane, in the pre-grasp pose."""
-        self.data.qpos[:] = self.initial_qpos
-        mujoco.mj_kinematics(self.model, self.data)
-        right, left = (self.data.site(names.PAD_SITE[side]).xpos for side in names.SIDES)
-        across = (left - right)[:2]
-        self._towards_left = across / np.linalg.norm(across)
-        self._middle = np.array(self.data.site(names.GRASP_SITE).xpos[:2])
-        yaw = math.atan2(across[1], across[0])
-        self._object_orientation = np.array([math.cos(yaw / 2), 0.0, 0.0, math.sin(yaw / 2)])
+        frame = grasp_frame(self.model, self.data, self.initial_qpos)
+        self._middle, self._towards_left, self._object_orientation = frame.middle, frame.towards_left, frame.orientation
 
     def _read(self) -> None:
         """Take one reading of every sensor; noise is drawn here and nowhere else."""
         data = self.data
-        if self._pads is None:
-            contact = raw = binary = np.zeros(0)
-        else:
-            contact = self._pads.truth(data.sensordata)
-            newtons = contact if self._force_source == "contact" else self._pads.read(data.sensordata, self._tare)
-            if self._chain is None:
-                sample = self.load_cell.sample(newtons, self._draw_noise())
-            else:
-                noise = self.load_cell.noises * self._draw_noise()
-                sample = self._chain.reading(newtons[None], self.load_cell.signal, noise[None])[0]
-            raw = self._filter(sample)
-            binary = self.load_cell.binary(raw)
-        self.state = self._reader.read(data.qpos, data.qvel, data.sensordata, contact, raw, binary)
-        if self._chain is not None:
-            self.state = replace(
-                self.state,
-                position=self._chain.position(self.state.position[None])[0],
-                velocity=self._chain.velocity(self.state.velocity[None])[0],
-            )
+        noise = None if self._pads is None else self._noise.take((self.np_random,))[0]
+        self.state = self.sensors.read(
+            data.qpos,
+            data.qvel,
+            data.sensordata,
+            tare=self._tare,
+            noise=noise,
+            average=self._filter,
+            effects=None if self._chain is None else OneOf(self._chain),
+        )
 
-    def _draw_noise(self) -> Array:
-        """Standard normal numbers for both cells, (2,)."""
-        if self._next_noise >= len(self._noise):
-            self._noise, self._next_noise = self.np_random.standard_normal((NOISE_BLOCK, 2)), 0
-        self._next_noise += 1
-        return self._noise[self._next_noise - 1]
+    def _sample_goal(self) -> Array:
+        return self._draw_goal(self.np_random, self.state.object_pose[:3])
 
     def _get_obs(self) -> dict[str, Array]:
         return {
@@ -323,27 +330,13 @@ class RobotEnv(MujocoRobotEnv):  # type: ignore[misc]
 
     def _command(self, action: Array) -> Array:
         """What the action commands: velocities [m/s, rad/s] or, with position control, targets [m, rad]."""
-        if self.control == "velocity":
-            return action * self.velocity_limit
-        low, high = self._range[:, 0], self._range[:, 1]
-        return low + (action + 1) / 2 * (high - low)
+        return self.drive.command(action, self.data.act)
 
     def _set_action(self, action: Array) -> None:
         self.command = self._command(action)
-        if self._chain is not None:
-            return
-        set_point = self.data.act[self._ctrl]
-        if self.servo == "ideal":
-            # A velocity servo has no set point to run away: what the effort limit cannot hold is forgotten.
-            # kp (set point − q) − kv q̇ within ± the limit.
-            joint = self.data.qpos[self._qpos_address] + self._damping_lag * self.data.qvel[self._qvel_address]
-            set_point = np.minimum(np.maximum(set_point, joint - self._slack), joint + self._slack)
-            self.data.act[self._ctrl] = set_point
-        speed = self.command
-        if self.control == "position":
-            speed = (self.command - set_point) / self._period
-            speed = np.minimum(np.maximum(speed, -self.velocity_limit), self.velocity_limit)
-        self.data.ctrl[self._ctrl] = speed
+        if self._chain is None:
+            data = self.data
+            self.drive.apply(self.command, data.ctrl, data.act, data.qpos, data.qvel)
 
     def _mujoco_step(self, action: Array) -> None:
         if self._chain is None:

@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 from tiago_mj.models import names
 
 Array = NDArray[np.float64]
+#: Where an array has what belongs together.
+Span = slice | NDArray[np.intp]
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,8 +47,8 @@ class StateReader:
     """Finds by name where the model keeps what a :class:`State` holds, once."""
 
     def __init__(self, model: mujoco.MjModel, joints: tuple[str, ...]) -> None:
-        self._qpos = _span([int(model.joint(name).qposadr[0]) for name in joints])
-        self._qvel = _span([int(model.joint(name).dofadr[0]) for name in joints])
+        self._qpos = span([int(model.joint(name).qposadr[0]) for name in joints])
+        self._qvel = span([int(model.joint(name).dofadr[0]) for name in joints])
         grasp = int(model.sensor(names.GRASP_SENSOR).adr[0])
         self._grasp = slice(grasp, grasp + 3)
         self._object_qpos = self._object_qvel = slice(0, 0)
@@ -60,18 +62,18 @@ class StateReader:
     ) -> State:
         """A state that shares no memory with the simulation."""
         return State(
-            position=np.array(qpos[..., self._qpos]),
-            velocity=np.array(qvel[..., self._qvel]),
+            position=qpos[..., self._qpos].copy(),
+            velocity=qvel[..., self._qvel].copy(),
             force_contact=force_contact,
             force_raw=force_raw,
             force_binary=force_binary,
-            grasp_position=np.array(sensordata[..., self._grasp]),
-            object_pose=np.array(qpos[..., self._object_qpos]),
-            object_velocity=np.array(qvel[..., self._object_qvel]),
+            grasp_position=sensordata[..., self._grasp].copy(),
+            object_pose=qpos[..., self._object_qpos].copy(),
+            object_velocity=qvel[..., self._object_qvel].copy(),
         )
 
 
-def _span(addresses: list[int]) -> slice | NDArray[np.intp]:
+def span(addresses: list[int]) -> Span:
     """A slice where the addresses are consecutive (no copy, a third of the time), else an index array."""
     first = addresses[0]
     if addresses == list(range(first, first + len(addresses))):

@@ -25,6 +25,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final
@@ -103,16 +104,16 @@ class LoadCell:
                     f"load cell threshold is {self.threshold!r}: give one number, or two (right, left) [sensor units]"
                 )
 
-    @property
+    @cached_property
     def thresholds(self) -> Array:
-        """(2,) [sensor units], right and left."""
+        """(2,) [sensor units], right and left; read-only."""
         limit = np.asarray(self.bias) + 5 * np.asarray(self.noise) if self.threshold is None else self.threshold
-        return np.broadcast_to(np.asarray(limit, dtype=float), (2,)).copy()
+        return np.broadcast_to(np.asarray(limit, dtype=float), (2,))
 
-    @property
+    @cached_property
     def noises(self) -> Array:
-        """Standard deviation of one sample, (2,) [sensor units], right and left."""
-        return np.broadcast_to(np.asarray(self.noise, dtype=float), (2,)).copy()
+        """Standard deviation of one sample, (2,) [sensor units], right and left; read-only."""
+        return np.broadcast_to(np.asarray(self.noise, dtype=float), (2,))
 
     def units(self, newtons: float) -> float:
         """Sensor units [without bias and noise] that a force [N] is; of two cells their mean."""
@@ -166,21 +167,29 @@ def named_load_cell(name: str | Path) -> LoadCell:
 class MovingAverage:
     """Mean of the last ``length`` samples; of those there are while there are fewer.
 
-    Holds (length, ...) numbers; one instance serves one environment or a whole batch.
+    Args:
+        length: number of samples; 1 is no averaging.
+        simulations: how many there are, or None for one whose arrays have no such axis.
     """
 
-    def __init__(self, length: int) -> None:
+    def __init__(self, length: int, simulations: int | None = None) -> None:
         self._length = length
-        self._samples: list[Array] = []
+        leading = () if simulations is None else (simulations,)
+        self._samples = np.zeros((length, *leading, 2))  # the newest is the last; zeros where there was none
+        self._count = np.zeros((*leading, 1))
 
-    def reset(self) -> None:
-        """Forget every sample: an episode must not begin with the forces of the one before."""
-        self._samples.clear()
+    def reset(self, rows: Any = ...) -> None:
+        """Forget every sample (of some simulations): an episode must not begin with the forces of the one before."""
+        self._samples[:, rows] = 0.0
+        self._count[rows] = 0.0
 
-    def __call__(self, sample: Array) -> Array:
-        """Take a sample and return the mean, same shape; with length 1 the sample itself."""
+    def __call__(self, sample: Array, rows: Any = ...) -> Array:
+        """Take a sample (of some simulations) and return the mean, same shape; with length 1 the sample itself."""
         if self._length == 1:
             return sample
-        self._samples.append(sample)
-        del self._samples[: -self._length]
-        return np.mean(self._samples, axis=0)
+        past = self._samples[:, rows]
+        past = np.concatenate([past[1:], sample[None]])
+        count = np.minimum(self._count[rows] + 1, self._length)
+        self._samples[:, rows], self._count[rows] = past, count
+        mean: Array = np.add.reduce(past, axis=0) / count
+        return mean

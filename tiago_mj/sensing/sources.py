@@ -34,8 +34,10 @@ class PadForces:
         self.source = source
         self._object = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, names.OBJECT_BODY) >= 0
         if self._object:
-            self._contact = _addresses(model, names.CONTACT_SENSOR)
-            self._axis = _addresses(model, names.AXIS_SENSOR)
+            contact = _addresses(model, names.CONTACT_SENSOR)
+            axis = _addresses(model, names.AXIS_SENSOR)
+            # right and left force, right and left axis: (2, 2, 3), so that one indexing finds all
+            self._pressed = np.stack([contact[:, None] + np.arange(1, 4), axis[:, None] + np.arange(3)])
         if source != "contact":
             self._source = _addresses(model, names.TOUCH_SENSOR if source == "touch" else names.FORCE_SENSOR)
 
@@ -47,11 +49,11 @@ class PadForces:
         """Net force of pad and object along each cell's axis, positive when the pad is pressed [N]."""
         if not self._object:
             return np.zeros((*sensordata.shape[:-1], 2))
-        force = sensordata[..., self._contact[:, None] + np.arange(1, 4)]
-        axis = sensordata[..., self._axis[:, None] + np.arange(3)]
+        found = sensordata.take(self._pressed, axis=-1)
         # The sensor gives the force of the pad on the object, and the pad site's x axis points from the face into the
         # finger: a pressed pad reads positive.
-        return -np.sum(force * axis, axis=-1)
+        along: Array = np.add.reduce(found[..., 0, :, :] * found[..., 1, :, :], axis=-1)
+        return -along
 
     def read(self, sensordata: Array, tare: Array | float = 0.0) -> Array:
         """Newtons of the chosen source, less the tare."""
