@@ -11,7 +11,7 @@ nearer than 1 mm to the end of a joint's range, except where it starts there. Ar
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -123,7 +123,7 @@ def _gripper() -> list[Item]:
         _fingers("multisine_free", "everything of the drive at once, without contact", *sines_free),
         _fingers("multisine_grip", "stiffness and gain at once, in contact", *sines_grip),
         _fingers("stop_and_go", "delay, jitter and loss of commands: moves and stops at irregular instants",
-                 stop_and_go(0.042, -4e-3, 0.16, 24, FAST)),
+                 stop_and_go(OPEN, -4e-3, 0.16, 24, FAST)),
         _each("right_only", "which finger has it; crosstalk of drives and cells", moved, still),
         _each("left_only", "which finger has it; crosstalk of drives and cells", still, moved),
         _each("shift", "mass and friction of the object: it is held and shifted by a millimetre to either side",
@@ -133,19 +133,14 @@ def _gripper() -> list[Item]:
 
 
 def _position() -> list[Item]:
-    def item(name: str, purpose: str, path: Path) -> Item:
-        return _fingers(f"position_{name}", purpose, path, interface="position")
-
+    """The gripper's motions with their set points sent as positions, as the real gripper takes them; and jumps."""
     steps = start(OPEN)
     for place in (0.043, 0.041, 0.040, 0.0405, 0.040, 0.042):
         steps = steps.step(place).hold(0.4)
     return [
-        item("squeeze", "the reference grasp, commanded by position", _squeeze(GRIP, MEDIUM, 0.8)),
-        item("hold", "creep and drift of the cells", _squeeze(GRIP, MEDIUM, 5.0)),
-        item("steps", "delay, servo stiffness and friction: steps of 0.5 to 2 mm", steps),
-        item("staircase", "dead band and quantum of the command, stiction",
-             start(OPEN).to(0.040, FAST).hold(0.2).stairs(-1e-4, 12, 0.16, SLOW)),
-        item("reversals", "friction, backlash", start(OPEN).between(0.036, 0.041, 0.01, 3)),
+        *(replace(item, name=f"position_{item.name}", interface="position") for item in _gripper()),
+        _fingers("position_steps", "delay, servo stiffness and friction: steps of 0.5 to 2 mm", steps,
+                 interface="position"),
     ]  # fmt: skip
 
 
