@@ -177,8 +177,10 @@ def test_no_value_that_a_fit_may_try_makes_the_arm_diverge(end):
         target = arm if declared.targets in ("joint", "command") and name != "payload" else "all"
         r = rollout([{"name": name, "target": target, "parameters": values}], actions, TIAGO)
         assert np.isfinite(r.state).all(), name
-        # 0.2 rad/s are commanded. A wrist of 0.5 g·m² that 10 N·m of friction let go leaps at some rad/s.
-        assert np.abs(r.true_velocity[:, 1:8]).max() < (10 if name == "asymmetric_friction" else 1), name
+        # 0.2 rad/s are commanded. A wrist of 0.5 g·m² that 10 N·m of friction let go leaps at some rad/s; an arm falls
+        # through a play of 0.1 rad or onto a spring of 1 N·m/rad.
+        falls = {"asymmetric_friction": 10, "backlash": 3, "joint_elasticity": 3}
+        assert np.abs(r.true_velocity[:, 1:8]).max() < falls.get(name, 1), name
 
 
 #: What can be less than nominal, or point the other way; all else is a size, a time, a share or a factor.

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
@@ -12,7 +14,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 import tiago_mj
-from tiago_mj.gap import floor, hypotheses, locate, phases, replay, select, set_points, shrink, task, traces, verdict
+from tiago_mj.gap import (
+    floor,
+    hypotheses,
+    locate,
+    phases,
+    replay,
+    select,
+    set_points,
+    shrink,
+    sizes,
+    task,
+    traces,
+    verdict,
+)
 from tiago_mj.gap.effects import EFFECTS
 from tiago_mj.gap.fit import Fitted
 from tiago_mj.gap.inverse import diagnose_inverse
@@ -82,9 +97,9 @@ def diagnose(
     splits = split([trial.name for trial in trials])
     tested = [trial for trial in trials if trial.name in splits["test"]]
     asked = None if policy is None else task.ask(plant, tested, policy, trust=trust, seed=seed)
-    if not any(trial.commands for trial in trials):
+    if not any(trial.commands for trial in trials) or _torques_along_a_motion(trials):
         tick("inverse dynamics", 1)
-        return task.told(_without_commands(plant, trials, findings, seed), asked)
+        return task.told(_along_the_motion(plant, trials, findings, seed), asked)
     on = replay.grid(plant, trials)
     data = floor.collect(plant, trials, usable)
     if not data.channels:
@@ -97,8 +112,11 @@ def diagnose(
     tick("replaying", len(trials))
     everything = list(range(len(trials)))
     nominal = replay.simulate(plant, on, [(k, ()) for k in everything], threads=threads, seed=seed)
+    fine = dataclasses.replace(plant, max_timestep=plant.max_timestep / floor.FINER)
+    finer = replay.simulate(fine, on, [(k, ()) for k in everything], threads=threads, seed=seed)
+    data = floor.with_numerics(data, floor.predicted(data, nominal), floor.predicted(data, finer))
     fastest = np.abs(nominal.velocity).max(axis=(0, 1))
-    pool = hypotheses.candidates(plant, names, fastest)
+    pool = hypotheses.candidates(plant, names, fastest, sizes.sizes(plant, trials, nominal))
     seen = set_points.told(plant, on, data, nominal)
     if seen is not None:
         pool = set_points.magnitudes(plant, on, seen, pool, fitted_on)
@@ -188,8 +206,22 @@ def diagnose(
     return task.told(found, asked, tick)
 
 
-def _without_commands(plant: Plant, trials: Sequence[Trial], findings: Sequence[Finding], seed: int) -> Diagnosis:
-    """Explain the efforts along the measured motion."""
+def _torques_along_a_motion(trials: Sequence[Trial]) -> bool:
+    """Whether what is commanded is the efforts of joints whose motion was measured.
+
+    Nothing pulls such a joint back to where it was, so that a replay of its commands adds up every error of torque;
+    along the measured motion torques are compared with torques.
+    """
+    return all(
+        trial.sidecar.interface == "effort" and bool(trial.commands) and set(trial.commands) <= set(trial.positions)
+        for trial in trials
+    )
+
+
+def _along_the_motion(plant: Plant, trials: Sequence[Trial], findings: Sequence[Finding], seed: int) -> Diagnosis:
+    """Explain the efforts along the measured motion, or the commands where they are efforts."""
+    if _torques_along_a_motion(trials):
+        trials = [replace(trial, efforts={**trial.commands, **trial.efforts}) for trial in trials]
     known = {plant.model.joint(j).name for j in range(plant.model.njnt)}
     joints = [name for name in dict.fromkeys(n for trial in trials for n in trial.efforts) if name in known]
     if not joints:

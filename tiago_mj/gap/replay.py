@@ -226,14 +226,15 @@ def _batch(plant: Plant, on: Grid, sims: Sequence[tuple[int, Effects]], threads:
     host.forward()
     read(0, *present())
     if on.uniform and not plant.relative and chain.open_loop:
-        ctrl = np.repeat(host.state("ctrl")[:, None], length - 1, axis=1)
-        for k in range(length - 1):
-            ctrl[:, k, wiring.ctrl] = chain.ahead(on.commands[trial, k])
+        idle = host.state("ctrl")
         fields = ("qpos", "qvel", "qfrc_actuator", "sensordata")
         for first in range(0, length - 1, ROWS):
-            some = np.repeat(ctrl[:, first : first + ROWS], substeps, axis=1)
+            rows = min(ROWS, length - 1 - first)
+            some = np.repeat(idle[:, None], rows * substeps, axis=1)
+            for k in range(rows):
+                some[:, k * substeps : (k + 1) * substeps, wiring.ctrl] = chain.ahead(on.commands[trial, first + k])
             seen = host.batch.rollout(some.shape[1], some, record=fields)
-            for k in range(some.shape[1] // substeps):
+            for k in range(rows):
                 read(first + k + 1, *(seen[name][:, (k + 1) * substeps - 1] for name in fields))
         return Signals(position, velocity, effort, _averaged(plant, reading), newtons)
     held = np.array([start.set_point for start in starts])

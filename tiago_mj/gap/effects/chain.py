@@ -22,10 +22,11 @@ Array = NDArray[np.float64]
 __all__ = ["Chain", "Now", "Wiring"]
 
 #: Hooks that act in every physics step, and in every control step.
-EACH_SUBSTEP: Final = ("added_friction", "added_damping", "added_force", "force_range")
+EACH_SUBSTEP: Final = ("added_friction", "added_damping", "added_force", "servo_force", "force_range")
 EACH_STEP: Final = (
     "command",
     "set_point",
+    "given",
     "measure_position",
     "true_position",
     "measure_velocity",
@@ -72,6 +73,7 @@ class Chain:
         self._masks = {effect.name: effect.present for effect in self.effects}
         self._hooks = {hook: self._users(hook) for hook in (*EACH_SUBSTEP, *EACH_STEP)}
         self._moves_set_point = self._any("set_point")
+        self._on_its_way = self._any("given")
         self._per_substep = any(self._hooks[hook] for hook in EACH_SUBSTEP)
         if self._per_substep:
             for name in ("qfrc_actuator", "qfrc_smooth"):
@@ -80,7 +82,8 @@ class Chain:
         self._base_friction: Any = None
         self._base_damping: Any = None
         self._base_range: Any = None
-        self._limits_force = bool(self._hooks["force_range"])
+        self._limits_force, self._adds_force = bool(self._hooks["force_range"]), bool(self._hooks["servo_force"])
+        self._base_bias: Any = None
 
     # Reset ----------------------------------------------------------------------------------------------------------
 
@@ -133,6 +136,8 @@ class Chain:
             wiring = self._wiring
             self._base_friction = recording.field("dof_frictionloss")[:, wiring.dof].copy()
             self._base_damping = recording.field("dof_damping")[:, wiring.dof].copy()
+            if self._adds_force:
+                self._base_bias = recording.field("actuator_biasprm")[:, wiring.actuators, 0].copy()
             if self._limits_force:
                 self._base_range = recording.field("actuator_forcerange")[:, wiring.actuators].copy()
         self._plain = self.now.joint_position[:, list(self._wiring.targets.actuated)]
@@ -142,6 +147,9 @@ class Chain:
             self._measure_slack()
         now.set_point = self._target.copy()
         now.idle = self._target.copy() if self._wiring.interface == "position" else np.zeros_like(self._target)
+        now.takes_set_points = self._takes_set_points()
+        now.resting = np.where(now.takes_set_points, self._plain, 0.0)
+        self._coming = self._target.copy()
         for effect in self.effects:
             effect.start(now)
 
@@ -189,7 +197,7 @@ class Chain:
         if wiring.interface == "effort":
             ctrl = command
         else:
-            present = self.set_points()
+            present = self._ahead()
             if wiring.interface == "velocity":
                 wanted = self._target + command * now.period
                 ctrl = command
@@ -202,12 +210,8 @@ class Chain:
                 effective = self.set_point(self._target) + self._shift
                 moved = _towards(effective, present, now.period, limit)
                 ctrl = np.where(self._moves_set_point, moved, ctrl)
-        self._write_ctrl(ctrl)
-        if self._per_substep:
-            for _ in range(self._substeps):
-                self._physics_step()
-        else:
-            self._host.step(self._substeps)
+            self._coming = np.clip(present + ctrl * now.period, *wiring.span.T)
+        self._run(self._inputs(ctrl))
         now.step += 1
         now.elapsed = now.elapsed + now.dt
 
@@ -222,11 +226,14 @@ class Chain:
         return all(effect.name in BLIND for effect in users) and bool((self.now.clock == 1).all())
 
     def ahead(self, command: Array) -> Array:
-        """Inputs that an open loop gives the servos for the next command, (nsim, nactuators)."""
-        command = self._through("command", command)
+        """Inputs that an open loop gives the servos in each physics step of the next command, (nsim, nsubsteps,
+        nactuators); one for all of them where they are the same."""
+        inputs = self._through("command", command)[:, None]
+        if self._on_its_way is not None:
+            inputs = self._arriving(inputs[:, 0])
         self.now.step += 1
         self.now.elapsed = self.now.elapsed + self.now.dt
-        return command
+        return inputs
 
     def _hold_set_points(self) -> None:
         """An ideal servo has no set point to run away: what the effort limit cannot hold is forgotten."""
@@ -236,6 +243,7 @@ class Chain:
         present = self.set_points()
         held = np.minimum(np.maximum(present, joint - self._slack), joint + self._slack)
         self._host.state("act")[:, wiring.act] = held
+        self._coming = self._coming + (held - present)
         if wiring.interface == "velocity":
             # Commands and what effects remember of them stay in a frame of their own, which the forgetting moves.
             self._shift = self._shift + (held - present)
@@ -247,14 +255,50 @@ class Chain:
         self._slack = host.field("actuator_forcerange")[:, ids, 1] / stiffness
         self._lag = -host.field("actuator_biasprm")[:, ids, 2] / stiffness
 
-    def _write_ctrl(self, ctrl: Array) -> None:
+    def _ahead(self) -> Array:
+        """Where set points will be once all that is on its way has arrived, (nsim, nactuators) [m, rad]."""
+        present = self.set_points()
+        return present if self._on_its_way is None else np.where(self._on_its_way, self._coming, present)
+
+    def _inputs(self, ctrl: Array) -> Array:
         """Speeds for integrating servos, set points for plain position actuators, forces for motors."""
-        wiring = self._wiring
-        plain = wiring.servo & (wiring.act < 0)  # a position actuator takes the set point itself
-        if wiring.interface != "effort" and plain.any():
-            self._plain = np.clip(self._plain + ctrl * self.now.period, wiring.span[:, 0], wiring.span[:, 1])
+        plain = self._takes_set_points()
+        if plain.any():
+            span = self._wiring.span
+            self._plain = np.clip(self._plain + ctrl * self.now.period, span[:, 0], span[:, 1])
             ctrl = np.where(plain, self._plain, ctrl)
-        self._host.state("ctrl")[:, wiring.ctrl] = ctrl
+        return ctrl
+
+    def _takes_set_points(self) -> NDArray[np.bool_]:
+        """Which actuators are plain position servos, (nactuators,)."""
+        wiring = self._wiring
+        return wiring.servo & (wiring.act < 0) & (wiring.interface != "effort")
+
+    def _run(self, inputs: Array) -> None:
+        """Physics steps of a control period, with what is held for all of it or what arrives in each."""
+        ctrl = self._host.state("ctrl")
+        if self._on_its_way is None:
+            ctrl[:, self._wiring.ctrl] = inputs
+            if not self._per_substep:
+                self._host.step(self._substeps)
+                return
+            arriving = None
+        else:
+            arriving = self._arriving(inputs)
+        for k in range(self._substeps):
+            if arriving is not None:
+                ctrl[:, self._wiring.ctrl] = arriving[:, k]
+            if self._per_substep:
+                self._physics_step()
+            else:
+                self._host.step(1)
+
+    def _arriving(self, inputs: Array) -> Array:
+        """What the servos are given in each physics step, (nsim, nsubsteps, nactuators)."""
+        value = np.repeat(inputs[:, None], self._substeps, axis=1)
+        for effect, mask in self._hooks["given"]:
+            value = np.where(mask[:, None], effect.given(value, self.now), value)
+        return value
 
     def _physics_step(self) -> None:
         now, host, dof = self.now, self._host, self._wiring.dof
@@ -269,6 +313,11 @@ class Chain:
         host.field("dof_frictionloss")[:, dof] = np.maximum(friction, 0.0)
         host.field("dof_damping")[:, dof] = np.maximum(damping, 0.0)
         host.state("qfrc_applied")[:, dof] = force
+        if self._adds_force:
+            own = self._base_bias
+            for effect, mask in self._hooks["servo_force"]:
+                own = np.where(mask, own + effect.servo_force(now), own)
+            host.field("actuator_biasprm")[:, self._wiring.actuators, 0] = own
         if self._limits_force:
             limits = self._base_range
             for effect, mask in self._hooks["force_range"]:
@@ -308,7 +357,7 @@ class Chain:
 
     def _users(self, hook: str) -> list[tuple[Effect, NDArray[np.bool_]]]:
         """Effects that have a hook, and where each is present."""
-        acts = hook in ("set_point", "force_range")
+        acts = hook in ("set_point", "given", "servo_force", "force_range")
         return [(e, self._of_actuators(e) if acts else self._masks[e.name]) for e in self.effects if overrides(e, hook)]
 
     def _of_actuators(self, effect: Effect) -> NDArray[np.bool_]:

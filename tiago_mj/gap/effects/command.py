@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tiago_mj.gap.effects.declare import Array, Effect, effect, parameter
-from tiago_mj.gap.effects.memory import DelayLine, Held, HeldLowPass
+from tiago_mj.gap.effects.memory import Conveyor, Held, HeldLowPass
 from tiago_mj.gap.effects.now import Now
 
 LENGTH = ("m", "rad")
@@ -16,7 +17,7 @@ SPEED = ("m/s", "rad/s")
 class CommandDelay(Effect):
     """A command takes hold some time after it was sent.
 
-    Formula: arriving(t) = sent(t - seconds), between two control steps interpolated
+    Formula: arriving(t) = sent(t - seconds), to a fraction of a physics step
 
     In a recording: every motion starts and stops late; at a constant velocity the position is behind by velocity ·
     seconds.
@@ -25,17 +26,18 @@ class CommandDelay(Effect):
 
     Source: PACE; fitted on so101.
 
-    MuJoCo: an actuator's ``delay`` and ``nsample`` delay its control by history samples; here the line lies before the
-    servo, where it takes fractions of a control period and vanishes exactly.
+    MuJoCo: an actuator's ``delay`` and ``nsample`` delay its control by history samples; here the line takes fractions
+    of a physics step and vanishes exactly. It lies right before the servo: what else happens to a command does not
+    depend on when.
     """
 
     seconds = parameter("s", identity=0.0, default=0.03, bounds=(0.0, 0.2))
 
     def start(self, now: Now) -> None:
-        self._line = DelayLine(self.seconds, now.idle)
+        self._line = Conveyor(self.seconds, now.resting)
 
-    def command(self, command: Array, now: Now) -> Array:
-        return self._line(command, now.period)
+    def given(self, inputs: Array, now: Now) -> Array:
+        return self._line(inputs, now.period / now.substeps)
 
 
 @effect("dropped_commands", stage="command", targets="command")
@@ -81,10 +83,11 @@ class CommandLag(Effect):
     time_constant = parameter("s", identity=0.0, default=0.04, bounds=(0.0, 0.3))
 
     def start(self, now: Now) -> None:
-        self._filter = HeldLowPass(self.time_constant, now.idle)
+        self._filter = HeldLowPass(self.time_constant, now.resting)
 
-    def command(self, command: Array, now: Now) -> Array:
-        return self._filter(command, now.period)
+    def given(self, inputs: Array, now: Now) -> Array:
+        step = now.period / now.substeps
+        return np.stack([self._filter(inputs[:, k], step) for k in range(inputs.shape[1])], axis=1)
 
 
 @effect("rate_limit", stage="command", targets="command")
@@ -107,11 +110,23 @@ class RateLimit(Effect):
 
     def start(self, now: Now) -> None:
         self._value = now.set_point.copy()
+        self._jumps = now.takes_set_points
 
     def set_point(self, target: Array, now: Now) -> Array:
-        most = self.velocity * now.period
-        self._value = np.where(self.present, self._value + np.clip(target - self._value, -most, most), target)
-        return self._value
+        return self._slewed(target, ~self._jumps, now.period)
+
+    def given(self, inputs: Array, now: Now) -> Array:
+        # A plain position servo takes a new set point at once: it slews within the control period.
+        if not self._jumps.any():
+            return inputs
+        step = now.period / now.substeps
+        return np.stack([self._slewed(inputs[:, k], self._jumps, step) for k in range(inputs.shape[1])], axis=1)
+
+    def _slewed(self, target: Array, where: NDArray[np.bool_], seconds: Array) -> Array:
+        most = self.velocity * seconds
+        slewed = np.where(self.present, self._value + np.clip(target - self._value, -most, most), target)
+        self._value = np.where(where, slewed, self._value)
+        return np.where(where, slewed, target)
 
 
 @effect("command_deadband", stage="command", targets="command")

@@ -18,10 +18,10 @@ A user's own is declared in the same way, anywhere; docs/effects.md is made of t
 paragraphs are listed in :mod:`tiago_mj.gap.effects.describe`.
 
 An instance holds the parameters of many simulations at once: ``self.factor`` is (nsim, ntargets). Hooks take and return
-arrays of that shape, once per control step (``added_friction``, ``added_damping``, ``added_force``, ``force_range``
-once per physics step). What an effect has to remember it keeps in attributes made in :meth:`Effect.start`, which is
-called at every reset. Where an effect is at its identity the chain takes the hook's input instead of its output, so
-that it changes nothing, to the last bit.
+arrays of that shape, once per control step (``added_friction``, ``added_damping``, ``added_force``, ``servo_force``,
+``force_range`` once per physics step). What an effect has to remember it keeps in attributes made in
+:meth:`Effect.start`, which is called at every reset. Where an effect is at its identity the chain takes the hook's
+input instead of its output, so that it changes nothing, to the last bit.
 """
 
 from __future__ import annotations
@@ -57,12 +57,13 @@ TARGETS: Final = ("command", "joint", "sensor", "object", "clock")
 #: Hooks that any effect may have, beside those whose arrays have the shape of its targets.
 COMMON_HOOKS: Final = ("start", "change", "place")
 HOOKS: Final = {
-    "command": ("command", "set_point", "force_range"),
+    "command": ("command", "set_point", "given", "servo_force", "force_range"),
     "joint": (
         "set_point",
         "added_friction",
         "added_damping",
         "added_force",
+        "servo_force",
         "force_range",
         "measure_position",
         "true_position",
@@ -162,6 +163,11 @@ class Effect:
         """The servo's set point as commanded, (nsim, nactuators) [m, rad]; the one that it takes."""
         return target
 
+    def given(self, inputs: Array, now: Now) -> Array:
+        """What the servos would be given in each physics step of the control period, (nsim, nsubsteps, nactuators):
+        speeds of set points, set points or forces, as the actuator takes them; what they are given."""
+        return inputs
+
     def added_friction(self, now: Now) -> Array:
         """Dry friction to add before a physics step, (nsim, njoints) [N, N·m]; its sign is whatever opposes motion."""
         raise NotImplementedError
@@ -172,6 +178,11 @@ class Effect:
 
     def added_force(self, now: Now) -> Array:
         """Force on the joints to add before a physics step, (nsim, njoints) [N, N·m]."""
+        raise NotImplementedError
+
+    def servo_force(self, now: Now) -> Array:
+        """Force that the servos add to their own, within their limits, before a physics step, (nsim, nactuators)
+        [N, N·m at the actuator]."""
         raise NotImplementedError
 
     def force_range(self, limits: Array, now: Now) -> Array:

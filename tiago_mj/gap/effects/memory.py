@@ -36,6 +36,37 @@ class DelayLine:
         return (1 - share) * newer + share * older
 
 
+class Conveyor:
+    """A signal that is held over short steps, as it was some seconds ago.
+
+    Args:
+        seconds: how long ago, (nsim, n).
+        before: what it was before the first step, (nsim, n).
+    """
+
+    def __init__(self, seconds: Array, before: Array) -> None:
+        self._seconds = seconds
+        self._before = before
+        self._past: Array | None = None
+
+    def __call__(self, values: Array, step: Array) -> Array:
+        """Take the next steps, (nsim, m, n), each of a length, (nsim, 1) [s]; give the delayed signal's mean over
+        each of them."""
+        lag = self._seconds / step
+        if self._past is None:
+            length = int(np.ceil(1.5 * lag.max(initial=0.0))) + 2  # steps need not all be of one length
+            self._past = np.repeat(self._before[:, None], length, axis=1)
+        kept = self._past.shape[1]
+        line = np.concatenate([self._past, values], axis=1)
+        self._past = line[:, -kept:]
+        whole = np.clip(np.floor(lag).astype(int), 0, kept - 1)
+        share = np.clip(lag - whole, 0.0, 1.0)[:, None]
+        newer = kept + np.arange(values.shape[1])[None, :, None] - whole[:, None]
+        return (1 - share) * np.take_along_axis(line, newer, axis=1) + share * np.take_along_axis(
+            line, newer - 1, axis=1
+        )
+
+
 class LowPass:
     """First-order lag of a sampled signal: time_constant · dy/dt = x - y, exact where x is straight between samples.
 

@@ -70,6 +70,10 @@ class Now:
         """True time since the episode began, (nsim,) [s]."""
         self.idle = np.zeros((host.nsim, len(wiring.actuators)))
         """What an actuator was commanded before the first command, (nsim, nactuators)."""
+        self.resting = self.idle
+        """Input of the servos before the first command, (nsim, nactuators)."""
+        self.takes_set_points = np.zeros(len(wiring.actuators), dtype=bool)
+        """Which actuators are plain position servos, (nactuators,): their input is the set point itself."""
         self.set_point = self.idle
         """Set points at the start, (nsim, nactuators) [m, rad]."""
         self.contact: tuple[float, float, int] | None = None

@@ -7,11 +7,11 @@ from typing import Final
 import mujoco
 import numpy as np
 
-from tiago_mj.gap.effects.actuator import DAMPING, FORCE, limit_forces, scale_gains
+from tiago_mj.gap.effects.actuator import DAMPING, FORCE, limit_forces
 from tiago_mj.gap.effects.declare import Array, Effect, effect, parameter
 from tiago_mj.gap.effects.inertia import removable_inertia
-from tiago_mj.gap.effects.memory import Play
 from tiago_mj.gap.effects.now import Now
+from tiago_mj.gap.effects.servo import Servo
 
 SPEED = ("m/s", "rad/s")
 
@@ -213,44 +213,65 @@ class AsymmetricFriction(Effect):
 
 @effect("backlash", stage="transmission", targets="joint", gap_class="play")
 class Backlash(Effect):
-    """Play between motor and joint: the joint follows only when the motor has crossed the gap.
+    """Play between motor and joint: the joint feels the motor only when that has crossed the gap.
 
-    A play operator of that width on the set point, which starts in the middle of the gap.
+    The servo holds the motor, which has no mass; it stands at the set point at the start, as far as the gap allows.
+    Where a load keeps the joint on one side of the gap it follows at once.
 
-    Formula: motor - width / 2 ≤ joint ≤ motor + width / 2, the joint at rest in between
+    Formula: |motor - joint| ≤ width / 2; between the sides no force, at a side the servo's
 
-    In a recording: after each reversal the joint waits while the command moves by the width.
+    In a recording: after each reversal in the air the joint waits while the command moves by the width; pressing, the
+    servo's error is larger by half of it.
 
     Typical: 0.1-1 mm on screw-driven fingers, 10-30 mrad on hobby servos.
 
     Source: chosen.
 
-    MuJoCo: none; a second joint with a gap would do it at the price of one more degree of freedom.
+    MuJoCo: none; a second joint with a gap would do it at the price of one more degree of freedom. Here the difference
+    to the servo's own force is a bias of the actuator, ``actuator_biasprm``.
     """
 
     width = parameter(("m", "rad"), identity=0.0, default=0.001, bounds=((0.0, 0.006), (0.0, 0.1)))
 
     def start(self, now: Now) -> None:
-        self._play = Play(self.width[:, list(now.wiring.targets.actuated)], now.set_point)
+        self._servo = Servo(now)
+        self._half = self.width[:, self._servo.joints] * self._servo.ratio / 2
+        joint, _ = self._servo.joint(now)
+        # Before anything was commanded the servo holds the motor as far as the gap lets it.
+        self._motor = np.clip(self._servo.set_point(now), joint - self._half, joint + self._half)
 
-    def set_point(self, target: Array, now: Now) -> Array:
-        return self._play(target)
+    def servo_force(self, now: Now) -> Array:
+        servo = self._servo
+        joint, speed = servo.joint(now)
+        self._motor = np.clip(self._free(now), joint - self._half, joint + self._half)
+        apart = np.abs(self._free(now) - joint - servo.step * speed) < self._half
+        pressing = -servo.kp * (self._motor - joint)
+        nothing = servo.kv * speed - servo.kp * (servo.set_point(now) - joint)
+        return np.where(apart, nothing, pressing)
+
+    def _free(self, now: Now) -> Array:
+        """Where a motor without load is a physics step later."""
+        servo = self._servo
+        slow = servo.kv / servo.step
+        return (slow * self._motor + servo.kp * servo.set_point(now)) / (slow + servo.kp)
 
 
 @effect("joint_elasticity", stage="transmission", targets="joint", gap_class="gain")
 class JointElasticity(Effect):
-    """A spring between motor and joint, in series with the servo.
+    """A spring between motor and joint, in series with the servo, which holds a motor without mass.
 
-    Formula: stiffness felt at the joint = 1 / (1 / kp + 1 / stiffness)
+    Formula: stiffness · (motor - joint) = kp · (set point - motor) - kv · motor velocity; at rest the stiffness felt at
+    the joint is 1 / (1 / kp + 1 / stiffness)
 
-    In a recording: as a lower servo stiffness; the force per set point falls.
+    In a recording: as a lower servo stiffness; the force per set point falls, and with it what the servo's damping can
+    do for the joint.
 
     Typical: 1-5 times the servo's stiffness.
 
     Source: chosen.
 
-    MuJoCo: a joint with ``stiffness`` on a body between motor and link; here its static stiffness enters
-    ``actuator_gainprm``, the resonance is left out.
+    MuJoCo: a joint with ``stiffness`` on a body between motor and link; here the difference to the servo's own force is
+    a bias of the actuator, ``actuator_biasprm``; the resonance with the motor's mass is left out.
     """
 
     stiffness = parameter(
@@ -258,10 +279,34 @@ class JointElasticity(Effect):
     )
 
     def change(self, now: Now) -> None:
-        actuated = list(now.wiring.targets.actuated)
-        servo = np.abs(now.host.field("actuator_biasprm")[:, now.wiring.actuators, 1])
-        share = np.where(self.present[:, actuated], 1 / (1 + servo / self.stiffness[:, actuated]), 1.0)
-        scale_gains(now, share, np.ones_like(share))
+        # The servo's damping acts on the motor; what of it reaches the joint at once is integrated implicitly, as the
+        # servo's own was.
+        servo = Servo(now)
+        present = self.present[:, servo.joints]
+        self._spring = np.where(present, self.stiffness[:, servo.joints] / servo.ratio**2, 1.0)
+        self._kv = servo.kv
+        reaching = self._spring * servo.kv / (servo.kv / servo.step + servo.kp + self._spring)
+        bias = now.host.field("actuator_biasprm")
+        bias[:, now.wiring.actuators, 2] = -np.where(present, reaching, servo.kv)
+
+    def start(self, now: Now) -> None:
+        self._servo = servo = Servo(now)
+        joint, _ = servo.joint(now)
+        self._motor = (servo.kp * servo.set_point(now) + self._spring * joint) / (servo.kp + self._spring)
+
+    def servo_force(self, now: Now) -> Array:
+        servo = self._servo
+        joint, _ = servo.joint(now)
+        self._motor = self._moved(now, joint)
+        return self._spring * (self._moved(now, joint) - joint) - servo.kp * (servo.set_point(now) - joint)
+
+    def _moved(self, now: Now, joint: Array) -> Array:
+        """Where the motor is a physics step later, the joint being there."""
+        servo = self._servo
+        slow = self._kv / servo.step
+        return (slow * self._motor + servo.kp * servo.set_point(now) + self._spring * joint) / (
+            slow + servo.kp + self._spring
+        )
 
 
 @effect("armature", stage="transmission", targets="joint")
