@@ -70,12 +70,37 @@ def make_scalar(*, task: str, relative: int | None, **arguments: Any) -> gymnasi
     return FlatView(core, observed)
 
 
+def make_vector(
+    *,
+    task: str,
+    relative: int | None,
+    num_envs: int,
+    max_episode_steps: int | None = None,
+    autoreset_mode: Any = "NextStep",
+    threads: int = 0,
+    episode_statistics: bool = True,
+    **arguments: Any,
+) -> gymnasium.vector.VectorEnv[Any, Any, Any]:
+    """Build many environments of the table in one; see :class:`tiago_mj.vector.env.VectorRobotEnv`."""
+    from tiago_mj.vector.env import VectorRobotEnv
+
+    return VectorRobotEnv(
+        make_scalar(task=task, relative=relative, **arguments),  # type: ignore[arg-type]
+        num_envs,
+        max_episode_steps=max_episode_steps,
+        autoreset_mode=autoreset_mode,
+        threads=threads,
+        episode_statistics=episode_statistics,
+    )
+
+
 def register() -> None:
     """Make every environment known to gymnasium, under ``tiago_mj/``."""
     for name, entry in ENVIRONMENTS.items():
         gymnasium.register(
             id=f"{NAMESPACE}/{name}",
             entry_point="tiago_mj.registration:make_scalar",
+            vector_entry_point="tiago_mj.registration:make_vector",
             max_episode_steps=entry.steps,
             kwargs={"task": entry.task, "relative": entry.relative, **entry.arguments},
         )

@@ -282,8 +282,8 @@ class RobotEnv(MujocoRobotEnv):  # type: ignore[misc]
         return qpos
 
     def _start_act(self, qpos: Array) -> Array:
-        """The servos' set points at the start: where their joints are, (na,)."""
-        points: Array = qpos[self.model.jnt_qposadr[self.model.actuator_trnid[:, 0]]]
+        """The servos' set points at the start: where their joints are, (..., na)."""
+        points: Array = qpos[..., self.model.jnt_qposadr[self.model.actuator_trnid[:, 0]]]
         return points
 
     def _settle(self, place: Array) -> None:
@@ -322,10 +322,14 @@ class RobotEnv(MujocoRobotEnv):  # type: ignore[misc]
         return self._draw_goal(self.np_random, self.state.object_pose[:3])
 
     def _get_obs(self) -> dict[str, Array]:
+        return self.observed(self.state, self.goal)
+
+    def observed(self, state: State, goal: Array) -> dict[str, Array]:
+        """The observation, of one simulation or of many (leading axes of every array)."""
         return {
-            "observation": self._observation(self.state),
-            "achieved_goal": self._achieved(self.state),
-            "desired_goal": self.goal.copy(),
+            "observation": self._observation(state),
+            "achieved_goal": self._achieved(state),
+            "desired_goal": goal.copy(),
         }
 
     def _command(self, action: Array) -> Array:
@@ -431,17 +435,21 @@ class RobotEnv(MujocoRobotEnv):  # type: ignore[misc]
     # Parts ----------------------------------------------------------------------------------------------------------
 
     def _info(self, achieved: Array) -> dict[str, Any]:
-        state = self.state
-        terms = self._reward_terms(achieved, self.goal)
+        info = self.described(self.state, achieved, self.goal)
+        info["reward_terms"] = {name: float(value) for name, value in info["reward_terms"].items()}
+        return info
+
+    def described(self, state: State, achieved: Array, goal: Array) -> dict[str, Any]:
+        """What ``info`` holds, of one simulation or of many (leading axes of every array)."""
         return {
             "force_contact": state.force_contact,
             "force_raw": state.force_raw,
             "force_binary": state.force_binary,
             "in_contact": state.force_contact > 0,
             "object_velocity": state.object_velocity,
-            "goal": self.goal.copy(),
-            "reward_terms": {name: float(value) for name, value in terms.items()},
-            "is_success": self._is_success(achieved, self.goal),
+            "goal": goal.copy(),
+            "reward_terms": self._reward_terms(achieved, goal),
+            "is_success": self._is_success(achieved, goal),
         }
 
     def _checked_goal(self, goal: Any) -> Array:

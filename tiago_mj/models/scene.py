@@ -103,6 +103,28 @@ def build_spec(config: SceneConfig) -> tuple[mujoco.MjSpec, mujoco.MjModel]:
     return spec, model
 
 
+#: What :func:`set_object` changes in a model.
+OBJECT_FIELDS: Final = (
+    "geom_type",
+    "geom_size",
+    "geom_rbound",
+    "geom_aabb",
+    "geom_friction",
+    "bvh_aabb",
+    "body_mass",
+    "body_inertia",
+    "body_subtreemass",
+    "body_invweight0",
+    "dof_invweight0",
+    "dof_M0",
+    "dof_length",
+    "light_poscom0",
+    "pair_friction",
+    "pair_solref",
+    "pair_solimp",
+)
+
+
 def set_object(model: mujoco.MjModel, item: GraspObject) -> None:
     """Give a compiled scene another object, compliance of the pads' contacts included."""
     give_object(model, item)

@@ -1,0 +1,1 @@
+"""Many environments at once, on ``mujoco.batch.Batch``: ``gymnasium.make_vec(ID, num_envs=N)``."""

@@ -1,0 +1,223 @@
+"""Effects on many simulations whose episodes begin at different times.
+
+What effects remember is an array over the simulations of a chain, made anew at the start of an episode. Simulations
+that start together are a cohort: they share one chain, which serves them until the last of them starts again. Where
+every simulation is of one cohort, as it is while episodes have one length, a chain works on the batch itself; else on
+copies of its members' rows, which are written back.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import mujoco.batch
+import numpy as np
+from numpy.typing import NDArray
+
+from tiago_mj.gap.effects.chain import Chain, Wiring
+from tiago_mj.gap.effects.spec import Entry
+
+Array = NDArray[np.float64]
+Rows = NDArray[np.intp]
+
+
+class Members:
+    """The simulations of one cohort, as a :class:`tiago_mj.gap.effects.host.Host`.
+
+    Attributes:
+        rows: the members, of the batch.
+        present: which of them have not started another episode since.
+        failed: those in which MuJoCo raised an error.
+    """
+
+    def __init__(self, batch: mujoco.batch.Batch, rows: Rows) -> None:
+        self.model = batch.model
+        self.nsim = len(rows)
+        self.rows = rows
+        self.present = np.ones(len(rows), dtype=bool)
+        self.failed: list[int] = []
+        self._batch = batch
+        self._fields: dict[str, Array] = {}
+        self._states: dict[str, Array] = {}
+
+    @property
+    def everyone(self) -> bool:
+        """Whether the cohort is the whole batch, so that nothing needs to be copied."""
+        return self.nsim == self._batch.nsim and bool(self.present.all())
+
+    @property
+    def left(self) -> Rows:
+        """Members whose episode goes on."""
+        return self.rows[self.present]
+
+    def leave(self, rows: Rows) -> None:
+        """These start another episode: nothing is written to them any more."""
+        self.present &= ~np.isin(self.rows, rows)
+
+    def field(self, name: str) -> Array:
+        """See :class:`Host`."""
+        return self._of(self._fields, name, self._batch.expand(name))
+
+    def state(self, name: str) -> Array:
+        """See :class:`Host`."""
+        return self._of(self._states, name, self._batch.bind(name))
+
+    def _of(self, copies: dict[str, Array], name: str, values: Array) -> Array:
+        if self.everyone:
+            return values
+        if name not in copies:
+            copies[name] = values[self.rows]
+        return copies[name]
+
+    def output(self, name: str) -> Array:
+        """See :class:`Host`."""
+        values = self._batch.bind(name)
+        return values if self.everyone else values[self.rows]
+
+    def set_timestep(self, seconds: Array) -> None:
+        """See :class:`Host`."""
+        self.field("opt.timestep")[:] = seconds
+
+    def write(self) -> None:
+        """Write what was changed to the batch."""
+        left = self.left
+        for name, copied in self._fields.items():
+            self._batch.expand(name)[left] = copied[self.present]
+        for name, copied in self._states.items():
+            self._batch.bind(name)[left] = copied[self.present]
+
+    def _renew(self) -> None:
+        """Copies of what the batch has changed; whoever holds one has the new values."""
+        for name, copied in self._states.items():
+            copied[:] = self._batch.bind(name)[self.rows]
+
+    def step(self, count: int) -> None:
+        """See :class:`Host`."""
+        self.write()
+        try:
+            self._batch.step(None if self.everyone else self.left, nstep=count)
+        except mujoco.batch.SimulationError as fault:  # the others have been stepped
+            self.failed += [int(k) for k in fault.ids]
+        self._renew()
+
+    def forward(self) -> None:
+        """See :class:`Host`."""
+        self.write()
+        self._batch.forward(None if self.everyone else self.left)
+
+    def set_const(self) -> None:
+        """See :class:`Host`."""
+        self.write()
+        self._batch.set_const(None if self.everyone else self.left)
+        for name, copied in self._fields.items():
+            copied[:] = self._batch.expand(name)[self.rows]
+
+
+class Cohort:
+    """One chain of effects and the simulations that it serves.
+
+    Args:
+        batch: the simulations.
+        wiring: their parts.
+        effects: the same for all.
+        rows: the members, at the start of their episodes.
+        generators: one a simulation of the batch.
+    """
+
+    def __init__(
+        self,
+        batch: mujoco.batch.Batch,
+        wiring: Wiring,
+        effects: tuple[Entry, ...],
+        rows: Rows,
+        generators: Sequence[np.random.Generator],
+    ) -> None:
+        self.members = Members(batch, rows)
+        self._generators = generators
+        self.chain = Chain(self.members, wiring, [effects] * len(rows), self._uniform)
+
+    def start(self, period: float, substeps: int, contact: Any) -> None:
+        """Apply the effects to the members' models and initial states; see :meth:`Chain.start`."""
+        self.chain.start(period, substeps, contact)
+        self.members.write()
+
+    def advance(self, command: Array) -> None:
+        """Let commands, (nsim of the batch, N), act on the members for one control period."""
+        self.chain.advance(command[self.members.rows])
+
+    # What is measured: of the members that are left -----------------------------------------------------------------
+
+    def reading(self, newtons: Array, units_per_newton: Callable[[Array], Array], noise: Array) -> Array:
+        """See :class:`tiago_mj.envs.sensors.Measured`."""
+        reading = self.chain.reading(self._filled(newtons), units_per_newton, self._filled(noise))
+        return reading[self.members.present]
+
+    def position(self, position: Array) -> Array:
+        """See :class:`tiago_mj.envs.sensors.Measured`."""
+        return self.chain.position(self._filled(position))[self.members.present]
+
+    def velocity(self, velocity: Array) -> Array:
+        """See :class:`tiago_mj.envs.sensors.Measured`."""
+        return self.chain.velocity(self._filled(velocity))[self.members.present]
+
+    def _filled(self, values: Array) -> Array:
+        """Zeros for members that have left."""
+        full = np.zeros((self.members.nsim, *values.shape[1:]))
+        full[self.members.present] = values
+        return full
+
+    def _uniform(self, shape: tuple[int, ...]) -> Array:
+        """Each member's numbers come from its own generator; who has left draws none."""
+        drawn = np.zeros(shape)
+        for k in np.flatnonzero(self.members.present).tolist():
+            drawn[k] = self._generators[int(self.members.rows[k])].random(shape[1:])
+        return drawn
+
+
+class Cohorts:
+    """All effects of a batch.
+
+    Args:
+        batch: the simulations.
+        wiring: their parts.
+        given: effects as a user writes them.
+        generators: one a simulation; may be replaced in place.
+    """
+
+    def __init__(
+        self, batch: mujoco.batch.Batch, wiring: Wiring, given: Any, generators: list[np.random.Generator]
+    ) -> None:
+        from tiago_mj.gap.effects import read_effects
+
+        self._batch, self._wiring, self._effects, self._generators = batch, wiring, read_effects(given), generators
+        self.now: list[Cohort] = []
+        for name in ("qfrc_actuator", "qfrc_smooth", "actuator_force"):
+            batch.bind(name)  # a batch fills what is asked for at its next call: ask before the first
+
+    def leave(self, rows: Rows) -> None:
+        """These are about to start another episode."""
+        for cohort in self.now:
+            cohort.members.leave(rows)
+        self.now = [cohort for cohort in self.now if cohort.members.present.any()]
+
+    def start(
+        self, rows: Rows, period: float, substeps: int, contacts: Sequence[tuple[float, float, int] | None]
+    ) -> None:
+        """Begin the episodes of simulations whose nominal models and initial states are set.
+
+        Args:
+            rows: which.
+            period: nominal control period [s].
+            substeps: physics steps in it.
+            contacts: one each, see :func:`tiago_mj.envs.start.contact_of`.
+        """
+        for points in dict.fromkeys(None if c is None else c[2] for c in contacts):
+            chosen = [k for k, c in enumerate(contacts) if (None if c is None else c[2]) == points]
+            given = [c for k in chosen if (c := contacts[k]) is not None]
+            # Stiffness and damping may be each simulation's own; the number of contact points is of the shape.
+            stiffness, damping = (np.array([c[which] for c in given]) for which in (0, 1))
+            contact: Any = None if points is None else (stiffness, damping, points)
+            cohort = Cohort(self._batch, self._wiring, self._effects, rows[chosen], self._generators)
+            cohort.start(period, substeps, contact)
+            self.now.append(cohort)

@@ -1,0 +1,195 @@
+"""The simulations behind a vector environment: started, driven and read by the scalar environment's own functions."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from typing import Final
+
+import mujoco
+import mujoco.batch
+import numpy as np
+from gymnasium.utils import seeding
+from numpy.typing import NDArray
+
+from tiago_mj.envs.robot_env import RobotEnv
+from tiago_mj.envs.start import contact_of
+from tiago_mj.envs.state import State
+from tiago_mj.models.objects import GraspObject
+from tiago_mj.sensing.load_cell import MovingAverage
+from tiago_mj.sensing.noise import NOISE_BLOCK, NoiseBlocks
+from tiago_mj.vector.cohorts import Cohorts
+from tiago_mj.vector.models import Models
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Rows = NDArray[np.intp]
+
+#: Warnings with which MuJoCo gives a simulation up and resets it (manual, "Simulation", "Diagnostics").
+_UNSTABLE: Final = [
+    int(mujoco.mjtWarning.mjWARN_BADQPOS),
+    int(mujoco.mjtWarning.mjWARN_BADQVEL),
+    int(mujoco.mjtWarning.mjWARN_BADQACC),
+]
+
+
+class Simulations:
+    """Many simulations of one scalar environment.
+
+    Args:
+        core: the scalar environment: it holds the model, the task and what is drawn, and is not stepped.
+        count: how many.
+        threads: to step them on. The result does not depend on it.
+
+    Attributes:
+        state: what was measured last, each (nsim, ...).
+        goal: of each, (nsim, g).
+        generators: one each: what a simulation draws does not depend on the others.
+    """
+
+    def __init__(self, core: RobotEnv, count: int, threads: int) -> None:
+        self._core = core
+        if core._chain is not None:
+            core._chain.restore()  # the batch is made of the nominal model
+        self.batch = mujoco.batch.Batch(core.model, count, threads)
+        bind = self.batch.bind
+        self._qpos, self._qvel, self._act, self._ctrl = (bind(name) for name in ("qpos", "qvel", "act", "ctrl"))
+        self._sensordata = bind("sensordata")
+        self.generators: list[np.random.Generator] = [seeding.np_random()[0] for _ in range(count)]
+        self.models = Models(self.batch, core.model, core._item_in_place)
+        self._cohorts: Cohorts | None = None
+        if core._effects is not None:
+            self._cohorts = Cohorts(self.batch, core.wiring(), core._effects, self.generators)
+        self._noise = NoiseBlocks(count)
+        self._average = MovingAverage(core.load_cell.average, count)
+        self._tare = np.zeros((count, 2))
+        self._every = np.arange(count)
+        self.goal = np.zeros((count, len(core._goal_bound())))
+        blank = [np.zeros(shape) for shape in _shapes(core.state, count)]
+        self.state = State(*blank)
+
+    @staticmethod
+    def memory(core: RobotEnv) -> int:
+        """About what one simulation takes [B]: state, what is read, noise, and model values of its own."""
+        model = core.model
+        numbers = mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_INTEGRATION) + 4 * model.nsensordata
+        own_model = 0
+        if core._effects is not None or (core.object_choice is not None and not core.object_choice.fixed):
+            own_model = 8 * (40 * model.ngeom + 40 * model.nbody + 30 * model.nv)
+        return int(8 * (numbers + 2 * NOISE_BLOCK + 200) + own_model)
+
+    # Start ----------------------------------------------------------------------------------------------------------
+
+    def restart(self, rows: Rows) -> None:
+        """Begin another episode of some simulations; nothing of the one before remains."""
+        core = self._core
+        items: list[GraspObject | None] = []
+        if self._cohorts is not None:
+            self._cohorts.leave(rows)
+        self.batch.reset(rows, stage=mujoco.mjtStage.mjSTAGE_NONE)
+        for row in rows.tolist():
+            start = core._draw_start(self.generators[row])
+            items.append(None if start is None else start.item)
+            place = core._middle if start is None else start.place
+            self._qpos[row] = core._start_qpos(items[-1], place)
+        self._act[rows] = core._start_act(self._qpos[rows])
+        self.models.give(rows, items, restore=self._cohorts is not None)
+        if self._cohorts is not None:
+            self._cohorts.start(rows, core.dt, core.n_substeps, [contact_of(item) for item in items])
+            self.models.note_expanded()
+        self.batch.forward(rows)
+        self._average.reset(rows)
+        self._noise.forget(rows)
+        self._tare[rows] = core.sensors.tare(self._sensordata[rows])
+        self._read(rows)
+        for row in rows.tolist():
+            self.goal[row] = core._draw_goal(self.generators[row], self.state.object_pose[row, :3])
+
+    # A control step -------------------------------------------------------------------------------------------------
+
+    def advance(self, action: Array, idle: Mask | None, rows: Rows | None) -> Rows:
+        """Let actions act for one control period, and read the sensors.
+
+        Args:
+            action: (nsim, N) in [-1, 1].
+            idle: simulations whose set points stay where they are instead; None: none.
+            rows: which are stepped; None: all.
+
+        Returns:
+            Those that have diverged: their state is that before the step.
+        """
+        core, before = self._core, self.state
+        command = core.drive.command(action, self._act)
+        if idle is not None:
+            command = np.where(idle[:, None], core.drive.idle(self._act), command)
+        failed: list[int] = []
+        if self._cohorts is None:
+            core.drive.apply(command, self._ctrl, self._act, self._qpos, self._qvel)
+            try:
+                self.batch.step(rows, nstep=core.n_substeps)
+            except mujoco.batch.SimulationError as fault:  # the others have been stepped
+                failed = [int(k) for k in fault.ids]
+        else:
+            if rows is not None:
+                self._cohorts.leave(np.setdiff1d(self._every, rows))
+            for cohort in self._cohorts.now:
+                cohort.advance(command)
+                failed += cohort.members.failed
+        self._read(rows)
+        diverged = self._diverged(failed)
+        if len(diverged):
+            self._keep(before, diverged)
+        return diverged
+
+    def _diverged(self, failed: list[int]) -> Rows:
+        given_up = self.batch.warning[:, _UNSTABLE, 1].any(axis=1)
+        if not np.isfinite(self.batch.state).all():
+            given_up |= ~np.isfinite(self.batch.state).all(axis=1)
+        given_up[failed] = True
+        return np.flatnonzero(given_up)
+
+    # Sensors --------------------------------------------------------------------------------------------------------
+
+    def _read(self, rows: Rows | None) -> None:
+        """Take one reading of every sensor of some simulations; None: of all."""
+        if self._cohorts is None:
+            self._read_some(rows, None)
+            return
+        wanted = self._every if rows is None else rows
+        for cohort in self._cohorts.now:
+            left = cohort.members.left
+            if np.isin(left, wanted).all():
+                self._read_some(None if len(left) == len(self._every) else left, cohort)
+
+    def _read_some(self, rows: Rows | None, effects: object) -> None:
+        core = self._core
+        qpos, qvel, sensed, tare = self._qpos, self._qvel, self._sensordata, self._tare
+        if rows is not None:
+            qpos, qvel, sensed, tare = qpos[rows], qvel[rows], sensed[rows], tare[rows]
+        which = ... if rows is None else rows
+        state = core.sensors.read(
+            qpos,
+            qvel,
+            sensed,
+            tare=tare,
+            noise=None if core._pads is None else self._noise.take(self.generators, rows),
+            average=lambda sample: self._average(sample, which),
+            effects=effects,  # type: ignore[arg-type]
+        )
+        self.state = state if rows is None else _merged(self.state, state, rows)
+
+    def _keep(self, before: State, rows: Rows) -> None:
+        self.state = _merged(self.state, State(*(getattr(before, f.name)[rows] for f in fields(before))), rows)
+
+
+def _merged(whole: State, some: State, rows: Rows) -> State:
+    """The states of all simulations with new ones of some; nothing that was handed out before is changed."""
+    values = []
+    for field in fields(State):
+        value = getattr(whole, field.name).copy()
+        value[rows] = getattr(some, field.name)
+        values.append(value)
+    return State(*values)
+
+
+def _shapes(one: State, count: int) -> list[tuple[int, ...]]:
+    return [(count, *getattr(one, field.name).shape) for field in fields(State)]
