@@ -69,6 +69,7 @@ class VectorRobotEnv(VectorEnv[Any, Any, Any]):
     ) -> None:
         self.autoreset_mode = given.autoreset(autoreset_mode)
         self._limit = given.time_limit(max_episode_steps)
+        self.one = one
         self._flat = one if isinstance(one, FlatView) else None
         self.core: RobotEnv = one.core if isinstance(one, FlatView) else one
         if one.render_mode == "human":
@@ -198,6 +199,8 @@ class VectorRobotEnv(VectorEnv[Any, Any, Any]):
         asked = np.asarray(goal) if not isinstance(goal, (str, bytes)) else np.asarray(None)
         if asked.shape == (self.num_envs, size):
             return np.array([self.core._checked_goal(one) for one in asked])
+        if asked.ndim > 1:
+            raise ValueError(f"goal has shape {asked.shape}: give ({size},), or ({self.num_envs}, {size}) for one each")
         return np.broadcast_to(self.core._checked_goal(goal), (self.num_envs, size))
 
     def _check_begun(self) -> None:

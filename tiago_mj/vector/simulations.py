@@ -135,17 +135,18 @@ class Simulations:
                 cohort.advance(command)
                 failed += cohort.members.failed
         self._read(rows)
-        diverged = self._diverged(failed)
+        diverged = self._diverged(failed, rows)
         if len(diverged):
             self._keep(before, diverged)
         return diverged
 
-    def _diverged(self, failed: list[int]) -> Rows:
+    def _diverged(self, failed: list[int], rows: Rows | None) -> Rows:
         given_up = self.batch.warning[:, _UNSTABLE, 1].any(axis=1)
         if not np.isfinite(self.batch.state).all():
             given_up |= ~np.isfinite(self.batch.state).all(axis=1)
         given_up[failed] = True
-        return np.flatnonzero(given_up)
+        gone = np.flatnonzero(given_up)
+        return gone if rows is None else np.intersect1d(gone, rows)
 
     # Sensors --------------------------------------------------------------------------------------------------------
 
