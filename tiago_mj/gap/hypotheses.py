@@ -6,7 +6,7 @@ needs goes beyond them. They are effects too, at small magnitudes, with a normal
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from tiago_mj.gap.effects import EFFECTS
 from tiago_mj.gap.effects.spec import Entry
 from tiago_mj.gap.plant import Plant
+from tiago_mj.gap.sizes import Size
 
 Array = NDArray[np.float64]
 
@@ -103,7 +104,12 @@ class Candidate:
         return self.effect, self.target
 
 
-def candidates(plant: Plant, names: Iterable[str] | None = None, fastest: Array | None = None) -> tuple[Candidate, ...]:
+def candidates(
+    plant: Plant,
+    names: Iterable[str] | None = None,
+    fastest: Array | None = None,
+    sizes: Sequence[Size] | None = None,
+) -> tuple[Candidate, ...]:
     """Every effect of the library that the plant can have, on all targets and on each.
 
     Args:
@@ -111,6 +117,7 @@ def candidates(plant: Plant, names: Iterable[str] | None = None, fastest: Array 
         names: effects; None for all.
         fastest: of the joints in the nominal replay, (njoints,): a limit of the speed of a joint that has none would
             show below.
+        sizes: of the joints, (njoints,), where magnitudes must be sought that fit them; None: the library's own.
     """
     out: list[Candidate] = []
     tolerances = _tolerances(plant)
@@ -128,7 +135,8 @@ def candidates(plant: Plant, names: Iterable[str] | None = None, fastest: Array 
             tolerance = max(
                 (d for (e, t), d in tolerances.items() if e == name and (choice or (t,))[0] == t), default=0.0
             )
-            out += [replace(c, tolerance=2 * tolerance) for c in _of(plant, name, choice, index, fastest)]
+            size = None if sizes is None or kind not in ("command", "joint") else sizes[_joint(plant, kind, index)]
+            out += [replace(c, tolerance=2 * tolerance) for c in _of(plant, name, choice, index, fastest, size)]
     return tuple(out)
 
 
@@ -155,7 +163,19 @@ def _possible(plant: Plant, name: str, targets: tuple[str, ...]) -> bool:
     return True
 
 
-def _of(plant: Plant, name: str, target: tuple[str, ...] | None, index: int, fastest: Array | None) -> list[Candidate]:
+def _joint(plant: Plant, kind: str, index: int) -> int:
+    """Index of the joint of a target."""
+    return plant.wiring.targets.actuated[index] if kind == "command" else index
+
+
+def _of(
+    plant: Plant,
+    name: str,
+    target: tuple[str, ...] | None,
+    index: int,
+    fastest: Array | None,
+    size: Size | None,
+) -> list[Candidate]:
     declared = EFFECTS[name]
     kind = declared.targets
     targets = plant.wiring.targets
@@ -165,12 +185,13 @@ def _of(plant: Plant, name: str, target: tuple[str, ...] | None, index: int, fas
     if switch.nominal is not None:
         scale = targets.nominal(switch.nominal, kind, index)
         if not np.isfinite(scale) and switch.nominal == "velocity" and fastest is not None:
-            joint = targets.actuated[index] if kind == "command" else index
-            scale = float(fastest[joint])
+            scale = float(fastest[_joint(plant, kind, index)])
         if not np.isfinite(scale) or scale == 0:
             return []
     low, high = (bound * scale for bound in switch.bounds[side])
     assert switch.identity is not None
+    if size is not None:
+        low, high = size.within(name, low, high)
     if name in ("coulomb_friction", "viscous_friction", "servo_damping"):
         low = max(low, -_nominal_of(plant, name, index))
     grid = _magnitudes(switch.identity, low, high)

@@ -1,8 +1,8 @@
 """Import of pendulum recordings: a Dynamixel XL330-M288-T swings a known mass at a known length.
 
 The servo's position loop is proportional (the logged PWM is its gain times the position error, to 1e-4), so what drives
-the pendulum is known: the PWM and the supply voltage, by the motor's torque–speed line. It is written as command [N·m]
-(``interface: effort``), which holds at every gain and while the torque is switched off; or, with
+the pendulum is known: the PWM, the supply voltage and the speed, by the motor's constants. It is written as command
+[N·m] (``interface: effort``), which holds at every gain and while the torque is switched off; or, with
 ``commands="position"``, the goal position is, one folder a gain, without what follows a switch-off.
 
 ``pendulum.xml`` beside the recordings is the pendulum: its mass, its length, nothing of friction or of the motor.
@@ -18,6 +18,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from tiago_mj import inverse
 from tiago_mj.gap.imports.public import DataSet, folder_of
 from tiago_mj.gap.recording import SCHEMA, Array, RecordingError, Sidecar, Trial
 
@@ -42,10 +43,17 @@ JOINT: Final = "pendulum"
 COMMANDS: Final = ("torque", "position")
 MODEL: Final = "pendulum.xml"
 
-#: Torque at stall [N·m] and speed without load [rad/s] at 5.0 V (ROBOTIS e-Manual, XL330-M288-T). Its stall torques at
-#: 3.7 and 6.0 V, 0.42 and 0.60 N·m, are up to 9 % off a line through zero and rise with 0.078 instead of 0.104 N·m/V:
-#: the scale of the torque is known to 30 %, and the known weight of the pendulum tells it better.
-STALL_TORQUE, NO_LOAD_SPEED, AT_VOLTS = 0.52, 103 * 2 * np.pi / 60, 5.0
+#: Torque [N·m] and current [A] at stall, at 5.0 V (ROBOTIS e-Manual, XL330-M288-T). Their ratio is the torque constant,
+#: which is the constant of the back electromotive force, too [V·s/rad]. The speed without load of the same sheet would
+#: give 0.46 V·s/rad, but the friction that is to be found has slowed that down.
+STALL_TORQUE, STALL_CURRENT, AT_VOLTS = 0.52, 1.47, 5.0
+BACK_EMF: Final = STALL_TORQUE / STALL_CURRENT
+#: The sheet's stall torques at 3.7 and 6.0 V, 0.42 and 0.60 N·m, are up to 9 % off a line through zero and rise with
+#: 0.078 instead of 0.104 N·m/V, and are what the gears' friction leaves: the scale of the torque is known to 30 %. The
+#: sidecars say so; the known weight of the pendulum tells it better.
+TORQUE_KNOWN_TO: Final = 0.3
+#: Of the positions, for their derivative [Hz]: the fastest trajectory ends at 2 Hz.
+SPEED_CUTOFF: Final = 20.0
 #: PWM of full voltage (same, PWM Limit 885, unit 0.113 %).
 FULL_PWM: Final = 885.0
 #: PWM per position error [1/rad] and per unit of the servo's gain: 4096 steps a turn, gain in 1/256 (a test compares
@@ -75,10 +83,20 @@ class Run:
         return np.where(load >= 1 << 15, load - (1 << 16), load)
 
     @property
+    def speed(self) -> Array:
+        """From the positions [rad/s]: the servo's own speed trails them by 20 to 30 ms, and a back electromotive force
+        that late would look like inertia."""
+        time = self.columns["timestamp"]
+        rate = float(1 / np.median(np.diff(time)))
+        grid, position = inverse.uniform(time, self.columns["position"][:, None], rate)
+        smooth = inverse.low_pass(position, rate=rate, cutoff=min(SPEED_CUTOFF, 0.2 * rate))[:, 0]
+        return np.interp(time, grid, np.gradient(smooth, 1 / rate))
+
+    @property
     def torque(self) -> Array:
-        """Of the motor [N·m], by its torque–speed line; 0 while the torque is switched off."""
+        """Of the motor [N·m], by its voltage less what its speed induces; 0 while the torque is switched off."""
         volts = self.pwm / FULL_PWM * self.columns["input_volts"]
-        line = STALL_TORQUE * (volts / AT_VOLTS - self.columns["speed"] / NO_LOAD_SPEED)
+        line = STALL_TORQUE / AT_VOLTS * (volts - BACK_EMF * self.speed)
         return np.where(self.columns["torque_enable"] > 0, line, 0.0)
 
 
@@ -180,7 +198,7 @@ def _trial(run: Run, commands: str) -> Trial:
         "kp": facts["kp"],
         "vin": facts["vin"],
         "stiffness": {JOINT: facts["kp"] * PWM_PER_RADIAN / FULL_PWM * facts["vin"] * per_volt},
-        "damping": {JOINT: STALL_TORQUE / NO_LOAD_SPEED},
+        "damping": {JOINT: per_volt * BACK_EMF},
         "mass_kg": facts["mass"],
         "length_m": facts["length"],
         "torque_off_s": [float(off[0]), float(off[-1])] if len(off) else None,
@@ -212,11 +230,13 @@ def _trial(run: Run, commands: str) -> Trial:
             source={
                 **DATA.source,
                 "file": run.file,
-                "imported": f"effort [N·m] from PWM, voltage and speed by the torque-speed line {STALL_TORQUE} N·m and "
-                f"{NO_LOAD_SPEED:.4g} rad/s at {AT_VOLTS} V, 0 while the torque is off; "
+                "imported": f"effort [N·m] from PWM, voltage and speed: {per_volt:.3g} N·m/V, {BACK_EMF:.3g} V·s/rad, "
+                f"from {STALL_TORQUE} N·m and {STALL_CURRENT} A at {AT_VOLTS} V, the speed from the positions; 0 while "
+                "the torque is off; "
                 f"first stamp {time[0]:.6g} s set to 0",
-                "unknown": "scale of the torque, to 30 %: the line is the data sheet's",
+                "unknown": "scale of the torque, to 30 %: it is the data sheet's",
             },
+            raw={"uncertainty": {"torque_constant": TORQUE_KNOWN_TO}},
         ),
         source=f"{name}.parquet",
     )

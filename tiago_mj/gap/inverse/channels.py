@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tiago_mj.gap.effects import EFFECTS
-from tiago_mj.gap.inverse.strips import Course, lay_out
+from tiago_mj.gap.inverse.strips import HEADROOMS, Course, lay_out
 from tiago_mj.gap.inverse.torques import Torques
 from tiago_mj.gap.recording import Finding, RecordingError, Trial, sampled
 
@@ -42,7 +42,13 @@ class Usable:
     notes: tuple[str, ...]
 
 
-def choose(trials: Sequence[Trial], model: mujoco.MjModel, joints: Sequence[str], known: Sequence[Finding]) -> Usable:
+def choose(
+    trials: Sequence[Trial],
+    model: mujoco.MjModel,
+    joints: Sequence[str],
+    known: Sequence[Finding],
+    headroom: float = HEADROOMS[0],
+) -> Usable:
     """Pick the channels.
 
     Args:
@@ -50,6 +56,7 @@ def choose(trials: Sequence[Trial], model: mujoco.MjModel, joints: Sequence[str]
         model: nominal.
         joints: whose efforts are asked for.
         known: what the lint found; channels that it discredits are left out.
+        headroom: of the low-pass over what moves.
 
     Raises:
         RecordingError: no channel can be used; says why.
@@ -88,7 +95,7 @@ def choose(trials: Sequence[Trial], model: mujoco.MjModel, joints: Sequence[str]
         why = " ".join(notes) or "no joint of the model has both a position and an effort column"
         raise RecordingError(f"{files}: no effort can be used: {why}")
     order = sorted(moving, key=lambda name: int(model.joint(name).dofadr[0]))
-    course = lay_out(trials, order, channels)
+    course = lay_out(trials, order, channels, headroom)
     torques = Torques(model, course)
     keep, more, said = _comparable(course, torques, files)
     findings += more
@@ -96,7 +103,7 @@ def choose(trials: Sequence[Trial], model: mujoco.MjModel, joints: Sequence[str]
     if not keep:
         raise RecordingError(f"{files}: no effort can be used: {' '.join(notes)}")
     if keep != channels:
-        course = lay_out(trials, order, keep)
+        course = lay_out(trials, order, keep, headroom)
         torques = Torques(model, course)
     have = {(f.code, f.channel) for f in known}
     return Usable(course, torques, tuple(f for f in findings if (f.code, f.channel) not in have), tuple(notes))

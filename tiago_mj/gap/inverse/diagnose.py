@@ -10,12 +10,13 @@ import numpy as np
 
 from tiago_mj.gap.effects import EFFECTS
 from tiago_mj.gap.inverse import intervals, notes, tables
-from tiago_mj.gap.inverse.channels import choose
+from tiago_mj.gap.inverse.band import clearest
 from tiago_mj.gap.inverse.evidence import Evidence
 from tiago_mj.gap.inverse.judge import Verdict, judge, up_to_class
 from tiago_mj.gap.inverse.search import Scored, Search
 from tiago_mj.gap.recording import Finding, RecordingError, Trial
 from tiago_mj.gap.result import Diagnosis, Explanation, Named, Value
+from tiago_mj.gap.stated import known_to
 
 
 def diagnose_inverse(
@@ -55,8 +56,7 @@ def diagnose_inverse(
         np.nanmax(p) > np.nanmin(p) for trial in trials for p in trial.positions.values() if np.isfinite(p).any()
     ):
         raise RecordingError(f"{trials[0].source}: no joint moves: torque along a motion needs a motion")
-    usable = choose(trials, model, joints, findings)
-    evidence = Evidence(usable.course, usable.torques, seed)
+    usable, evidence = clearest(trials, model, joints, findings, seed, known_to(trials))
     if len(evidence.blocks.names) < 2:
         files = ", ".join(dict.fromkeys(trial.source for trial in trials))
         raise RecordingError(f"{files}: the motion is too short to choose between explanations: record longer")

@@ -15,6 +15,7 @@ from tiago_mj.gap.inverse.strips import Course
 from tiago_mj.gap.inverse.structure import Shape, shapes
 from tiago_mj.gap.inverse.terms import ON_THE_EFFORT, Term, all_terms, per_unit, reading_gain
 from tiago_mj.gap.inverse.torques import Torques
+from tiago_mj.gap.stated import deviation
 
 Array = NDArray[np.float64]
 
@@ -52,10 +53,13 @@ class Evidence:
         course, torques, terms, blocks, floor: as named.
         measured, nominal: (T, c) [N, N·m].
         moving: (T, c).
+        given: terms whose size the recordings themselves leave open, with its deviation: they are in every fit.
         normal: equations over [terms, tolerance, structure].
     """
 
-    def __init__(self, course: Course, torques: Torques, seed: int) -> None:
+    def __init__(
+        self, course: Course, torques: Torques, seed: int, known: Mapping[tuple[str, str | None], float] | None = None
+    ) -> None:
         self.course, self.torques = course, torques
         cols = course.columns
         self.measured = course.stack("effort")
@@ -63,6 +67,8 @@ class Evidence:
         self.moving = course.moving()[:, cols]
         self.terms: tuple[Term, ...] = all_terms(torques, torques.nominal)
         self.units = [per_unit(term, torques, torques.nominal) for term in self.terms]
+        said = {k: deviation(known or {}, t.effect, t.target) for k, t in enumerate(self.terms) if not t.shape}
+        self.given: dict[int, float] = {k: size for k, size in said.items() if size is not None}
         tolerance = torques.tolerance(TOLERANCE)
         self.tolerance_columns = [change[:, cols] for change in tolerance.values()]
         self.tolerance_columns.append(self._mistimed(torques.nominal))
@@ -93,8 +99,8 @@ class Evidence:
 
     @property
     def tolerance(self) -> list[int]:
-        """Columns of the nominal model's uncertainty; they are in every fit."""
-        return list(range(self.n_terms, self.n_terms + len(self.tolerance_columns)))
+        """Columns of the nominal model's uncertainty, the given terms first; they are in every fit."""
+        return [*self.given, *range(self.n_terms, self.n_terms + len(self.tolerance_columns))]
 
     def structure(self, families: Sequence[str] | None = None) -> list[int]:
         """Columns of unnamed structure."""
@@ -123,6 +129,8 @@ class Evidence:
         low = np.array([*(t.low for t in self.terms), *(-bound for bound in free)])
         high = np.array([*(t.high for t in self.terms), *free])
         sizes = np.maximum(self._size, floor.noise)
+        for k, size in self.given.items():
+            low[k], high[k] = max(low[k], -FARTHEST * size), min(high[k], FARTHEST * size)
         precision = np.concatenate(
             [
                 # Factors are expected near 1, shares near 0: a declaration's default is a clearly visible magnitude.
@@ -131,6 +139,8 @@ class Evidence:
                 [1 / (STRUCTURE_SIZE * sizes[s.channel]) ** 2 for s in self.shapes],
             ]
         )
+        for k, size in self.given.items():
+            precision[k] = 1 / size**2
         self._scales: list[float | Array] = [1.0] * self.n_terms
         self.normal = Normal(self.rows, self.measured - self.nominal, columns, precision, low, high)
         self.fitted = [int(np.searchsorted(self.rows.blocks, b)) for b in self.blocks.fitted if b in self.rows.blocks]
@@ -146,7 +156,7 @@ class Evidence:
             Spread (c,) [N, N·m], at least the noise; residual (T, c) [N, N·m] of the best, zero outside the blocks.
         """
         one_each = [min(k for k, t in enumerate(self.terms) if t.key == key) for key in {t.key for t in self.terms}]
-        linear = sorted(k for k in one_each if self.terms[k].effect not in ON_THE_EFFORT)
+        linear = sorted(k for k in one_each if self.terms[k].effect not in ON_THE_EFFORT and k not in self.given)
         sets = [self.tolerance, self.tolerance + self.structure(), linear + self.tolerance]
         sets.append(linear + self.tolerance + self.structure())
         saved = self.normal.precision.copy()
@@ -188,7 +198,7 @@ class Evidence:
         self.tolerance_columns[-1] = self._mistimed(effort * gain)
         self.normal.renew(self.tolerance[-1], self.tolerance_columns[-1])
         local = {k: v for k, v in strengths.items() if not self.terms[k].rigid}
-        for k in range(self.n_terms) if which is None else which:
+        for k in range(self.n_terms) if which is None else {*which, *self.given}:
             term, strength = self.terms[k], strengths.get(k)
             scale = 1.0 if term.effect == "torque_constant" else gain[self.course.columns]
             changed = not np.array_equal(self._scales[k], scale)

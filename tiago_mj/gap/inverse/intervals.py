@@ -45,7 +45,7 @@ def strengths(evidence: Evidence, found: Scored, seed: int) -> dict[int, tuple[f
     rows = Rows(e.moving, segments(e, e.blocks.fitted), e.rows.weight)
     active = [*found.terms, *e.tolerance]
     n = e.normal
-    columns = [e.column(k) for k in found.terms] + e.tolerance_columns
+    columns = [e.column(k) for k in (*found.terms, *e.given)] + e.tolerance_columns
     part = Normal(rows, e.measured - e.nominal, columns, n.precision[active], n.low[active], n.high[active])
     count, chosen = len(rows.blocks), np.arange(len(active))
     drawn = np.random.default_rng(seed).multinomial(count, np.full(count, 1 / count), size=DRAWS)

@@ -57,25 +57,27 @@ def judge(search: Search, seed: int) -> Verdict:
     best, others = search.alternatives(search.forward())
     unsupported = _unsupported(search, best)
     unnamed = search.unnamed(best)
-    supported = not unsupported and _share(null, best, unnamed) >= KNOWN_SHARE
+    supported = _share(null, best, unnamed) >= KNOWN_SHARE
     best, equal = _simplest(search, best, others, seed)
-    if unsupported:
+    if unsupported:  # what stands in its place is unnamed, and remains
+        equal = [one for one in equal if not set(unsupported) & set(search.names(one))]
         best = search.prune(search.score(k for k in best.terms if search.evidence.terms[k].effect not in unsupported))
         unnamed = search.unnamed(best)
-        if _share(null, best, min(unnamed, search.unnamed(null), key=lambda s: s.bic)) < KNOWN_SHARE:
-            best, unnamed = null, search.unnamed(null)
+        closes = _share(null, best, min(unnamed, search.unnamed(null), key=lambda s: s.bic))
+        supported = closes >= KNOWN_SHARE and _closes_each(search.evidence, best)
+        if closes < KNOWN_SHARE:
+            best, unnamed, equal = null, search.unnamed(null), []
     remains = _remains(search.evidence, best)
-    if unsupported:
-        kind = "unknown"
-    elif not best.terms:
+    if not best.terms:
         generic = search.unnamed(null)
-        kind = "unknown" if clearly(null.left_out - generic.left_out, EQUAL) else "no_gap"
+        kind = "unknown" if unsupported or clearly(null.left_out - generic.left_out, EQUAL) else "no_gap"
         remains &= kind == "unknown"
     elif not supported:
         kind = "unknown"
     else:
         kind = "ambiguous" if equal else "effect"
-    shown = [best, *equal, *(o for o in others if all(o is not x for x in equal)), *([null] if best.terms else [])][:12]
+    more = (o for o in others if all(o is not x for x in (best, *equal)))
+    shown = [best, *equal, *more, *([null] if best.terms else [])][:12]
     probability = weights(shown, seed)
     kinds = [classes(search.names(one)) for one in shown]
     together = np.array([probability[[k == kind_ for k in kinds]].sum() for kind_ in kinds])
@@ -146,7 +148,7 @@ def residual(evidence: Evidence, scored: Scored, *, with_tolerance: bool = True)
     values = evidence.measured - evidence.predicted(scored.strengths)
     if with_tolerance:
         active = [*scored.terms, *evidence.tolerance]
-        fitted = evidence.normal.fit(active, evidence.fitted)[len(scored.terms) :]
+        fitted = evidence.normal.fit(active, evidence.fitted)[len(scored.terms) + len(evidence.given) :]
         for amount, column in zip(fitted, evidence.tolerance_columns, strict=True):
             values = values - amount * column
     return values
@@ -158,18 +160,32 @@ def _share(null: Scored, best: Scored, unnamed: Scored) -> float:
     return float(null.left_out.sum() - best.left_out.sum()) / whole if whole > 0 else 0.0
 
 
+def _closes_each(evidence: Evidence, best: Scored) -> bool:
+    """Whether names close the share of the gap on every channel that has one: no effect had to give way there."""
+    used = evidence.moving & evidence.fitted_rows[:, None]
+    gap = np.where(used, evidence.measured - evidence.nominal, 0.0) / evidence.floor.noise
+    left = np.where(used, residual(evidence, best), 0.0) / evidence.floor.noise
+    there = (gap**2).sum(axis=0) > ABOVE * used.sum(axis=0)
+    return bool(((left**2).sum(axis=0) <= (1 - KNOWN_SHARE) * (gap**2).sum(axis=0))[there].all())
+
+
 def _unsupported(search: Search, best: Scored) -> tuple[str, ...]:
-    """Effects of an explanation in whose place functions of position or time do clearly better: one by one, or all."""
-    everything = search.unnamed(search.score(()), RIVALS)
-    if everything.bic < best.bic - HOPELESS and clearly(best.left_out - everything.left_out, EQUAL):
-        return search.names(best)
-    found = []
-    for name in search.names(best):
-        rest = search.score(k for k in best.terms if search.evidence.terms[k].effect != name)
+    """Effects of an explanation in whose place functions of position or time do clearly better: one by one, or all.
+
+    An effect that still pays beside such functions is supported, however much they explain besides.
+    """
+    beside = search.unnamed(best, RIVALS)
+
+    def instead(rest: Scored) -> bool:
         rival = search.unnamed(rest, RIVALS)
-        if rival.bic < best.bic - HOPELESS and clearly(best.left_out - rival.left_out, EQUAL):
-            found.append(name)
-    return tuple(found)
+        better = rival.bic < best.bic - HOPELESS and clearly(best.left_out - rival.left_out, EQUAL)
+        return better and not beside.bic < rival.bic - HOPELESS
+
+    if instead(search.score(())):
+        return search.names(best)
+    names = search.names(best)
+    rests = [search.score(k for k in best.terms if search.evidence.terms[k].effect != name) for name in names]
+    return tuple(name for name, rest in zip(names, rests, strict=True) if instead(rest))
 
 
 def _remains(evidence: Evidence, best: Scored) -> NDArray[np.bool_]:

@@ -18,15 +18,29 @@ def sentences(trials: Sequence[Trial], usable: Usable, search: Search, verdict: 
         *_together(search, verdict),
         *_unnamed(search, verdict),
         *usable.notes,
+        *_given(search, verdict),
         *_method(search),
         *_late(trials),
-        "Nothing is known of the commands, so delays, lags, limits and gains of the servo and play between motor "
-        "and joint cannot be seen.",
+        *_commands(trials),
         "At rest dry friction takes any value within its bounds, so rows at rest are neither fitted nor counted in "
         "before and after.",
         "A torque constant and the gain of the effort reading are one and the same here.",
         "Probabilities are BIC weights over effective samples, smeared by a bootstrap over blocks; no bank of "
         "simulated recordings stands behind them.",
+    )
+
+
+def _commands(trials: Sequence[Trial]) -> Iterator[str]:
+    if any(trial.commands for trial in trials):
+        yield (
+            "The commands are torques. Nothing pulls a joint back to the recorded motion, so a replay of them would "
+            "add up their errors: they are compared with the torques that the model needs along the measured motion. "
+            "Delays and lags of the drive and play between motor and joint cannot be seen that way."
+        )
+        return
+    yield (
+        "Nothing is known of the commands, so delays, lags, limits and gains of the servo and play between motor "
+        "and joint cannot be seen."
     )
 
 
@@ -58,6 +72,16 @@ def _unnamed(search: Search, verdict: Verdict) -> Iterator[str]:
     if verdict.remains.any():
         left = [name for name, remains in zip(search.evidence.course.channels, verdict.remains, strict=True) if remains]
         yield f"Above the noise something remains on {_list(left, 'and')}."
+
+
+def _given(search: Search, verdict: Verdict) -> Iterator[str]:
+    e = search.evidence
+    for k, size in e.given.items():
+        term, value = e.terms[k], verdict.best.strengths.get(k, 0.0)
+        yield (
+            f"The recordings say that {term.effect} of {term.target} is known to ±{size:.2g}: it is fitted along with "
+            f"every explanation, here to {term.parameter} {term.identity + value:.3g}, and is no gap."
+        )
 
 
 def _method(search: Search) -> Iterator[str]:

@@ -23,8 +23,9 @@ Array = NDArray[np.float64]
 MOST_EFFECTS: Final = 4
 #: Steps that are refined before one is taken.
 BEAM: Final = 3
-#: Rounds of fitting and renewing what depends on the fit.
+#: Rounds of fitting and renewing what depends on the fit; with a gain that is fitted along they draw near more slowly.
 ROUNDS: Final = 8
+ROUNDS_GIVEN: Final = 40
 #: Penalty of one more joint for an effect that is on another.
 SIBLING: Final = 2.0
 #: Change of every strength, in units of its magnitude, at which the rounds end. An explanation that does not get there
@@ -39,8 +40,8 @@ class Scored:
     """An explanation with its scores.
 
     Attributes:
-        terms: indices of terms, ascending.
-        strengths: of the terms, from train and validation blocks.
+        terms: indices of terms, ascending, without the given ones.
+        strengths: of the terms and the given ones, from train and validation blocks.
         left_out: (B,) misfit of each of those blocks under the fit to the others.
         bic: Bayesian information criterion.
     """
@@ -68,10 +69,10 @@ class Search:
         active = [*key, *fixed]
         strengths: dict[int, float] = {}
         settled = False
-        for _ in range(ROUNDS):
+        for _ in range(ROUNDS_GIVEN if e.given else ROUNDS):
             e.refresh(strengths, key)
             before, fitted = strengths, e.normal.fit(active, e.fitted)
-            strengths = {k: float(v) for k, v in zip(key, fitted, strict=False)}
+            strengths = {k: float(v) for k, v in zip([*key, *e.given], fitted, strict=False)}
             change = max(
                 (abs(v - before.get(k, 0.0)) / abs(e.terms[k].magnitude) for k, v in strengths.items()), default=0.0
             )
@@ -83,7 +84,7 @@ class Search:
             key,
             strengths,
             e.normal.left_out(active, e.fitted),
-            bic if settled or not any(e.stale(k) for k in key) else np.inf,
+            bic if settled or not any(e.stale(k) for k in (*key, *e.given)) else np.inf,
         )
         if not extra:
             self.tried[key] = found
@@ -148,7 +149,7 @@ class Search:
             rival = min(others, key=lambda s: s.bic, default=best)
             if rival.bic >= best.bic or not float((best.left_out - rival.left_out).sum()) > 0:
                 break
-            best = rival
+            best = self.forward(rival.terms)
         distinct: dict[tuple[str, ...], Scored] = {}
         for other in sorted(others, key=lambda s: s.bic) if best.terms else []:
             if self.names(other) != self.names(best):
@@ -197,7 +198,7 @@ class Search:
         names = set(self.names(current))
         best: dict[tuple[str, str], int] = {}
         for k, term in enumerate(e.terms):
-            if term.effect in banned or term.key in present:
+            if term.effect in banned or term.key in present or k in e.given:
                 continue
             if term.effect not in names and len(names) >= MOST_EFFECTS:
                 continue

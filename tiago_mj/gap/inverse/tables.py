@@ -151,11 +151,13 @@ def validation_gain(evidence: Evidence, null: Scored, scored: Scored) -> float:
     used = e.moving & np.isin(e.blocks.of, blocks)[:, None]
     if not used.any():
         return 0.0
+    e.refresh(null.strengths, ())
+    nominal = e.predicted(null.strengths)
     e.refresh(scored.strengths, scored.terms)
     there = [int(np.searchsorted(e.rows.blocks, b)) for b in e.blocks.train if b in e.rows.blocks]
     fitted = e.normal.fit([*scored.terms, *e.tolerance], there)
-    strengths = {k: float(v) for k, v in zip(scored.terms, fitted, strict=False)}
-    before = ((e.measured - e.nominal) / e.floor.noise) ** 2
+    strengths = {k: float(v) for k, v in zip([*scored.terms, *e.given], fitted, strict=False)}
+    before = ((e.measured - nominal) / e.floor.noise) ** 2
     after = ((e.measured - e.predicted(strengths)) / e.floor.noise) ** 2
     return float((before - after)[used].mean())
 
