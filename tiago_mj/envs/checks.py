@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -29,8 +30,8 @@ def action_in_range(action: Any, joints: Sequence[str]) -> Array:
         raise ValueError(f"action {action!r} is not numeric: give {len(joints)} numbers from -1 to 1")
     if given.shape != shape:
         raise ValueError(f"action has shape {given.shape}: give {shape}, one number a joint of {tuple(joints)}")
-    command = given.astype(np.float64)
-    if not np.isfinite(command).all():
+    command: Array = given.astype(np.float64)
+    if not math.isfinite(np.add.reduce(command)) and not np.isfinite(command).all():  # a sum may overflow
         raise ValueError(f"action {command} is not finite: give numbers from -1 to 1")
     return np.minimum(np.maximum(command, -1.0), 1.0)
 

@@ -122,4 +122,4 @@ class GripperClose(RobotEnv, EzPickle):
 
     def _is_success(self, achieved_goal: Array, desired_goal: Array) -> Any:
         within = (np.abs(achieved_goal - desired_goal) < self.tolerance).all(axis=-1)
-        return bool(within) if np.ndim(within) == 0 else within
+        return bool(within) if within.ndim == 0 else within

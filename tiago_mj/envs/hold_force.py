@@ -194,9 +194,9 @@ class HoldForce(RobotEnv, EzPickle):
             return {"success": np.asarray(self._is_success(achieved, desired), dtype=np.float64) - 1.0}
         error = np.abs(achieved - desired)
         if self.reward_type == "normalised":
-            return {"force": -(error / (2 * desired)).sum(axis=-1)}
-        return {"force": -error.sum(axis=-1)}
+            error = error / (2 * desired)
+        return {"force": -np.add.reduce(error, axis=-1)}
 
     def _is_success(self, achieved_goal: Array, desired_goal: Array) -> Any:
-        within = (np.abs(achieved_goal - desired_goal) < self.tolerance).all(axis=-1)
-        return bool(within) if np.ndim(within) == 0 else within
+        within = np.logical_and.reduce(np.abs(achieved_goal - desired_goal) < self.tolerance, axis=-1)
+        return bool(within) if within.ndim == 0 else within

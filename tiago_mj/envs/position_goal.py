@@ -135,7 +135,7 @@ class PositionGoal(RobotEnv):
 
     def _is_success(self, achieved_goal: Array, desired_goal: Array) -> Any:
         within = np.linalg.norm(achieved_goal - desired_goal, axis=-1) < self.distance_threshold
-        return bool(within) if np.ndim(within) == 0 else within
+        return bool(within) if within.ndim == 0 else within
 
     def _render_callback(self) -> None:
         site = self.model.site(scene.GOAL_SITE).id

@@ -69,6 +69,8 @@ class RobotEnv(MujocoRobotEnv):  # type: ignore[misc]
         effects: what the real robot has and the nominal model lacks: a list, the short form, or the path of a
             ``calibration.yaml`` (docs/effects.md).
         load_cells: read them even where there is no object; with an object they are always read.
+        visual: whether the model has the geoms that are only seen. Without them physics is faster (docs/speed.md) and
+            nothing can be rendered; nothing else depends on them, but for the last digits of a contact that just begins.
         render_mode: ``rgb_array``, ``depth_array``, ``human`` or None.
         width, height: of rendered frames [pixel].
 
@@ -115,6 +117,7 @@ class RobotEnv(MujocoRobotEnv):  # type: ignore[misc]
         force_source: str = "contact",
         effects: Any = None,
         load_cells: bool = False,
+        visual: bool = True,
         render_mode: str | None = None,
         width: int = 480,
         height: int = 480,
@@ -127,6 +130,8 @@ class RobotEnv(MujocoRobotEnv):  # type: ignore[misc]
             raise ValueError(f"finger_speed is {finger_speed!r}: give a speed above 0, at most 1 m/s")
         if render_mode is not None and render_mode not in self.metadata["render_modes"]:
             raise ValueError(f"render_mode {render_mode!r} is unknown: use one of {self.metadata['render_modes']}")
+        if render_mode is not None and not visual:
+            raise ValueError(f"visual is False and render_mode {render_mode!r}: there is nothing to see; leave one out")
         self.joints = joints
         self.control = control
         self.servo = servo
@@ -144,6 +149,7 @@ class RobotEnv(MujocoRobotEnv):  # type: ignore[misc]
             timestep=1 / (control_hz * substeps),
             velocity_limits=dict.fromkeys(names.FINGERS, finger_speed),
             goal_radius=self.GOAL_RADIUS,
+            visual=visual,
         )
         self._period = 1 / control_hz
         self.metadata = {**self.metadata, "render_fps": round(control_hz)}

@@ -61,15 +61,16 @@ class StateReader:
         self, qpos: Array, qvel: Array, sensordata: Array, force_contact: Array, force_raw: Array, force_binary: Array
     ) -> State:
         """A state that shares no memory with the simulation."""
+        qpos, qvel = qpos.copy(), qvel.copy()
         return State(
-            position=qpos[..., self._qpos].copy(),
-            velocity=qvel[..., self._qvel].copy(),
+            position=qpos[..., self._qpos],
+            velocity=qvel[..., self._qvel],
             force_contact=force_contact,
             force_raw=force_raw,
             force_binary=force_binary,
             grasp_position=sensordata[..., self._grasp].copy(),
-            object_pose=qpos[..., self._object_qpos].copy(),
-            object_velocity=qvel[..., self._object_qvel].copy(),
+            object_pose=qpos[..., self._object_qpos],
+            object_velocity=qvel[..., self._object_qvel],
         )
 
 

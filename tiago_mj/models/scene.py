@@ -54,6 +54,7 @@ class SceneConfig:
         timestep: of the physics [s].
         velocity_limits: by joint [m/s, rad/s], where they differ from the robot's.
         goal_radius: of a sphere that shows a goal in space [m]; None for none.
+        visual: whether the geoms that are only seen are there.
     """
 
     robot: str
@@ -62,6 +63,7 @@ class SceneConfig:
     timestep: float = 1 / 960
     velocity_limits: Mapping[str, float] = field(default_factory=dict)
     goal_radius: float | None = None
+    visual: bool = True
 
     def __post_init__(self) -> None:
         for name, value, known in (("robot", self.robot, ROBOTS), ("servo", self.servo, SERVOS)):
@@ -95,6 +97,9 @@ def build_spec(config: SceneConfig) -> tuple[mujoco.MjSpec, mujoco.MjModel]:
         limit = config.velocity_limits.get(actuator.name)
         if limit is not None:
             actuator.ctrlrange = [-limit, limit]
+    if not config.visual:
+        for geom in [g for g in spec.geoms if g.contype == g.conaffinity == 0]:
+            spec.delete(geom)
     model = spec.compile()
     if config.servo == "ideal":
         _make_ideal(model)

@@ -23,31 +23,41 @@ class NoiseBlocks:
     """
 
     def __init__(self, simulations: int) -> None:
-        self._blocks = np.zeros((simulations, NOISE_BLOCK, 2))
+        self._blocks = np.zeros((NOISE_BLOCK, simulations, 2))
         self._next = np.full(simulations, NOISE_BLOCK)
-        self._rows = np.arange(simulations)
-        self._sure = 0  # how many more numbers every simulation has at least
+        self._every = np.arange(simulations)
+        #: Where all simulations are in their blocks, as they are while episodes begin together; None: see ``_next``.
+        self._together: int | None = None
 
     def forget(self, rows: Any = ...) -> None:
         """Nothing of an episode's noise reaches the next: the next number is a new one."""
+        self._part()
         self._next[rows] = NOISE_BLOCK
-        self._sure = 0
 
     def take(self, generators: Sequence[np.random.Generator], rows: NDArray[np.intp] | None = None) -> Array:
-        """The next number of both cells, (n, 2).
+        """The next number of both cells, (n, 2), read-only.
 
         Args:
             generators: one a simulation.
             rows: of which simulations; None: of all.
         """
-        if rows is None:
-            rows = self._rows
-        if self._sure <= 0:
-            for k in rows[self._next[rows] >= NOISE_BLOCK].tolist():
-                self._blocks[k] = generators[k].standard_normal((NOISE_BLOCK, 2))
-                self._next[k] = 0
-            self._sure = NOISE_BLOCK - int(self._next.max())
-        taken: Array = self._blocks[rows, self._next[rows]]
-        self._next[rows] += 1
-        self._sure -= 1
+        if rows is None and self._together is not None and self._together < NOISE_BLOCK:
+            self._together += 1
+            taken: Array = self._blocks[self._together - 1]
+            return taken
+        self._part()
+        some = self._every if rows is None else rows
+        for k in some[self._next[some] >= NOISE_BLOCK].tolist():
+            self._blocks[:, k] = generators[k].standard_normal((NOISE_BLOCK, 2))
+            self._next[k] = 0
+        taken = self._blocks[self._next[some], some]
+        self._next[some] += 1
+        if (self._next == self._next[0]).all():
+            self._together = int(self._next[0])
         return taken
+
+    def _part(self) -> None:
+        """Each simulation is where it is."""
+        if self._together is not None:
+            self._next[:] = self._together
+            self._together = None

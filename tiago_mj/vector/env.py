@@ -258,7 +258,7 @@ class VectorRobotEnv(VectorEnv[Any, Any, Any]):
         return observation, info
 
     def _flags(self, value: Any) -> Mask:
-        return np.array(np.broadcast_to(np.asarray(value, dtype=bool), (self.num_envs,)))
+        return np.full(self.num_envs, value) if isinstance(value, bool) else np.array(value, dtype=bool)
 
     def _frame(self, row: int) -> Any:
         core, batch = self.core, self.simulations.batch

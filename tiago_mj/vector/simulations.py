@@ -25,11 +25,7 @@ Mask = NDArray[np.bool_]
 Rows = NDArray[np.intp]
 
 #: Warnings with which MuJoCo gives a simulation up and resets it (manual, "Simulation", "Diagnostics").
-_UNSTABLE: Final = [
-    int(mujoco.mjtWarning.mjWARN_BADQPOS),
-    int(mujoco.mjtWarning.mjWARN_BADQVEL),
-    int(mujoco.mjtWarning.mjWARN_BADQACC),
-]
+_UNSTABLE: Final = slice(int(mujoco.mjtWarning.mjWARN_BADQPOS), int(mujoco.mjtWarning.mjWARN_BADQACC) + 1)
 
 
 class Simulations:
@@ -141,9 +137,10 @@ class Simulations:
         return diverged
 
     def _diverged(self, failed: list[int], rows: Rows | None) -> Rows:
-        given_up = self.batch.warning[:, _UNSTABLE, 1].any(axis=1)
-        if not np.isfinite(self.batch.state).all():
-            given_up |= ~np.isfinite(self.batch.state).all(axis=1)
+        counters, state = self.batch.warning[:, _UNSTABLE, 1], self.batch.state
+        if not failed and not counters.any() and np.isfinite(np.add.reduce(state, axis=None)):
+            return self._every[:0]
+        given_up = counters.any(axis=1) | ~np.isfinite(state).all(axis=1)
         given_up[failed] = True
         gone = np.flatnonzero(given_up)
         return gone if rows is None else np.intersect1d(gone, rows)
