@@ -45,6 +45,8 @@ class Fitted:
         deviations: of the magnitudes, (k,), one standard deviation.
         nuisance: deviations of the global terms, then of the per-trial terms trial by trial.
         evidence: log of the probability of the recordings under the explanation.
+        prior: part of it that does not rest on how well the recordings are met: how far the nominal numbers had to go,
+            and how much of what an effect might have been is left.
         misfit: mean squared residual of the worst channel, in units of floor and tolerance.
     """
 
@@ -54,6 +56,7 @@ class Fitted:
     nuisance: Array
     evidence: float
     misfit: float
+    prior: float = 0.0
 
     def effects(self) -> tuple[Entry, ...]:
         """The effects at their magnitudes, without the nuisances."""
@@ -273,9 +276,10 @@ class Fitter:
         for k, part in enumerate(parts):
             curvature[k, k] += 12 / (part.high - part.low) ** 2
         _, logdet = np.linalg.slogdet(curvature)
-        evidence = -self._cost(base, at.nuisance) - 0.5 * logdet
+        prior = -0.5 * float(at.nuisance @ at.nuisance) - 0.5 * logdet
+        evidence = -self._cost(base, np.zeros(0))
         for part, value in zip(parts, at.values, strict=True):
-            evidence += 0.5 * np.log(2 * np.pi) - np.log(part.high - part.low)
+            prior += 0.5 * np.log(2 * np.pi) - np.log(part.high - part.low)
             evidence -= TOLERATED * max(0.0, 1 - abs(value - part.identity) / part.tolerance) if part.tolerance else 0.0
         deviations = np.sqrt(np.diag(np.linalg.inv(curvature))[: len(parts)])
         return Fitted(
@@ -283,13 +287,14 @@ class Fitter:
             at.values,
             np.array([d if p.spread is None else p.spread for p, d in zip(parts, deviations, strict=True)]),
             at.nuisance,
-            float(evidence),
+            float(evidence + prior),
             float(self._misfit(base).max(initial=0.0)),
+            float(prior),
         )
 
     def _misfit(self, predicted: Array) -> Array:
         """Mean squared residual of every channel in units of floor and tolerance, (C,)."""
-        white = score.whiten(self.data, self.data.value - predicted, np.ones(len(self.data.channels)))
+        white = score.scaled(self.data, self.data.value - predicted)
         known = np.isfinite(self.data.value).sum(axis=(0, 1))
         mean: Array = np.sum(white**2, axis=(0, 1)) / np.maximum(known, 1)
         return mean

@@ -27,6 +27,8 @@ LEAST: Final = {"position": (2.7e-5, 1e-4), "velocity": (5e-4, 2e-3), "force": (
 TIMING: Final = 2e-3
 #: And on how large it is, to within this share of the signal's range over the trial.
 SHARE: Final = {"position": 0.0005, "velocity": 0.002, "force": 0.005}
+#: What is wrong stays wrong for about so long [s].
+BLOCK: Final = 0.25
 #: An event is a jump of the slope within this time [s], and counts for so many rows around it.
 EVENT: Final = 0.02
 EVENT_ROWS: Final = 2
@@ -44,6 +46,8 @@ class Data:
         value: (ntrials, T, C), NaN where nothing was measured.
         noise: floor of each channel, (C,).
         sigma: floor and tolerance, (ntrials, T, C).
+        common: part of the tolerance that errs alike over a block of rows, (ntrials, T, C).
+        block: rows of a block.
     """
 
     channels: tuple[str, ...]
@@ -51,6 +55,8 @@ class Data:
     value: Array
     noise: Array
     sigma: Array
+    common: Array
+    block: int = 1
 
     @property
     def kinds(self) -> tuple[str, ...]:
@@ -90,7 +96,12 @@ def collect(plant: Plant, trials: Sequence[Trial], usable: frozenset[str] | None
     value = np.stack(columns, axis=-1) if columns else np.zeros((len(trials), length, 0))
     floor = np.array(noise)
     return Data(
-        tuple(channels), np.array(part, dtype=int), value, floor, sigma(value, floor, tuple(channels), plant.period)
+        tuple(channels),
+        np.array(part, dtype=int),
+        value,
+        floor,
+        *sigma(value, floor, tuple(channels), plant.period),
+        block=max(round(BLOCK / plant.period), 1),
     )
 
 
@@ -133,11 +144,12 @@ def noise_floor(values: Array, least: float) -> float:
     return float(max(1.4826 * quiet / np.sqrt(2), repeated / np.sqrt(12), least))
 
 
-def sigma(value: Array, noise: Array, channels: Sequence[str], period: float) -> Array:
-    """Floor and tolerance of every sample, same shape as ``value``.
+def sigma(value: Array, noise: Array, channels: Sequence[str], period: float) -> tuple[Array, Array]:
+    """Floor and tolerance of every sample, and the part of it that errs alike over a block; same shape as ``value``.
 
     How fast a smooth signal changes costs no tolerance: a common delay is a nuisance of its own. Where its slope jumps
-    something happens, and that may be a physics step earlier or later.
+    something happens, and that may be a physics step earlier or later. How large a signal is, is wrong for as long as
+    it lasts.
     """
     filled = np.where(np.isfinite(value), value, 0.0)
     slope = np.gradient(filled, axis=1) / period
@@ -154,7 +166,8 @@ def sigma(value: Array, noise: Array, channels: Sequence[str], period: float) ->
         np.where(np.isfinite(value), value, np.nan), axis=1
     )
     share = np.array([SHARE[name.partition(".")[0]] for name in channels])
-    return np.sqrt(noise**2 + (TIMING * steepest) ** 2 + (share * np.nan_to_num(span)[:, None, :]) ** 2)
+    common = np.broadcast_to(share * np.nan_to_num(span)[:, None, :], value.shape).copy()
+    return np.sqrt(noise**2 + (TIMING * steepest) ** 2 + common**2), common
 
 
 def with_numerics(data: Data, predicted: Array, finer: Array) -> Data:
@@ -176,7 +189,7 @@ def with_numerics(data: Data, predicted: Array, finer: Array) -> Data:
 def part(data: Data, trials: Sequence[int]) -> Data:
     """Of some trials."""
     index = list(trials)
-    return Data(data.channels, data.part, data.value[index], data.noise, data.sigma[index])
+    return replace(data, value=data.value[index], sigma=data.sigma[index], common=data.common[index])
 
 
 def without_repeats(data: Data) -> Data:
@@ -187,7 +200,7 @@ def without_repeats(data: Data) -> Data:
             repeated = np.zeros(value.shape[:2], dtype=bool)
             repeated[:, 1:] = data.value[:, 1:, c] == data.value[:, :-1, c]
             value[:, :, c] = np.where(repeated, np.nan, value[:, :, c])
-    return Data(data.channels, data.part, value, data.noise, data.sigma)
+    return replace(data, value=value)
 
 
 def predicted(data: Data, signals: object) -> Array:

@@ -19,7 +19,6 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Final
 
 import numpy as np
@@ -31,7 +30,7 @@ from tiago_mj.gap.effects.spec import Entry
 from tiago_mj.gap.fit import NUDGE, REACH, Fitted
 from tiago_mj.gap.floor import Data
 from tiago_mj.gap.hypotheses import Term
-from tiago_mj.gap.motions.menu import items
+from tiago_mj.gap.motions.menu import OPEN, items
 from tiago_mj.gap.plant import Plant
 from tiago_mj.gap.predict import Predictor
 from tiago_mj.gap.record.motion import Motion, read_motion
@@ -39,6 +38,7 @@ from tiago_mj.gap.recording import Trial
 from tiago_mj.gap.result import NextMotion
 from tiago_mj.gap.traces import MEASURES
 from tiago_mj.gap.verdict import RIVAL, TEMPERATURE, classes_of
+from tiago_mj.models import names
 
 Array = NDArray[np.float64]
 Worth = tuple[int, float]
@@ -50,8 +50,8 @@ CLOSELY: Final = 15.0
 RIVALS: Final = 4
 #: Errors of a model last for at least so long [s], whatever the recordings' noise: samples in between count once.
 CORRELATED: Final = 0.1
-#: A motion starts where the recordings do, to within (slide [m], hinge [rad]); only positions ask for it.
-STARTS: Final = (1e-3, 0.02)
+#: Fingers that begin farther than this from where the menu's motions begin are opened first [m].
+ELSEWHERE: Final = 1e-3
 #: A motion is not proposed if the servos would press harder than this share of their limits.
 PRESS: Final = 0.85
 #: A magnitude may be anywhere within its bounds: weight of its distance, in units of them, beside a nuisance's.
@@ -92,7 +92,7 @@ def next_motion(
 
     Args:
         plant: the nominal simulator.
-        like: a recording: its object and start are those of the motion.
+        like: a recording: its object and start are those of the motion; the fingers begin open.
         data: channels and noise of the recordings.
         weight: square root of the share of independent samples of each channel, (C,).
         rivals: explanations, the most probable first.
@@ -115,7 +115,8 @@ def next_motion(
     temperature = TEMPERATURE * max(1.0, min(fit.misfit for fit in rivals))
     terms = [term for term in hypotheses.terms(plant) if not term.per_trial]
     tried: list[tuple[Worth, _Tried]] = []
-    for file, motion in _applicable(plant, like):
+    plant = _opened(plant, like)
+    for file, motion in _applicable(plant):
         if _late(until):
             break
         one = _try(plant, like, data, weight, rivals, terms, file, motion, seed, threads)
@@ -147,22 +148,27 @@ def _late(until: float | None) -> bool:
 # Motions -------------------------------------------------------------------------------------------------------------
 
 
-def _applicable(plant: Plant, like: Trial) -> list[tuple[str, Motion]]:
-    """Motions of the menu for the plant's joints, interface and rate, that start where the trial does."""
+def _applicable(plant: Plant) -> list[tuple[str, Motion]]:
+    """Motions of the menu for the plant's joints and interface, at the rate nearest to its own."""
     rate = min(motions.RATES, key=lambda r: abs(np.log(r * plant.period)))
-    places = dict(zip(plant.actuators, plant.starts[like.name].set_point, strict=True))
-    slides = [plant.wiring.targets.slides[j] for j in plant.wiring.targets.actuated]
-    near = {a: STARTS[0 if slide else 1] for a, slide in zip(plant.actuators, slides, strict=True)}
     out = []
     for item in items():
-        if item.interface != plant.wiring.interface or item.seconds > LONGEST or not set(item.shapes) <= set(places):
+        if item.interface != plant.wiring.interface or item.seconds > LONGEST:
             continue
-        file = motions.file_name(item.name, rate)
-        motion = read_motion(Path(file))
-        if item.interface == "position" and any(abs(v[0] - places[a]) > near[a] for a, v in motion.commands.items()):
-            continue
-        out.append((file, motion))
+        if set(item.shapes) <= set(plant.actuators):
+            file = motions.file_name(item.name, rate)
+            out.append((file, read_motion(motions.FOLDER / file)))
     return out
+
+
+def _opened(plant: Plant, like: Trial) -> Plant:
+    """The plant with the fingers where the menu's motions begin, unless the trial begins there anyway."""
+    start = plant.starts[like.name]
+    qpos, set_point = start.qpos.copy(), start.set_point.copy()
+    for k, name in enumerate(plant.actuators):
+        if name in names.FINGERS and abs(set_point[k] - OPEN) > ELSEWHERE:
+            qpos[plant.wiring.qpos[plant.wiring.targets.actuated[k]]] = set_point[k] = OPEN
+    return replace(plant, starts={**plant.starts, like.name: replace(start, qpos=qpos, set_point=set_point)})
 
 
 def _trial(plant: Plant, like: Trial, motion: Motion) -> Trial:
@@ -187,10 +193,11 @@ def _try(
 ) -> _Tried:
     on = replay.grid(plant, [_trial(plant, like, motion)])
     shape = (1, on.commands.shape[1] + 1, len(data.channels))
-    rows = Data(data.channels, data.part, np.zeros(shape), data.noise, np.ones(shape))
+    rows = replace(data, value=np.zeros(shape), sigma=np.ones(shape), common=np.zeros(shape))
     predict = Predictor(plant, on, rows, threads, seed)
     predicted = predict.all_trials([(), *(_entries(fit, terms) for fit in rivals)], [0])
-    rows = replace(rows, sigma=floor.sigma(predicted[0], data.noise, data.channels, plant.period))
+    sigma, common = floor.sigma(predicted[0], data.noise, data.channels, plant.period)
+    rows = replace(rows, sigma=sigma, common=common)
     white = score.whiten(rows, predicted[1:], weight).reshape(len(rivals), -1)
     return _Tried(file, motion, predict, rows, white)
 

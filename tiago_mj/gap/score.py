@@ -1,8 +1,8 @@
 """How well an explanation predicts recordings, when the nominal model's own numbers may be a little off.
 
-Residuals are whitened by floor and tolerance and thinned by their correlation time. Nuisance parameters enter linearly
-with a
-normal prior and are integrated out in closed form: r = A ν + ε, ν ~ N(0, 1), so that
+Residuals are whitened by floor and tolerance and thinned by their correlation time. What the tolerance has in common
+over a block of rows, u of one row, is one error and not many: the covariance of a block is 1 + u u'. Nuisance
+parameters enter linearly with a normal prior and are integrated out in closed form: r = A ν + ε, ν ~ N(0, 1), so that
 
     log p(r) = −½ (r'r − b' (1 + G)⁻¹ b) − ½ log |1 + G|,   b = A'r, G = A'A     (ν in units of its deviation).
 """
@@ -74,9 +74,35 @@ def frame(data: Data, weight: Array, responses: Array, per_trial: NDArray[np.boo
 
 
 def whiten(data: Data, difference: Array, weight: Array) -> Array:
-    """In units of floor and tolerance, thinned; 0 where nothing was measured. (..., ntrials, T, C)."""
-    scaled = difference / data.sigma * weight
-    return np.where(np.isfinite(data.value), np.nan_to_num(scaled), 0.0)
+    """White, thinned; 0 where nothing was measured. (..., ntrials, T, C)."""
+    known = np.isfinite(data.value)
+    own = np.sqrt(data.sigma**2 - data.common**2)
+    white = np.where(known, np.nan_to_num(difference / own), 0.0)
+    if data.block > 1:
+        u = np.where(known, data.common / own, 0.0)
+        size = _by_block(u * u, data.block)  # |u|²
+        with np.errstate(invalid="ignore", divide="ignore"):
+            share = np.where(size > 0, (1 - 1 / np.sqrt(1 + size)) / size, 0.0)
+        white -= _spread(share * _by_block(white * u, data.block), data.block, white.shape[-2]) * u
+    else:
+        white *= own / data.sigma
+    out: Array = white * weight
+    return out
+
+
+def scaled(data: Data, difference: Array) -> Array:
+    """In units of floor and tolerance, sample by sample; 0 where nothing was measured. (..., ntrials, T, C)."""
+    return np.where(np.isfinite(data.value), np.nan_to_num(difference / data.sigma), 0.0)
+
+
+def _by_block(values: Array, rows: int) -> Array:
+    """Sums over blocks of rows, (..., nblocks, C)."""
+    return np.add.reduceat(values, np.arange(0, values.shape[-2], rows), axis=-2)
+
+
+def _spread(sums: Array, rows: int, length: int) -> Array:
+    """The same number for all rows of a block, (..., T, C)."""
+    return np.repeat(sums, rows, axis=-2)[..., :length, :]
 
 
 def soften(white: Array) -> Array:
@@ -103,7 +129,7 @@ def independence(data: Data, predicted: Array) -> Array:
     1 / (1 + 2 Σ ρ_k) over the autocorrelation of the whitened residual up to its first zero (initial positive
     sequence).
     """
-    white = np.where(np.isfinite(data.value), np.nan_to_num((data.value - predicted) / data.sigma), 0.0)
+    white = whiten(data, data.value - predicted, np.ones(len(data.channels)))
     shares = np.ones(white.shape[-1])
     for c in range(white.shape[-1]):
         times = []

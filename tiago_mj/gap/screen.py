@@ -84,7 +84,7 @@ def screen(
         likelihood = score.log_likelihood(on, stack)
         best = int(np.argmax(likelihood))
         change = stack - base
-        white = score.whiten(on.data, change, np.ones(len(on.data.channels)))
+        white = score.scaled(on.data, change)
         out.append(
             Screened(
                 c,

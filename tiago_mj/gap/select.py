@@ -151,6 +151,7 @@ def select(
     seeds = _rivals([f for f in ranked if f.parts])
     fits = everywhere.fit_all([Start((), np.zeros(0)), *(_carried(f, few, everywhere) for f in seeds)])
     fits = _renewed(everywhere, fits, fits)
+    fits += everywhere.fit_all(_absorbed(fits, everywhere))
     complete = not out_of_time()
     for size in range(2, MOST + 1):
         best = _order(fits)[0]
@@ -169,6 +170,7 @@ def select(
         found = everywhere.fit_all([_carried(f, few, everywhere) for f in extended])
         found += everywhere.fit_all(_fewer(found))
         fits += _renewed(everywhere, found, fits)
+        fits += everywhere.fit_all(_absorbed(fits, everywhere))
         complete = not out_of_time()
     fits = [_with(fit, known) for fit in _worth(_once(_order(fits)))]
     return Ranked(tuple(fits), tuple(screened), unseen, len(known), len(names), complete, weight)
@@ -256,6 +258,39 @@ def _fewer(fits: Sequence[Fitted]) -> list[Start]:
         if 0 < len(needed) < len(fit.parts):
             out.append(Start(tuple(fit.parts[k] for k in needed), fit.values[needed], fit.nuisance))
     return out
+
+
+def _absorbed(fits: Sequence[Fitted], fitter: Fitter) -> list[Start]:
+    """Starts without effects that are no more than a nominal number a little off, which takes that value instead.
+
+    Fits end in the nearest valley: where an effect found a better one than its explanation without it, that goes on
+    from there. Only of the best, and where nothing but the number itself is beyond what it is known to.
+    """
+    best = max(fit.evidence for fit in fits)
+    known = {frozenset(p.label for p in fit.parts): fit.evidence for fit in fits}
+    out: dict[object, Start] = {}
+    for fit in _order(fits):
+        if fit.evidence < best - NEAR:
+            break
+        nuisance, left = fit.nuisance.copy(), []
+        for k, part in enumerate(fit.parts):
+            mine = [
+                (i, fitter.terms[term])
+                for i, term in enumerate(fitter.shared)
+                if fitter.terms[term].effect == part.effect
+                and fitter.terms[term].parameter == part.parameter
+                and (part.target is None or fitter.terms[term].target == part.target)
+            ]
+            moved = [nuisance[i] + (fit.values[k] - term.nominal) / term.deviation for i, term in mine]
+            if mine and max(abs(m) for m in moved) < score.NUISANCE_BOUND:
+                for (i, _), m in zip(mine, moved, strict=True):
+                    nuisance[i] = m
+            else:
+                left.append(k)
+        labels = frozenset(fit.parts[k].label for k in left)
+        if len(left) < len(fit.parts) and known.get(labels, -np.inf) < fit.evidence:
+            out.setdefault(labels, Start(tuple(fit.parts[k] for k in left), fit.values[left], nuisance))
+    return list(out.values())
 
 
 def _renewed(everywhere: Fitter, fits: Sequence[Fitted], others: Sequence[Fitted]) -> list[Fitted]:
@@ -360,6 +395,6 @@ def _best(promising: Sequence[Screened], count: int) -> list[Screened]:
 
 def _spread(base: Array, data: Data, count: int) -> list[int]:
     """Trials in which the nominal model fails most: what there is to explain shows there."""
-    white = np.where(np.isfinite(data.value), np.nan_to_num((data.value - base) / data.sigma), 0.0)
+    white = score.scaled(data, data.value - base)
     size = (score.soften(white) ** 2).sum(axis=(1, 2))
     return sorted(int(k) for k in np.argsort(-size)[:count])

@@ -66,7 +66,7 @@ def trace(channel: str, values: Array, quiet: NDArray[np.bool_], expected: float
         expected: noise that the nominal sensor has.
     """
     steps = np.diff(values, axis=1)
-    known = np.isfinite(steps)
+    known = np.isfinite(steps) & ~_at_an_end(values)[:, 1:]
     still = known & quiet[:, 1:] & quiet[:, :-1]
     different = steps[still & (steps != 0)]
     noise = 1.4826 * float(np.median(np.abs(different))) / np.sqrt(2) if len(different) > 10 else 0.0
@@ -75,10 +75,21 @@ def trace(channel: str, values: Array, quiet: NDArray[np.bool_], expected: float
         noise=noise,
         noise_samples=len(different),
         repeats=int((steps[known] == 0).sum()),
-        samples=int(known.sum()),
+        samples=max(int(known.sum()), 1),
         grid=grid_step(values[np.isfinite(values)]),
         expected=expected,
     )
+
+
+def _at_an_end(values: Array) -> NDArray[np.bool_]:
+    """Readings that are the largest or smallest of all: where a sensor saturates, or reads nothing, it repeats
+    itself."""
+    known = values[np.isfinite(values)]
+    if not len(known):
+        return np.zeros(values.shape, dtype=bool)
+    ends = (float(known.min()), float(known.max()))
+    near = 1e-9 * (ends[1] - ends[0])
+    return np.asarray((np.abs(values - ends[0]) <= near) | (np.abs(values - ends[1]) <= near))
 
 
 def grid_step(values: Array) -> float:

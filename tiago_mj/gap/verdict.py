@@ -14,8 +14,8 @@ from tiago_mj.gap.select import Ranked
 
 Array = NDArray[np.float64]
 
-#: Evidence is divided by this before it becomes a probability: two simulators never agree as closely as their noise, so
-#: a Bayes factor of exp(10) is counted as exp(1). Chosen, not yet calibrated.
+#: How well the recordings are met is divided by this before it becomes a probability: two simulators never agree as
+#: closely as their noise. How far the nominal numbers had to go for it counts in full. Chosen, not yet calibrated.
 TEMPERATURE: Final = 10.0
 #: Prior odds of one effect against none, spread over the library, and of another one beside it; and of one target
 #: against all.
@@ -53,10 +53,11 @@ class Judged:
 
 def judge(ranked: Ranked) -> Judged:
     """Judge ranked explanations, best first."""
-    evidence = np.array([f.evidence for f in ranked.fits])
+    prior = np.array([f.prior for f in ranked.fits])
+    met = np.array([f.evidence for f in ranked.fits]) - prior
     # What the best explanation leaves is model error, which counts as often as it is repeated.
     temperature = TEMPERATURE * max(1.0, min(f.misfit for f in ranked.fits))
-    scores = evidence / temperature + np.array([_log_prior(f, ranked) for f in ranked.fits])
+    scores = met / temperature + prior + np.array([_log_prior(f, ranked) for f in ranked.fits])
     order_free = np.exp(scores - scores.max())
     single = order_free / order_free.sum()
     classes = [classes_of(f) for f in ranked.fits]
