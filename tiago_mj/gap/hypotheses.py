@@ -17,6 +17,7 @@ from tiago_mj.gap.effects import EFFECTS
 from tiago_mj.gap.effects.spec import Entry
 from tiago_mj.gap.plant import Plant
 from tiago_mj.gap.sizes import Size
+from tiago_mj.gap.stated import deviation
 
 Array = NDArray[np.float64]
 
@@ -238,6 +239,7 @@ class Term:
         nominal: value at 0.
         deviation: change of the value at +1, signed.
         per_trial: whether every trial has its own.
+        low, high: bounds of the value.
     """
 
     effect: str
@@ -246,14 +248,46 @@ class Term:
     nominal: float
     deviation: float
     per_trial: bool
+    low: float = -np.inf
+    high: float = np.inf
 
     def entry(self, deviations: float) -> Entry:
-        """The effect at so many deviations."""
-        return Entry(self.effect, self.target, {self.parameter: self.nominal + deviations * self.deviation})
+        """The effect at so many deviations, within what it can be."""
+        value = min(max(self.nominal + deviations * self.deviation, self.low), self.high)
+        return Entry(self.effect, self.target, {self.parameter: value})
 
 
 def terms(plant: Plant) -> tuple[Term, ...]:
-    """The nuisance parameters of a plant."""
+    """The nuisance parameters of a plant; where its recordings say how well a number is known, that counts."""
+    stated = [term for name in dict.fromkeys(name for name, _ in plant.known) for term in _stated(plant, name)]
+    said = {(term.effect, target) for term in stated for target in term.target or (None,)}
+    usual = _usual(plant)
+    return (*(t for t in usual if not any((t.effect, target) in said for target in t.target or (None,))), *stated)
+
+
+def _stated(plant: Plant, name: str) -> list[Term]:
+    """What recordings say of one effect's first parameter."""
+    declared = EFFECTS[name]
+    targets = plant.wiring.targets
+    names = targets.names(declared.targets)
+    parameter = next(p for p in declared.parameters.values() if p.identity is not None)
+    if not _possible(plant, name, names) or parameter.identity is None or not np.isfinite(parameter.identity):
+        return []
+    single = declared.targets in ("object", "clock")
+    out = []
+    for group in [None] if single else [(target,) for target in names]:
+        size = deviation(plant.known, name, None if group is None else group[0])
+        if size is not None:
+            index = 0 if group is None else names.index(group[0])
+            low, high = parameter.bounds[0 if targets.slide(declared.targets, index) else 1]
+            if name in ("coulomb_friction", "viscous_friction", "servo_damping"):
+                low = max(low, -_nominal_of(plant, name, index))
+            out.append(Term(name, group, parameter.name, parameter.identity, size, False, low, high))
+    return out
+
+
+def _usual(plant: Plant) -> tuple[Term, ...]:
+    """Those of any nominal model."""
     out: list[Term] = []
     targets = plant.wiring.targets
     for nuisance in NUISANCES:

@@ -7,7 +7,7 @@ It is built from a recording's sidecar, by the environments' own code: the diagn
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from tiago_mj.gap.effects.chain import Wiring
 from tiago_mj.gap.effects.wiring import wire
 from tiago_mj.gap.recording import RecordingError, Sidecar, Trial
+from tiago_mj.gap.stated import known_to
 from tiago_mj.models import names, scene
 from tiago_mj.models.objects import SHAPES, GraspObject
 from tiago_mj.sensing.load_cell import LoadCell
@@ -83,6 +84,7 @@ class Plant:
         pads: reads the pads' forces; None without.
         make: rebuilds the environment, for policies; None for a plain model.
         relative: whether a command is a change from the measured position, as of controllers that follow it.
+        known: how well the recordings say that numbers of the model are known (:mod:`tiago_mj.gap.stated`).
     """
 
     name: str
@@ -95,6 +97,7 @@ class Plant:
     environment: Mapping[str, Any] | None = None
     relative: bool = False
     starts: Mapping[str, Start] = field(default_factory=dict)
+    known: Mapping[tuple[str, str | None], float] = field(default_factory=dict)
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -130,9 +133,8 @@ def plant_of(trials: Sequence[Trial], *, env: str | None = None, model: Path | N
             f"{trials[0].source}: nothing says which robot this is: give --env ID or --model FILE.xml, or 'robot' in "
             "the sidecar"
         )
-    if robot.endswith(".xml"):
-        return _plain(trials, Path(robot))
-    return _environment(trials, robot)
+    plant = _plain(trials, Path(robot)) if robot.endswith(".xml") else _environment(trials, robot)
+    return replace(plant, known=known_to(trials))
 
 
 # Environments --------------------------------------------------------------------------------------------------------

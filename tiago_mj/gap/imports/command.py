@@ -18,7 +18,9 @@ from tiago_mj.sensing.load_cell import TA11_SLOPE
 #: Importer: trials of a source, each with its folder below the output.
 PUBLIC: Final[Mapping[str, Callable[[argparse.Namespace], Iterator[tuple[str, Trial]]]]] = {
     "tiago-arm": lambda arguments: (("", trial) for trial in tiago_arm.trials(arguments.source)),
-    "so101": lambda arguments: (("", trial) for trial in so101.trials(arguments.source)),
+    "so101": lambda arguments: (
+        so101.apart(arguments.source) if arguments.apart else (("", trial) for trial in so101.trials(arguments.source))
+    ),
     "xl330": lambda arguments: xl330.trials(arguments.source, arguments.commands),
     "ta11-curve": lambda arguments: ta11_curve.trials(arguments.source, arguments.slope),
 }
@@ -39,6 +41,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         choices=xl330.COMMANDS,
         default="torque",
         help="of xl330: what the pendulum is said to be commanded",
+    )
+    parser.add_argument(
+        "--apart",
+        action="store_true",
+        help="of so101: each joint as a servo of its own, a folder and a model each, motions cut into trials",
     )
     parser.add_argument(
         "--slope",
@@ -65,6 +72,8 @@ def run(arguments: argparse.Namespace) -> int:
         write_trial(trial, arguments.out / folder)
         if arguments.kind == "xl330":
             atomic.write_text(arguments.out / folder / xl330.MODEL, xl330.model_for(trial))
+        elif arguments.kind == "so101" and arguments.apart:
+            atomic.write_text(arguments.out / folder / so101.MODEL, so101.servo(folder))
     found = inspect([trial for _, trial in trials])
     print(f"{len(trials)} recording{'s' if len(trials) > 1 else ''} in {arguments.out}")
     for code in dict.fromkeys(finding.code for finding in found):

@@ -2,6 +2,9 @@
 
 Stamps are microseconds. The jaw's positions are a share of its range, its velocities are rad/s. Torques are estimates
 without sign and are kept as they are: the lint says so.
+
+No model of the arm comes with them. :func:`apart` takes each joint for a servo of its own and cuts the motions into
+trials: what other joints and gravity do to it is an offset, a share and an inertia that nobody states.
 """
 
 from __future__ import annotations
@@ -9,6 +12,7 @@ from __future__ import annotations
 import csv
 import json
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
@@ -16,6 +20,7 @@ import numpy as np
 
 from tiago_mj.gap.imports.public import DataSet, folder_of, need
 from tiago_mj.gap.recording import SCHEMA, Array, RecordingError, Sidecar, Trial
+from tiago_mj.gap.trials import cut
 
 _MOTIONS: Final = {
     "backlash_detection": (
@@ -58,6 +63,21 @@ DATA: Final = DataSet(
     },
 )
 _MICROSECOND: Final = 1e-6
+MODEL: Final = "servo.xml"
+
+#: A Feetech STS3215 as public simulators have it (apirrone/Open_Duck_Playground, joints_properties.xml, fitted there):
+#: stiffness [N·m/rad], damping [N·m·s/rad], reflected inertia [kg·m²] and greatest torque [N·m]; its dry friction,
+#: 0.05 N·m, is left out, to be found. Without torques only ratios to the stiffness can be: it is not fitted.
+STIFFNESS, DAMPING, ARMATURE, STRONGEST = 17.8, 0.60, 0.028, 3.35
+#: One standard deviation of what is not known of a joint in an arm: damping and inertia of the servo at another gain
+#: and voltage, and of the links; gravity, which is over small motions an offset and a slope of the position.
+KNOWN_TO: Final = {
+    "viscous_friction": 0.3,
+    "armature": 0.02,
+    "encoder_bias": 0.02,
+    "encoder_scale": 0.05,
+    "command_delay": 0.01,
+}
 
 
 def trials(source: str) -> Iterator[Trial]:
@@ -79,6 +99,55 @@ def trials(source: str) -> Iterator[Trial]:
         )
     for motion in motions:
         yield _trial(motion)
+
+
+def apart(source: str) -> Iterator[tuple[str, Trial]]:
+    """Each joint alone, with its trials in a folder of its name. Trials in which it does not move by a step of its
+    encoder are left out: they would look like a dead sensor.
+
+    Args:
+        source: as for :func:`trials`.
+
+    Raises:
+        RecordingError: no motion is there, or a file is not what it was.
+    """
+    for motion in trials(source):
+        for joint, command in motion.commands.items():
+            if np.ptp(command[np.isfinite(command)]) == 0:
+                continue  # not asked to move
+            side = motion.sidecar
+            alone = replace(
+                motion,
+                commands={joint: command},
+                positions={joint: motion.positions[joint]},
+                velocities={joint: motion.velocities[joint]},
+                efforts={joint: motion.efforts[joint]},
+                sidecar=replace(
+                    side,
+                    robot=MODEL,
+                    initial={"position": {joint: (side.initial or {})["position"][joint]}},
+                    raw={"uncertainty": KNOWN_TO},
+                ),
+            )
+            for part in cut(alone):
+                if np.ptp(part.positions[joint][np.isfinite(part.positions[joint])]) > 0:
+                    yield joint, part
+
+
+def servo(joint: str) -> str:
+    """MJCF of one servo: a position loop, its own damping and inertia, no gravity."""
+    return f"""<mujoco model="servo">
+  <compiler angle="radian"/>
+  <option timestep="0.002" integrator="implicitfast" gravity="0 0 0"/>
+  <worldbody>
+    <body name="link">
+      <joint name="{joint}" axis="0 0 1" damping="{DAMPING}" armature="{ARMATURE}"/>
+      <geom type="capsule" fromto="0 0 0 0.1 0 0" size="0.01" mass="0.05" contype="0" conaffinity="0"/>
+    </body>
+  </worldbody>
+  <actuator><position name="{joint}" joint="{joint}" kp="{STIFFNESS}" forcerange="{-STRONGEST} {STRONGEST}"/></actuator>
+</mujoco>
+"""
 
 
 def _trial(folder: Path) -> Trial:
