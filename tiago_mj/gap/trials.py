@@ -8,6 +8,7 @@ simulator's error, so that the servo's own stands for it: command less position.
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -22,6 +23,9 @@ SHORTEST: Final = 2.0
 #: A rest is so long at least [s]; nothing is commanded anew and no joint leaves this share of its range.
 REST: Final = 0.5
 STILL: Final = 0.01
+#: Commands were the same this long ago, too [s], and came at least so often.
+LOOK_BACK: Final = 0.4
+REPEATS: Final = 4
 #: No more than this share of a recording is given up to gaps.
 GIVEN_UP: Final = 0.25
 
@@ -53,6 +57,32 @@ def cut(trial: Trial, length: float = LENGTH) -> tuple[Trial, ...]:
         if last - first >= 4 and time[last - 1] - time[first] >= SHORTEST:
             parts.append(_part(trial, first, last, len(parts)))
     return tuple(parts)
+
+
+def repeatability(trials: Sequence[Trial], joint: str) -> float:
+    """Scatter of a joint's position where the same commands came again, one standard deviation [m, rad].
+
+    Commands are the same if they are now, and were :data:`LOOK_BACK` and twice that before. The median of the trials
+    that repeat themselves; 0 where none does.
+    """
+    found = []
+    for trial in trials:
+        command, position = _filled(trial.commands[joint]), _filled(trial.positions[joint])
+        back = max(round(LOOK_BACK / float(np.median(np.diff(trial.time)))), 1)
+        if len(command) < 10 * back or np.ptp(command) == 0:
+            continue
+        past = np.stack([command[2 * back :], command[back:-back], command[: -2 * back]], axis=1)
+        moved = np.ptp(past, axis=1) > 0
+        _, same, count = np.unique(np.round(past, 6), axis=0, return_inverse=True, return_counts=True)
+        same = same.ravel()
+        here = position[2 * back :]
+        often = (count[same] >= REPEATS) & moved
+        if often.sum() < 0.2 * len(here):
+            continue
+        scatter = here - (np.bincount(same, here) / count)[same]
+        spread = scatter**2 * count[same] / np.maximum(count[same] - 1, 1)
+        found.append(float(np.sqrt(np.mean(spread[often]))))
+    return float(np.median(found)) if found else 0.0
 
 
 def correlation_time(trial: Trial) -> float:

@@ -20,7 +20,7 @@ import numpy as np
 
 from tiago_mj.gap.imports.public import DataSet, folder_of, need
 from tiago_mj.gap.recording import SCHEMA, Array, RecordingError, Sidecar, Trial
-from tiago_mj.gap.trials import cut
+from tiago_mj.gap.trials import cut, repeatability
 
 _MOTIONS: Final = {
     "backlash_detection": (
@@ -103,7 +103,8 @@ def trials(source: str) -> Iterator[Trial]:
 
 def apart(source: str) -> Iterator[tuple[str, Trial]]:
     """Each joint alone, with its trials in a folder of its name. Trials in which it does not move by a step of its
-    encoder are left out: they would look like a dead sensor.
+    encoder are left out: they would look like a dead sensor. A joint comes back to where it was only so far, which is
+    measured where commands repeat, and stated: no model of one joint can do better.
 
     Args:
         source: as for :func:`trials`.
@@ -111,7 +112,9 @@ def apart(source: str) -> Iterator[tuple[str, Trial]]:
     Raises:
         RecordingError: no motion is there, or a file is not what it was.
     """
-    for motion in trials(source):
+    motions = list(trials(source))
+    scatter = {joint: repeatability(motions, joint) for joint in motions[0].commands}
+    for motion in motions:
         for joint, command in motion.commands.items():
             if np.ptp(command[np.isfinite(command)]) == 0:
                 continue  # not asked to move
@@ -126,7 +129,7 @@ def apart(source: str) -> Iterator[tuple[str, Trial]]:
                     side,
                     robot=MODEL,
                     initial={"position": {joint: (side.initial or {})["position"][joint]}},
-                    raw={"uncertainty": KNOWN_TO},
+                    raw={"uncertainty": {**KNOWN_TO, **({"position": scatter[joint]} if scatter[joint] else {})}},
                 ),
             )
             for part in cut(alone):
