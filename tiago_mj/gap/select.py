@@ -45,8 +45,9 @@ EXTENSIONS_AGAIN: Final = 3
 #: Pairs that are found by superposition and fitted to some trials, and magnitudes of each effect that are tried.
 SUPERPOSED: Final = 6
 MAGNITUDES: Final = 7
-#: An extension is fitted if the sum of the effects' changes says that it adds this much evidence [nats].
-PROMISES: Final = 25.0
+#: An extension is fitted if the sum of the effects' changes says that it adds this much evidence [nats]: less, divided
+#: by the verdict's temperature, would not pay for another effect.
+PROMISES: Final = 50.0
 #: Explanations this near to the best are fitted with the nuisances' responses around them [nats].
 NEAR: Final = 150.0
 #: Further fits of the nominal model, each with the nuisances' responses around the one before.
@@ -218,6 +219,7 @@ def _superposed(on: score.Frame, base: Array, promising: Sequence[Screened]) -> 
         name: np.unique(np.linspace(0, len(s.values) - 1, MAGNITUDES).round().astype(int))
         for name, s in leaders.items()
     }
+    alone = max((s.gain for s in promising), default=0.0) + float(score.log_likelihood(on, base))
     found: list[tuple[float, Start]] = []
     names = list(leaders)
     for k, a in enumerate(names):
@@ -227,6 +229,8 @@ def _superposed(on: score.Frame, base: Array, promising: Sequence[Screened]) -> 
             likelihood = score.log_likelihood(on, both)
             i, j = np.unravel_index(int(np.argmax(likelihood)), likelihood.shape)
             values = np.array([leaders[a].values[thin[a][i]], leaders[b].values[thin[b][j]]])
+            if likelihood[i, j] < alone + PROMISES:
+                continue
             found.append((float(likelihood[i, j]), Start((leaders[a].candidate, leaders[b].candidate), values)))
     out: dict[frozenset[str], Start] = {}
     for _, start in sorted(found, key=lambda item: -item[0]):
