@@ -36,6 +36,7 @@ from tiago_mj.gap.plant import Plant, plant_of
 from tiago_mj.gap.predict import Predictor
 from tiago_mj.gap.recording import Finding, RecordingError, Trial
 from tiago_mj.gap.result import Diagnosis, Explanation, Named, Overlay, Value
+from tiago_mj.gap.trials import cut
 
 Array = NDArray[np.float64]
 
@@ -94,12 +95,15 @@ def diagnose(
     """
     begun = time.monotonic()
     plant = plant_of(trials, env=env, model=model)
+    asis, trials = len(trials), _cut(plant, trials)
+    if len(trials) > asis:
+        plant = plant_of(trials, env=env, model=model)
     splits = split([trial.name for trial in trials])
     tested = [trial for trial in trials if trial.name in splits["test"]]
     asked = None if policy is None else task.ask(plant, tested, policy, trust=trust, seed=seed)
     if not any(trial.commands for trial in trials) or _torques_along_a_motion(trials):
         tick("inverse dynamics", 1)
-        return task.told(_along_the_motion(plant, trials, findings, seed), asked)
+        return task.told(_along_the_motion(plant, trials, findings, seed, names), asked)
     on = replay.grid(plant, trials)
     data = floor.collect(plant, trials, usable)
     if not data.channels:
@@ -169,6 +173,11 @@ def diagnose(
     if judged.kind == "no_gap":
         shown = shown[:1]
     notes = []
+    if len(trials) > asis:
+        notes.append(
+            f"The recording was cut into {len(trials)} trials: at its rests, or where it has too few of them into "
+            "parts with gaps between them."
+        )
     if not test:
         notes.append("There is no test trial, so no share of the gap can be said to be closed: record more than one.")
     if any(trial.efforts for trial in trials):
@@ -206,6 +215,14 @@ def diagnose(
     return task.told(found, asked, tick)
 
 
+def _cut(plant: Plant, trials: Sequence[Trial]) -> Sequence[Trial]:
+    """A lone long recording of a plain model as several trials; where an object is about, nobody knows how it stood in
+    between."""
+    if len(trials) > 1 or plant.environment is not None or not trials[0].commands:
+        return trials
+    return trials if _torques_along_a_motion(trials) else cut(trials[0])
+
+
 def _torques_along_a_motion(trials: Sequence[Trial]) -> bool:
     """Whether what is commanded is the efforts of joints whose motion was measured.
 
@@ -218,7 +235,9 @@ def _torques_along_a_motion(trials: Sequence[Trial]) -> bool:
     )
 
 
-def _along_the_motion(plant: Plant, trials: Sequence[Trial], findings: Sequence[Finding], seed: int) -> Diagnosis:
+def _along_the_motion(
+    plant: Plant, trials: Sequence[Trial], findings: Sequence[Finding], seed: int, names: Sequence[str] | None
+) -> Diagnosis:
     """Explain the efforts along the measured motion, or the commands where they are efforts."""
     if _torques_along_a_motion(trials):
         trials = [replace(trial, efforts={**trial.commands, **trial.efforts}) for trial in trials]
@@ -237,6 +256,7 @@ def _along_the_motion(plant: Plant, trials: Sequence[Trial], findings: Sequence[
         robot=plant.name,
         seed=seed,
         version=tiago_mj.__version__,
+        names=names,
     )
 
 

@@ -7,7 +7,7 @@ is how far the gap stands out of what remains of it when everything is in the mo
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import mujoco
 import numpy as np
@@ -25,21 +25,23 @@ def clearest(
     findings: Sequence[Finding],
     seed: int,
     known: Mapping[tuple[str, str | None], float],
+    names: Collection[str] | None = None,
 ) -> tuple[Usable, Evidence]:
     """Channels and evidence, the cut-off lowered from the highest for as long as the gap stands out more.
 
     Args:
         trials, model, joints, findings, seed: as for :func:`tiago_mj.gap.inverse.diagnose_inverse`.
         known: what the recordings say of the model's numbers.
+        names: effects to consider; None for all.
 
     Raises:
         RecordingError: as :func:`tiago_mj.gap.inverse.channels.choose` does at the highest cut-off.
         ValueError: the model lacks a joint.
     """
-    found = _at(HEADROOMS[0], trials, model, joints, findings, seed, known)
+    found = _at(HEADROOMS[0], trials, model, joints, findings, seed, known, names)
     for headroom in HEADROOMS[1:]:
         try:
-            lower = _at(headroom, trials, model, joints, findings, seed, known)
+            lower = _at(headroom, trials, model, joints, findings, seed, known, names)
         except RecordingError:
             break  # too short a recording for so long a filter
         same = lower[1].course.channels == found[1].course.channels
@@ -65,6 +67,7 @@ def _at(
     findings: Sequence[Finding],
     seed: int,
     known: Mapping[tuple[str, str | None], float],
+    names: Collection[str] | None = None,
 ) -> tuple[Usable, Evidence]:
     usable = choose(trials, model, joints, findings, headroom)
-    return usable, Evidence(usable.course, usable.torques, seed, known)
+    return usable, Evidence(usable.course, usable.torques, seed, known, names)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import mujoco
 import numpy as np
@@ -28,6 +28,7 @@ def diagnose_inverse(
     robot: str,
     seed: int,
     version: str,
+    names: Collection[str] | None = None,
 ) -> Diagnosis:
     """Which unmodelled effect makes a robot's joint efforts differ from what its model needs for the same motion.
 
@@ -40,6 +41,7 @@ def diagnose_inverse(
         robot: name for the report.
         seed: of the split and the bootstraps.
         version: of the package.
+        names: effects to consider; None for the whole library.
 
     Returns:
         The diagnosis. The noise floor is what the effort channels' noise leaves after the low-pass; "closed" is
@@ -56,7 +58,7 @@ def diagnose_inverse(
         np.nanmax(p) > np.nanmin(p) for trial in trials for p in trial.positions.values() if np.isfinite(p).any()
     ):
         raise RecordingError(f"{trials[0].source}: no joint moves: torque along a motion needs a motion")
-    usable, evidence = clearest(trials, model, joints, findings, seed, known_to(trials))
+    usable, evidence = clearest(trials, model, joints, findings, seed, known_to(trials), names)
     if len(evidence.blocks.names) < 2:
         files = ", ".join(dict.fromkeys(trial.source for trial in trials))
         raise RecordingError(f"{files}: the motion is too short to choose between explanations: record longer")
@@ -73,7 +75,7 @@ def diagnose_inverse(
 
     best = explained(verdict.best)
     left = [c for c, remains in enumerate(verdict.remains) if remains]
-    names = evidence.blocks.names
+    blocks = evidence.blocks.names
     return Diagnosis(
         kind=verdict.kind,
         best=best,
@@ -88,7 +90,7 @@ def diagnose_inverse(
         findings=(*findings, *usable.findings),
         next_motion=None,
         splits={
-            part: tuple(names[b] for b in getattr(evidence.blocks, part)) for part in ("train", "validation", "test")
+            part: tuple(blocks[b] for b in getattr(evidence.blocks, part)) for part in ("train", "validation", "test")
         },
         robot=robot,
         complete=True,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -58,14 +58,23 @@ class Evidence:
     """
 
     def __init__(
-        self, course: Course, torques: Torques, seed: int, known: Mapping[tuple[str, str | None], float] | None = None
+        self,
+        course: Course,
+        torques: Torques,
+        seed: int,
+        known: Mapping[tuple[str, str | None], float] | None = None,
+        names: Collection[str] | None = None,
     ) -> None:
         self.course, self.torques = course, torques
         cols = course.columns
         self.measured = course.stack("effort")
         self.nominal = torques.nominal[:, cols]
         self.moving = course.moving()[:, cols]
-        self.terms: tuple[Term, ...] = all_terms(torques, torques.nominal)
+        everything = all_terms(torques, torques.nominal)
+        stated = {effect for effect, _ in known or {}}
+        self.terms: tuple[Term, ...] = tuple(
+            t for t in everything if names is None or t.effect in names or t.effect in stated
+        )
         self.units = [per_unit(term, torques, torques.nominal) for term in self.terms]
         said = {k: deviation(known or {}, t.effect, t.target) for k, t in enumerate(self.terms) if not t.shape}
         self.given: dict[int, float] = {k: size for k, size in said.items() if size is not None}
