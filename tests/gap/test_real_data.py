@@ -1,0 +1,206 @@
+"""Public recordings of real servos, diagnosed: what is named, and that it is named for a reason.
+
+The data are not part of this package: these tests read them from the folder that TIAGO_MJ_REALDATA names, or from
+``shared/realdata`` beside the repository. TIAGo's arm is in test_inverse_diagnosis.py, the fingertip in
+test_ta11_story.py.
+"""
+
+import dataclasses
+import itertools
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tiago_mj.cli import main
+from tiago_mj.gap import lint
+from tiago_mj.gap.diagnose import diagnose
+from tiago_mj.gap.effects import EFFECTS
+from tiago_mj.gap.read import read_recordings
+from tiago_mj.gap.recording import RecordingError, Sidecar, Trial
+from tiago_mj.gap.stated import known_to
+from tiago_mj.gap.trials import correlation_time, cut, repeatability
+
+REALDATA = Path(os.environ.get("TIAGO_MJ_REALDATA", Path(__file__).parents[3] / "shared" / "realdata"))
+#: Rhoban/bam, bam/params/xl330/m1.json: reflected inertia [kg·m²] that its authors fitted to their own runs.
+PUBLISHED_ARMATURE = 0.0018
+#: Enough effects to be wrong with, few enough to be quick.
+SOME = ("coulomb_friction", "load_dependent_friction", "viscous_friction", "armature", "payload", "encoder_bias")
+
+
+def real(folder):
+    path = REALDATA / folder
+    if not path.is_dir():
+        pytest.skip(f"the real recordings {folder} are not here: set TIAGO_MJ_REALDATA to their folder")
+    return path
+
+
+@pytest.fixture(scope="module")
+def pendulum(tmp_path_factory):
+    out = tmp_path_factory.mktemp("xl330")
+    assert main(["import", "xl330", str(real("xl330_pendulum")), "--out", str(out)]) == 0
+    return read_recordings([out]).trials
+
+
+@pytest.fixture(scope="module")
+def wrist(tmp_path_factory):
+    out = tmp_path_factory.mktemp("so101")
+    motion = real("so101") / "step_response"
+    assert main(["import", "so101", str(motion), "--apart", "--out", str(out)]) == 0
+    assert {path.name for path in out.iterdir()} == {
+        *("Rotation", "Pitch", "Elbow"),
+        "Wrist_Pitch",
+        "Wrist_Roll",
+        "Jaw",
+    }
+    return read_recordings([out / "Wrist_Roll"]).trials
+
+
+def named(explanation):
+    return {effect.name for effect in explanation.effects}
+
+
+def diagnosed(trials, **options):
+    findings = lint.inspect(trials)
+    usable = frozenset.intersection(*(lint.usable(trial, findings) for trial in trials))
+    return diagnose(trials, findings=findings, usable=usable, threads=2, **options)
+
+
+# XL-330 ---------------------------------------------------------------------------------------------------------------
+
+
+def test_the_pendulums_servo_rubs_and_reflects_its_rotors_inertia(pendulum):
+    found = diagnosed(pendulum, names=SOME)
+    assert found.kind in ("effect", "ambiguous")
+    for explanation in (found.best, *found.alternatives):
+        assert "friction" in {EFFECTS[name].gap_class for name in named(explanation)}
+        assert "armature" in named(explanation)
+    armature = next(e for e in found.best.effects if e.name == "armature").parameters["mass"]
+    # Two motors of one type and two ways to fit: within a half of the published, and well away from none.
+    assert abs(armature.value / PUBLISHED_ARMATURE - 1) < 0.5
+    assert armature.low > 0
+    assert found.shrink.closed > 0.9
+    assert found.splits["test"]
+    assert any("known to" in note and "torque_constant" in note for note in found.notes)  # never named
+
+
+def test_torques_of_other_trajectories_do_not_name_the_pendulums_friction(pendulum):
+    """The same numbers in another order: each trajectory with the torques of another."""
+    efforts = [trial.commands["pendulum"] for trial in pendulum]
+    torn = []
+    for k, trial in enumerate(pendulum):
+        other = efforts[(k + 2) % len(efforts)]
+        other = np.interp(np.linspace(0, 1, len(trial.time)), np.linspace(0, 1, len(other)), other)
+        torn.append(dataclasses.replace(trial, commands={"pendulum": other}, efforts={"pendulum": other}))
+    found = diagnosed(torn, names=SOME)
+    assert found.kind in ("unknown", "no_gap") or (found.shrink.closed or 0.0) < 0.5
+
+
+def test_a_pendulum_that_counts_the_other_way_is_told_so(pendulum):
+    flipped = [
+        dataclasses.replace(trial, efforts={"pendulum": -trial.efforts["pendulum"]}, commands={}) for trial in pendulum
+    ]
+    kept = [trial for trial in flipped if not trial.name.startswith("lift_and_drop")]
+    found = diagnosed(kept, names=SOME)
+    assert "sign" in {finding.code for finding in found.findings}
+
+
+# SO-101 ---------------------------------------------------------------------------------------------------------------
+
+
+def test_the_lint_of_a_servo_alone_finds_the_unsigned_torque_and_the_encoders_step(wrist):
+    findings = lint.inspect(wrist)
+    assert "effort.Wrist_Roll" in {f.channel for f in findings if f.code == "unsigned"}
+    said = {f.message for f in findings if f.code == "quantum" and f.channel == "position.Wrist_Roll"}
+    assert any("0.001534" in message for message in said)
+
+
+def test_the_wrist_of_the_small_arm_rubs(wrist):
+    names = ("coulomb_friction", "viscous_friction", "command_delay", "payload")
+    found = diagnosed(wrist, names=names, budget=0.0)
+    assert any(EFFECTS[effect.name].gap_class == "friction" for effect in found.best.effects)
+    assert found.shrink.closed > 0.5
+
+
+def test_commands_of_another_joint_do_not_explain_the_wrist(wrist, tmp_path):
+    names = ("coulomb_friction", "viscous_friction", "command_delay", "payload")
+    torn = [
+        dataclasses.replace(trial, commands={"Wrist_Roll": other.commands["Wrist_Roll"][: len(trial.time)]})
+        for trial, other in zip(wrist, (*wrist[3:], *wrist[:3]), strict=True)
+        if len(other.time) >= len(trial.time)
+    ]
+    findings = lint.inspect(torn)
+    try:
+        lint.refuse(torn, findings)
+        found = diagnosed(torn, names=names, budget=0.0)
+    except RecordingError:
+        return
+    assert found.kind == "unknown" or (found.shrink.closed or 0.0) < 0.5
+
+
+# Without the data -----------------------------------------------------------------------------------------------------
+
+
+def recording(command, rate=50.0, lag=5):
+    time = np.arange(len(command)) / rate
+    position = np.concatenate([np.full(lag, command[0]), command[:-lag]])
+    side = Sidecar("tiago_mj.recording/1", "long", "servo.xml", rate, "position", None, None, None, None)
+    return Trial("long", time, {"hinge": command}, {"hinge": position}, {}, {}, {}, side, "long.parquet")
+
+
+def test_a_long_recording_is_cut_where_it_rests():
+    swing = np.sin(np.arange(500) / 50 * 2)
+    swing[-1] = 0.0
+    whole = recording(np.concatenate([np.r_[swing, np.full(100, swing[-1])] for _ in range(4)]))
+    parts = cut(whole)
+    assert len(parts) == 4
+    for part in parts:
+        assert part.time[0] == 0.0
+        start = part.sidecar.raw["cut_from_s"][0]
+        row = int(np.searchsorted(whole.time, start))
+        assert part.sidecar.initial["position"]["hinge"] == whole.positions["hinge"][row]
+        assert abs(part.sidecar.initial.get("velocity", {}).get("hinge", 0.0)) < 0.3  # rad/s: it rested
+    assert len({part.name for part in parts}) == 4
+
+
+def test_one_without_rests_is_cut_into_blocks_farther_apart_than_its_error_lasts():
+    whole = recording(np.sin(np.arange(3000) / 50 * 3))
+    parts = cut(whole)
+    assert len(parts) >= 4
+    ends = [part.sidecar.raw["cut_from_s"] for part in parts]
+    gap = min(correlation_time(whole), 2.5)  # no more is given up than a quarter of a part
+    for (_, end), (begin, _) in itertools.pairwise(ends):
+        assert begin - end >= gap - 0.03
+    middle = parts[1]
+    row = int(np.searchsorted(whole.time, ends[1][0]))
+    speed = np.gradient(whole.positions["hinge"], whole.time)[row]
+    assert middle.sidecar.initial["velocity"]["hinge"] == pytest.approx(speed, rel=0.02)
+    assert middle.sidecar.initial["set_point"]["hinge"] == whole.commands["hinge"][row]
+
+
+def test_a_short_recording_stays_whole():
+    whole = recording(np.sin(np.arange(500) / 50))
+    assert cut(whole) == (whole,)
+
+
+def test_what_comes_back_differently_each_time_is_how_well_a_position_is_known():
+    random = np.random.default_rng(0)
+    command = np.tile(np.sin(np.arange(200) / 200 * 2 * np.pi), 20)
+    whole = recording(command)
+    noisy = dataclasses.replace(whole, positions={"hinge": whole.positions["hinge"] + 0.01 * random.normal(size=4000)})
+    assert repeatability([noisy], "hinge") == pytest.approx(0.01, rel=0.05)
+    assert repeatability([recording(np.cumsum(random.normal(size=2000)))], "hinge") == 0.0  # nothing comes again
+
+
+def test_how_well_a_number_is_known_is_read_from_the_sidecars():
+    whole = recording(np.sin(np.arange(200) / 50))
+    said = dataclasses.replace(whole.sidecar, raw={"uncertainty": {"torque_constant": 0.3, "position": 0.01}})
+    known = dataclasses.replace(whole, sidecar=said)
+    assert known_to([known]) == {("torque_constant", None): 0.3}
+    wrong = dataclasses.replace(whole, sidecar=dataclasses.replace(said, raw={"uncertainty": {"armature": -1}}))
+    with pytest.raises(RecordingError, match=r"uncertainty\.armature"):
+        known_to([wrong])
+    other = dataclasses.replace(said, raw={"uncertainty": {"torque_constant": 0.1}})
+    with pytest.raises(RecordingError, match="torque_constant"):
+        known_to([known, dataclasses.replace(known, sidecar=other)])
