@@ -28,7 +28,7 @@ def scalar(env: Any, limit: int, joints: int, seconds: float, seeded: bool, boun
     while len(moving) < 4 or time.perf_counter() - begin < seconds:
         given = closing if len(moving) % 2 else rng.uniform(-bound, bound, (limit, joints)).astype(np.float32)
         t0 = time.perf_counter()
-        env.reset(seed=len(moving)) if seeded else env.reset()
+        env.reset(seed=0) if seeded and not moving else env.reset()
         t1 = time.perf_counter()
         for action in given:
             env.step(action)

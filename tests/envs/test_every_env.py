@@ -187,7 +187,7 @@ def test_without_visual_geoms_the_same_happens(env):
     for _ in range(20):
         action = rng.uniform(-1, 1, env.action_space.shape)
         observation, expected = bare.step(action)[0], env.step(action)[0]
-        # The same to the last bit but where the PAL gripper is closed: its pads just touch, so that the last bit decides
+        # The same to the last bit but where the PAL gripper is closed: its pads just touch, so the last bit decides
         # whether there is a contact; velocities [m/s, rad/s] then differ by 0.001.
         np.testing.assert_allclose(flat(observation), flat(expected), atol=2e-3)
     with pytest.raises(ValueError, match="nothing to see"):

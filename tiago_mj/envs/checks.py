@@ -22,10 +22,13 @@ def action_in_range(action: Any, joints: Sequence[str]) -> Array:
         ValueError: it is not numeric, of another shape, or not finite.
     """
     shape = (len(joints),)
-    try:
-        given = np.asarray(action)
-    except ValueError:  # a ragged list
-        given = np.asarray(None)
+    if isinstance(action, np.ndarray):
+        given = action
+    else:
+        try:
+            given = np.asarray(action)
+        except ValueError:  # a ragged list
+            given = np.asarray(None)
     if given.dtype.kind not in "biuf":
         raise ValueError(f"action {action!r} is not numeric: give {len(joints)} numbers from -1 to 1")
     if given.shape != shape:

@@ -70,7 +70,7 @@ class RobotEnv(MujocoRobotEnv):  # type: ignore[misc]
             ``calibration.yaml`` (docs/effects.md).
         load_cells: read them even where there is no object; with an object they are always read.
         visual: whether the model has the geoms that are only seen. Without them physics is faster (docs/speed.md) and
-            nothing can be rendered; nothing else depends on them, but for the last digits of a contact that just begins.
+            nothing can be rendered; nothing else depends on them but the last digits of a contact that just begins.
         render_mode: ``rgb_array``, ``depth_array``, ``human`` or None.
         width, height: of rendered frames [pixel].
 
@@ -223,6 +223,7 @@ class RobotEnv(MujocoRobotEnv):  # type: ignore[misc]
             held=self.FINGERS_HELD,
         )
         self.velocity_limit = self.drive.velocity_limit
+        self._actuated = np.array(self.model.jnt_qposadr[self.model.actuator_trnid[:, 0]])
         self._ctrl = np.array([self.model.actuator(name).id for name in self.joints])
         self._range = np.stack([self.drive.low, self.drive.high], axis=1)
         self._qpos_address = np.array([self.model.joint(name).qposadr[0] for name in self.joints])
@@ -289,7 +290,7 @@ class RobotEnv(MujocoRobotEnv):  # type: ignore[misc]
 
     def _start_act(self, qpos: Array) -> Array:
         """The servos' set points at the start: where their joints are, (..., na)."""
-        points: Array = qpos[..., self.model.jnt_qposadr[self.model.actuator_trnid[:, 0]]]
+        points: Array = qpos[..., self._actuated]
         return points
 
     def _settle(self, place: Array) -> None:
