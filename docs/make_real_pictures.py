@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import matplotlib as mpl
-from threadpoolctl import threadpool_limits
+from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from tiago_mj.gap import lint
 from tiago_mj.gap.diagnose import diagnose
@@ -51,7 +51,7 @@ def picture(found: Diagnosis, path: Path) -> None:
             axis.set_ylabel(overlay.units[name])
             if row == len(channels) - 1:
                 axis.set_xlabel("time [s]")
-    axes[0, 0].legend(frameon=False, fontsize=8)
+    axes[0, 0].legend(frameon=False, fontsize=8, markerscale=4)
     figure.savefig(path, dpi=80)
     plt.close(figure)
 
