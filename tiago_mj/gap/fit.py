@@ -47,6 +47,7 @@ class Fitted:
         evidence: log of the probability of the recordings under the explanation.
         prior: part of it that does not rest on how well the recordings are met: how far the nominal numbers had to go,
             and how much of what an effect might have been is left.
+        lasting: mean square of the worst channel's residual over blocks, see :func:`score.lasting`.
         misfit: mean squared residual of the worst channel, in units of floor and tolerance.
     """
 
@@ -57,6 +58,7 @@ class Fitted:
     evidence: float
     misfit: float
     prior: float = 0.0
+    lasting: float = 0.0
 
     def effects(self) -> tuple[Entry, ...]:
         """The effects at their magnitudes, without the nuisances."""
@@ -290,6 +292,7 @@ class Fitter:
             float(evidence + prior),
             float(self._misfit(base).max(initial=0.0)),
             float(prior),
+            float(np.nan_to_num(score.lasting(self.data, self.data.value - base)).max(initial=0.0)),
         )
 
     def _misfit(self, predicted: Array) -> Array:

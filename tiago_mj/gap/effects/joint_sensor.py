@@ -70,7 +70,7 @@ class EncoderQuantization(Effect):
     Source: so101.
     """
 
-    step = parameter(LENGTH, identity=0.0, default=0.0005, bounds=(0.0, 0.005))
+    step = parameter(LENGTH, identity=0.0, default=0.0005, bounds=((0.0, 0.005), (0.0, 0.1)))
 
     def measure_position(self, position: Array, now: Now) -> Array:
         return rounded(position, self.step)
