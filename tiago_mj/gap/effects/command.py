@@ -145,7 +145,7 @@ class CommandDeadband(Effect):
     Source: force_vs_displacement; llach/learning_fc sends no command below 0.3 mm.
     """
 
-    width = parameter(LENGTH, identity=0.0, default=0.0003, bounds=(0.0, 0.003))
+    width = parameter(LENGTH, identity=0.0, default=0.0003, bounds=((0.0, 0.003), (0.0, 0.03)))
 
     def start(self, now: Now) -> None:
         self._value = now.set_point.copy()
@@ -168,7 +168,7 @@ class CommandQuantization(Effect):
     Source: so101.
     """
 
-    step = parameter(LENGTH, identity=0.0, default=0.0005, bounds=(0.0, 0.003))
+    step = parameter(LENGTH, identity=0.0, default=0.0005, bounds=((0.0, 0.003), (0.0, 0.03)))
 
     def set_point(self, target: Array, now: Now) -> Array:
         return rounded(target, self.step)
