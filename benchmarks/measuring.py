@@ -116,6 +116,7 @@ def save_samples(name: str, samples: Mapping[str, Sequence[float]]) -> Path:
     for key, values in samples.items():
         metadata = {"name": key, "unit": "second"}
         suite.append(pyperf.Benchmark([pyperf.Run([v], metadata=metadata, collect_metadata=False) for v in values]))
+    RESULTS.mkdir(exist_ok=True)
     path = RESULTS / f"{name}.pyperf.json"
     pyperf.BenchmarkSuite(suite).dump(str(path), replace=True)
     return path

@@ -1,0 +1,139 @@
+"""Write the measured speeds into README.md and docs/speed.md.
+
+    python benchmarks/speed_tables.py
+
+Every table stands between two comments that name its results file and is made of nothing else; a table whose file is
+missing stays as it is.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from machine import RESULTS
+
+ROOT = Path(__file__).parents[1]
+PAGES = (ROOT / "README.md", ROOT / "docs" / "speed.md")
+
+
+def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    lines = [head, ["---"] * len(head), *rows]
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+
+
+def made_on(found: dict[str, Any]) -> str:
+    machine = found["machine"]
+    return (
+        f"`{found['command']}` on {machine['cores']} cores of an {machine['processor']}, Python {machine['python']}, "
+        f"mujoco {machine['mujoco']}, commit {machine['commit']}."
+    )
+
+
+def steps(found: dict[str, Any]) -> str:
+    rows = []
+    for name, row in found["results"].items():
+        for load, f in row["loads"].items():
+            rows.append(
+                [
+                    f"`{name}`",
+                    load,
+                    f"{f['scalar_steps_per_second']:,.0f}",
+                    f"{f['vector_steps_per_second']:,.0f}",
+                    f"{f['vector_share_of_limit']:.0%}",
+                    f"{f['reset_ms']:.2f} ms",
+                    f"{row['scalar_mb']:.0f} MB",
+                    f"{row['mb_per_simulation'] * 1e3:.0f} kB",
+                ]
+            )
+    first = next(iter(found["results"].values()))
+    head = ("environment", "load", "scalar [steps/s]", f"vector, {first['num_envs']} simulations [steps/s]")
+    head = (*head, "share of the limit", "reset", "memory, scalar", "more a simulation")
+    return table(head, rows)
+
+
+def scaling(found: dict[str, Any]) -> str:
+    parts = []
+    for name, row in found["results"].items():
+        threads = sorted({r["threads"] for r in row["rows"]})
+        cells = {(r["threads"], r["num_envs"]): r for r in row["rows"]}
+        rows = []
+        for count in sorted({r["num_envs"] for r in row["rows"]}):
+            texts = []
+            for t in threads:
+                cell = cells.get((t, count))
+                texts.append(f"{cell['steps_per_second']:,.0f} ({cell['share_of_limit']:.0%})" if cell else "")
+            rows.append([str(count), *texts])
+        alone = row["mujoco_alone_steps_per_second"]
+        parts.append(
+            f"`{name}`; MuJoCo alone on one thread: {alone:,.0f} control steps/s.\n\n"
+            + table(["simulations", *(f"{t} thread{'s' * (t > 1)}" for t in threads)], rows)
+        )
+    return "\n\n".join(parts)
+
+
+def peers(found: dict[str, Any]) -> str:
+    rows = []
+    for label, row in found["results"]["rows"].items():
+        ratio = f"{row['times']:.1f} × {row['beside']}" if row["times"] else ""
+        reset = f"{row['reset_ms']:.2f} ms" if "reset_ms" in row else ""
+        faster = f" ({row['reset_times_faster']:.0f} × faster)" if row["reset_times_faster"] else ""
+        many = f"{row['num_envs']}" if row["num_envs"] > 1 else ""
+        rate = f"{row['steps_per_second']:,.0f}"
+        rows.append([label, many, rate, f"{row['times_real_time']:,.0f}", ratio, reset + faster])
+    return table(("contender", "at once", "steps/s", "× real time", "ratio", "reset"), rows)
+
+
+def physics(found: dict[str, Any]) -> str:
+    parts = []
+    for robot, listed in found["results"]["robots"].items():
+        base = listed[0]["us_of_a_control_step"]
+        rows = []
+        for row in listed:
+            if "refused" in row:
+                rows.append([row["choice"], "", "", "", "refused: the contact would be unstable"])
+                continue
+            curve = f"{row['rms']:.1%}, {row['p95']:.1%}" if "rms" in row else ""
+            spent = row["us_of_a_control_step"]
+            rows.append(
+                [
+                    row["choice"],
+                    f"{row['open_us']:.1f} ({row['open_contacts']})",
+                    f"{row['grasp_us']:.1f} ({row['grasp_contacts']})",
+                    f"{spent:.1f} ({spent / base - 1:+.0%})",
+                    curve,
+                ]
+            )
+        head = ("choice", "step, open [µs] (contacts)", "step, grasp [µs] (contacts)", "control step [µs]")
+        parts.append(f"`{robot}`:\n\n" + table((*head, "force curve: rms, 95 %"), rows))
+    return "\n\n".join(parts)
+
+
+TABLES: dict[str, Callable[[dict[str, Any]], str]] = {
+    "steps_per_second": steps,
+    "scaling": scaling,
+    "peers": peers,
+    "physics": physics,
+}
+
+
+def main() -> None:
+    for page in PAGES:
+        text = page.read_text(encoding="utf-8")
+        for name, make in TABLES.items():
+            path = RESULTS / f"{name}.json"
+            mark = f"<!-- speed: {name} -->"
+            if mark not in text or not path.exists():
+                continue
+            found = json.loads(path.read_text())
+            body = f"{mark}\n{make(found)}\n\n{made_on(found)}\n<!-- speed: end -->"
+            text = re.sub(re.escape(mark) + r".*?<!-- speed: end -->", lambda _, b=body: b, text, flags=re.S)
+            print(f"{page.name}: {name}")
+        page.write_text(text, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
