@@ -18,62 +18,39 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm
 
-from tiago_mj.gap import floor, hypotheses, motions, replay, score
+from tiago_mj.gap import hypotheses, score
 from tiago_mj.gap.effects.spec import Entry
 from tiago_mj.gap.fit import NUDGE, REACH, Fitted
 from tiago_mj.gap.floor import Data
 from tiago_mj.gap.hypotheses import Term
-from tiago_mj.gap.motions.menu import OPEN, items
 from tiago_mj.gap.plant import Plant
-from tiago_mj.gap.predict import Predictor
-from tiago_mj.gap.record.motion import Motion, read_motion
 from tiago_mj.gap.recording import Trial
+from tiago_mj.gap.rehearse import Rehearsal, rehearse, with_numerics
 from tiago_mj.gap.result import NextMotion
 from tiago_mj.gap.traces import MEASURES
 from tiago_mj.gap.verdict import RIVAL, TEMPERATURE, classes_of
-from tiago_mj.models import names
 
 Array = NDArray[np.float64]
+Effects = tuple[Entry, ...]
 Worth = tuple[int, float]
 
-#: Longest motion that is considered [s], and seconds of motion of all that are looked at closely.
-LONGEST: Final = 6.5
+#: Seconds of motion that are looked at closely, the most promising first.
 CLOSELY: Final = 15.0
 #: Explanations that are compared, the most probable first.
 RIVALS: Final = 4
 #: Errors of a model last for at least so long [s], whatever the recordings' noise: samples in between count once.
 CORRELATED: Final = 0.1
-#: Fingers that begin farther than this from where the menu's motions begin are opened first [m].
-ELSEWHERE: Final = 1e-3
-#: A motion is not proposed if the servos would press harder than this share of their limits.
-PRESS: Final = 0.85
 #: A magnitude may be anywhere within its bounds: weight of its distance, in units of them, beside a nuisance's.
 FREE: Final = 1e-6
 #: A pair is said to be resolved from this probability on.
 LIKELY: Final = 0.5
-
-
-@dataclass(frozen=True)
-class _Tried:
-    """A motion with the predictions of the rivals, whitened, (nrivals, n)."""
-
-    file: str
-    motion: Motion
-    predict: Predictor
-    data: Data
-    white: Array
-
-    @property
-    def seconds(self) -> float:
-        """How long it takes."""
-        return float(self.motion.time[-1])
 
 
 def next_motion(
@@ -99,11 +76,11 @@ def next_motion(
         probability: of each, up to its classes; only their ratios matter.
         seed: of effects that draw at random.
         threads: of the simulations; the answer does not depend on it.
-        until: instant of ``time.monotonic()`` at which the best so far is given.
+        until: instant of ``time.monotonic()`` after which nothing more is begun.
 
     Returns:
-        The motion; None where the rivals are all of one class, or no motion of the menu fits the robot, or none has any
-        chance.
+        The motion; None where the rivals are all of one class, no motion of the menu fits the robot, none has any
+        chance, or time ran out.
     """
     rivals, share = list(rivals[:RIVALS]), np.array(probability[:RIVALS], dtype=float)
     if len({classes_of(fit) for fit in rivals}) < 2 or plant.relative or not share.sum() > 0:
@@ -114,132 +91,65 @@ def next_motion(
     weight = np.minimum(weight, np.sqrt(min(plant.period / CORRELATED, 1.0)))
     temperature = TEMPERATURE * max(1.0, min(fit.misfit for fit in rivals))
     terms = [term for term in hypotheses.terms(plant) if not term.per_trial]
-    tried: list[tuple[Worth, _Tried]] = []
-    plant = _opened(plant, like)
-    for file, motion in _applicable(plant):
-        if _late(until):
-            break
-        one = _try(plant, like, data, weight, rivals, terms, file, motion, seed, threads)
-        tried.append((_worth(_apart(one), share, temperature, rivals), one))
-    tried.sort(key=lambda item: item[0], reverse=True)
-    best: tuple[Worth, _Tried, Array] | None = None
-    spent = 0.0
-    for bound, one in tried:
-        # What refitting leaves is at most what there was before it.
-        if (best is not None and bound <= best[0]) or spent > CLOSELY or (best is not None and _late(until)):
-            break
-        if not _safe(plant, one, rivals, terms, seed, threads):
-            continue
-        spent += one.seconds
-        distance = _remaining(one, weight, rivals, terms)
-        worth = _worth(distance, share, temperature, rivals)
-        if best is None or worth > best[0]:
-            best = worth, one, distance
-    if best is None or best[0][0] <= 0:
+    explanations = [_entries(fit, terms) for fit in rivals]
+    menu = rehearse(plant, like, data, explanations, seed=seed, threads=threads)
+    if menu is None or not menu.harmless.any() or _late(until):
         return None
-    chance = _chance(best[2], share, temperature, rivals)
-    return NextMotion(best[1].file, _resolved(best[2], share, temperature, rivals), chance)
+    menu = menu.only(np.nonzero(menu.harmless)[0])
+    # What refitting leaves is at most what there was before it.
+    bounds = [_worth(distance, share, temperature, rivals) for distance in _apart(menu, weight)]
+    closely: list[int] = []
+    for k in sorted(range(len(bounds)), key=lambda k: bounds[k], reverse=True):
+        if sum(float(menu.motions[j].time[-1]) for j in closely) < CLOSELY:
+            closely.append(k)
+    menu = with_numerics(menu.only(closely))
+    if _late(until):
+        return None
+    distances = _remaining(menu, weight, rivals, terms)
+    worths = [_worth(distance, share, temperature, rivals) for distance in distances]
+    best = max(range(len(worths)), key=lambda k: worths[k])
+    if worths[best][0] <= 0:
+        return None
+    chance = _chance(distances[best], share, temperature, rivals)
+    return NextMotion(menu.files[best], _resolved(distances[best], share, temperature, rivals), chance)
 
 
 def _late(until: float | None) -> bool:
     return until is not None and time.monotonic() > until
 
 
-# Motions -------------------------------------------------------------------------------------------------------------
-
-
-def _applicable(plant: Plant) -> list[tuple[str, Motion]]:
-    """Motions of the menu for the plant's joints and interface, at the rate nearest to its own."""
-    rate = min(motions.RATES, key=lambda r: abs(np.log(r * plant.period)))
-    out = []
-    for item in items():
-        if item.interface != plant.wiring.interface or item.seconds > LONGEST:
-            continue
-        if set(item.shapes) <= set(plant.actuators):
-            file = motions.file_name(item.name, rate)
-            out.append((file, read_motion(motions.FOLDER / file)))
-    return out
-
-
-def _opened(plant: Plant, like: Trial) -> Plant:
-    """The plant with the fingers where the menu's motions begin, unless the trial begins there anyway."""
-    start = plant.starts[like.name]
-    qpos, set_point = start.qpos.copy(), start.set_point.copy()
-    for k, name in enumerate(plant.actuators):
-        if name in names.FINGERS and abs(set_point[k] - OPEN) > ELSEWHERE:
-            qpos[plant.wiring.qpos[plant.wiring.targets.actuated[k]]] = set_point[k] = OPEN
-    return replace(plant, starts={**plant.starts, like.name: replace(start, qpos=qpos, set_point=set_point)})
-
-
-def _trial(plant: Plant, like: Trial, motion: Motion) -> Trial:
-    rate = 1 / plant.period
-    steps = motion.steps(rate)
-    commands = {name: np.append(values, np.nan) for name, values in motion.at(rate).items()}
-    time = np.arange(steps + 1, dtype=np.float64) * plant.period
-    return replace(like, time=time, commands=commands)
-
-
-def _try(
-    plant: Plant,
-    like: Trial,
-    data: Data,
-    weight: Array,
-    rivals: Sequence[Fitted],
-    terms: Sequence[Term],
-    file: str,
-    motion: Motion,
-    seed: int,
-    threads: int,
-) -> _Tried:
-    on = replay.grid(plant, [_trial(plant, like, motion)])
-    shape = (1, on.commands.shape[1] + 1, len(data.channels))
-    rows = replace(data, value=np.zeros(shape), sigma=np.ones(shape), common=np.zeros(shape))
-    predict = Predictor(plant, on, rows, threads, seed)
-    predicted = predict.all_trials([(), *(_entries(fit, terms) for fit in rivals)], [0])
-    sigma, common = floor.sigma(predicted[0], data.noise, data.channels, plant.period)
-    rows = replace(rows, sigma=sigma, common=common)
-    white = score.whiten(rows, predicted[1:], weight).reshape(len(rivals), -1)
-    return _Tried(file, motion, predict, rows, white)
-
-
-def _safe(plant: Plant, one: _Tried, rivals: Sequence[Fitted], terms: Sequence[Term], seed: int, threads: int) -> bool:
-    """Whether no servo that the motion moves comes near its limit, whichever explanation is true."""
-    explanations = [(), *(_entries(fit, terms) for fit in rivals)]
-    true = replay.simulate(
-        plant, one.predict.on, [(0, effects) for effects in explanations], threads=threads, seed=seed
-    )
-    moved = [plant.actuators.index(name) for name in one.motion.commands]
-    servos = np.array(plant.wiring.actuators)[moved]
-    limited = plant.model.actuator_forcelimited[servos] > 0
-    limit = np.where(limited, plant.model.actuator_forcerange[servos, 1], np.inf)
-    effort = np.abs(true.effort[:, :, np.array(plant.wiring.targets.actuated)[moved]]).max(axis=(0, 1))
-    return bool((effort <= PRESS * limit).all())
-
-
-def _entries(fit: Fitted, terms: Sequence[Term], nudged: int | None = None) -> tuple[Entry, ...]:
-    """An explanation with its nuisances, as far as all trials share them; one of them a little further."""
+def _entries(fit: Fitted, terms: Sequence[Term]) -> Effects:
+    """An explanation with its nuisances, as far as all trials share them."""
     entries = list(fit.effects())
     for k, term in enumerate(terms):
-        deviations = (float(fit.nuisance[k]) if len(fit.nuisance) else 0.0) + (NUDGE if k == nudged else 0.0)
-        if deviations:
-            entries.append(term.entry(deviations))
+        if len(fit.nuisance) and fit.nuisance[k]:
+            entries.append(term.entry(float(fit.nuisance[k])))
     return tuple(entries)
 
 
 # Distances -----------------------------------------------------------------------------------------------------------
 
 
-def _apart(one: _Tried) -> Array:
-    """Squared distances before refitting, (nrivals, nrivals)."""
-    return np.asarray(((one.white[:, None] - one.white[None]) ** 2).sum(axis=-1))
+def _white(menu: Rehearsal, weight: Array, predicted: Array) -> Array:
+    """Whitened, (nmotions, nexplanations, n)."""
+    white = score.whiten(menu.data, predicted, weight)
+    return np.asarray(white.reshape(*white.shape[:2], -1).swapaxes(0, 1))
 
 
-def _remaining(one: _Tried, weight: Array, rivals: Sequence[Fitted], terms: Sequence[Term]) -> Array:
-    """Squared distances after the second of a pair was refitted to the first, (nrivals, nrivals)."""
-    explanations: list[tuple[Entry, ...]] = []
-    steps: list[list[float]] = []  # of each rival: of its magnitudes, in units of their bounds, then of the nuisances
-    for fit in rivals:
-        steps.append([])
+def _apart(menu: Rehearsal, weight: Array) -> list[Array]:
+    """Squared distances before refitting, (nrivals, nrivals), by motion."""
+    return [((p[:, None] - p[None]) ** 2).sum(axis=-1) for p in _white(menu, weight, menu.predicted)]
+
+
+def _remaining(menu: Rehearsal, weight: Array, rivals: Sequence[Fitted], terms: Sequence[Term]) -> list[Array]:
+    """Squared distances after the second of a pair was refitted to the first, (nrivals, nrivals), by motion.
+
+    The responses to nuisances are those of the nominal simulator.
+    """
+    explanations: list[Effects] = []
+    owner: list[int] = []
+    scale: list[float] = []  # steps of magnitudes, in units of their bounds, then of the nuisances
+    for r, fit in enumerate(rivals):
         for k, part in enumerate(fit.parts):
             if part.effect in MEASURES:
                 continue  # the readings say by themselves how large it is
@@ -247,22 +157,29 @@ def _remaining(one: _Tried, weight: Array, rivals: Sequence[Fitted], terms: Sequ
             step = max(0.02 * abs(float(fit.values[k])), min(float(fit.deviations[k]), 0.1 * span), REACH * span)
             values = fit.values.copy()
             values[k] += step if values[k] + step <= part.high else -step
-            steps[-1].append(float(values[k] - fit.values[k]) / span)
             explanations.append(_entries(replace(fit, values=values), terms))
-        explanations += [_entries(fit, terms, nudged=k) for k in range(len(terms))]
-    predicted = one.predict.all_trials(explanations, [0])
-    there = score.whiten(one.data, predicted, weight).reshape(len(explanations), -1)
-    here = one.white
-    out, used = np.zeros((len(rivals), len(rivals))), 0
-    for s, magnitudes in enumerate(steps):
-        free = len(magnitudes)
-        scale = np.array([*magnitudes, *[NUDGE] * len(terms)])
-        columns = ((there[used : used + len(scale)] - here[s]) / scale[:, None]).T
-        used += len(scale)
-        prior = np.array([*[FREE] * free, *[1.0] * len(terms)])
-        difference = (here - here[s]).T
-        moved = np.linalg.solve(columns.T @ columns + np.diag(prior), columns.T @ difference)
-        out[:, s] = ((difference - columns @ moved) ** 2).sum(axis=0) + (prior[:, None] * moved**2).sum(axis=0)
+            owner.append(r)
+            scale.append(float(values[k] - fit.values[k]) / span)
+    magnitudes = len(owner)
+    explanations += [(term.entry(NUDGE),) for term in terms]
+    owner += [len(rivals)] * len(terms)
+    scale += [NUDGE] * len(terms)
+    prior = np.array([*[FREE] * magnitudes, *[1.0] * len(terms)])
+    out = []
+    from_here = np.concatenate([menu.predicted, menu.nominal[None]])
+    for here, there in zip(
+        _white(menu, weight, from_here), _white(menu, weight, menu.predict(explanations)), strict=True
+    ):
+        columns = ((there - here[owner]) / np.array(scale)[:, None]).T
+        distance = np.zeros((len(rivals), len(rivals)))
+        for s in range(len(rivals)):
+            own = [k for k in range(len(owner)) if k >= magnitudes or owner[k] == s]
+            response, weights = columns[:, own], prior[own]
+            difference = (here[: len(rivals)] - here[s]).T
+            moved = np.linalg.solve(response.T @ response + np.diag(weights), response.T @ difference)
+            left = difference - response @ moved
+            distance[:, s] = (left**2).sum(axis=0) + (weights[:, None] * moved**2).sum(axis=0)
+        out.append(distance)
     return out
 
 
