@@ -91,6 +91,7 @@ class VectorRobotEnv(VectorEnv[Any, Any, Any]):
         self._everyone.flags.writeable = False
         self._begun = np.zeros(self.num_envs, dtype=bool)
         self._ended = np.zeros(self.num_envs, dtype=bool)
+        self._ready = self._over = False  # whether all have begun, and whether any has ended
         self._diverged = np.zeros(self.num_envs, dtype=np.int64)
 
     # gymnasium's interface ------------------------------------------------------------------------------------------
@@ -143,7 +144,7 @@ class VectorRobotEnv(VectorEnv[Any, Any, Any]):
         command, refused = given.actions_in_range(actions, self._shape)
         self._check_begun()
         starting = None
-        if self.autoreset_mode == AutoresetMode.NEXT_STEP and self._ended.any():
+        if self._over and self.autoreset_mode == AutoresetMode.NEXT_STEP:
             starting = self._ended.copy()
         if refused is not None and starting is not None:
             refused = refused & ~starting  # their actions are not used
@@ -163,6 +164,7 @@ class VectorRobotEnv(VectorEnv[Any, Any, Any]):
         if starting is not None:
             reward[starting], terminated[starting], truncated[starting] = 0.0, False, False
         self._ended = terminated | truncated
+        self._over = bool(self._ended.any())
         observation, info = self._at_end(observation, facts)
         if refused is not None:
             info["action_refused"], info["_action_refused"] = refused, self._everyone
@@ -204,9 +206,9 @@ class VectorRobotEnv(VectorEnv[Any, Any, Any]):
         return np.broadcast_to(self.core._checked_goal(goal), (self.num_envs, size))
 
     def _check_begun(self) -> None:
-        if not self._begun.all():
+        if not self._ready:
             raise error.ResetNeeded("reset() must be called before step()")
-        if self.autoreset_mode == AutoresetMode.DISABLED and self._ended.any():
+        if self._over and self.autoreset_mode == AutoresetMode.DISABLED:
             rows = np.flatnonzero(self._ended).tolist()
             raise error.ResetNeeded(
                 f"the episodes of environments {rows} have ended and autoreset_mode is 'Disabled': reset them with "
@@ -217,6 +219,7 @@ class VectorRobotEnv(VectorEnv[Any, Any, Any]):
         self.simulations.restart(rows)
         self._episodes.begin(rows)
         self._begun[rows], self._ended[rows] = True, False
+        self._ready, self._over = bool(self._begun.all()), bool(self._ended.any())
 
     def _advance(self, command: Array, refused: Mask | None, rows: Rows | None) -> Rows:
         diverged = self.simulations.advance(command, refused, rows)
@@ -242,10 +245,9 @@ class VectorRobotEnv(VectorEnv[Any, Any, Any]):
 
     def _at_end(self, observation: dict[str, Array], facts: dict[str, Any]) -> tuple[dict[str, Array], dict[str, Any]]:
         """Observation and ``info`` of this step; where it is asked for, those that ended begin their next episodes."""
-        ended = self._ended
         info: dict[str, Any] = {}
-        if ended.any():
-            ended = ended.copy()
+        if self._over:
+            ended = self._ended.copy()
             if self._statistics:
                 info["episode"], info["_episode"] = self._episodes.statistics(ended), ended
             if self.autoreset_mode == AutoresetMode.SAME_STEP:
