@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 FIT_STEPS: Final = 16_000
 FIRST_STEPS: Final = 6_000
 FIT_TRIALS: Final = 3
-FIRST_TRIALS: Final = 2
+FIRST_TRIALS: Final = 1
 #: Trials of the first pass at most, singles that are fitted to them (where the time is over), and to all trials.
 SCREEN_TRIALS: Final = 3
 SINGLES: Final = 10
