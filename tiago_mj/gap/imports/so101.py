@@ -67,14 +67,16 @@ MODEL: Final = "servo.xml"
 
 #: A Feetech STS3215 as public simulators have it (apirrone/Open_Duck_Playground, joints_properties.xml, fitted there):
 #: stiffness [N·m/rad], damping [N·m·s/rad], reflected inertia [kg·m²] and greatest torque [N·m]; its dry friction,
-#: 0.05 N·m, is left out, to be found. Without torques only ratios to the stiffness can be: it is not fitted.
-STIFFNESS, DAMPING, ARMATURE, STRONGEST = 17.8, 0.60, 0.028, 3.35
+#: 0.05 N·m, is left out, to be found. That stiffness goes with the servo's default P of 32, these recordings were made
+#: with 16. Without torques only ratios to the stiffness can be found.
+P_DEFAULT, P_HERE = 32, 16
+STIFFNESS, DAMPING, ARMATURE, STRONGEST = 17.8 * P_HERE / P_DEFAULT, 0.60, 0.028, 3.35
 #: One standard deviation of what is not known of a joint in an arm: damping and inertia of the servo at another gain
 #: and voltage, and of the links; gravity, which is over small motions an offset and a slope of the position.
 KNOWN_TO: Final = {
     "viscous_friction": 0.3,
     "armature": 0.02,
-    "encoder_bias": 0.02,
+    "encoder_bias": 0.05,
     "encoder_scale": 0.05,
     "command_delay": 0.01,
 }
@@ -183,7 +185,7 @@ def _trial(folder: Path) -> Trial:
             robot="so101",
             rate_hz=round(float(1 / (np.median(np.diff(sent)) * _MICROSECOND)), 4),
             interface="position",
-            servo={"name": "Feetech STS3215", "P": 16, "D": 32, "encoder_step_rad": 2 * np.pi / 4096},
+            servo={"name": "Feetech STS3215", "P": P_HERE, "D": 32, "encoder_step_rad": 2 * np.pi / 4096},
             initial={"position": {joint: float(position[0, k]) for k, joint in enumerate(joints)}},
             motion=name,
             source={
