@@ -43,6 +43,24 @@ class Named:
 
 
 @dataclass(frozen=True)
+class Evidence:
+    """What speaks for an explanation and against it.
+
+    Attributes:
+        met: how well it meets the recordings it was fitted to [nats].
+        price: what it costs: nominal numbers that had to move, freedom that its magnitudes have, rarity [nats].
+        misfit: mean squared residual of the worst channel, in units of floor and tolerance.
+        lasting: mean square of the worst channel's residual over quarters of a second, in units of what it should
+            scatter by.
+    """
+
+    met: float
+    price: float
+    misfit: float
+    lasting: float
+
+
+@dataclass(frozen=True)
 class Explanation:
     """A set of effects that may explain the gap; the empty set is the nominal model.
 
@@ -50,11 +68,13 @@ class Explanation:
         effects: none, one or two.
         probability: calibrated, that it is the true one, up to its classes.
         validation_gain: drop of the validation trials' mean squared residual [in units of the floor].
+        evidence: for it; None where it was judged otherwise.
     """
 
     effects: tuple[Named, ...]
     probability: float
     validation_gain: float
+    evidence: Evidence | None = None
 
 
 @dataclass(frozen=True)

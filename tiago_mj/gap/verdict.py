@@ -1,8 +1,19 @@
-"""From the evidence for explanations to a verdict that can be wrong only as often as it says."""
+"""From the evidence for explanations to a verdict that can be wrong only as often as it says.
+
+    log odds = met / T + price
+
+``met`` is how well an explanation meets the recordings [nats], ``price`` what it costs: how far nominal numbers had to
+go for it, how much of what its effects might have been is left, and how rare they are. T and the thresholds are
+calibrated on simulated recordings whose effect is known: ``verdict.json``, which says how.
+"""
 
 from __future__ import annotations
 
+import json
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
+from importlib import resources
 from typing import Final
 
 import numpy as np
@@ -10,28 +21,61 @@ from numpy.typing import NDArray
 
 from tiago_mj.gap.effects import EFFECTS
 from tiago_mj.gap.fit import Fitted
+from tiago_mj.gap.result import Evidence
 from tiago_mj.gap.select import Ranked
 
 Array = NDArray[np.float64]
 
-#: How well the recordings are met is divided by this before it becomes a probability: two simulators never agree as
-#: closely as their noise. How far the nominal numbers had to go for it counts in full. Chosen, not yet calibrated.
-TEMPERATURE: Final = 10.0
 #: Prior odds of one effect against none, spread over the library, and of another one beside it; and of one target
 #: against all.
 ONE_EFFECT: Final = 1.0
 ANOTHER_EFFECT: Final = 0.5
 ONE_TARGET: Final = 0.5
-#: The nominal model stands at this probability or more, unless it plainly fails.
-STANDS: Final = 1 / 3
-#: Explanations at least this probable beside the best are not ruled out.
-RIVAL: Final = 0.05
-#: Mean squared residual of the worst channel, in units of floor and tolerance, above which even the best explanation
-#: fails. The right one leaves 0.1 to 1.1 at 240 Hz and up to 2.5 at 25 Hz on recordings whose nominal parameters are 3
-#: to 5 % off, the nearest wrong one of a library without it mostly 3 to 90. Not yet calibrated.
-FAILS: Final = 3.0
-#: And above which a part of the gap is said to remain.
-REMAINS: Final = 2.0
+CALIBRATION: Final = "verdict.json"
+SCHEMA: Final = "tiago_mj.verdict/1"
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """What turns evidence into a verdict.
+
+    Attributes:
+        temperature: how well the recordings are met is divided by this: two simulators never agree as closely as their
+            noise, so their errors are no independent draws of it.
+        stands: the nominal model stands at this probability over the best explanation's, unless it fails.
+        rival: explanations at least this probable beside the best are not ruled out.
+        fails: mean square of the worst channel's lasting error, in units of what it should scatter by, above which
+            even the best explanation fails.
+        remains: and above which a part of the gap is said to remain.
+    """
+
+    temperature: float
+    stands: float
+    rival: float
+    fails: float
+    remains: float
+
+
+@cache
+def calibration() -> Calibration:
+    """As shipped."""
+    data = json.loads(resources.files("tiago_mj.gap").joinpath(CALIBRATION).read_text(encoding="utf-8"))
+    return Calibration(**{name: float(data[name]) for name in Calibration.__dataclass_fields__})
+
+
+@dataclass(frozen=True)
+class Option:
+    """An explanation as the verdict sees it.
+
+    Attributes:
+        effects: by name and targets, without what the readings betray; none for the nominal model.
+        classes: of all its effects.
+        evidence: for it.
+    """
+
+    effects: frozenset[tuple[str, tuple[str, ...] | None]]
+    classes: frozenset[str]
+    evidence: Evidence
 
 
 @dataclass(frozen=True)
@@ -53,47 +97,76 @@ class Judged:
 
 def judge(ranked: Ranked) -> Judged:
     """Judge ranked explanations, best first."""
-    prior = np.array([f.prior for f in ranked.fits])
-    met = np.array([f.evidence for f in ranked.fits]) - prior
-    # What the best explanation leaves is model error, which counts as often as it is repeated.
-    temperature = TEMPERATURE * max(1.0, min(f.misfit for f in ranked.fits))
-    scores = met / temperature + prior + np.array([_log_prior(f, ranked) for f in ranked.fits])
-    order_free = np.exp(scores - scores.max())
-    single = order_free / order_free.sum()
-    classes = [classes_of(f) for f in ranked.fits]
+    return decide([option(fit, ranked) for fit in ranked.fits], calibration(), betrayed=ranked.known > 0)
+
+
+def option(fit: Fitted, ranked: Ranked) -> Option:
+    """An explanation with its evidence."""
+    count = len(fit.parts) - ranked.known
+    evidence = Evidence(
+        met=fit.evidence - fit.prior,
+        price=fit.prior + _log_prior(fit, ranked),
+        misfit=fit.misfit,
+        lasting=fit.lasting,
+    )
+    return Option(frozenset(part.label for part in fit.parts[:count]), classes_of(fit), evidence)
+
+
+def decide(options: Sequence[Option], by: Calibration, *, betrayed: bool = False) -> Judged:
+    """The verdict on explanations.
+
+    Args:
+        options: one of them the nominal model.
+        by: calibration.
+        betrayed: whether the readings betray an effect by themselves, whichever explanation holds.
+    """
+    single = probabilities(options, by)
+    classes = [one.classes for one in options]
     pooled = np.array([single[[c == classes[k] for c in classes]].sum() for k in range(len(classes))])
-    nominal = next(k for k, f in enumerate(ranked.fits) if len(f.parts) == ranked.known)
-    others = [k for k in range(len(single)) if k != nominal]
-    best = max(others, key=lambda k: single[k], default=nominal)
-    stands = single[nominal] >= STANDS * single[best] and ranked.fits[nominal].misfit <= FAILS
-    if stands or best == nominal:
+    nominal = next(k for k, one in enumerate(options) if not one.effects)
+    best = max((k for k in range(len(single)) if k != nominal), key=lambda k: single[k], default=nominal)
+    if best == nominal or (single[nominal] >= by.stands * single[best] and not _fails(options[nominal], by)):
         best, rivals = nominal, [nominal]
     else:
-        rivals = _rivals(ranked, single, best, nominal)
-    misfit = ranked.fits[best].misfit
-    if misfit > FAILS:
+        rivals = _rivals(options, single, by.rival * single[best], nominal)
+        best = rivals[0]
+    if _fails(options[best], by):
         kind = "unknown"
-    elif not ranked.fits[best].parts:
+    elif best == nominal and not betrayed:
         kind = "no_gap"
     elif any(classes[k] != classes[best] for k in rivals):
         kind = "ambiguous"
     else:
         kind = "effect"
-    return Judged(kind, pooled, tuple(rivals), misfit > REMAINS)
+    return Judged(kind, pooled, tuple(rivals), options[best].evidence.lasting > by.remains)
 
 
-def _rivals(ranked: Ranked, probability: Array, best: int, nominal: int) -> list[int]:
-    """What is not ruled out beside the best, most probable first; of the same effects on several targets the best."""
-    out: dict[frozenset[str], int] = {}
-    for k in np.argsort(-probability):
-        if k != nominal and probability[k] >= RIVAL * probability[best]:
-            out.setdefault(frozenset(part.effect for part in ranked.fits[k].parts), int(k))
-    return list(out.values())
+def probabilities(options: Sequence[Option], by: Calibration) -> Array:
+    """Of every explanation, (n,)."""
+    # What the best explanation leaves is model error, which counts as often as it is repeated.
+    temperature = by.temperature * max(1.0, min(one.evidence.misfit for one in options))
+    scores = np.array([one.evidence.met / temperature + one.evidence.price for one in options])
+    weights = np.exp(scores - scores.max())
+    out: Array = weights / weights.sum()
+    return out
 
 
 def classes_of(fit: Fitted) -> frozenset[str]:
     """Classes of the effects of an explanation."""
     return frozenset(EFFECTS[part.effect].gap_class for part in fit.parts)
+
+
+def _fails(one: Option, by: Calibration) -> bool:
+    return one.evidence.lasting > by.fails
+
+
+def _rivals(options: Sequence[Option], probability: Array, least: float, nominal: int) -> list[int]:
+    """What is not ruled out, most probable first; of the same effects on several targets the best."""
+    out: dict[frozenset[str], int] = {}
+    for k in np.argsort(-probability):
+        if k != nominal and probability[k] >= least:
+            out.setdefault(frozenset(name for name, _ in options[k].effects), int(k))
+    return list(out.values())
 
 
 def _log_prior(fit: Fitted, ranked: Ranked) -> float:

@@ -10,6 +10,7 @@ import hashlib
 import json
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,7 @@ from tiago_mj.gap.result import (
     SCHEMA,
     Closing,
     Diagnosis,
+    Evidence,
     Explanation,
     Named,
     NextMotion,
@@ -68,6 +70,7 @@ def as_data(diagnosis: Diagnosis) -> dict[str, Any]:
                 "validation_gain": one.validation_gain,
                 "probability": one.probability,
                 "parameters": {key: _parameters(e) for key, e in zip(_keys(one.effects), one.effects, strict=True)},
+                "evidence": None if one.evidence is None else asdict(one.evidence),
             }
             for one in diagnosis.ranking
         ],
@@ -260,7 +263,9 @@ def _named(effect: Mapping[str, Any], parameters: Mapping[str, Any]) -> Named:
 def _ranked(one: Mapping[str, Any]) -> Explanation:
     keys = _keys([_named(e, {}) for e in one["effects"]])
     effects = tuple(_named(e, one["parameters"][key]) for key, e in zip(keys, one["effects"], strict=True))
-    return Explanation(effects, _number(one["probability"]), _number(one["validation_gain"]))
+    given = one.get("evidence")
+    evidence = None if given is None else Evidence(**{key: _number(value) for key, value in given.items()})
+    return Explanation(effects, _number(one["probability"]), _number(one["validation_gain"]), evidence)
 
 
 def _alternative(one: Mapping[str, Any], ranking: tuple[Explanation, ...]) -> Explanation:
