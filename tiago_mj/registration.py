@@ -83,6 +83,7 @@ def make_vector(
 ) -> gymnasium.vector.VectorEnv[Any, Any, Any]:
     """Build many environments of the table in one; see :class:`tiago_mj.vector.env.VectorRobotEnv`."""
     from tiago_mj.vector.env import VectorRobotEnv
+
     return VectorRobotEnv(
         make_scalar(task=task, relative=relative, **arguments),  # type: ignore[arg-type]
         num_envs,
