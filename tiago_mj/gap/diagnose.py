@@ -29,6 +29,7 @@ from tiago_mj.gap import (
     verdict,
 )
 from tiago_mj.gap.effects import EFFECTS
+from tiago_mj.gap.effects.spec import Entry
 from tiago_mj.gap.fit import Fitted
 from tiago_mj.gap.inverse import diagnose_inverse
 from tiago_mj.gap.next_motion import next_motion
@@ -162,12 +163,22 @@ def diagnose(
             until=None if budget is None else begun + budget,
         )
     tick("writing", 1)
-    repaired = predict.all_trials([best.effects()], everything)[0] if best.parts else base
+    left_open = _left_open(plant, ranked.fits)
+    if left_open:
+        base = predict.all_trials([left_open[_nominal(ranked)]], everything)[0]
+    repaired = base
+    if best.parts:
+        known_along = left_open.get(judged.rivals[0], ())
+        repaired = predict.all_trials([(*best.effects(), *known_along)], everything)[0]
     where = locate.locate(data, base, phase, plant.period, seed)
     left = locate.locate(data, repaired, phase, plant.period, seed)
     explanations = [
-        _explanation(predict, data, base, fit, float(p), validation or fitted_on)
-        for fit, p in zip(ranked.fits, judged.probability, strict=True)
+        _explanation(predict, data, base, fit, float(p), validation or fitted_on, left_open.get(k, ()))
+        for k, (fit, p) in enumerate(zip(ranked.fits, judged.probability, strict=True))
+    ]
+    explanations = [
+        dataclasses.replace(one, evidence=verdict.option(fit, ranked).evidence)
+        for one, fit in zip(explanations, ranked.fits, strict=True)
     ]
     shown = [k for k in judged.rivals if ranked.fits[k].parts or judged.kind == "no_gap"]
     if judged.kind == "no_gap":
@@ -274,17 +285,45 @@ def _marks(plant: Plant, data: floor.Data, base: Array) -> list[traces.Trace]:
     ]
 
 
+def _left_open(plant: Plant, fits: Sequence[Fitted]) -> dict[int, tuple[Entry, ...]]:
+    """What the recordings themselves say is not known of the model, as each explanation has it, by its index: neither
+    a gap nor an effect, so that before and after have it, each its own. Empty where nothing is said."""
+    stated = {name for name, _ in plant.known}
+    if not stated:
+        return {}
+    shared = [term for term in hypotheses.terms(plant) if not term.per_trial]
+    return {
+        k: tuple(
+            term.entry(float(size))
+            for term, size in zip(shared, fit.nuisance, strict=False)
+            if term.effect in stated and size
+        )
+        for k, fit in enumerate(fits)
+    }
+
+
+def _nominal(ranked: select.Ranked) -> int:
+    """Index of the explanation that names nothing beyond what readings betray."""
+    return next(k for k, fit in enumerate(ranked.fits) if len(fit.parts) == ranked.known)
+
+
 def _stage(best: Fitted) -> str:
     return EFFECTS[best.parts[0].effect].stage
 
 
 def _explanation(
-    predict: Predictor, data: floor.Data, base: Array, fit: Fitted, probability: float, judged_on: Sequence[int]
+    predict: Predictor,
+    data: floor.Data,
+    base: Array,
+    fit: Fitted,
+    probability: float,
+    judged_on: Sequence[int],
+    along: tuple[Entry, ...],
 ) -> Explanation:
     index = list(judged_on)
     gain = 0.0
     if fit.parts:
-        after = predict.all_trials([fit.effects()], index)[0]
+        after = predict.all_trials([(*fit.effects(), *along)], index)[0]
         gain = _gap(data, base, index) - _gap(data, after, index, rows=True)
     return Explanation(tuple(_named(predict.plant, fit, k) for k in range(len(fit.parts))), probability, gain)
 
