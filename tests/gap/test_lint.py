@@ -304,11 +304,12 @@ def test_one_recording_alone_leaves_nothing_to_predict(grasps):
 
 
 def test_names_that_the_model_lacks_are_refused(grasps):
-    check_names(grasps, names.FINGERS, names.FINGERS)
-    with pytest.raises(RecordingError, match=r"column position\.gripper_right_finger_joint: the model has no joint"):
-        check_names(grasps, ["wrist"], names.FINGERS)
+    assert not list(check_names(grasps, names.FINGERS, names.FINGERS, names.SIDES))
+    line = r"column position\.gripper_right_finger_joint: the model has no joint"
+    with pytest.raises(RecordingError, match=line):
+        refuse(grasps, list(check_names(grasps, ["wrist"], names.FINGERS, names.SIDES)))
     with pytest.raises(RecordingError, match="no actuator"):
-        check_names(grasps, names.FINGERS, ["motor"])
+        refuse(grasps, list(check_names(grasps, names.FINGERS, ["motor"], names.SIDES)))
 
 
 def test_refusing_findings_come_first_and_are_counted(grasps):

@@ -53,6 +53,11 @@ def considered(without: str) -> tuple[str, ...] | None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Diagnose, write, and say in short what was found."""
+    for name, least in (("jobs", 0), ("seed", 0)):
+        if getattr(arguments, name) < least:
+            raise ValueError(f"--{name} is {getattr(arguments, name)}: give {least} or more")
+    if arguments.time_budget is not None and not arguments.time_budget > 0:
+        raise ValueError(f"--time-budget is {arguments.time_budget:g}: give a positive number of seconds")
     extra.load("pandas", "reading recordings")
     threadpool_limits = extra.load("threadpoolctl", "the same answer on every machine").threadpool_limits
     from tiago_mj.gap import lint
@@ -66,8 +71,8 @@ def run(arguments: argparse.Namespace) -> int:
         if arguments.model:
             defaults = {"robot": str(arguments.model)}
         read = read_recordings(arguments.recordings, map_file=arguments.map, defaults=defaults)
-        robot = plant_of(read.trials, env=arguments.env, model=arguments.model).model
-        findings = (*read.findings, *lint.inspect(read.trials, lint.JointRanges.of_model(robot)))
+        plant = plant_of(read.trials, env=arguments.env, model=arguments.model)
+        findings = (*read.findings, *lint.inspect_all(read.trials, plant))
         lint.refuse(read.trials, findings)
         usable = frozenset.intersection(*(lint.usable(trial, findings) for trial in read.trials))
         # One thread of linear algebra: the order of its sums must not depend on the machine.
@@ -80,7 +85,7 @@ def run(arguments: argparse.Namespace) -> int:
                 model=arguments.model,
                 names=considered(arguments.without),
                 seed=arguments.seed,
-                threads=max(arguments.jobs, 0),
+                threads=arguments.jobs,
                 budget=arguments.time_budget,
                 policy=arguments.policy,
                 trust=arguments.trust,

@@ -169,7 +169,8 @@ def lost_commands(on: Grid, seen: Told, interface: str) -> tuple[Array, Array, A
     """
     gain = 1 / seen.share
     taken = seen.wanted + seen.ahead[:, :-1] + (seen.ahead[:, 1:] - seen.ahead[:, :-1]) * gain
-    clear = CLEAR * gain * np.hypot(seen.deviation[:, 1:], (1 - seen.share) * seen.deviation[:, :-1])
+    with np.errstate(invalid="ignore"):  # where nothing was measured: NaN, which is clear of nothing
+        clear = CLEAR * gain * np.hypot(seen.deviation[:, 1:], (1 - seen.share) * seen.deviation[:, :-1])
     done = taken
     if interface == "velocity":
         step = on.period[:, :, None]

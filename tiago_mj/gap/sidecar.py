@@ -14,6 +14,17 @@ from tiago_mj.gap.recording import INTERFACES, SCHEMA, RecordingError, Sidecar
 
 _MAPPINGS: Final = ("servo", "sensing", "object", "initial", "units")
 INITIAL: Final = ("position", "velocity", "set_point")
+#: What an object's numbers may be: whether 0 and less are allowed, and the most; nothing that fingers hold is larger.
+_OBJECT: Final[Mapping[str, tuple[bool, float]]] = {
+    "radius_m": (False, 0.25),
+    "width_m": (False, 0.5),
+    "height_m": (False, 1.0),
+    "mass_kg": (False, 50.0),
+    "offset_m": (True, 0.25),
+    "stiffness": (False, math.inf),
+    "friction": (False, math.inf),
+}
+_SENSING: Final = ("scale", "contact_unit", "average", "noise", "bias")
 
 
 def load_sidecar(path: Path) -> dict[str, Any]:
@@ -58,6 +69,12 @@ def parse_sidecar(raw: Mapping[str, Any], file: str, defaults: Mapping[str, Any]
     for key in ("trial", "robot"):
         if not isinstance(merged.get(key, ""), str):
             raise RecordingError(f"{file}: {key} in the sidecar is {merged[key]!r}: write text")
+    _check_object(merged.get("object") or {}, file)
+    for key in _SENSING:
+        value = (merged.get("sensing") or {}).get(key)
+        several = value if isinstance(value, list) else [value]
+        if value is not None and not all(_is_number(number) for number in several):
+            raise RecordingError(f"{file}: sensing.{key} in the sidecar is {value!r}: write a number")
     interface = merged.get("interface")
     if interface is not None and interface not in INTERFACES:
         raise RecordingError(f"{file}: interface in the sidecar is {interface!r}: write one of {', '.join(INTERFACES)}")
@@ -110,6 +127,22 @@ def plain(value: Any) -> Any:
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return value
+
+
+def _check_object(said: Mapping[str, Any], file: str) -> None:
+    for key, (signed, most) in _OBJECT.items():
+        value = said.get(key)
+        if value is None:
+            continue
+        if not _is_number(value) or (value <= 0 and not signed):
+            raise RecordingError(
+                f"{file}: object.{key} in the sidecar is {value!r}: write a {'' if signed else 'positive '}number"
+            )
+        if abs(value) > most:
+            unit = key.rpartition("_")[2]
+            raise RecordingError(
+                f"{file}: object.{key} in the sidecar is {value!r}, more than {most:g} {unit}: is it in {unit}?"
+            )
 
 
 def _initial(value: Any, file: str) -> dict[str, dict[str, float]] | None:

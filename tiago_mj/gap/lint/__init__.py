@@ -9,10 +9,14 @@ without sign, not the derivative that it claims to be), :func:`usable` leaves it
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from tiago_mj.gap.lint import clocks, consistency, exchange, facts, ranges, sensors
 from tiago_mj.gap.lint.ranges import JointRanges, check_names
 from tiago_mj.gap.recording import CODES, Finding, RecordingError, Trial, channels
+
+if TYPE_CHECKING:
+    from tiago_mj.gap.plant import Plant
 
 
 def inspect(trials: Sequence[Trial], joint_ranges: JointRanges | None = None) -> tuple[Finding, ...]:
@@ -49,6 +53,13 @@ def inspect(trials: Sequence[Trial], joint_ranges: JointRanges | None = None) ->
     return tuple(sorted(once.values(), key=lambda finding: (not finding.refuses, CODES.index(finding.code))))
 
 
+def inspect_all(trials: Sequence[Trial], plant: Plant) -> tuple[Finding, ...]:
+    """The same with the robot that is to replay the trials: names that it has, and what its joints can do."""
+    known = [plant.model.joint(j).name for j in range(plant.model.njnt)]
+    names = check_names(trials, known, plant.actuators, plant.sensors)
+    return (*names, *inspect(trials, JointRanges.of_model(plant.model)))
+
+
 def refuse(trials: Sequence[Trial], findings: Sequence[Finding]) -> None:
     """End with one line where recordings cannot be used.
 
@@ -72,4 +83,4 @@ def usable(trial: Trial, findings: Sequence[Finding]) -> frozenset[str]:
     return frozenset(channels(trial)) - bad
 
 
-__all__ = ["JointRanges", "check_names", "inspect", "refuse", "usable"]
+__all__ = ["JointRanges", "check_names", "inspect", "inspect_all", "refuse", "usable"]

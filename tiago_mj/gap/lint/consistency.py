@@ -21,6 +21,8 @@ FACTORS: Final = ((1000.0, "mm"), (100.0, "cm"), (180 / np.pi, "degrees"))
 FACTOR_SLACK: Final = 1.25
 #: Factor between position and velocity that no filter, scale error or coarse quantum explains.
 PLAIN_FACTOR: Final = 1.6
+#: Factor within which commands that are no efforts lead as far as the joint goes.
+AS_FAR: Final = 1.3
 #: Lag of a velocity behind its position that is said [s]: twice that of a usual filter.
 LATE: Final = 0.1
 #: Windows in which something must have moved before anything is said.
@@ -61,15 +63,14 @@ def _joint(joint: str, trials: Sequence[Trial]) -> Iterator[Finding]:
                 "the joint moves against it: flip its sign in the log, or map it with scale: -1 (--map)",
                 refuses=True,
             )
-    if command == "interface":
+    if command in ("velocity", "position"):
         for trial in trials:
-            other = "velocity" if trial.sidecar.interface == "position" else "position"
             yield Finding(
                 "contradiction",
                 trial.source,
                 f"command.{joint}",
-                f"the sidecar's interface is {trial.sidecar.interface!r}, but the joint follows it as a {other}: mend "
-                "the sidecar",
+                f"the sidecar's interface is {trial.sidecar.interface!r}, but the joint follows it as a {command}: "
+                "mend the sidecar",
                 refuses=True,
             )
 
@@ -153,17 +154,19 @@ def _about_velocity(trial: Trial, joint: str, verdict: str, ratio: float, culpri
 
 
 def _command_and_motion(joint: str, trials: Sequence[Trial], kind: str) -> str:
-    """``ok``, ``sign`` or ``interface``, over all trials."""
+    """``ok``, ``sign``, or the interface that the commands are of instead, over all trials."""
     read = measured if kind == "position" else integrated
     pairs = [(trial, travel) for trial in trials if (travel := read(trial, joint)) is not None and travel.moved]
     pairs = [(trial, travel) for trial, travel in pairs if joint in trial.commands]
     if not pairs or sum(len(travel.windows) for _, travel in pairs) < ENOUGH:
         return "ok"
+    if pairs[0][0].sidecar.interface == "effort":
+        return next((other for other in ("velocity", "position") if _same(joint, pairs, other)), "ok")
     stated = follows(joint, pairs, None)
     if stated.max(initial=-1.0) < DIFFERENT:
         other = {"velocity": "position", "position": "velocity"}.get(pairs[0][0].sidecar.interface or "")
         if other and follows(joint, pairs, other).max(initial=-1.0) > SAME and _close(joint, pairs, other):
-            return "interface"
+            return other
         if stated.min(initial=1.0) < -SAME:
             return "sign"
     return "ok"
@@ -185,6 +188,18 @@ def follows(joint: str, pairs: Sequence[tuple[Trial, Travel]], interface: str | 
         wanted = np.concatenate([travel.windows for travel in sent if travel is not None])
         cosines.append(correlation(wanted, np.concatenate([travel.windows for _, travel in pairs])))
     return np.array(cosines)
+
+
+def _same(joint: str, pairs: Sequence[tuple[Trial, Travel]], interface: str) -> bool:
+    """Whether commands that are said to be efforts lead, read as an interface, where and as far as the joint goes."""
+    cosines = follows(joint, pairs, interface)
+    if cosines.max(initial=-1.0) < SAME or not _close(joint, pairs, interface):
+        return False
+    lag = float(lags()[int(np.argmax(cosines))])
+    sent = [commanded(trial, joint, interface, lag) for trial, _ in pairs]
+    far = rms(np.concatenate([travel.windows for travel in sent if travel is not None]))
+    gone = rms(np.concatenate([travel.windows for _, travel in pairs]))
+    return max(far / gone, gone / far) < AS_FAR
 
 
 def _close(joint: str, pairs: Sequence[tuple[Trial, Travel]], interface: str) -> bool:

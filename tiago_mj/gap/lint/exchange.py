@@ -16,6 +16,8 @@ from tiago_mj.models import names
 
 #: Unexplained variance by the other finger's channel over that by the finger's own that shows an exchange.
 EXCHANGED: Final = 0.3
+#: Cosine below which two joints' difference runs backwards beyond doubt, and how far it must then rise above the floor.
+BACKWARDS, RISES = -0.95, 2.0
 
 
 def check(trials: Sequence[Trial]) -> Iterator[tuple[Finding, frozenset[str]]]:
@@ -50,11 +52,11 @@ def _velocities_exchanged(trial: Trial, one: str, other: str) -> bool:
     p, v = [t for t in position if t is not None], [t for t in velocity if t is not None]
     difference = [t[0].windows - t[1].windows for t in (p, v)]
     floors = [np.hypot(t[0].floor, t[1].floor) for t in (p, v)]
-    if any(rms(d) <= CLEAR * floor for d, floor in zip(difference, floors, strict=True)):
+    cosine = correlation(difference[0], difference[1])
+    clear = RISES if cosine < BACKWARDS else CLEAR
+    if any(rms(d) <= clear * floor for d, floor in zip(difference, floors, strict=True)):
         return False
-    return correlation(difference[0], difference[1]) < -SAME and all(
-        correlation(p[k].windows, v[1 - k].windows) > SAME for k in (0, 1)
-    )
+    return cosine < -SAME and all(correlation(p[k].windows, v[1 - k].windows) > SAME for k in (0, 1))
 
 
 def _more_exchanged(trials: Sequence[Trial], one: str, other: str) -> str:

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from tiago_mj.gap.recording import Finding, Trial, sampled
+from tiago_mj.models.objects import SHAPES
 
 #: An initial position may differ from the first row by this share of the joint's motion, and this much [m, rad].
 SHARE, LEAST = 0.2, 2e-3
@@ -15,7 +16,15 @@ FAR = 5.0
 
 
 def check(trial: Trial) -> Iterator[Finding]:
-    """What the sidecar says and the columns deny."""
+    """What the sidecar says and the columns deny, or nobody knows."""
+    shape = (trial.sidecar.object or {}).get("shape")
+    if shape is not None and shape not in SHAPES:
+        yield Finding(
+            "contradiction",
+            trial.source,
+            "",
+            f"the sidecar's object is a {shape!r}, which is none of {', '.join(SHAPES)}: it is taken for a cylinder",
+        )
     initial = trial.sidecar.initial or {}
     stated = initial.get("position", {})
     known = set(trial.positions) | set(trial.velocities) | set(trial.efforts)

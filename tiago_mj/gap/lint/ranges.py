@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
-from tiago_mj.gap.recording import Array, Finding, RecordingError, Trial, sampled
+from tiago_mj.gap.recording import Array, Finding, Trial, channel, sampled
 
 #: Share of the samples that must lie outside before anything is said, and that must lie inside once it is mended.
 OUTSIDE, INSIDE = 0.1, 0.98
@@ -16,6 +17,8 @@ OUTSIDE, INSIDE = 0.1, 0.98
 SLACK: Final = 0.25
 #: Positions beyond this many times the range's farther end are in another unit; nearer ones may be a scale error.
 FAR: Final = 2.0
+#: A single reading beyond this many times it is a fault of the log.
+WILD: Final = 100.0
 #: Speed over the joint's limit that is no overshoot: a finger that an arm drives into something reaches 7 times it.
 TOO_FAST: Final = 15.0
 
@@ -55,30 +58,39 @@ class JointRanges:
         return cls(position, velocity, slides)
 
 
-def check_names(trials: Sequence[Trial], joints: Sequence[str], actuators: Sequence[str]) -> None:
-    """Refuse a recording of joints or actuators that the model does not have.
+def check_names(
+    trials: Sequence[Trial], joints: Sequence[str], actuators: Sequence[str], sensors: Sequence[str]
+) -> Iterator[Finding]:
+    """Columns of joints, actuators and sensors that the model does not have.
+
+    A command that cannot be replayed refuses its recording, as does one of whose joints none is the model's; what is
+    measured beyond the model is left out.
 
     Args:
         trials: as read.
-        joints, actuators: names in the model.
-
-    Raises:
-        RecordingError: a column's name is not among them.
+        joints, actuators, sensors: names in the model.
     """
     for trial in trials:
-        for kind, there, known in (
-            ("position", trial.positions, joints),
-            ("velocity", trial.velocities, joints),
-            ("effort", trial.efforts, joints),
-            ("command", trial.commands, actuators),
+        measured = {**trial.positions, **trial.velocities, **trial.efforts}
+        nothing = bool(measured) and not set(measured) & set(joints)
+        for kind, there, known, what in (
+            ("command", trial.commands, actuators, "actuator"),
+            ("position", trial.positions, joints, "joint"),
+            ("velocity", trial.velocities, joints, "joint"),
+            ("effort", trial.efforts, joints, "joint"),
+            ("force", trial.forces, sensors, "load cell"),
         ):
-            for name in there:
-                if name not in known:
-                    what = "actuator" if kind == "command" else "joint"
-                    raise RecordingError(
-                        f"{trial.source}: column {kind}.{name}: the model has no {what} {name!r}, it has "
-                        f"{', '.join(known) or 'none'}: map the column (--map), or to null to leave it out"
-                    )
+            for name in (name for name in there if name not in known):
+                refuses = kind == "command" or (nothing and kind != "force")
+                yield Finding(
+                    "contradiction",
+                    trial.source,
+                    f"{kind}.{name}",
+                    f"the model has no {what} {name!r}, it has {', '.join(known) or 'none'}: "
+                    + ("map the column (--map), or to null to leave it out" if refuses else "left out of use"),
+                    refuses=refuses,
+                    discredits=not refuses,
+                )
 
 
 def check(trials: Sequence[Trial], ranges: JointRanges) -> Iterator[Finding]:
@@ -113,6 +125,9 @@ def _position(trial: Trial, name: str, span: tuple[float, float], slides: bool) 
         return float(((mended >= low - room) & (mended <= high + room)).mean())
 
     if inside(values) > 1 - OUTSIDE:
+        wild = np.abs(values) > WILD * max(abs(low), abs(high))
+        if wild.any():
+            yield _wild(trial, name, wild, f"the joint goes from {low:.4g} to {high:.4g}")
         return
     far = float(np.percentile(np.abs(values), 95)) > FAR * max(abs(low), abs(high))
     mends = [m for m in _mends(slides) if inside(values * m[2]) > INSIDE and (far or m[0] == "sign")]
@@ -124,10 +139,27 @@ def _speed(trial: Trial, name: str, limit: float, slides: bool) -> Iterator[Find
     values = sampled(trial, name)[1]
     fast = float(np.percentile(np.abs(values), 95))
     if fast <= TOO_FAST * limit:
+        wild = np.abs(values) > WILD * TOO_FAST * limit
+        if wild.any():
+            yield _wild(trial, name, wild, f"the joint's limit is {limit:.4g}")
         return
     said = f"it reaches {fast:.4g}, the joint's limit is {limit:.4g}"
     fits = [m for m in _mends(slides) if m[0] != "sign" and fast * m[2] <= 2 * limit]
     yield _finding(trial, name, said, fits, "/s", refuses=True)
+
+
+def _wild(trial: Trial, name: str, wild: NDArray[np.bool_], said: str) -> Finding:
+    """A few readings far beyond what the joint can do."""
+    values = channel(trial, name)
+    row = int(np.flatnonzero(~np.isnan(values))[np.argmax(wild)])
+    return Finding(
+        "contradiction",
+        trial.source,
+        name,
+        f"row {row + 1} reads {values[row]:.4g}, {said}: empty the cell"
+        + (f" (and {int(wild.sum()) - 1} more)" if wild.sum() > 1 else ""),
+        refuses=True,
+    )
 
 
 def _finding(

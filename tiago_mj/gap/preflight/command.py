@@ -41,7 +41,7 @@ def run(arguments: argparse.Namespace) -> int:
         defaults = {"robot": robot} if robot else {}
         read = read_recordings(arguments.recordings, map_file=arguments.map, defaults=defaults)
         plant = plant_of(read.trials, env=arguments.env, model=arguments.model)
-        findings = (*read.findings, *lint.inspect(read.trials, lint.JointRanges.of_model(plant.model)))
+        findings = (*read.findings, *lint.inspect_all(read.trials, plant))
         lint.refuse(read.trials, findings)
         usable = frozenset.intersection(*(lint.usable(trial, findings) for trial in read.trials))
         found = preflight(plant, read.trials, usable=usable, threads=max(arguments.jobs, 0))

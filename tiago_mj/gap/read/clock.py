@@ -32,10 +32,8 @@ def check_clock(time: Array, file: str) -> None:
             f"{file}: the recording is empty, it has a header but no row: record again or leave it out"
         )
     if len(time) < MIN_ROWS:
-        raise RecordingError(
-            f"{file}: {len(time)} row{'s' if len(time) > 1 else ''} are too short a recording, at least {MIN_ROWS} are "
-            "needed: leave it out"
-        )
+        rows = f"{len(time)} rows are" if len(time) > 1 else "1 row is"
+        raise RecordingError(f"{file}: {rows} too short a recording, at least {MIN_ROWS} are needed: leave it out")
     bad = ~np.isfinite(time)
     if bad.any():
         raise RecordingError(

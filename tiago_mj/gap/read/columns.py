@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import PurePath
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -15,6 +15,9 @@ from tiago_mj.gap.read.tables import Table
 from tiago_mj.gap.read.units import factor
 from tiago_mj.gap.recording import KINDS, Array, Finding, RecordingError, Sidecar, Trial
 from tiago_mj.gap.sidecar import parse_sidecar
+
+#: Stamps in nanoseconds since 1970 are 2e18; what is larger is no number that was measured.
+LARGEST: Final = 1e20
 
 
 def trial_from_table(
@@ -60,9 +63,11 @@ def trial_from_table(
         kind, _, name = target.column.partition(".")
         unit = target.unit or units.get(column) or units.get(target.column) or units.get(kind)
         values = table.columns[column]
-        if np.isinf(values).any():
-            row = int(np.argmax(np.isinf(values))) + 1
-            raise RecordingError(f"{file}: column {column}: row {row} is infinite: empty the cell or delete the row")
+        absurd = np.abs(values) > LARGEST
+        if absurd.any():
+            row = int(np.argmax(absurd))
+            said = "is infinite" if np.isinf(values[row]) else f"reads {values[row]:.4g}, which no sensor measures"
+            raise RecordingError(f"{file}: column {column}: row {row + 1} {said}: empty the cell or delete the row")
         scale = target.scale
         if unit is not None:
             scale *= _factor(kind, unit, column, file)
