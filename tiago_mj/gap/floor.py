@@ -126,7 +126,10 @@ def noise_floor(values: Array, least: float) -> float:
         values: (ntrials, T).
         least: what is believed at least.
     """
-    steps = np.diff(values, axis=1).ravel()
+    ends = (np.nanmin(values), np.nanmax(values)) if np.isfinite(values).any() else (np.nan, np.nan)
+    at_an_end = np.isclose(values, ends[0], rtol=1e-9, atol=0) | np.isclose(values, ends[1], rtol=1e-9, atol=0)
+    # What a sensor says below its threshold, or at its limit, has no noise.
+    steps = np.diff(np.where(at_an_end, np.nan, values), axis=1).ravel()
     steps = steps[np.isfinite(steps)]
     if len(steps) < 8:
         return least

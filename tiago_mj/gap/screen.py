@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from tiago_mj.gap import score
 from tiago_mj.gap.effects import EFFECTS
+from tiago_mj.gap.effects.spec import Entry
 from tiago_mj.gap.hypotheses import Candidate
 from tiago_mj.gap.predict import Predictor
 
@@ -48,6 +49,7 @@ def screen(
     trials: Sequence[int],
     pool: Sequence[Candidate],
     base: Array,
+    given: tuple[Entry, ...] = (),
 ) -> list[Screened]:
     """Score every candidate at every magnitude of its grid.
 
@@ -59,7 +61,8 @@ def screen(
         on: frame of these trials.
         trials: their indices.
         pool: candidates.
-        base: nominal predictions, (ntrials, T, C).
+        base: predictions without any of the pool, (ntrials, T, C).
+        given: effects beside which the pool is tried; none for the nominal model.
 
     Returns:
         One entry a candidate, best first.
@@ -67,7 +70,7 @@ def screen(
     wide = [c for c in pool if c.target is None]
     runs: dict[tuple[str, tuple[tuple[str, float], ...], float], Array] = {}
     wanted = [(c, value) for c in wide for value in c.grid]
-    predicted = predict.all_trials([(c.entry(value),) for c, value in wanted], trials)
+    predicted = predict.all_trials([(*given, c.entry(value)) for c, value in wanted], trials)
     for (c, value), one in zip(wanted, predicted, strict=True):
         runs[(c.effect, c.fixed, value)] = one
     nominal = score.log_likelihood(on, base)

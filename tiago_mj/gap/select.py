@@ -165,10 +165,13 @@ def select(
         starts = _extensions(few, frame, seeds, promising)
         if size == 2:
             starts = _once_each([*_superposed(frame, base[first], promising), *starts])
-        if not starts:
+        extended = [_carried(f, few, everywhere) for f in _order(few.fit_all(starts))[:EXTENSIONS_AGAIN]]
+        if seeds and seeds[0].misfit > GAP:
+            beside = _beside(everywhere, seeds[0], [s.candidate for s in promising], per_trial)
+            extended = _once_each([*beside, *extended])
+        if not extended:
             break
-        extended = _order(few.fit_all(starts))[:EXTENSIONS_AGAIN]
-        found = everywhere.fit_all([_carried(f, few, everywhere) for f in extended])
+        found = everywhere.fit_all(extended)
         found += everywhere.fit_all(_fewer(found))
         fits += _renewed(everywhere, found, fits)
         fits += everywhere.fit_all(_absorbed(fits, everywhere))
@@ -201,6 +204,29 @@ def _extensions(fitter: Fitter, on: score.Frame, seeds: Sequence[Fitted], promis
                 start = Start((*seed.parts, s.candidate), np.array([*seed.values, value]))
                 starts.setdefault(frozenset(part.label for part in start.parts), start)
     return list(starts.values())
+
+
+def _beside(fitter: Fitter, seed: Fitted, pool: Sequence[Candidate], per_trial: NDArray[np.bool_]) -> list[Start]:
+    """An explanation with another effect, found by trying all of them beside it where it fails most.
+
+    Without its nuisances: they may have absorbed what the other effect is to explain.
+    """
+    nuisance = np.zeros(fitter.size)
+    base = fitter.predictions([Point(seed.parts, seed.values, nuisance)])[0]
+    (worst,) = _spread(base, fitter.data, 1)
+    there = floor.part(fitter.data, [worst])
+    frame = score.frame(there, fitter.weight, fitter.responses[:, [worst]], per_trial)
+    given = fitter.effects(seed.parts, seed.values, nuisance, worst)
+    labels = {part.label for part in seed.parts}
+    found: dict[str, Start] = {}
+    for s in screen(
+        fitter.predict, frame, [fitter.trials[worst]], [c for c in pool if c.label not in labels], base[[worst]], given
+    ):
+        if s.gain < PROMISES or len(found) == EXTENSIONS:
+            break
+        start = Start((*seed.parts, s.candidate), np.array([*seed.values, s.value]))
+        found.setdefault(EFFECTS[s.candidate.effect].gap_class, start)
+    return list(found.values())
 
 
 def _superposed(on: score.Frame, base: Array, promising: Sequence[Screened]) -> list[Start]:
