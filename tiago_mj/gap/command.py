@@ -5,11 +5,20 @@ from __future__ import annotations
 import argparse
 import shlex
 import sys
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING, Final
 
 from tiago_mj.gap import extra
-from tiago_mj.gap.recording import RecordingError
+from tiago_mj.gap.recording import RecordingError, Trial
+
+if TYPE_CHECKING:
+    from tiago_mj.gap.plant import Plant
+
+#: Longest trial that is replayed [s], and its rows: hundreds of explanations at once fit into 1.5 GB.
+LONGEST: Final = 60.0
+MOST_ROWS: Final = 15_000
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -51,6 +60,23 @@ def considered(without: str) -> tuple[str, ...] | None:
     return tuple(name for name in EFFECTS if name not in left_out) if left_out else None
 
 
+def check_length(trials: Sequence[Trial], plant: Plant) -> None:
+    """Refuse what is too long to be replayed again and again. A lone recording of a plain model is cut by itself.
+
+    Raises:
+        RecordingError: a recording of commands is longer than :data:`LONGEST` or :data:`MOST_ROWS`.
+    """
+    if plant.environment is None and (len(trials) == 1 or trials[0].sidecar.interface == "effort"):
+        return
+    for trial in trials:
+        seconds = float(trial.time[-1])
+        if trial.commands and (seconds > LONGEST or len(trial.time) > MOST_ROWS):
+            raise RecordingError(
+                f"{trial.source}: {seconds:.0f} s in {len(trial.time)} rows are too long to be replayed as one trial, "
+                f"{LONGEST:.0f} s and {MOST_ROWS} rows are the most: cut it where the robot rests, one motion a file"
+            )
+
+
 def run(arguments: argparse.Namespace) -> int:
     """Diagnose, write, and say in short what was found."""
     for name, least in (("jobs", 0), ("seed", 0)):
@@ -74,6 +100,7 @@ def run(arguments: argparse.Namespace) -> int:
         plant = plant_of(read.trials, env=arguments.env, model=arguments.model)
         findings = (*read.findings, *lint.inspect_all(read.trials, plant))
         lint.refuse(read.trials, findings)
+        check_length(read.trials, plant)
         usable = frozenset.intersection(*(lint.usable(trial, findings) for trial in read.trials))
         # One thread of linear algebra: the order of its sums must not depend on the machine.
         with threadpool_limits(1), terminal.Progress(quiet=arguments.json) as progress:

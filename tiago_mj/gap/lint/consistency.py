@@ -54,8 +54,11 @@ def _joint(joint: str, trials: Sequence[Trial]) -> Iterator[Finding]:
         yield from _about_velocity(
             trial, joint, verdict, ratio, culprit="position" if command == "sign" else "velocity"
         )
-    if command == "sign" and not reversed_velocity:
-        for trial in trials:
+    against_it = trials if command == "sign" else ()
+    if command == "ok" and len(trials) > 1:
+        against_it = [trial for trial in trials if _command_and_motion(joint, [trial], "position") == "sign"]
+    if not reversed_velocity:
+        for trial in against_it:
             yield Finding(
                 "sign",
                 trial.source,
