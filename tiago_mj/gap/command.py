@@ -84,6 +84,8 @@ def run(arguments: argparse.Namespace) -> int:
             raise ValueError(f"--{name} is {getattr(arguments, name)}: give {least} or more")
     if arguments.time_budget is not None and not arguments.time_budget > 0:
         raise ValueError(f"--time-budget is {arguments.time_budget:g}: give a positive number of seconds")
+    if arguments.out.exists() and not arguments.out.is_dir():
+        raise ValueError(f"--out {arguments.out}: this is a file: name a folder")
     extra.load("pandas", "reading recordings")
     threadpool_limits = extra.load("threadpoolctl", "the same answer on every machine").threadpool_limits
     from tiago_mj.gap import lint
