@@ -26,6 +26,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--kinds", metavar="LIST", help="only some of none,one,two,outside,left_out")
     parser.add_argument("--settings", metavar="LIST", help="only some of gripper,arm,plain")
+    parser.add_argument("--rates", metavar="LIST", help="only some of 25,240, the control rates [Hz]")
+    parser.add_argument("--trials", type=int, metavar="N", help="recordings of a case (10)")
     parser.add_argument("--workers", type=int, default=1, metavar="N", help="processes that record cases (1)")
     parser.add_argument("--jobs", type=int, default=0, metavar="N", help="threads of one diagnosis; 0: all processors")
     parser.add_argument("--time-budget", type=float, metavar="S", help="seconds for one diagnosis")

@@ -74,7 +74,7 @@ def simulate(variant: Variant, *, seed: int, trials: int = cases.TRIALS, seconds
     noise = np.random.default_rng([seed, 0])
     recorded = []
     for k in range(trials):
-        program = motions.finger_programs(trials, seed, softness=0.2)[k]
+        program = motions.finger_programs(trials, seed, [motions.Style(softness=0.25)] * trials)[k]
         conductor = motions.Conductor([program], robot, "velocity", start[:1], 1 / RATE)
         recorded.append(_trial(variant, conductor, rows, robot, noise))
     time, commands, position, velocity, force = (np.array(part) for part in zip(*recorded, strict=True))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -17,9 +17,20 @@ from tiago_mj.models import names
 Array = NDArray[np.float64]
 
 #: Version of generator and drawing; a case of another version is another case.
-VERSION: Final = 1
+VERSION: Final = 2
 TRIALS: Final = 10
+#: Control rates [Hz]: of the real robot's controllers, and of the environments.
 RATE: Final = 25.0
+FAST_RATE: Final = 240.0
+#: Seconds of a trial at each: what is simulated again and again in a diagnosis is kept short.
+SECONDS: Final = 6.0
+FAST_SECONDS: Final = (1.5, 2.5)
+#: A trial of at most so many seconds begins with the fingers near the object, so that it has time to touch [s].
+SHORT: Final = 4.0
+#: Seconds for which the motions are written [s].
+LONG: Final = 10.0
+#: Opening there [m]; the object's radius is 20 mm and it may stand 5 mm off the middle.
+NEAR: Final = (0.028, 0.034)
 #: Every this many trials the last is a test trial, from the end: what the oracle looks at. The diagnosis splits as it
 #: likes; a trial is exchangeable with any other.
 TEST: Final = (4, 9)
@@ -49,6 +60,7 @@ class Case:
         placement: deviation of the object's place from trial to trial [m].
         without: effects that are deleted from the library for this case.
         trials, seconds: of the session.
+        rate: of control [Hz].
     """
 
     seed: int
@@ -61,7 +73,8 @@ class Case:
     placement: float = 2e-4
     without: tuple[str, ...] = ()
     trials: int = TRIALS
-    seconds: float = 10.0
+    seconds: float = SECONDS
+    rate: float = RATE
 
     @property
     def kind(self) -> str:
@@ -143,19 +156,23 @@ def simulate(case: Case, folder: Path | None = None) -> Made:
         folder: where the plain model lies.
     """
     robot = real_robot(case, folder)
-    setup = setup_of(case, robot, case.trials, int(case.seconds * RATE), case.seed)
-    n = len(robot.joints)
+    setup = setup_of(case, robot, case.trials, round(case.seconds * case.rate), case.seed)
+    n, pace = len(robot.joints), case.seconds / LONG
     if case.setting == GRIPPER:
-        programs = motions.finger_programs(case.trials, case.seed)
+        if case.seconds <= SHORT:
+            near = np.random.default_rng([case.seed, 9]).uniform(*NEAR, case.trials)
+            setup = replace(setup, start=np.tile(near[:, None], (1, n)))
+        styles = [motions.Style(pace=pace, start=float(at)) for at in setup.start[:, 0]]
+        programs = motions.finger_programs(case.trials, case.seed, styles)
     else:
         moving = list(range(n)) if case.setting == PLAIN else [robot.joints.index(j) for j in ARM_JOINTS]
         reach, fastest = _limits(robot, case.setting)
         programs = [
-            motions.joint_program(np.random.default_rng([case.seed, 8, k]), robot, moving, reach, fastest)
+            motions.joint_program(np.random.default_rng([case.seed, 8, k]), robot, moving, reach, fastest, pace)
             for k in range(case.trials)
         ]
     smooth = ARM_ACCELERATION if case.setting == ARM else None
-    conductor = motions.Conductor(programs, robot, setup.interface, setup.start, 1 / RATE, smooth)
+    conductor = motions.Conductor(programs, robot, setup.interface, setup.start, 1 / case.rate, smooth)
     recorded = reality.simulate(robot, effects_of(case), setup, conductor)
     return Made(case, robot, recorded, setup, dict(robot.truth), folder)
 
@@ -175,7 +192,7 @@ def setup_of(case: Case, robot: robots.Robot, trials: int, rows: int, seed: int)
         start[:, robot.joints.index(names.TORSO[0])] = ARM_RAISED
     return reality.Setup(
         interface="direct" if case.setting == PLAIN else case.interface,
-        rate=RATE,
+        rate=case.rate,
         rows=rows,
         offsets=case.offset + case.placement * np.random.default_rng([seed, 2]).standard_normal(trials),
         start=start,

@@ -5,13 +5,16 @@ from __future__ import annotations
 import argparse
 import json
 import shlex
-from typing import Any
+from typing import Any, Final
 
-from benchmarks.blind import baselines, next_motion, plan, run, score
+from benchmarks.blind import baselines, cases, next_motion, plan, run, score
 from benchmarks.blind.cases import Case
 from benchmarks.blind.page import WORDS, number, page
 from benchmarks.blind.store import Store
 from tiago_mj import atomic
+
+#: Least trials of a case: one each to fit, to choose and to report with.
+LEAST_TRIALS: Final = 3
 
 
 def blind(arguments: argparse.Namespace, say: Any = print) -> int:
@@ -28,8 +31,9 @@ def blind(arguments: argparse.Namespace, say: Any = print) -> int:
         raise ValueError(f"--cases is {arguments.cases}: give 1 or more")
     only, settings = _listed(arguments.kinds, plan.SHARES), _listed(arguments.settings, plan.SETTINGS)
     store = Store(arguments.out.resolve())
-    store.begin(run.facts(arguments.cases, arguments.seed, only, settings))
-    planned = plan.plan(arguments.cases, arguments.seed, only=only, settings=settings)
+    rates, trials = _rates(arguments.rates), _trials(arguments.trials)
+    store.begin(run.facts(arguments.cases, arguments.seed, only, settings, rates, trials))
+    planned = plan.plan(arguments.cases, arguments.seed, only=only, settings=settings, rates=rates, trials=trials)
     run.generate(planned, store, workers=max(arguments.workers, 1), say=say)
     digest = store.seal(len(planned))
     say(f"labels sealed: SHA-256 {digest}")
@@ -71,10 +75,23 @@ def write_scores(
 def command(arguments: argparse.Namespace) -> str:
     """The command line that makes the same run elsewhere."""
     words = ["tiago-mj", "blind", "--cases", str(arguments.cases), "--seed", str(arguments.seed)]
-    for name in ("kinds", "settings"):
+    for name in ("kinds", "settings", "rates", "trials"):
         if getattr(arguments, name):
-            words += [f"--{name}", getattr(arguments, name)]
+            words += [f"--{name}", str(getattr(arguments, name))]
     return shlex.join([*words, "--out", "DIR"])
+
+
+def _rates(given: str | None) -> tuple[float, ...]:
+    known = {f"{rate:g}": rate for rate in plan.RATES}
+    return tuple(known[word] for word in _listed(given, known))
+
+
+def _trials(given: int | None) -> int:
+    if given is None:
+        return cases.TRIALS
+    if given < LEAST_TRIALS:
+        raise ValueError(f"--trials is {given}: give {LEAST_TRIALS} or more, to fit, to choose and to report with")
+    return given
 
 
 def _listed(given: str | None, known: Any) -> tuple[str, ...]:

@@ -88,7 +88,7 @@ def follow(
     motion = store.diagnosis(number) / recommended["file"]
     start = cases.setup_of(case, robot, 1, 1, 0).start[0]
     still = np.zeros_like(start) if case.setting != PLAIN and case.interface == "velocity" else start
-    commands = read_motion(motion, robot.joints, cases.RATE, still)
+    commands = read_motion(motion, robot.joints, case.rate, still)
     made = cases.play(case, commands, REPEATS, again / "recordings")
     recordings.write(made, again / "recordings", stem="trial-next")
     status, _ = call(diagnoser.command(case, again / "recordings", again / "diagnosis"))

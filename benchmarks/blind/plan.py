@@ -7,18 +7,23 @@ dictionary before one comes again.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
 
 from benchmarks.blind import cases
-from benchmarks.blind.cases import Case, EffectChoice
+from benchmarks.blind.cases import FAST_RATE, FAST_SECONDS, RATE, SECONDS, TRIALS, Case, EffectChoice
 from benchmarks.blind.dictionary import ARM, GRIPPER, KINDS, KNOWN, PLAIN, UNKNOWN, available
 
 #: Of a hundred cases. 420 cases hold the 120, 150, 60 and 60 that the check asks for, and 40 with an effect left out.
 SHARES: Final = {"none": 28, "one": 36, "two": 14, "outside": 14, "left_out": 8}
 #: How often a setting comes, of ten.
 SETTINGS: Final = {GRIPPER: 7, ARM: 1, PLAIN: 2}
+#: Share of the gripper's and the plain model's cases that run at the environments' rate; with the arm's, which never
+#: do, half of all.
+FAST_SHARE: Final = 0.55
+RATES: Final = (RATE, FAST_RATE)
 #: Offset of the object that the user says, where it is not centred [m].
 OFFSET: Final = 0.005
 #: Share of cases whose nominal masses are another publication's.
@@ -46,7 +51,15 @@ def kinds(count: int, seed: int, only: Sequence[str] = ()) -> list[str]:
     return out
 
 
-def plan(count: int, seed: int, *, only: Sequence[str] = (), settings: Sequence[str] = ()) -> list[Case]:
+def plan(
+    count: int,
+    seed: int,
+    *,
+    only: Sequence[str] = (),
+    settings: Sequence[str] = (),
+    rates: Sequence[float] = (),
+    trials: int = TRIALS,
+) -> list[Case]:
     """The cases of a run.
 
     Args:
@@ -54,11 +67,14 @@ def plan(count: int, seed: int, *, only: Sequence[str] = (), settings: Sequence[
         seed: another gives other cases throughout.
         only: kinds to draw, of :data:`SHARES`; all by default.
         settings: to draw from; all by default.
+        rates: of control [Hz], of :data:`RATES`; all by default. The arm is at the real robot's, whatever is given.
+        trials: of a case.
     """
     turn = dict.fromkeys(SHARES, 0)
     out = []
     for number, kind in enumerate(kinds(count, seed, only)):
-        out.append(_case(number, kind, turn[kind], seed, settings))
+        case = _case(number, kind, turn[kind], seed, settings)
+        out.append(_timed(case, number, seed, rates or RATES, trials))
         turn[kind] += 1
     return out
 
@@ -94,6 +110,16 @@ def _case(number: int, kind: str, turn: int, seed: int, settings: Sequence[str])
         other_source=bool(setting != PLAIN and rng.random() < OTHER_SOURCE),
         without=names if kind == "left_out" else (),
     )
+
+
+def _timed(case: Case, number: int, seed: int, rates: Sequence[float], trials: int) -> Case:
+    """A case with its control rate and the length of its session."""
+    rng = np.random.default_rng([seed, number, 13])
+    fast, seconds = rng.random() < FAST_SHARE, round(float(rng.uniform(*FAST_SECONDS)), 1)
+    rate = (FAST_RATE if fast else RATE) if len(rates) > 1 else rates[0]
+    if case.setting == ARM or rate == RATE:
+        return replace(case, rate=RATE, seconds=SECONDS, trials=trials)
+    return replace(case, rate=FAST_RATE, seconds=seconds, trials=trials)
 
 
 def _dealt(deck: Sequence[str], turn: int, seed: list[int]) -> str:

@@ -125,6 +125,14 @@ def call_command(command: list[str]) -> tuple[int, str]:
     return done.returncode, done.stderr
 
 
-def facts(count: int, seed: int, only: Sequence[str], settings: Sequence[str]) -> dict[str, Any]:
+def facts(
+    count: int,
+    seed: int,
+    only: Sequence[str],
+    settings: Sequence[str],
+    rates: Sequence[float] = (),
+    trials: int = cases.TRIALS,
+) -> dict[str, Any]:
     """What decides a run's recordings."""
-    return {"cases": count, "seed": seed, "kinds": list(only), "settings": list(settings), "version": cases.VERSION}
+    drawn = {"cases": count, "seed": seed, "kinds": list(only), "settings": list(settings)}
+    return {**drawn, "rates": list(rates), "trials": trials, "version": cases.VERSION}

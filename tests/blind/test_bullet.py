@@ -33,8 +33,8 @@ def test_the_other_engine_closes_on_the_same_object_and_writes_recordings(tmp_pa
 
 
 def test_every_contact_point_there_is_a_spring_of_its_own() -> None:
-    whole = bullet.simulate(bullet.Variant(), seed=1, trials=2, seconds=5.0)
-    mean = bullet.simulate(bullet.Variant(aggregate="mean"), seed=1, trials=2, seconds=5.0)
+    whole = bullet.simulate(bullet.Variant(), seed=3, trials=2, seconds=5.0)
+    mean = bullet.simulate(bullet.Variant(aggregate="mean"), seed=3, trials=2, seconds=5.0)
     # One point has the 10 kN/m that the object was given (the encoder's noise is a tenth of the depth); the pad rests
     # on two to four, so that the grasp is stiffer than the number says.
     assert stiffness(mean) == pytest.approx(10_000, rel=0.3)

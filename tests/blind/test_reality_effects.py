@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from benchmarks.blind import cases, motions, reality
+from benchmarks.blind import cases, motions, oracle, reality, robots
 from benchmarks.blind.cases import Case, EffectChoice
 from benchmarks.blind.dictionary import KINDS, KNOWN, UNKNOWN, available, draw
 
@@ -151,12 +151,25 @@ def test_every_effect_makes_finite_recordings_and_most_show() -> None:
     assert shown >= 0.85 * len(available("gripper")) + len(available("gripper", known=False)) - 2
 
 
-def test_sessions_press_reverse_and_rest() -> None:
-    made = cases.simulate(Case(seed=9, spread=0.0))
+@pytest.mark.parametrize(("rate", "seconds"), [(25.0, 6.0), (240.0, 1.5)])
+def test_sessions_press_reverse_and_rest(rate: float, seconds: float) -> None:
+    made = cases.simulate(Case(seed=9, spread=0.0, rate=rate, seconds=seconds))
     force, velocity = made.recorded.force, made.recorded.velocity
-    assert (force.max(axis=(1, 2)) > 0.3).all(), "every trial touches"
-    assert force.max() > 1.5
+    assert (force.max(axis=1) > 0.3).all(), "both pads touch in every trial"
+    assert force[:, 0].max() < 5 * robots.FORCE_NOISE, "none begins in touch"
+    assert 1.5 < force.max() < 2.9, "in what the sensor is made for"
     assert np.mean(np.abs(velocity) < 2e-3) > 0.2, "there is rest to see the noise in"
     moving = np.where(np.abs(velocity[:, :, 0]) > 3e-3, np.sign(velocity[:, :, 0]), 0)
     assert sum(int(np.sum(np.diff(row[row != 0]) != 0)) for row in moving) > 20, "there are reversals"
     assert len({program.__name__ for program in motions.SESSION}) >= 4
+
+
+@pytest.mark.parametrize("rate", [25.0, 240.0])
+def test_reality_without_an_effect_is_ordinary_and_a_clear_effect_is_not(rate: float) -> None:
+    seconds = 6.0 if rate == 25 else 1.5
+    clear = EffectChoice("torque_constant", "all", {"factor": 0.5})
+    made = cases.simulate(Case(seed=4, rate=rate, seconds=seconds, trials=5, effects=(clear,)))
+    said = oracle.judge(made)
+    assert said["distance_without"] < 2 * said["ordinary"]  # it is one more draw: nine in ten are below once
+    assert said["detectable"]
+    assert said["distance"] > 2 * said["ordinary"]

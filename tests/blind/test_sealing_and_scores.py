@@ -262,7 +262,14 @@ def test_a_run_holds_the_mix_and_the_first_cases_of_a_longer_one() -> None:
 
 def test_the_command_goes_on_in_its_folder_and_refuses_anothers(tmp_path: Path) -> None:
     options = {"cases": 1, "seed": 3, "out": tmp_path, "kinds": "none", "settings": "plain", "workers": 1}
-    options |= {"jobs": 1, "time_budget": None, "diagnose_with": None, "generate_only": True}
+    options |= {
+        "rates": None,
+        "trials": None,
+        "jobs": 1,
+        "time_budget": None,
+        "diagnose_with": None,
+        "generate_only": True,
+    }
     said: list[str] = []
     assert blind(argparse.Namespace(**options), said.append) == 0
     assert any("SHA-256" in line for line in said)
@@ -284,3 +291,14 @@ def test_without_a_checkout_the_command_says_what_to_do(
     said = capsys.readouterr().err
     assert "clone the repository" in said
     assert len(said.strip().splitlines()) == 1
+
+
+def test_half_of_the_cases_run_at_the_environments_rate_and_can_be_chosen() -> None:
+    whole = plan.plan(420, 1)
+    fast = [case for case in whole if case.rate == 240]
+    assert 0.4 <= len(fast) / len(whole) <= 0.6
+    assert all(1.5 <= case.seconds <= 2.5 and case.setting != "arm" for case in fast)
+    assert {case.setting for case in fast} == {"gripper", "plain"}
+    assert {case.seconds for case in whole if case.rate == 25} == {6.0}
+    chosen = plan.plan(40, 1, settings=("gripper",), rates=(240.0,), trials=4)
+    assert {(case.rate, case.trials) for case in chosen} == {(240.0, 4)}

@@ -169,13 +169,14 @@ class VelocityLimit(Effect):
 
 
 class MotorCogging(Effect):
-    """Detent force over position, not quite a sine: its second harmonic is a tenth."""
+    """Detent force over position, not quite a sine: its second harmonic is a tenth.
 
-    def ready(self) -> None:
-        self._phase = float(self.own.uniform(0, 2 * np.pi))
+    The contract's effect has an amplitude and a period, and no phase: at the joint's zero it vanishes. Another phase
+    would be an effect that no parameters of the contract describe.
+    """
 
     def drive(self, force: Array, world: World) -> Array:
-        angle = 2 * np.pi * world.q / self.values["period"] + self._phase
+        angle = 2 * np.pi * world.q / self.values["period"]
         return force + self.on(world, self.values["amplitude"]) * (np.sin(angle) + 0.1 * np.sin(2 * angle))
 
 
