@@ -51,7 +51,7 @@ def test_a_diagnosis_has_exactly_the_keys_of_its_contract_and_only_finite_number
     for row in data["where"]:
         assert list(row) == ["channel", "phase", "band", "gap", "low", "high", "share"]
     for row in data["ranking"]:
-        assert list(row) == ["effects", "validation_gain", "probability", "parameters"]
+        assert list(row) == ["effects", "validation_gain", "probability", "parameters", "evidence"]
         assert len(row["parameters"]) == len(row["effects"])
     for row in data["verdict"]["alternatives"]:
         assert list(row) == ["effects", "probability"]

@@ -60,6 +60,21 @@ def considered(without: str) -> tuple[str, ...] | None:
     return tuple(name for name in EFFECTS if name not in left_out) if left_out else None
 
 
+def doing(stage: str, total: int) -> str:
+    """What a stage of the diagnosis does, in words."""
+    many = {
+        "replaying": f"replaying {total} recordings",
+        "screening": f"trying {total} explanations",
+        "fitting": f"fitting the {total} most promising",
+        "refitting": f"fitting {total} to all recordings",
+        "pairs": "adding a second effect to the best",
+        "triples": "adding a third effect to the best",
+        "next motion": "choosing the motion to record next",
+        "writing": "writing",
+    }
+    return many.get(stage, stage)
+
+
 def check_length(trials: Sequence[Trial], plant: Plant) -> None:
     """Refuse what is too long to be replayed again and again. A lone recording of a plain model is cut by itself.
 
@@ -118,7 +133,7 @@ def run(arguments: argparse.Namespace) -> int:
                 budget=arguments.time_budget,
                 policy=arguments.policy,
                 trust=arguments.trust,
-                tick=lambda stage, total: progress.stage(stage),
+                tick=lambda stage, total: progress.stage(doing(stage, total)),
             )
     except RecordingError as fault:
         print(f"tiago-mj diagnose: {fault}", file=sys.stderr)

@@ -131,7 +131,7 @@ def _whisker(effect: str, key: str, given: Value) -> Whisker:
 
 @dataclass(frozen=True)
 class Ranked:
-    """A row of the ranking."""
+    """A row of the ranking; ``again``: its probability is that of its class, which a row above has already."""
 
     effects: tuple[dict[str, Any], ...]
     probability: str
@@ -140,6 +140,7 @@ class Ranked:
     gain_width: float
     chosen: bool
     tied: bool
+    again: bool
 
 
 def ranking(diagnosis: Diagnosis) -> list[Ranked]:
@@ -147,17 +148,22 @@ def ranking(diagnosis: Diagnosis) -> list[Ranked]:
     best = identity(diagnosis.best)
     tied = {identity(one) for one in diagnosis.alternatives}
     most = max((_finite(one.validation_gain) for one in diagnosis.ranking), default=0.0)
-    rows = []
+    rows: list[Ranked] = []
+    before: set[frozenset[str]] = set()
     for one in diagnosis.ranking:
+        classes = frozenset(EFFECTS[e.name].gap_class if e.name in EFFECTS else e.name for e in one.effects)
+        again = classes in before
+        before.add(classes)
         rows.append(
             Ranked(
                 effects=tuple(shown(effect) for effect in one.effects),
-                probability=words.percent(one.probability),
+                probability="same class" if again else words.percent(one.probability),
                 width=round(100 * min(max(_finite(one.probability), 0.0), 1.0), 1),
                 gain=words.number(one.validation_gain),
                 gain_width=round(100 * max(_finite(one.validation_gain), 0.0) / most, 1) if most > 0 else 0.0,
                 chosen=identity(one) == best,
                 tied=len(tied) > 1 and identity(one) in tied,
+                again=again,
             )
         )
     return rows

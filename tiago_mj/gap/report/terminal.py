@@ -1,4 +1,4 @@
-"""The answer in short on the terminal, and a progress bar while it is worked out (rich)."""
+"""The answer in short on the terminal, and what is being done until it is there (rich)."""
 
 from __future__ import annotations
 
@@ -17,7 +17,9 @@ MOST, CHANNELS = 5, 3
 
 
 class Progress:
-    """A bar on standard error, one stage after the other. Nothing is shown where that is no terminal.
+    """What is done, and since when, on standard error. Nothing is shown where that is no terminal.
+
+    The time is that since the beginning.
 
     Use it as a context: ``with Progress() as progress: progress.stage("fit", 120); progress.advance()``.
     """
@@ -27,15 +29,15 @@ class Progress:
         rich_progress = extra.load("rich.progress", "the progress bar")
         console = console or extra.load("rich.console", "the progress bar").Console(stderr=True)
         self._bar = rich_progress.Progress(
-            rich_progress.TextColumn("{task.description}", markup=False),
-            rich_progress.BarColumn(),
-            rich_progress.MofNCompleteColumn(),
+            rich_progress.SpinnerColumn(),
             rich_progress.TimeElapsedColumn(),
+            rich_progress.TextColumn("{task.description}", markup=False),
             console=console,
             transient=True,
             disable=quiet or not console.is_terminal,
         )
         self._task: Any = None
+        self._name, self._total, self._done = "", None, 0
 
     def __enter__(self) -> Progress:
         self._bar.start()
@@ -48,9 +50,11 @@ class Progress:
 
     def stage(self, name: str, total: int | None = None) -> None:
         """Begin a stage of so many steps (None: not known); the one before counts as done."""
-        if self._task is not None:
-            self._bar.remove_task(self._task)
-        self._task = self._bar.add_task(name, total=total)
+        self._name, self._total, self._done = name, total, 0
+        if self._task is None:
+            self._task = self._bar.add_task(self._said())
+        else:
+            self._bar.update(self._task, description=self._said())
 
     def advance(self, steps: int = 1) -> None:
         """So many steps of the stage are done.
@@ -60,7 +64,13 @@ class Progress:
         """
         if self._task is None:
             raise RuntimeError("progress before its first stage: call stage(name, total) first")
-        self._bar.advance(self._task, steps)
+        self._done += steps
+        self._bar.update(self._task, description=self._said())
+
+    def _said(self) -> str:
+        if self._total is None:
+            return self._name
+        return f"{self._name}, {self._done} of {self._total}" if self._done else f"{self._name} {self._total}"
 
 
 def show(diagnosis: Diagnosis, written: Mapping[str, Path] | None = None, *, console: Any = None) -> None:
@@ -82,7 +92,7 @@ def lines(diagnosis: Diagnosis, written: Mapping[str, Path]) -> list[tuple[str, 
     d = diagnosis
     colour = {"no_gap": "bold green", "effect": "bold green"}.get(d.kind, "bold yellow")
     shown = [(colour, verdict.headline(d))]
-    if not d.complete:
+    if not d.complete and not any("time budget" in note for note in d.notes):
         shown.append(("yellow", "The time budget ran out: this is the best answer so far."))
     if d.kind != "unknown" and verdict.remainder(d):
         shown.append(("", verdict.remainder(d)))
@@ -101,9 +111,8 @@ def lines(diagnosis: Diagnosis, written: Mapping[str, Path]) -> list[tuple[str, 
             shown.append(("dim", f"  {row.code}: {which}: {row.message}"))
     if d.next_motion is not None:
         chance = words.percent(d.next_motion.expected_probability)
-        shown.append(
-            ("", f"Next: record --motion {shlex.quote(d.next_motion.file)}; the chance that it decides is {chance}")
-        )
+        play = f"record --motion {shlex.quote(d.next_motion.file)}"
+        shown.append(("", f"Next: {play}; one recording decides with a chance of {chance}"))
     shown += [("dim", f"Written: {path}") for path in written.values()]
     return shown
 
@@ -132,9 +141,12 @@ def _which(d: Diagnosis) -> list[tuple[str, str]]:
             )
             for e in one.effects
         ]
-        shown.append(("", f"{mark} {row.probability:>6}  {' + '.join(values) or 'nominal simulator'}"))
+        chance = "same" if row.again else row.probability
+        shown.append(("", f"{mark} {chance:>6}  {' + '.join(values) or 'nominal simulator'}"))
     if any(row.tied and not row.chosen for row in tables.ranking(d)[:MOST]):
         shown.append(("dim", "  * best   ~ cannot be told from it"))
+    if any(row.again for row in tables.ranking(d)[:MOST]):
+        shown.append(("dim", "  same: of a class that is above, and in its probability"))
     return shown
 
 
