@@ -42,7 +42,7 @@ class Calibration:
     Attributes:
         temperature: how well the recordings are met is divided by this: two simulators never agree as closely as their
             noise, so their errors are no independent draws of it.
-        stands: the nominal model stands at this probability over the best explanation's, unless it fails.
+        stands: the nominal model stands at this probability over the best explanation's, unless it leaves a gap.
         rival: explanations at least this probable beside the best are not ruled out.
         fails: mean square of the worst channel's lasting error, in units of what it should scatter by, above which
             even the best explanation fails.
@@ -125,7 +125,8 @@ def decide(options: Sequence[Option], by: Calibration, *, betrayed: bool = False
     pooled = np.array([single[[c == classes[k] for c in classes]].sum() for k in range(len(classes))])
     nominal = next(k for k, one in enumerate(options) if not one.effects)
     best = max((k for k in range(len(single)) if k != nominal), key=lambda k: single[k], default=nominal)
-    if best == nominal or (single[nominal] >= by.stands * single[best] and not _fails(options[nominal], by)):
+    stands = single[nominal] >= (1.0 if options[nominal].evidence.lasting > by.remains else by.stands) * single[best]
+    if best == nominal or (stands and not _fails(options[nominal], by)):
         best, rivals = nominal, [nominal]
     else:
         rivals = _rivals(options, single, by.rival * single[best], nominal)
