@@ -192,6 +192,7 @@ class _Loop:
         force = world.stiffness * (point - seen_q) - world.damping * seen_v
         for effect in self._control:  # type: ignore[attr-defined]
             force = effect.control(force, world)
+        world.free = np.abs(force) < robot.limit
         force = np.clip(force, -robot.limit, robot.limit)
         for effect in self._drive:  # type: ignore[attr-defined]
             force = effect.drive(force, world)

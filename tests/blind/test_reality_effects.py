@@ -1,5 +1,6 @@
 """Effects of the blind check's reality, by what they do to a robot; not by their parameters."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 from benchmarks.blind import cases, motions, oracle, reality, robots
 from benchmarks.blind.cases import Case, EffectChoice
 from benchmarks.blind.dictionary import KINDS, KNOWN, UNKNOWN, available, draw
+from tiago_mj.models import names
 
 #: Effects whose parameters vanish at these values; at them reality is as without.
 HARMLESS = {
@@ -98,6 +100,24 @@ def test_a_spring_in_series_softens_the_grasp() -> None:
     held = 60
     # The object (10 kN/m), the servo (2 kN/m) and the spring (2 kN/m) in series: (1/10 + 1/2) / (1/10 + 1/2 + 1/2).
     assert soft.force[0, held, 0] / plain.force[0, held, 0] == pytest.approx(0.6 / 1.1, rel=0.05)
+
+
+@pytest.mark.parametrize("joint", ["arm_2_joint", "arm_3_joint", "arm_4_joint"])
+def test_a_spring_in_an_arm_joint_gives_by_what_it_carries(joint: str) -> None:
+    column, stiffness, speed = names.TIAGO_JOINTS.index(joint), 2000.0, 0.2
+    commands = np.zeros((70, len(names.TIAGO_JOINTS)))
+    commands[10:35, column] = speed
+    seen = []
+    for effects in ((), (EffectChoice("joint_elasticity", (joint,), {"stiffness": stiffness}),)):
+        case = Case(seed=1, setting="arm", effects=effects, spread=0.0, trials=1)
+        robot = cases.real_robot(case, None)
+        setup = replace(cases.setup_of(case, robot, 1, len(commands), 0), silent=True)
+        carried = float((robot.model.dof_frictionloss + robot.model.dof_damping * speed)[robot.dof[column]])
+        seen.append(reality.simulate(robot, cases.effects_of(case), setup, commands[None]).position[0, :, column])
+    short = seen[0] - seen[1]
+    # Moving steadily it winds up by friction and drag over its stiffness; at rest by the friction at most.
+    assert short[20] == pytest.approx(carried / stiffness, rel=0.1)
+    assert np.abs(short[50:]).max() < 1.0 / stiffness
 
 
 def test_contact_stiffness_sets_the_depth_of_the_grasp() -> None:

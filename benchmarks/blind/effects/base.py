@@ -25,6 +25,7 @@ class World:
         q, v: of the joints, true.
         newtons: on the pads, (ntrials, 2).
         force: of the drives, as delivered last.
+        free: whether a servo is within its limit now, so that its force follows its error, (ntrials, n).
         t: true time [s].
         row: of the log.
         idle: command that is in force before the first.
@@ -42,6 +43,7 @@ class World:
     t: float = 0.0
     row: int = 0
     force: Array = field(default_factory=lambda: np.zeros(1))
+    free: NDArray[np.bool_] = field(default_factory=lambda: np.ones(1, dtype=bool))
 
     def __post_init__(self) -> None:
         self.stiffness = self.robot.stiffness.copy()

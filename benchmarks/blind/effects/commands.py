@@ -125,6 +125,7 @@ class ForceLimit(Effect):
         limit = self.values["limit"]
         knee = 0.03 * limit
         excess = np.abs(force) - limit
+        world.free = world.free & (excess < 0)
         soft = np.abs(force) - knee * np.logaddexp(0.0, excess / knee)
         out = force.copy()
         out[:, self.targets] = (np.sign(force) * np.maximum(soft, 0.0))[:, self.targets]

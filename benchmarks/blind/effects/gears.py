@@ -50,16 +50,26 @@ class TwoMass(Effect):
         return q, v
 
     def through(self, force: Array, world: World) -> Array:
-        h, k, c = world.h, self._k, self._c
+        k, c = self._k, self._c
         stretch = self._q - world.q
         half = self._gap / 2
         beyond = np.sign(stretch) * np.maximum(np.abs(stretch) - half, 0.0)
         kk = np.where(beyond != 0.0, k, 0.0)
         cc = c * np.minimum(np.abs(beyond) / self._soft, 1.0)  # grows with the depth, so that the force has no jumps
-        drag = self._drag
-        momentum = self._mass * self._v + h * (force - kk * beyond + cc * world.v)
-        self._v = momentum / (self._mass + h * (cc + drag) + h * h * kk)
-        passed = kk * (beyond + h * self._v) + cc * (self._v - world.v)
+        return self._pass(force, world, kk, cc, beyond)
+
+    def _pass(self, force: Array, world: World, k: Array, c: Array, stretch: Array) -> Array:
+        """Move the rotor by a step and give what reaches the joint.
+
+        The servo's own gains are implicit, too, where it is not saturated: the rotor alone is so light that a velocity
+        gain of a step ago would throw it to and fro between the limits.
+        """
+        h = world.h
+        kp = np.where(world.free, world.stiffness, 0.0)
+        kd = np.where(world.free, world.damping, 0.0)
+        momentum = (self._mass + h * kd) * self._v + h * (force - k * stretch + c * world.v)
+        self._v = momentum / (self._mass + h * (kd + c + self._drag) + h * h * (kp + k))
+        passed = k * (stretch + h * self._v) + c * (self._v - world.v)
         self._q = self._q + h * self._v
         out = force.copy()
         out[:, self.targets] = passed[:, self.targets]
@@ -95,13 +105,4 @@ class JointElasticity(TwoMass):
         return k, 0.05 * np.sqrt(k * inertia), np.zeros_like(k)
 
     def through(self, force: Array, world: World) -> Array:
-        h, k, c = world.h, self._k, self._c
-        stretch = self._q - world.q
-        drag = self._drag
-        momentum = self._mass * self._v + h * (force - k * stretch + c * world.v)
-        self._v = momentum / (self._mass + h * (c + drag) + h * h * k)
-        passed = k * (stretch + h * self._v) + c * (self._v - world.v)
-        self._q = self._q + h * self._v
-        out = force.copy()
-        out[:, self.targets] = passed[:, self.targets]
-        return out
+        return self._pass(force, world, self._k, self._c, self._q - world.q)
