@@ -37,7 +37,8 @@ class Progress:
             disable=quiet or not console.is_terminal,
         )
         self._task: Any = None
-        self._name, self._total, self._done = "", None, 0
+        self._name, self._done = "", 0
+        self._total: int | None = None
 
     def __enter__(self) -> Progress:
         self._bar.start()
