@@ -100,7 +100,7 @@ def test_a_dead_band_is_named_with_the_measured_width():
 
 def test_a_slope_set_wrong_on_purpose_is_a_gain_of_the_right_size():
     """Half the measured product of servo stiffness and sensor gain: which of the two, these numbers cannot say."""
-    trials = squeezes("A-pringles", slope=165.0, every=3)
+    trials = squeezes("A-pringles", slope=165.0, every=2)
     found = diagnose(trials, names=("force_gain", "servo_stiffness", "contact_stiffness"), threads=1)
     assert found.kind == "effect"  # of one class
     assert {e.name for a in found.alternatives for e in a.effects} == {"force_gain", "servo_stiffness"}

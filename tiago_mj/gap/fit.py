@@ -277,8 +277,10 @@ class Fitter:
         # A magnitude that the data do not bind is bound by its bounds.
         for k, part in enumerate(parts):
             curvature[k, k] += 12 / (part.high - part.low) ** 2
+        # Of the magnitudes, whatever the nuisances are: what these are known to is the same for all explanations.
         _, logdet = np.linalg.slogdet(curvature)
-        prior = -0.5 * float(at.nuisance @ at.nuisance) - 0.5 * logdet
+        _, of_nuisances = np.linalg.slogdet(curvature[len(parts) :, len(parts) :])
+        prior = -0.5 * float(at.nuisance @ at.nuisance) - 0.5 * (logdet - of_nuisances)
         evidence = -self._cost(base, np.zeros(0))
         for part, value in zip(parts, at.values, strict=True):
             prior += 0.5 * np.log(2 * np.pi) - np.log(part.high - part.low)

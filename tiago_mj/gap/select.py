@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 FIT_STEPS: Final = 16_000
 FIRST_STEPS: Final = 6_000
 FIT_TRIALS: Final = 3
-FIRST_TRIALS: Final = 1
+FIRST_TRIALS: Final = 2
 #: Trials of the first pass at most, singles that are fitted to them (where the time is over), and to all trials.
 SCREEN_TRIALS: Final = 3
 SINGLES: Final = 10
@@ -40,7 +40,7 @@ TIED: Final = 10.0
 #: Explanations that are extended by another effect, their extensions that are fitted to some trials, and those that are
 #: fitted to all.
 SEEDS: Final = 3
-EXTENSIONS: Final = 3
+EXTENSIONS: Final = 4
 EXTENSIONS_AGAIN: Final = 3
 #: Pairs that are found by superposition and fitted to some trials, and magnitudes of each effect that are tried.
 SUPERPOSED: Final = 6
@@ -194,13 +194,12 @@ def _extensions(fitter: Fitter, on: score.Frame, seeds: Sequence[Fitted], promis
                 gains = score.log_likelihood(on, whole + s.changes) - alone
                 best = int(np.argmax(gains))
                 found.append((float(gains[best]), s, s.values[best]))
-        classes: set[str] = set()
+        kinds: set[object] = set()
         for gain, s, value in sorted(found, key=lambda item: -item[0]):
-            gap_class = EFFECTS[s.candidate.effect].gap_class
-            if gain < PROMISES or len(classes) == EXTENSIONS:
+            if gain < PROMISES or len(kinds) == EXTENSIONS:
                 break
-            if gap_class not in classes:
-                classes.add(gap_class)
+            if _kind(s.candidate) not in kinds:
+                kinds.add(_kind(s.candidate))
                 start = Start((*seed.parts, s.candidate), np.array([*seed.values, value]))
                 starts.setdefault(frozenset(part.label for part in start.parts), start)
     return list(starts.values())
@@ -218,15 +217,20 @@ def _beside(fitter: Fitter, seed: Fitted, pool: Sequence[Candidate], per_trial: 
     frame = score.frame(there, fitter.weight, fitter.responses[:, [worst]], per_trial)
     given = fitter.effects(seed.parts, seed.values, nuisance, worst)
     labels = {part.label for part in seed.parts}
-    found: dict[str, Start] = {}
+    found: dict[object, Start] = {}
     for s in screen(
         fitter.predict, frame, [fitter.trials[worst]], [c for c in pool if c.label not in labels], base[[worst]], given
     ):
         if s.gain < PROMISES or len(found) == EXTENSIONS:
             break
         start = Start((*seed.parts, s.candidate), np.array([*seed.values, s.value]))
-        found.setdefault(EFFECTS[s.candidate.effect].gap_class, start)
+        found.setdefault(_kind(s.candidate), start)
     return list(found.values())
+
+
+def _kind(candidate: Candidate) -> object:
+    """Candidates of one kind lead to the same place: of one class, all on one target, or all on every one."""
+    return EFFECTS[candidate.effect].gap_class, candidate.target is None
 
 
 def _superposed(on: score.Frame, base: Array, promising: Sequence[Screened]) -> list[Start]:
