@@ -24,6 +24,7 @@ COMMANDS: Final[Mapping[str, tuple[str, str]]] = MappingProxyType(
         "convert": ("tiago_mj.models.convert.command", "turn a robot's URDF into MJCF"),
         "preflight": ("tiago_mj.gap.preflight.command", "what recordings can tell, before anything is fitted"),
         "diagnose": ("tiago_mj.gap.command", "say why recordings differ from the simulator, and mend it"),
+        "diagnose-all": ("tiago_mj.diagnose_all", "diagnose many folders, each by itself, in many processes"),
         "calibrate-sensor": (
             "tiago_mj.gap.calibrate_sensor.command",
             "noise, threshold and scale of your own load cells",
@@ -72,7 +73,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     given = list(sys.argv[1:] if argv is None else argv)
     headless.hush_unmade_viewers()
-    _hush_announcements()
+    hush_announcements()
     arguments = build_parser(next((word for word in given if not word.startswith("-")), None)).parse_args(given)
     try:
         status: int = arguments.run(arguments)
@@ -93,7 +94,7 @@ def _foreseen() -> tuple[type[BaseException], ...]:
     return (ValueError, OSError, ModuleNotFoundError, DependencyNotInstalled)
 
 
-def _hush_announcements() -> None:
+def hush_announcements() -> None:
     """Keep gymnasium-robotics from announcing, at import, changes of environments that are not ours."""
     try:
         from farama_notifications import notifications  # type: ignore[import-untyped]

@@ -11,10 +11,12 @@ from typing import Any
 import gymnasium
 import numpy as np
 
+from tiago_mj import scale
 from tiago_mj.film import SUFFIXES, Film, check_suffix
 from tiago_mj.registration import ENVIRONMENTS, NAMESPACE
-from tiago_mj.rollout.episode import Episode, play, summarise
-from tiago_mj.rollout.policies import make_policy
+from tiago_mj.rollout.episode import Episode
+from tiago_mj.rollout.policies import RANDOM
+from tiago_mj.rollout.sweep import Batch, play_all, play_seeds
 
 HEADER = ("episode", "seed", "return", "success", "both contacts", "final right", "final left", "peak")
 UNITS = ("", "", "", "", "s", "sensor u.", "sensor u.", "sensor u.")
@@ -35,6 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--json", action="store_true", help="print the same as data")
     parser.add_argument("--trust", action="store_true", help="load FILE although loading runs what it holds")
+    scale.add_arguments(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -44,22 +47,28 @@ def run(arguments: argparse.Namespace) -> int:
         ValueError: an argument is unusable; says which and how to mend it.
     """
     identifier = environment_id(arguments.env)
-    for name, least in (("episodes", 1), ("seed", 0)):
+    for name, least in (("episodes", 1), ("seed", 0), ("jobs", 0)):
         if getattr(arguments, name) < least:
             raise ValueError(f"--{name} is {getattr(arguments, name)}: give {least} or more")
-    if arguments.film is not None:
+    seeds = tuple(range(arguments.seed, arguments.seed + arguments.episodes))
+    policy = arguments.policy
+    if policy not in ("pi", RANDOM) and Path(policy).exists():
+        policy = str(Path(policy).resolve())  # processes of a cluster have another working directory
+    batch = Batch(identifier, policy, seeds, arguments.trust)
+    film = None
+    if arguments.film is None:
+        episodes = play_all(batch, jobs=arguments.jobs, backend=arguments.backend)
+    else:
         check_suffix(arguments.film)
-    env = gymnasium.make(identifier, render_mode=None if arguments.film is None else "rgb_array")
-    try:
-        policy = make_policy(arguments.policy, env, seed=arguments.seed, trust=arguments.trust)
-        film = None if arguments.film is None else Film(env)
-        episodes = []
-        for seed in range(arguments.seed, arguments.seed + arguments.episodes):
-            episodes.append(summarise(play(env, policy, seed=seed, watch=film), seed))
-        if film is not None:
+        if arguments.jobs != 1 or arguments.backend != "local":
+            raise ValueError("--film shows the episodes of one process: leave out --jobs and --backend, or --film")
+        env = gymnasium.make(identifier, render_mode="rgb_array")
+        try:
+            film = Film(env)
+            episodes = play_seeds(env, batch, watch=film)
             film.write(arguments.film)
-    finally:
-        env.close()
+        finally:
+            env.close()
     if arguments.json:
         print(json.dumps(as_data(identifier, arguments, episodes), indent=2))
         return 0

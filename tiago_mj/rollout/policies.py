@@ -16,6 +16,8 @@ from tiago_mj.rollout.episode import Policy
 
 #: Algorithms of stable-baselines3 by a setting that only they store; DDPG is stored as the TD3 that it is made of.
 ALGORITHMS: Final = {"clip_range": "PPO", "target_entropy": "SAC", "policy_delay": "TD3", "gae_lambda": "A2C"}
+#: The policy whose actions are drawn.
+RANDOM: Final = "random"
 #: Replay buffers are not needed to run a policy, and can take gigabytes.
 _NO_BUFFER: Final[dict[str, Any]] = {"buffer_size": 1, "replay_buffer_class": None, "replay_buffer_kwargs": {}}
 
@@ -70,7 +72,7 @@ def make_policy(name: str, env: gymnasium.Env[Any, Any], *, seed: int, trust: bo
                 "GripperTactile-v0 or TIAGoTactile-v0"
             )
         return ForcePI.for_env(env)
-    if name == "random":
+    if name == RANDOM:
         assert isinstance(env.action_space, gymnasium.spaces.Box)
         return RandomPolicy(env.action_space, seed)
     return LearnedPolicy(_load(Path(name), env, trust))

@@ -1,0 +1,142 @@
+"""Whatever the number of processes, the results are those of one; what goes wrong in another is said in one line."""
+
+import json
+import sys
+
+import pytest
+import scale_bench
+
+from tiago_mj import cli, diagnose_all, scale
+from tiago_mj.gap.effects import EFFECTS
+
+
+def printed(capsys, *words):
+    assert cli.main(words) == 0
+    said = capsys.readouterr()
+    assert said.err == "", "other processes have nothing to announce"
+    return said.out
+
+
+def refused(capsys, *words):
+    assert cli.main(words) == 2
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert said.err.count("\n") == 1
+    return said.err
+
+
+@pytest.mark.parametrize("jobs", [1, 2, 0])
+def test_results_come_in_the_order_of_the_tasks(jobs):
+    if jobs != 1:
+        pytest.importorskip("joblib", reason="needs the extra 'scale'")
+    assert scale.run_all(scale_bench.square, range(20), jobs=jobs) == [k * k for k in range(20)]
+    assert scale.run_all(scale_bench.square, [], jobs=jobs) == []
+
+
+def test_many_jobs_are_many_processes():
+    pytest.importorskip("joblib", reason="needs the extra 'scale'")
+    found = scale.run_all(scale_bench.process, range(40), jobs=2)
+    assert [number for number, _ in found] == list(range(40))
+    assert 1 <= len({identity for _, identity in found}) <= 2
+    assert scale.run_all(scale_bench.process, [0], jobs=1)[0][1] not in {identity for _, identity in found}
+
+
+@pytest.mark.parametrize("policy", ["pi", "random"])
+def test_a_rollout_in_many_processes_is_the_rollout_in_one(policy, capsys):
+    pytest.importorskip("joblib", reason="needs the extra 'scale'")
+    words = ("rollout", "--env", "GripperTactile-v0", "--policy", policy, "--episodes", "6", "--json", "--jobs")
+    one = printed(capsys, *words, "1")
+    assert printed(capsys, *words, "2") == one
+    assert len({episode["episode_return"] for episode in json.loads(one)["episodes"]}) == 6
+
+
+def test_an_episode_depends_on_its_seed_alone(capsys):
+    words = ("rollout", "--env", "GripperTactile-v0", "--policy", "random", "--json")
+    three = json.loads(printed(capsys, *words, "--episodes", "3"))["episodes"]
+    last = json.loads(printed(capsys, *words, "--seed", "2"))["episodes"]
+    assert last == three[2:]
+
+
+def test_a_folder_is_diagnosed_among_others_as_alone_and_none_hinders_another(tmp_path, capsys):
+    pytest.importorskip("joblib", reason="needs the extra 'scale'")
+    pytest.importorskip("pyarrow", reason="needs the extra 'gap'")
+    folder, empty, out = (tmp_path / name for name in ("friction", "empty", "out"))
+    words = ("record", "--env", "GripperTactile-v0", "--policy", "pi", "--episodes", "3", "--out", str(folder))
+    assert cli.main([*words, "--effects", '{"coulomb_friction": {"force": 2.5}}']) == 0
+    empty.mkdir()
+    few = ("--without", ",".join(name for name in EFFECTS if name != "coulomb_friction"))  # as it takes less time
+    assert cli.main(["diagnose", str(folder), "--out", str(tmp_path / "alone"), *few]) == 0
+    capsys.readouterr()
+    assert cli.main(["diagnose-all", str(folder), str(empty), "--out", str(out), *few, "--jobs", "2"]) == 2
+    table = capsys.readouterr().out
+    alone, among = (
+        json.loads((path / "diagnosis.json").read_text()) for path in (tmp_path / "alone", out / "friction")
+    )
+    del alone["seconds"], among["seconds"]
+    assert among == alone
+    summary = json.loads((out / diagnose_all.SUMMARY).read_text())
+    assert summary["friction"] == {
+        "status": 0,
+        "complaint": "",
+        "verdict": alone["verdict"],
+        "closed": alone["shrink"]["closed"],
+    }
+    assert summary["empty"]["status"] == 2
+    assert "holds no recording" in summary["empty"]["complaint"]
+    lines = table.splitlines()
+    assert lines[1].split()[:3] == ["friction", "effect", "coulomb_friction"]
+    assert "holds no recording" in lines[2]
+
+
+def test_a_fault_in_another_process_is_the_fault_itself():
+    pytest.importorskip("joblib", reason="needs the extra 'scale'")
+    with pytest.raises(ValueError, match="task -1 is negative"):
+        scale.run_all(scale_bench.square, [1, -1, 2], jobs=2)
+
+
+def test_a_process_that_dies_is_told_and_no_result_is_made_up():
+    pytest.importorskip("joblib", reason="needs the extra 'scale'")
+    with pytest.raises(OSError, match="ended in the middle of its task"):
+        scale.run_all(scale_bench.die, range(6), jobs=2)
+    assert scale.run_all(scale_bench.square, range(6), jobs=2) == [0, 1, 4, 9, 16, 25], "the next run has new processes"
+
+
+def test_an_effect_of_ones_own_is_not_left_out_in_silence():
+    task = diagnose_all.Task(("diagnose",), "out", (*EFFECTS, "return_spring_of_mine"))
+    with pytest.raises(ValueError, match=r"return_spring_of_mine .* use --jobs 1"):
+        diagnose_all.diagnose(task)
+
+
+ROLLOUT = ("rollout", "--env", "GripperTactile-v0", "--policy", "pi", "--episodes", "2")
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ((*ROLLOUT, "--jobs", "-1"), "--jobs is -1: give 0 or more"),
+        ((*ROLLOUT, "--jobs", "2", "--film", "a.png"), "leave out --jobs"),
+        (("diagnose-all", "x/a", "y/a", "--out", "out"), "2 of the folders are called 'a'"),
+        (("diagnose-all", "x", "--out", "out", "--jobs", "-1"), "--jobs is -1: give 0 or more"),
+        (("diagnose-all", "x", "--out", "out", "--threads", "-1"), "--threads is -1: give 0 or more"),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, tuple) else "",
+)
+def test_bad_input_gets_one_line_that_says_how_to_mend_it(words, said, capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert said in refused(capsys, *words)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_unknown_backend_is_refused():
+    with pytest.raises(ValueError, match="use one of local, ray"):
+        scale.run_all(scale_bench.square, [1, 2], backend="slurm")
+
+
+@pytest.mark.parametrize(("words", "missing"), [(("--jobs", "2"), "joblib"), (("--backend", "ray"), "ray")])
+def test_without_the_extra_one_line_says_how_to_install_it(words, missing, capsys, monkeypatch):
+    if missing == "ray":
+        pytest.importorskip("joblib", reason="needs the extra 'scale'")
+    monkeypatch.setitem(sys.modules, missing, None)
+    said = refused(capsys, *ROLLOUT, *words)
+    assert missing in said
+    assert "pip install 'tiago-mj[scale]'" in said

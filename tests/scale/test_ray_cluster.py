@@ -1,0 +1,98 @@
+"""A real Ray cluster of two nodes on this machine, one of which is killed in the middle."""
+
+import json
+import os
+import signal
+import socket
+import threading
+import time
+from collections import Counter
+
+import pytest
+import scale_bench
+
+ray = pytest.importorskip("ray", reason="needs the extra 'scale'")
+pytest.importorskip("joblib", reason="needs the extra 'scale'")
+
+from tiago_mj import cli, scale  # noqa: E402
+
+#: The head notices after about 5 s instead of 15 s that a node is gone.
+SOON = {"health_check_period_ms": 1000, "health_check_failure_threshold": 5}
+MEMORY = 80 * 2**20  # about the least that Ray takes
+TASKS = 24
+ROLLOUT = ("rollout", "--env", "GripperTactile-v0", "--policy", "pi", "--episodes", "6", "--json")
+
+
+@pytest.fixture
+def cluster(monkeypatch):
+    """Two nodes of two processors; what is written to the environment is for the processes of the cluster."""
+    from ray.cluster_utils import Cluster
+
+    monkeypatch.setenv("RAY_USAGE_STATS_ENABLED", "0")
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([os.path.dirname(__file__), os.environ.get("PYTHONPATH", "")]))
+    head = {"num_cpus": 2, "object_store_memory": MEMORY, "include_dashboard": False, "_system_config": SOON}
+    nodes = Cluster(initialize_head=True, head_node_args=head)
+    nodes.other = nodes.add_node(num_cpus=2, object_store_memory=MEMORY)
+    nodes.wait_for_nodes()
+    monkeypatch.setenv(scale.ADDRESS, nodes.address)
+    yield nodes
+    nodes.shutdown()
+
+
+def began(folder):
+    """Task, node and process of every beginning."""
+    return [tuple(mark.name.split("-")) for mark in folder.iterdir()]
+
+
+def test_every_result_arrives_once_though_a_node_is_killed_in_the_middle(cluster, tmp_path, capfd):
+    tasks = [scale_bench.Slow(number, str(tmp_path), 0.3) for number in range(TASKS)]
+    killed = []
+
+    def kill_when_it_works():
+        while not (there := [process for _, node, process in began(tmp_path) if node == cluster.other.node_id]):
+            time.sleep(0.02)
+        killed.append(len(began(tmp_path)))
+        for process in set(there):  # they would outlive their node by a second
+            os.kill(int(process), signal.SIGKILL)
+        cluster.remove_node(cluster.other, allow_graceful=False)
+
+    killer = threading.Thread(target=kill_when_it_works, daemon=True)
+    killer.start()
+    found = scale.run_all(scale_bench.slow_square, tasks, jobs=0, backend="ray")
+    killer.join(timeout=30)
+    assert killed, "the node was to be killed before the end"
+    assert killed[0] < TASKS, "tasks must be left when it is"
+    assert [(number, square) for number, square, _ in found] == [(k, k * k) for k in range(TASKS)]
+    last = Counter(node for *_, node in found)
+    assert last[cluster.head_node.node_id] > TASKS / 2, "the node that is left does the work"
+    again = [number for number, count in Counter(number for number, *_ in began(tmp_path)).items() if count > 1]
+    assert again, "what the killed node had begun was begun again"
+    assert not ray.is_initialized(), "the connection is left"
+
+
+def test_a_rollout_and_a_fault_are_on_a_cluster_what_they_are_here(cluster, capsys):
+    assert cli.main([*ROLLOUT, "--backend", "ray", "--jobs", "0"]) == 0
+    there = json.loads(capsys.readouterr().out)
+    assert cli.main(ROLLOUT) == 0
+    assert json.loads(capsys.readouterr().out) == there
+    with pytest.raises(ValueError, match="task -1 is negative"):
+        scale.run_all(scale_bench.square, [1, -1, 2], jobs=2, backend="ray")
+    assert cli.main([*ROLLOUT, "--backend", "ray", "--jobs", "9"]) == 2
+    assert "the Ray cluster has 4 processors" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("address", ["closed port", "nonsense"])
+def test_a_cluster_that_does_not_answer_gets_one_line_and_no_wait(address, capsys, monkeypatch):
+    if address == "closed port":
+        with socket.socket() as free:
+            free.bind(("127.0.0.1", 0))
+            address = f"127.0.0.1:{free.getsockname()[1]}"
+    monkeypatch.setenv(scale.ADDRESS, address)
+    begun = time.monotonic()
+    assert cli.main([*ROLLOUT, "--backend", "ray"]) == 2
+    assert time.monotonic() - begun < 2 * scale.PATIENCE
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1
+    assert address in said
+    assert "ray start --head" in said
+    assert scale.ADDRESS in said

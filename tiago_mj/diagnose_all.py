@@ -1,0 +1,169 @@
+"""``tiago-mj diagnose-all``: many folders of recordings, each diagnosed by itself, in many processes.
+
+Every diagnosis is what ``tiago-mj diagnose FOLDER`` writes: this only calls that command, and says in a table what came
+of each. A folder that cannot be used keeps no other from its diagnosis.
+"""
+
+from __future__ import annotations
+
+import argparse
+import io
+import json
+from collections import Counter
+from collections.abc import Sequence
+from contextlib import redirect_stderr, redirect_stdout
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from tiago_mj import atomic, cli, scale
+
+#: Written into ``--out``: what came of every folder.
+SUMMARY: Final = "diagnoses.json"
+HEADER: Final = ("folder", "verdict", "effects", "probability", "closed")
+
+
+@dataclass(frozen=True)
+class Task:
+    """One diagnosis.
+
+    Attributes:
+        words: the command line, of absolute paths.
+        out: folder that it writes into.
+        effects: names that the library must hold.
+    """
+
+    words: tuple[str, ...]
+    out: str
+    effects: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What came of one.
+
+    Attributes:
+        status: exit status of the command.
+        complaint: what it said where the status is not 0.
+        verdict: ``verdict`` of its ``diagnosis.json``.
+        closed: share of the gap that the repair closes; None where unknown.
+    """
+
+    status: int
+    complaint: str = ""
+    verdict: dict[str, Any] | None = None
+    closed: float | None = None
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's arguments."""
+    parser.add_argument("folders", nargs="+", type=Path, metavar="FOLDER", help="one diagnosis is made of each")
+    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help=f"for DIR/FOLDER/… and DIR/{SUMMARY}")
+    what = parser.add_mutually_exclusive_group()
+    what.add_argument("--env", help="environment that they are compared with, where they do not say")
+    what.add_argument("--model", type=Path, help="MJCF file that they are compared with")
+    parser.add_argument("--map", type=Path, help="YAML: column to kind and name")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--time-budget", type=float, help="seconds after which a diagnosis writes its best verdict")
+    parser.add_argument("--without", default="", metavar="NAME,...", help="effects that are left out")
+    parser.add_argument(
+        "--threads", type=int, metavar="N", help="of each diagnosis; 0: all processors (0 where --jobs is 1, else 1)"
+    )
+    scale.add_arguments(parser)
+    parser.add_argument("--json", action="store_true", help=f"print {SUMMARY} instead of the table")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Diagnose every folder.
+
+    Returns:
+        The worst exit status of the diagnoses: 1 before 2 before 0.
+
+    Raises:
+        ValueError: an argument is unusable; says which and how to mend it.
+    """
+    from tiago_mj.gap.effects import EFFECTS
+
+    for name in ("seed", "jobs", "threads"):
+        if (getattr(arguments, name) or 0) < 0:
+            raise ValueError(f"--{name} is {getattr(arguments, name)}: give 0 or more")
+    threads = arguments.threads
+    if threads is None:
+        threads = 0 if arguments.jobs == 1 and arguments.backend == "local" else 1
+    options = ["--json", "--seed", str(arguments.seed), "--jobs", str(threads)]
+    for name in ("model", "map"):
+        if getattr(arguments, name) is not None:
+            options += [f"--{name}", str(getattr(arguments, name).resolve())]
+    for name in ("env", "without", "time_budget"):
+        if getattr(arguments, name):
+            options += [f"--{name.replace('_', '-')}", str(getattr(arguments, name))]
+    tasks = []
+    for folder, name in zip(arguments.folders, names(arguments.folders), strict=True):
+        out = str((arguments.out / name).resolve())
+        words = ("diagnose", str(folder.resolve()), "--out", out, *options)
+        tasks.append(Task(words, out, tuple(EFFECTS)))
+    outcomes = scale.run_all(diagnose, tasks, jobs=arguments.jobs, backend=arguments.backend)
+    found = {name: asdict(one) for name, one in zip(names(arguments.folders), outcomes, strict=True)}
+    text = json.dumps(found, indent=1, ensure_ascii=False) + "\n"
+    atomic.write_text(arguments.out / SUMMARY, text)
+    if arguments.json:
+        print(text, end="")
+    else:
+        print(table(found))
+    return next((status for status in (1, 2) if any(one.status == status for one in outcomes)), 0)
+
+
+def names(folders: Sequence[Path]) -> list[str]:
+    """Under which each folder's diagnosis is written.
+
+    Raises:
+        ValueError: two have the same.
+    """
+    found = [folder.resolve().name for folder in folders]
+    for name, count in Counter(found).items():
+        if count > 1 or not name:
+            raise ValueError(
+                f"{count} of the folders are called {name!r}, and each diagnosis is written into a folder of that "
+                "name: rename one, or diagnose them in two runs"
+            )
+    return found
+
+
+def diagnose(task: Task) -> Outcome:
+    """Run the command in this process and read what it wrote."""
+    from tiago_mj.gap.effects import EFFECTS
+
+    unknown = sorted(set(task.effects) - set(EFFECTS))
+    if unknown:
+        raise ValueError(
+            f"effect {unknown[0]} is declared in your own program, which other processes do not run: use --jobs 1"
+        )
+    said, complained = io.StringIO(), io.StringIO()
+    try:
+        with redirect_stdout(said), redirect_stderr(complained):
+            status = cli.main(task.words)
+    except SystemExit as stop:  # argparse's
+        status = stop.code if isinstance(stop.code, int) else 1
+    except Exception as fault:  # one folder's fault must not lose the others' results
+        return Outcome(1, f"{type(fault).__name__}: {' '.join(str(fault).split())}")
+    if status:
+        return Outcome(status, complained.getvalue().strip().removeprefix("tiago-mj diagnose: "))
+    written = json.loads((Path(task.out) / "diagnosis.json").read_text(encoding="utf-8"))
+    return Outcome(0, verdict=written["verdict"], closed=written["shrink"]["closed"])
+
+
+def table(found: dict[str, dict[str, Any]]) -> str:
+    """One line a folder, columns aligned."""
+    rows: list[tuple[str, ...]] = [HEADER]
+    for name, one in found.items():
+        verdict = one["verdict"]
+        if verdict is None:
+            rows.append((name, "failed", one["complaint"], "", ""))
+            continue
+        effects = ", ".join(effect["name"] for effect in verdict["effects"]) or "-"
+        closed = "-" if one["closed"] is None else f"{one['closed']:.0%}"
+        rows.append((name, verdict["kind"], effects, f"{verdict['probability']:.0%}", closed))
+    widths = [max(len(row[i]) for row in rows if row[1] != "failed" or i < 2) for i in range(len(HEADER))]
+    return "\n".join(
+        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows
+    )

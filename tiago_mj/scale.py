@@ -1,0 +1,151 @@
+"""Many independent tasks at once: in processes of this machine, or on a Ray cluster.
+
+joblib does the scheduling: its own processes (loky), or Ray's through ``ray.util.joblib``. Both come with the extra
+``scale``. A task's result must depend on nothing but the task, so that neither the backend nor the number of processes
+can change it; and it must be allowed to run again, which it does where a node of the cluster is lost.
+"""
+
+from __future__ import annotations
+
+import argparse
+import logging
+import os
+import pickle
+import socket
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import BrokenExecutor
+from contextlib import contextmanager, redirect_stdout
+from dataclasses import dataclass
+from importlib import import_module
+from typing import Any, Final, TypeVar
+
+Task = TypeVar("Task")
+Result = TypeVar("Result")
+
+BACKENDS: Final = ("local", "ray")
+#: Where the cluster is, HOST:PORT: Ray's own variable; without it, the cluster that this machine is part of.
+ADDRESS: Final = "RAY_ADDRESS"
+#: Seconds to wait for the head's port; Ray itself would try for five minutes.
+PATIENCE: Final = 5.0
+#: A lost process begins again elsewhere this often, then its loss is taken for the tasks' fault. What it had not
+#: finished is run again however often it takes: Ray retries every second or so while it has not noticed the loss.
+#: Hardly any of a processor is reserved: what a lost node did must find room on those that are left, but none on a
+#: head that offers no processor.
+ACTORS: Final = {"max_restarts": 5, "max_task_retries": -1, "num_cpus": 0.01, "scheduling_strategy": "SPREAD"}
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options of a command that runs many tasks."""
+    parser.add_argument("--jobs", type=int, default=1, metavar="N", help="processes at once (1); 0: one a processor")
+    parser.add_argument(
+        "--backend",
+        choices=BACKENDS,
+        default=BACKENDS[0],
+        help=f"processes of this machine, or of the Ray cluster at {ADDRESS} (local)",
+    )
+
+
+def run_all(
+    function: Callable[[Task], Result], tasks: Sequence[Task], *, jobs: int = 1, backend: str = "local"
+) -> list[Result]:
+    """The results of all tasks, in the tasks' order, each once.
+
+    Args:
+        function: of a module that the processes can import. On a cluster every node needs the same installation, and
+            the files that a task names at the same place.
+        tasks: what it is called with, one at a time.
+        jobs: processes; 0: one a processor of the machine or of the cluster.
+        backend: ``"local"``, where one process is this one, or ``"ray"``.
+
+    Raises:
+        ValueError: jobs or backend is unusable.
+        ModuleNotFoundError: the extra ``scale`` is not installed.
+        OSError: the cluster cannot be reached, or processes died over and over.
+        Exception: what ``function`` raised first.
+    """
+    if backend not in BACKENDS:
+        raise ValueError(f"backend is {backend!r}: use one of {', '.join(BACKENDS)}")
+    if jobs < 0:
+        raise ValueError(f"--jobs is {jobs}: give 0 or more")
+    if backend == "local" and (jobs == 1 or len(tasks) < 2):
+        return [function(task) for task in tasks]
+    joblib = _load("joblib")
+    if backend == "local":
+        with joblib.parallel_config(backend="loky"):
+            return _parallel(joblib, function, tasks, jobs, BrokenExecutor)
+    ray = _load("ray")
+    with redirect_stdout(sys.stderr), _connected(ray):  # Ray would tell of lost processes between the results
+        processors = int(ray.cluster_resources().get("CPU", 0))
+        if jobs > processors:
+            raise ValueError(f"--jobs is {jobs}, but the Ray cluster has {processors} processors: give fewer, or 0")
+        _load("ray.util.joblib").register_ray()
+        logging.getLogger("ray.util.multiprocessing.pool").setLevel(logging.ERROR)  # warns of joblib's own arguments
+        with joblib.parallel_config(backend="ray", ray_remote_args=dict(ACTORS)):
+            return _parallel(joblib, function, tasks, jobs or processors, ray.exceptions.RayError)
+
+
+def _parallel(
+    joblib: Any, function: Callable[[Task], Result], tasks: Sequence[Task], jobs: int, lost: type[Exception]
+) -> list[Result]:
+    """One task a dispatch: tasks last seconds, and a lost process shall cost no more than one."""
+    call = joblib.delayed(_Call(function))
+    try:
+        results: list[Result] = joblib.Parallel(n_jobs=jobs or -1, batch_size=1)(call(task) for task in tasks)
+    except lost as fault:
+        reason = " ".join(str(fault).split())[:300]
+        raise OSError(f"a process ended in the middle of its task (too little memory?): {reason}") from fault
+    return results
+
+
+@dataclass(frozen=True)
+class _Call:
+    """A function whose module is imported in the other process only when that has been told to be quiet."""
+
+    function: Callable[[Any], Any]
+
+    def __call__(self, task: Any) -> Any:
+        return self.function(task)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _recalled, (pickle.dumps(self.function),)
+
+
+def _recalled(pickled: bytes) -> _Call:
+    from tiago_mj import cli, headless
+
+    headless.hush_unmade_viewers()
+    cli.hush_announcements()
+    return _Call(pickle.loads(pickled))
+
+
+@contextmanager
+def _connected(ray: Any) -> Iterator[None]:
+    """A connection to the cluster, left again unless it was there before."""
+    if ray.is_initialized():
+        yield
+        return
+    address = os.environ.get(ADDRESS) or "auto"
+    host, colon, port = address.rpartition(":")
+    mend = f"start one with 'ray start --head', or give the address of a running one as {ADDRESS}=HOST:PORT"
+    try:
+        if colon and port.isdecimal() and "/" not in host:
+            socket.create_connection((host.strip("[]"), int(port)), timeout=PATIENCE).close()
+        ray.init(address=address, log_to_driver=False, logging_level=logging.ERROR)
+    except (OSError, RuntimeError, ValueError, OverflowError) as fault:
+        reason = " ".join(str(fault).split())[:300]
+        raise OSError(f"no Ray cluster answers at {address!r} ({reason}): {mend}") from fault
+    try:
+        yield
+    finally:
+        ray.shutdown()
+
+
+def _load(name: str) -> Any:
+    try:
+        return import_module(name)
+    except ModuleNotFoundError as fault:
+        package = name.partition(".")[0]
+        raise ModuleNotFoundError(
+            f"many processes need {package}, which is not installed; install it with: pip install 'tiago-mj[scale]'"
+        ) from fault
