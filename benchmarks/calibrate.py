@@ -1,0 +1,329 @@
+"""Calibrate the verdict: fit its numbers to finished runs of the blind check, and write them down.
+
+    python -m benchmarks.calibrate RUN... --out tiago_mj/gap/verdict.json
+
+A diagnosis stores the evidence for every explanation; the verdict is a function of it and of five numbers
+(:func:`tiago_mj.gap.verdict.decide`), so that it can be judged again without simulating anything. Each number is fitted
+to what it is for, and drawn towards what was chosen by hand before there were any runs: with few cases it stays there.
+
+* ``temperature``: the log loss of the true explanation, up to its classes.
+* ``stands``: as few effects as possible are missed while at most 3 % of the cases without a gap get a name.
+* ``fails``: as few unknown effects as possible pass while at most 5 % of what the library explains is called unknown.
+* ``remains``: as few gaps as possible are kept quiet while at most 5 % of the right verdicts say that one is left.
+* ``rival``: sets as small as possible while at least 98 % hold the truth, of those whose truth was looked at.
+
+Not a part of ``benchmarks.blind``, which knows nothing of the diagnosis's code. The runs' seeds are written down, too;
+a run of one of them is no evaluation afterwards.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.blind import score
+from benchmarks.blind.score import Judged
+from tiago_mj import atomic
+from tiago_mj.gap import verdict
+from tiago_mj.gap.result import Evidence
+from tiago_mj.gap.verdict import SCHEMA, Calibration, Option, decide, probabilities
+
+Array = NDArray[np.float64]
+Verdicts = Sequence[Judged]
+
+#: Chosen by hand, before any run; what few cases do not move much.
+BY_HAND: Final = Calibration(temperature=10.0, stands=0.333, rival=0.05, fails=6.0, remains=3.0)
+#: Where a number may lie.
+RANGE: Final[Mapping[str, tuple[float, float]]] = {
+    "temperature": (1.0, 1000.0),
+    "stands": (0.001, 1.0),
+    "fails": (1.5, 200.0),
+    "remains": (1.0, 100.0),
+    "rival": (0.001, 0.5),
+}
+#: Steps that are tried of each.
+GRID: Final = 60
+#: How far a number may be expected from where it was put by hand [log]; a case counts 1, a nat of log loss, too.
+SPREAD: Final = 1.0
+#: Counts jump where a threshold passes a case; a case is taken to lie anywhere within this [log].
+SMOOTH: Final = 0.15
+#: A case above a limit counts as many that are missed.
+ABOVE: Final = 10.0
+#: Even a sure answer is wrong so often, whatever the evidence: the log loss of one case is limited.
+LEAST: Final = 0.01
+FALSE_NAMES, FALSE_FLAGS, FALSE_REMAINS, OUT_OF_SET = 0.03, 0.05, 0.05, 0.02
+#: They depend on each other.
+ROUNDS: Final = 3
+
+
+@dataclass(frozen=True)
+class Case:
+    """A diagnosed case of a run.
+
+    Attributes:
+        label: the truth.
+        answer: the diagnosis.
+        options: its explanations, as the verdict sees them.
+        betrayed: whether all of them hold an effect that the readings betray.
+    """
+
+    label: Mapping[str, Any]
+    answer: Mapping[str, Any]
+    options: tuple[Option, ...]
+    betrayed: bool
+
+    @property
+    def truths(self) -> set[frozenset[str]]:
+        """What is right, by classes; of an effect that does not show it is right to see nothing, too."""
+        true = frozenset(score.classes(self.label["effects"]))
+        return {true} if self.label["oracle"]["detectable"] else {true, frozenset()}
+
+    @property
+    def explainable(self) -> bool:
+        """Whether the library holds the truth."""
+        return self.label["kind"] in ("none", "one", "two")
+
+    @property
+    def looked_at(self) -> bool:
+        """Whether the truth is among the explanations."""
+        return any(option.classes in self.truths for option in self.options)
+
+
+def case(label: Mapping[str, Any], answer: Mapping[str, Any]) -> Case | None:
+    """A case from its files; None where the diagnosis stored no evidence."""
+    ranking = answer.get("ranking", [])
+    if not ranking or any(one.get("evidence") is None for one in ranking):
+        return None
+    named = [frozenset(_named(effect) for effect in one["effects"]) for one in ranking]
+    known = frozenset.intersection(*named)
+    options = tuple(
+        Option(effects - known, frozenset(score.classes(one["effects"])), Evidence(**one["evidence"]))
+        for effects, one in zip(named, ranking, strict=True)
+    )
+    return Case(label, answer, options, bool(known)) if any(not option.effects for option in options) else None
+
+
+def _named(effect: Mapping[str, Any]) -> tuple[str, tuple[str, ...] | None]:
+    target = effect.get("target", "all")
+    if target == "all":
+        return effect["name"], None
+    return effect["name"], (target,) if isinstance(target, str) else tuple(target)
+
+
+def read(root: Path) -> tuple[list[Case], dict[str, Any]]:
+    """Cases of a finished run, and what it was.
+
+    Raises:
+        ValueError: the run is not finished.
+    """
+    if not (root / "labels.json").exists():
+        raise ValueError(
+            f"{root.name}/labels.json is missing: finish the run first (tiago-mj blind … --out {root.name})"
+        )
+    labels = json.loads((root / "labels.json").read_text())
+    run = json.loads((root / ".sealed" / "run.json").read_text())
+    run["seal"] = (root / "seal.txt").read_text().split()[0]
+    found = []
+    for number, label in labels.items():
+        path = root / "cases" / number / "diagnosis" / "diagnosis.json"
+        if path.exists():
+            found.append(case(label, json.loads(path.read_text())))
+    run["used"] = sum(one is not None for one in found)
+    return [one for one in found if one is not None], run
+
+
+def again(one: Case, by: Calibration) -> Judged:
+    """A case as it would be answered with other numbers."""
+    said = decide(one.options, by, betrayed=one.betrayed)
+    ranking = one.answer["ranking"]
+    best = said.rivals[0]
+    named = [k for k in said.rivals if ranking[k]["effects"]]
+    told = {
+        **one.answer["verdict"],
+        "kind": said.kind,
+        "effects": [{**effect, "parameters": {}} for effect in ranking[best]["effects"]],
+        "probability": float(said.probability[best]),
+        "alternatives": [{"effects": ranking[k]["effects"]} for k in named],
+        "remains": {"flag": said.remains and said.kind != "no_gap"},
+    }
+    return Judged(one.label, {**one.answer, "verdict": told})
+
+
+def log_loss(cases: Sequence[Case], by: Calibration) -> float:
+    """Sum of −log of the true explanation's probability [nats], of cases whose truth was looked at."""
+    total = 0.0
+    for one in cases:
+        if one.explainable and one.looked_at:
+            single = probabilities(one.options, by)
+            right = sum(p for p, option in zip(single, one.options, strict=True) if option.classes in one.truths)
+            total -= float(np.log((1 - LEAST) * right + LEAST))
+    return total
+
+
+# What each number is for: cases that are missed, with those above a limit ---------------------------------------------
+
+
+def _stands(said: Verdicts) -> float:
+    none = [j for j in said if j.kind == "none"]
+    false = sum(j.verdict in ("effect", "ambiguous") and bool(j.best) for j in none)
+    there = [j for j in said if j.kind in ("one", "two") and j.detectable]
+    return sum(j.verdict == "no_gap" for j in there) + ABOVE * max(0.0, false - FALSE_NAMES * len(none))
+
+
+def _fails(said: Verdicts) -> float:
+    ours = [j for j in said if j.explainable]
+    false = sum(j.verdict == "unknown" for j in ours)
+    outside = [j for j in said if j.kind in ("outside", "left_out") and j.detectable]
+    missed = sum(not score.right(j) for j in outside)
+    return missed + ABOVE * max(0.0, false - FALSE_FLAGS * len(ours))
+
+
+def _remains(said: Verdicts) -> float:
+    right = [j for j in said if j.explainable and j.detectable and j.best == j.truth]
+    false = sum(_left(j) for j in right)
+    partly = [j for j in said if j.verdict in ("effect", "ambiguous") and _short(j)]
+    return sum(not _left(j) for j in partly) + ABOVE * max(0.0, false - FALSE_REMAINS * len(right))
+
+
+def _left(j: Judged) -> bool:
+    return bool(j.answer and j.answer["verdict"]["remains"]["flag"])
+
+
+def _short(j: Judged) -> bool:
+    """Whether the best explanation leaves a gap: an effect that it lacks shows."""
+    if not j.detectable:
+        return False
+    return j.kind == "outside" or (j.kind == "two" and j.best is not None and set(j.best) < set(j.truth))
+
+
+def _rival(cases: Sequence[Case], said: Verdicts) -> float:
+    ours = [j for one, j in zip(cases, said, strict=True) if _single(one) and j.verdict != "unknown"]
+    out = sum(j.truth not in j.set for j in ours)
+    return sum(len(j.set) - 1 for j in ours) + ABOVE * max(0.0, out - OUT_OF_SET * len(ours))
+
+
+def _single(one: Case) -> bool:
+    return bool(one.label["kind"] == "one" and one.label["oracle"]["detectable"] and one.looked_at)
+
+
+def fit(cases: Sequence[Case], start: Calibration = BY_HAND) -> Calibration:
+    """The five numbers, to three digits."""
+    by = start
+    by = replace(by, temperature=_best("temperature", by, start, lambda c: log_loss(cases, c)))
+    costs: dict[str, Callable[[Verdicts], float]] = {
+        "fails": _fails,
+        "remains": _remains,
+        "stands": _stands,
+        "rival": lambda said: _rival(cases, said),
+    }
+    for _ in range(ROUNDS):
+        before = by
+        for name, cost in costs.items():
+            value = _best(name, by, start, lambda c, cost=cost: cost([again(one, c) for one in cases]))  # type: ignore
+            by = replace(by, **{name: value})
+        by = replace(by, remains=min(by.remains, by.fails))  # what fails leaves a gap
+        if by == before:
+            break
+    return by
+
+
+def _best(name: str, by: Calibration, start: Calibration, cost: Callable[[Calibration], float]) -> float:
+    """The number of least cost, with what it costs to leave where it was put by hand."""
+    low, high, origin = (float(np.log(x)) for x in (*RANGE[name], getattr(start, name)))
+    step = (high - low) / GRID
+    at = origin + step * np.arange(np.ceil((low - origin) / step), np.floor((high - origin) / step) + 1)
+    costs = np.array([cost(replace(by, **{name: float(np.exp(x))})) for x in at])
+    kernel = np.exp(-(((at[:, None] - at[None, :]) / SMOOTH) ** 2) / 2)
+    smooth = (kernel / kernel.sum(axis=1, keepdims=True)) @ costs
+    away = (at - origin) / SPREAD
+    found = float(np.exp(at[np.argmin(smooth + away**2 / 2)]))
+    return float(f"{found:.3g}")
+
+
+def carried(cases: Sequence[Case]) -> dict[str, int]:
+    """How many cases each number rests on."""
+    shown = [one for one in cases if one.label["oracle"]["detectable"]]
+    none = [one for one in cases if one.label["kind"] == "none"]
+    return {
+        "temperature": sum(one.explainable and one.looked_at for one in cases),
+        "stands": len(none) + sum(one.label["kind"] in ("one", "two") for one in shown),
+        "rival": sum(_single(one) for one in cases),
+        "fails": sum(one.explainable for one in cases) + sum(not one.explainable for one in shown),
+        "remains": sum(one.label["kind"] in ("one", "two", "outside") for one in shown),
+    }
+
+
+SHOWN: Final = (
+    "top1", "in_set", "set_size", "pairs", "false_names", "unknown_flagged", "left_out", "false_flags", "undetectable",
+    "ece",
+)  # fmt: skip
+
+
+def table(cases: Sequence[Case], old: Calibration, new: Calibration) -> str:
+    """Numbers and scores, before and after."""
+    lines = [f"{'':16}{'before':>9}{'after':>9}  cases"]
+    for name, count in carried(cases).items():
+        lines.append(f"{name:16}{getattr(old, name):9.3g}{getattr(new, name):9.3g}{count:7}")
+    lines.append(f"{'log loss':16}{log_loss(cases, old):9.3g}{log_loss(cases, new):9.3g}")
+    scores = [score.score([again(one, by) for one in cases]) for by in (old, new)]
+    for name in SHOWN:
+        if scores[0][name]["n"]:
+            a, b = (s[name]["value"] for s in scores)
+            lines.append(f"{name:16}{a:9.3f}{'-' if b is None else f'{b:.3f}':>9}{scores[0][name]['n']:7}")
+    return "\n".join(lines)
+
+
+def written(new: Calibration, cases: Sequence[Case], runs: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """What ``verdict.json`` holds."""
+    return {
+        "schema": SCHEMA,
+        **{name: getattr(new, name) for name in Calibration.__dataclass_fields__},
+        "calibration": {
+            "command": "python -m benchmarks.calibrate RUN... --out tiago_mj/gap/verdict.json",
+            "seeds": sorted({run["seed"] for run in runs}),
+            "cases": len(cases),
+            "carried_by": carried(cases),
+            "runs": [dict(run) for run in runs],
+            "version": max(run["version"] for run in runs),
+        },
+    }
+
+
+def main(words: Sequence[str] | None = None) -> int:
+    """Command line."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.calibrate", description=(__doc__ or "").split("\n")[0])
+    parser.add_argument("runs", nargs="+", type=Path, metavar="RUN", help="folders of finished runs (tiago-mj blind)")
+    parser.add_argument("--out", type=Path, metavar="FILE", help="where to write; without it, only the table is shown")
+    arguments = parser.parse_args(words)
+    cases: list[Case] = []
+    runs = []
+    try:
+        for root in arguments.runs:
+            more, run = read(root)
+            cases += more
+            runs.append(run)
+        if not cases:
+            raise ValueError("no case has stored evidence: diagnose the runs again with this version")
+        if len({run["version"] for run in runs}) > 1:
+            raise ValueError("the runs are of several versions of the cases: make them again with this one")
+    except ValueError as error:
+        print(f"calibrate: {error}", file=sys.stderr)
+        return 2
+    new = fit(cases)
+    print(table(cases, verdict.calibration(), new))
+    if arguments.out is not None:
+        atomic.write_text(arguments.out, json.dumps(written(new, cases, runs), indent=2) + "\n")
+        print(f"Written: {arguments.out}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
