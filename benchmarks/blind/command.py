@@ -5,14 +5,18 @@ from __future__ import annotations
 import argparse
 import json
 import shlex
+from pathlib import Path
 from typing import Any, Final
 
+import tiago_mj
 from benchmarks.blind import baselines, cases, next_motion, plan, run, score
 from benchmarks.blind.cases import Case
 from benchmarks.blind.page import WORDS, number, page
 from benchmarks.blind.store import Store
 from tiago_mj import atomic
 
+#: The numbers of the diagnosis's verdict, and what they were fitted to.
+VERDICT: Final = Path(tiago_mj.__file__).parent / "gap" / "verdict.json"
 #: Least trials of a case: one each to fit, to choose and to report with.
 LEAST_TRIALS: Final = 3
 
@@ -47,14 +51,21 @@ def blind(arguments: argparse.Namespace, say: Any = print) -> int:
         outcome = next_motion.follow(case, k, labels[f"{k:03d}"], store, diagnoser)
         if outcome is not None:
             say(f"case {k:03d}: the recommended motion {'resolves' if outcome['resolved'] else 'does not resolve'} it")
-    write_scores(store, planned, labels, digest, command(arguments), say)
+    write_scores(store, planned, labels, digest, command(arguments), say, seed=arguments.seed)
     return 0
 
 
 def write_scores(
-    store: Store, planned: list[Case], labels: dict[str, Any], digest: str, words: str, say: Any = print
+    store: Store,
+    planned: list[Case],
+    labels: dict[str, Any],
+    digest: str,
+    words: str,
+    say: Any = print,
+    *,
+    seed: int | None = None,
 ) -> dict[str, Any]:
-    """Score and write ``scores.json`` and ``index.html``."""
+    """Score and write ``scores.json`` and ``index.html``; with a word of caution where the seed served to calibrate."""
     judged = [score.Judged(labels[f"{k:03d}"], store.answer(k)) for k in range(len(planned))]
     followed = [store.case(k) / "next.json" for k in range(len(planned))]
     motions = [bool(json.loads(path.read_text())["resolved"]) for path in followed if path.exists()]
@@ -62,6 +73,9 @@ def write_scores(
     scores["baselines"] = baselines.scores(judged, store)
     scores["by_class"] = score.by_class(judged)
     scores["command"], scores["seal"] = words, digest
+    if seed in calibration_seeds():
+        scores["caution"] = f"The verdict was calibrated on seed {seed}, among others: these scores are no evaluation."
+        say(scores["caution"])
     atomic.write_text(store.root / "scores.json", json.dumps(scores, indent=1, allow_nan=False) + "\n")
     atomic.write_text(store.root / "index.html", page(judged, scores, digest, words))
     for name, meaning in WORDS.items():
@@ -70,6 +84,13 @@ def write_scores(
             say(f"{number(name, entry['value']):>8}  {meaning} (n = {entry['n']})")
     say(f"Written: {store.root / 'index.html'}")
     return scores
+
+
+def calibration_seeds(path: Path = VERDICT) -> list[int]:
+    """Seeds of the runs that the diagnosis's verdict was calibrated on."""
+    if not path.exists():
+        return []
+    return list(json.loads(path.read_text()).get("calibration", {}).get("seeds", []))
 
 
 def command(arguments: argparse.Namespace) -> str:

@@ -72,6 +72,7 @@ def page(judged: Sequence[Judged], scores: Mapping[str, Any], seal: str, command
         f"<title>Blind check</title><style>{_STYLE}</style><h1>Blind check</h1>",
         f"<p>{len(judged)} cases: {html.escape(said)}. Labels sealed before the first diagnosis: <code>{seal}</code>.",
         f"Made with <code>{html.escape(command)}</code>.</p>",
+        f"<p><b>{html.escape(scores['caution'])}</b></p>" if scores.get("caution") else "",
         _score_table(scores),
         "<h2>Who was taken for whom</h2><p>Single effects by class; undetectable ones in parentheses.</p>",
         _confusion(judged),

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks.blind import baselines, intervals, plan, run, score
+from benchmarks.blind import baselines, command, intervals, plan, run, score
 from benchmarks.blind.command import blind, write_scores
 from benchmarks.blind.dictionary import KINDS, available
 from benchmarks.blind.score import Judged
@@ -192,8 +192,8 @@ def test_no_case_is_diagnosed_before_the_seal_and_no_label_opened_before_the_las
     run.diagnose(planned, store, run.Diagnoser(), say=lambda _: None, call=fail)
     assert len(seen) == 3, "case 000 is not diagnosed again"
     assert "no" in store.failure(1).read_text()
-    for command in seen:
-        assert not any(".sealed" in word or "labels" in word for word in command)
+    for words in seen:
+        assert not any(".sealed" in word or "labels" in word for word in words)
     labels = store.unseal(2)
     assert labels["000"]["effects"][0]["name"] == "coulomb_friction"
     assert (tmp_path / "labels.json").exists()
@@ -240,6 +240,23 @@ def test_scores_and_page_are_written_in_the_contracts_form(tmp_path: Path) -> No
     assert digest in page
     assert "<svg" in page
     assert "http" not in page, "the page is complete in itself"
+    assert "no evaluation" not in page
+
+
+def test_a_seed_that_served_to_calibrate_is_no_evaluation(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    shipped = tmp_path / "verdict.json"
+    shipped.write_text(json.dumps({"calibration": {"seeds": [1001]}}))
+    assert command.calibration_seeds(shipped) == [1001]
+    assert command.calibration_seeds(tmp_path / "none.json") == []
+    monkeypatch.setattr(command, "calibration_seeds", lambda: [1001])
+    store = Store(tmp_path)
+    fake_case(tmp_path, 0, "none")
+    write_answer(store.diagnosis(0), answer("no_gap"))
+    for seed, warned in ((1001, True), (7, False)):
+        digest, labels = store.seal(1), store.unseal(1)
+        scores = write_scores(store, plan.plan(1, 1), labels, digest, "", say=lambda _: None, seed=seed)
+        assert ("caution" in scores) is warned
+        assert ("no evaluation" in (tmp_path / "index.html").read_text()) is warned
 
 
 def test_a_run_holds_the_mix_and_the_first_cases_of_a_longer_one() -> None:
