@@ -56,6 +56,9 @@ NOMINAL_ROUNDS: Final = 3
 MOST: Final = 3
 #: Mean squared residual of the worst channel, in units of floor and tolerance, that calls for another effect.
 GAP: Final = 2.0
+#: What is left by an explanation that leaves nothing to explain, by samples and over blocks (1 is expected; the right
+#: ones leave 0.7 to 3, where nominal numbers are 3 to 5 % off).
+DONE: Final = 1.2
 #: Evidence that another effect must add to be worth showing [nats]: a Bayes factor of 150, "very strong" (Kass &
 #: Raftery 1995).
 ADDS: Final = 5.0
@@ -158,6 +161,8 @@ def select(
         best = _order(fits)[0]
         if not complete or best.evidence - fits[0].evidence < PROMISES:
             break  # where one effect hardly explains more than none, two would not be believed
+        if best.parts and best.misfit < DONE and best.lasting < DONE:
+            break
         if size > 2 and (best.misfit < GAP or len(best.parts) < size - 1):
             break
         tick("pairs" if size == 2 else "triples", EXTENSIONS)
