@@ -112,11 +112,34 @@ def physics(found: dict[str, Any]) -> str:
     return "\n\n".join(parts)
 
 
+def warp(found: dict[str, Any]) -> str:
+    results = found["results"]
+    rows = []
+    for label, key in (("MuJoCo Warp", "agreement"), ("the CPU, rounded to single precision", "cpu_rounded")):
+        f = results[key]
+        forces = [f"{f[name]:.2%}" for name in ("force_rms", "force_p95", "held_force_worst")]
+        rows.append([label, *forces, f"{f['finger_worst_metres'] * 1e6:.0f} µm", f"{f['diverged']:.0f}"])
+    head = (
+        "against the CPU",
+        "force rms",
+        "force, 95 % of the steps",
+        "held force, worst",
+        "fingers, worst",
+        "diverged",
+    )
+    return (
+        f"{results['worlds']} grippers on one {results['device']} (mujoco-warp {results['mujoco_warp']}, "
+        f"{results['memory_mb']:.0f} MB): {results['steps_per_second']:,.0f} control steps/s, "
+        f"{results['times_one_thread']:.0f} times MuJoCo alone on one CPU thread.\n\n" + table(head, rows)
+    )
+
+
 TABLES: dict[str, Callable[[dict[str, Any]], str]] = {
     "steps_per_second": steps,
     "scaling": scaling,
     "peers": peers,
     "physics": physics,
+    "warp": warp,
 }
 
 
