@@ -342,8 +342,9 @@ def _named(plant: Plant, fit: Fitted, k: int) -> Named:
     if part.target is not None:
         target = part.target[0] if len(part.target) == 1 else part.target
     value, sd = float(fit.values[k]), float(fit.deviations[k])
-    low, high = max(value - NINETY * sd, part.low), min(value + NINETY * sd, part.high)
-    parameters: dict[str, Value] = {part.parameter: Value(value, low, high, part.unit)}
+    reach = NINETY * sd * (verdict.calibration().widens if part.spread is None else 1.0)
+    low, high = max(value - reach, part.low), min(value + reach, part.high)
+    parameters: dict[str, Value] = {part.parameter: Value(value, low, high, part.unit, sd)}
     for name, fixed in part.fixed:
         index = 0 if part.target is None else plant.wiring.targets.names(declared.targets).index(part.target[0])
         side = 0 if plant.wiring.targets.slide(declared.targets, index) else 1

@@ -25,12 +25,14 @@ BANDS: Final = ("bias", "below 1 Hz", "1-5 Hz", "above 5 Hz")
 
 @dataclass(frozen=True)
 class Value:
-    """A parameter with its 90 % interval, in ``unit``."""
+    """A parameter with its 90 % interval, in ``unit``, and the standard deviation of its fit alone, where there is
+    one."""
 
     value: float
     low: float | None
     high: float | None
     unit: str
+    deviation: float | None = None
 
 
 @dataclass(frozen=True)

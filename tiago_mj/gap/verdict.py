@@ -47,6 +47,7 @@ class Calibration:
         fails: mean square of the worst channel's lasting error, in units of what it should scatter by, above which
             even the best explanation fails.
         remains: and above which a part of the gap is said to remain.
+        widens: a magnitude is known to so many deviations of its fit: these count errors that last as many.
     """
 
     temperature: float
@@ -54,6 +55,7 @@ class Calibration:
     rival: float
     fails: float
     remains: float
+    widens: float = 3.0
 
 
 @cache

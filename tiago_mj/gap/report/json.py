@@ -161,7 +161,7 @@ def _effect(effect: Named) -> dict[str, Any]:
 
 def _parameters(effect: Named) -> dict[str, Any]:
     return {
-        key: {"value": v.value, "low": v.low, "high": v.high, "unit": v.unit}
+        key: {"value": v.value, "low": v.low, "high": v.high, "unit": v.unit, "deviation": v.deviation}
         for key, v in sorted(effect.parameters.items())
     }
 
@@ -256,7 +256,10 @@ def _read_closings(given: Mapping[str, Mapping[str, Any]]) -> dict[str, Closing]
 
 def _named(effect: Mapping[str, Any], parameters: Mapping[str, Any]) -> Named:
     whom = effect["target"]
-    values = {key: Value(_number(p["value"]), p["low"], p["high"], p["unit"]) for key, p in parameters.items()}
+    values = {
+        key: Value(_number(p["value"]), p["low"], p["high"], p["unit"], p.get("deviation"))
+        for key, p in parameters.items()
+    }
     return Named(effect["name"], whom if isinstance(whom, str) else tuple(whom), values)
 
 
