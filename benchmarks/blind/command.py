@@ -19,6 +19,8 @@ from tiago_mj import atomic
 VERDICT: Final = Path(tiago_mj.__file__).parent / "gap" / "verdict.json"
 #: Least trials of a case: one each to fit, to choose and to report with.
 LEAST_TRIALS: Final = 3
+#: Shortest trial [s].
+LEAST_SECONDS: Final = 1.0
 
 
 def blind(arguments: argparse.Namespace, say: Any = print) -> int:
@@ -36,8 +38,11 @@ def blind(arguments: argparse.Namespace, say: Any = print) -> int:
     only, settings = _listed(arguments.kinds, plan.SHARES), _listed(arguments.settings, plan.SETTINGS)
     store = Store(arguments.out.resolve())
     rates, trials = _rates(arguments.rates), _trials(arguments.trials)
-    store.begin(run.facts(arguments.cases, arguments.seed, only, settings, rates, trials))
-    planned = plan.plan(arguments.cases, arguments.seed, only=only, settings=settings, rates=rates, trials=trials)
+    seconds = _seconds(arguments.seconds)
+    store.begin(run.facts(arguments.cases, arguments.seed, only, settings, rates, trials, seconds))
+    planned = plan.plan(
+        arguments.cases, arguments.seed, only=only, settings=settings, rates=rates, trials=trials, seconds=seconds
+    )
     run.generate(planned, store, workers=max(arguments.workers, 1), say=say)
     digest = store.seal(len(planned))
     say(f"labels sealed: SHA-256 {digest}")
@@ -45,7 +50,7 @@ def blind(arguments: argparse.Namespace, say: Any = print) -> int:
         return 0
     extra = tuple(shlex.split(arguments.diagnose_with or ""))
     diagnoser = run.Diagnoser(jobs=max(arguments.jobs, 0), budget=arguments.time_budget, extra=extra)
-    run.diagnose(planned, store, diagnoser, say=say)
+    run.diagnose(planned, store, diagnoser, say=say, at_once=max(arguments.at_once, 1))
     labels = store.unseal(len(planned))
     for k, case in enumerate(planned):
         outcome = next_motion.follow(case, k, labels[f"{k:03d}"], store, diagnoser)
@@ -96,7 +101,7 @@ def calibration_seeds(path: Path = VERDICT) -> list[int]:
 def command(arguments: argparse.Namespace) -> str:
     """The command line that makes the same run elsewhere."""
     words = ["tiago-mj", "blind", "--cases", str(arguments.cases), "--seed", str(arguments.seed)]
-    for name in ("kinds", "settings", "rates", "trials"):
+    for name in ("kinds", "settings", "rates", "trials", "seconds"):
         if getattr(arguments, name):
             words += [f"--{name}", str(getattr(arguments, name))]
     return shlex.join([*words, "--out", "DIR"])
@@ -112,6 +117,12 @@ def _trials(given: int | None) -> int:
         return cases.TRIALS
     if given < LEAST_TRIALS:
         raise ValueError(f"--trials is {given}: give {LEAST_TRIALS} or more, to fit, to choose and to report with")
+    return given
+
+
+def _seconds(given: float | None) -> float | None:
+    if given is not None and not given >= LEAST_SECONDS:
+        raise ValueError(f"--seconds is {given}: give {LEAST_SECONDS} or more, to close, to touch and to press in")
     return given
 
 

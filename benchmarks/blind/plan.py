@@ -59,6 +59,7 @@ def plan(
     settings: Sequence[str] = (),
     rates: Sequence[float] = (),
     trials: int = TRIALS,
+    seconds: float | None = None,
 ) -> list[Case]:
     """The cases of a run.
 
@@ -69,12 +70,13 @@ def plan(
         settings: to draw from; all by default.
         rates: of control [Hz], of :data:`RATES`; all by default. The arm is at the real robot's, whatever is given.
         trials: of a case.
+        seconds: of a trial; None: by its rate.
     """
     turn = dict.fromkeys(SHARES, 0)
     out = []
     for number, kind in enumerate(kinds(count, seed, only)):
         case = _case(number, kind, turn[kind], seed, settings)
-        out.append(_timed(case, number, seed, rates or RATES, trials))
+        out.append(_timed(case, number, seed, rates or RATES, trials, seconds))
         turn[kind] += 1
     return out
 
@@ -112,14 +114,14 @@ def _case(number: int, kind: str, turn: int, seed: int, settings: Sequence[str])
     )
 
 
-def _timed(case: Case, number: int, seed: int, rates: Sequence[float], trials: int) -> Case:
+def _timed(case: Case, number: int, seed: int, rates: Sequence[float], trials: int, given: float | None) -> Case:
     """A case with its control rate and the length of its session."""
     rng = np.random.default_rng([seed, number, 13])
     fast, seconds = rng.random() < FAST_SHARE, round(float(rng.uniform(*FAST_SECONDS)), 1)
     rate = (FAST_RATE if fast else RATE) if len(rates) > 1 else rates[0]
     if case.setting == ARM or rate == RATE:
-        return replace(case, rate=RATE, seconds=SECONDS, trials=trials)
-    return replace(case, rate=FAST_RATE, seconds=seconds, trials=trials)
+        return replace(case, rate=RATE, seconds=given or SECONDS, trials=trials)
+    return replace(case, rate=FAST_RATE, seconds=given or seconds, trials=trials)
 
 
 def _dealt(deck: Sequence[str], turn: int, seed: list[int]) -> str:

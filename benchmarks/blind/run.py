@@ -7,7 +7,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -89,25 +89,26 @@ def diagnose(
     *,
     say: Callable[[str], None],
     call: Callable[[list[str]], tuple[int, str]] | None = None,
+    at_once: int = 1,
 ) -> None:
     """Diagnose what is not diagnosed yet, one process a case; refuses before the labels are sealed.
 
     Args:
         planned, store, diagnoser: of the run.
         say: told what is done.
+        at_once: diagnoses that run side by side.
         call: runs a command and gives its exit status and what it said on standard error.
 
     Raises:
         ValueError: the seal is missing or broken.
     """
     store.seal(len(planned))
-    for k, case in enumerate(planned):
-        if store.answered(k):
-            continue
+
+    def one(k: int) -> None:
         begun = time.monotonic()
         partial = store.case(k) / ".diagnosis"
         shutil.rmtree(partial, ignore_errors=True)
-        status, words = (call or call_command)(diagnoser.command(case, store.recordings(k), partial))
+        status, words = (call or call_command)(diagnoser.command(planned[k], store.recordings(k), partial))
         if status == 0 and (partial / "diagnosis.json").exists():
             partial.replace(store.diagnosis(k))
             outcome = str((store.answer(k) or {}).get("verdict", {}).get("kind"))
@@ -117,6 +118,20 @@ def diagnose(
             atomic.write_text(store.failure(k), f"exit status {status}\n{words}")
             outcome = f"failed with exit status {status}: {last}"
         say(f"case {k:03d} of {len(planned)}: {outcome}, {time.monotonic() - begun:.0f} s")
+
+    todo = [k for k in range(len(planned)) if not store.answered(k)]
+    if at_once <= 1:
+        for k in todo:
+            one(k)
+        return
+    with ThreadPoolExecutor(at_once) as pool:  # each waits for a process of its own
+        waiting = [pool.submit(one, k) for k in todo]
+        try:
+            for outcome in as_completed(waiting):
+                outcome.result()
+        except BaseException:
+            pool.shutdown(cancel_futures=True)
+            raise
 
 
 def call_command(command: list[str]) -> tuple[int, str]:
@@ -132,7 +147,8 @@ def facts(
     settings: Sequence[str],
     rates: Sequence[float] = (),
     trials: int = cases.TRIALS,
+    seconds: float | None = None,
 ) -> dict[str, Any]:
     """What decides a run's recordings."""
     drawn = {"cases": count, "seed": seed, "kinds": list(only), "settings": list(settings)}
-    return {**drawn, "rates": list(rates), "trials": trials, "version": cases.VERSION}
+    return {**drawn, "rates": list(rates), "trials": trials, "seconds": seconds, "version": cases.VERSION}
