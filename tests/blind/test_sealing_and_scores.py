@@ -199,6 +199,22 @@ def test_no_case_is_diagnosed_before_the_seal_and_no_label_opened_before_the_las
     assert (tmp_path / "labels.json").exists()
 
 
+def test_diagnoses_side_by_side_answer_every_case_once(tmp_path: Path) -> None:
+    for number in range(5):
+        fake_case(tmp_path, number)
+    seen: list[str] = []
+
+    def call(words: list[str]) -> tuple[int, str]:
+        seen.append(words[words.index("--out") + 1])
+        write_answer(Path(seen[-1]), answer("effect", FRICTION))
+        return 0, ""
+
+    store, planned = Store(tmp_path), plan.plan(5, 1, settings=("gripper",), only=("one",))
+    run.diagnose(planned, store, run.Diagnoser(), say=lambda _: None, call=call, at_once=3)
+    assert len(set(seen)) == len(seen) == 5
+    assert len(store.unseal(5)) == 5
+
+
 def test_a_label_that_was_changed_after_the_seal_is_found(tmp_path: Path) -> None:
     fake_case(tmp_path, 0)
     store = Store(tmp_path)
