@@ -3,7 +3,7 @@ model."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -20,6 +20,8 @@ Array = NDArray[np.float64]
 
 #: Magnitudes between two of a candidate's grid at which its prediction is drawn as a straight line.
 BETWEEN: Final = 3
+#: Predictions that are made at once.
+PORTION: Final = 64
 
 
 @dataclass(frozen=True)
@@ -50,6 +52,7 @@ def screen(
     pool: Sequence[Candidate],
     base: Array,
     given: tuple[Entry, ...] = (),
+    out_of_time: Callable[[], bool] = lambda: False,
 ) -> list[Screened]:
     """Score every candidate at every magnitude of its grid.
 
@@ -63,16 +66,23 @@ def screen(
         pool: candidates.
         base: predictions without any of the pool, (ntrials, T, C).
         given: effects beside which the pool is tried; none for the nominal model.
+        out_of_time: asked between portions; what was not simulated by then is left out.
 
     Returns:
         One entry a candidate, best first.
     """
     wide = [c for c in pool if c.target is None]
     runs: dict[tuple[str, tuple[tuple[str, float], ...], float], Array] = {}
-    wanted = [(c, value) for c in wide for value in c.grid]
-    predicted = predict.all_trials([(*given, c.entry(value)) for c, value in wanted], trials)
-    for (c, value), one in zip(wanted, predicted, strict=True):
-        runs[(c.effect, c.fixed, value)] = one
+    wanted = [
+        pair for _, pair in sorted(((k, (c, v)) for c in wide for k, v in enumerate(_outwards(c.grid))), key=_first)
+    ]
+    for first in range(0, len(wanted), PORTION):
+        if first and out_of_time():
+            break
+        portion = wanted[first : first + PORTION]
+        predicted = predict.all_trials([(*given, c.entry(value)) for c, value in portion], trials)
+        for (c, value), one in zip(portion, predicted, strict=True):
+            runs[(c.effect, c.fixed, value)] = one
     nominal = score.log_likelihood(on, base)
     out = []
     for c in pool:
@@ -99,6 +109,16 @@ def screen(
             )
         )
     return sorted(out, key=lambda s: -s.gain)
+
+
+def _first(item: tuple[int, object]) -> int:
+    return item[0]
+
+
+def _outwards(grid: Sequence[float]) -> list[float]:
+    """Magnitudes, those in the middle of the way to a bound first: every effect is seen once before any is twice."""
+    middle = (len(grid) - 1) * 0.75
+    return [grid[k] for k in sorted(range(len(grid)), key=lambda k: abs(k - middle))]
 
 
 def _between(values: Sequence[float], stack: Array) -> tuple[list[float], Array]:

@@ -129,7 +129,7 @@ def select(
     responses = (predict.all_trials([(term.entry(NUDGE),) for term in terms], trials) - base) / NUDGE
     per_trial = np.array([term.per_trial for term in terms], dtype=bool)
     frame = score.frame(some, weight, responses[:, first], per_trial)
-    screened = screen(predict, frame, few_trials, pool, base[first])
+    screened = screen(predict, frame, few_trials, pool, base[first], out_of_time=out_of_time)
     visible = {s.candidate.effect for s in screened if s.visible > INVISIBLE}
     names = dict.fromkeys(c.effect for c in pool)
     unseen = tuple(name for name in names if name not in visible)
