@@ -297,6 +297,8 @@ def test_the_command_goes_on_in_its_folder_and_refuses_anothers(tmp_path: Path) 
     options = {"cases": 1, "seed": 3, "out": tmp_path, "kinds": "none", "settings": "plain", "workers": 1}
     options |= {
         "rates": None,
+        "seconds": None,
+        "at_once": 1,
         "trials": None,
         "jobs": 1,
         "time_budget": None,
