@@ -234,9 +234,9 @@ class _Loop:
             self.speed = np.clip((wanted - self.set_point) / world.period, -robot.speed, robot.speed)
         if setup.interface == "direct":  # a plain position servo: the target is the set point
             self.set_point = np.clip(wanted, robot.low, robot.high)
-        else:
+        point = self.set_point  # of this instant, as the joints are; the end of the step's would lead them by it
+        if setup.interface != "direct":
             self.set_point = np.clip(self.set_point + self.speed * world.h, robot.low, robot.high)
-        point = self.set_point
         for effect in self._executed:  # type: ignore[attr-defined]
             point = effect.executed(point, world)
         return point
