@@ -2,7 +2,7 @@
 
     python -m benchmarks.calibrate RUN... --out tiago_mj/gap/verdict.json
 
-A diagnosis stores the evidence for every explanation; the verdict is a function of it and of five numbers
+A diagnosis stores the evidence for every explanation; the verdict is a function of it and of a few numbers
 (:func:`tiago_mj.gap.verdict.decide`), so that it can be judged again without simulating anything. Each number is fitted
 to what it is for, and drawn towards what was chosen by hand before there were any runs: with few cases it stays there.
 
@@ -11,6 +11,7 @@ to what it is for, and drawn towards what was chosen by hand before there were a
 * ``fails``: as few unknown effects as possible pass while at most 5 % of what the library explains is called unknown.
 * ``remains``: as few gaps as possible are kept quiet while at most 5 % of the right verdicts say that one is left.
 * ``rival``: sets as small as possible while at least 98 % hold the truth, of those whose truth was looked at.
+* ``widens``: 90 % of the intervals of rightly named effects hold the true magnitude.
 
 Not a part of ``benchmarks.blind``, which knows nothing of the diagnosis's code. The runs' seeds are written down, too;
 a run of one of them is no evaluation afterwards.
@@ -40,7 +41,7 @@ Array = NDArray[np.float64]
 Verdicts = Sequence[Judged]
 
 #: Chosen by hand, before any run; what few cases do not move much.
-BY_HAND: Final = Calibration(temperature=10.0, stands=0.333, rival=0.05, fails=6.0, remains=3.0)
+BY_HAND: Final = Calibration(temperature=10.0, stands=0.333, rival=0.05, fails=6.0, remains=3.0, widens=3.0)
 #: Where a number may lie.
 RANGE: Final[Mapping[str, tuple[float, float]]] = {
     "temperature": (1.0, 1000.0),
@@ -48,6 +49,7 @@ RANGE: Final[Mapping[str, tuple[float, float]]] = {
     "fails": (1.5, 200.0),
     "remains": (1.0, 100.0),
     "rival": (0.001, 0.5),
+    "widens": (0.5, 50.0),
 }
 #: Steps that are tried of each.
 GRID: Final = 60
@@ -59,6 +61,8 @@ SMOOTH: Final = 0.15
 ABOVE: Final = 10.0
 #: Even a sure answer is wrong so often, whatever the evidence: the log loss of one case is limited.
 LEAST: Final = 0.01
+#: Half a 90 % interval [deviations], and the share that is to hold the truth.
+NINETY, HOLDS = 1.6449, 0.9
 FALSE_NAMES, FALSE_FLAGS, FALSE_REMAINS, OUT_OF_SET = 0.03, 0.05, 0.05, 0.02
 #: They depend on each other.
 ROUNDS: Final = 3
@@ -214,10 +218,36 @@ def _single(one: Case) -> bool:
     return bool(one.label["kind"] == "one" and one.label["oracle"]["detectable"] and one.looked_at)
 
 
+def misses(cases: Sequence[Case]) -> Array:
+    """Errors of the magnitudes of single effects that were rightly named, over half their intervals unwidened."""
+    out = []
+    for one in cases:
+        named = one.answer["verdict"].get("effects", [])
+        true = one.label["effects"]
+        if one.betrayed or not _single(one) or len(named) != 1 or named[0]["name"] != true[0]["name"]:
+            continue
+        for parameter, drawn in true[0]["parameters"].items():
+            said = named[0].get("parameters", {}).get(parameter, {})
+            if said.get("deviation") and (true[0]["name"], parameter) not in score.UNSCORED:
+                value = float(one.label.get("effective", {}).get(parameter, drawn))
+                out.append(abs(said["value"] - value) / (NINETY * said["deviation"]))
+    return np.array(out)
+
+
+def _widens(errors: Array, widens: float) -> float:
+    """How far the share of intervals that hold the truth is from what it should be [nats]."""
+    held = float(np.mean(errors <= widens)) if len(errors) else HOLDS
+    return len(errors) * (held - HOLDS) ** 2 / (2 * HOLDS * (1 - HOLDS))
+
+
 def fit(cases: Sequence[Case], start: Calibration = BY_HAND) -> Calibration:
-    """The five numbers, to three digits."""
-    by = start
-    by = replace(by, temperature=_best("temperature", by, start, lambda c: log_loss(cases, c)))
+    """All numbers, to three digits."""
+    errors = misses(cases)
+    by = replace(
+        start,
+        temperature=_best("temperature", start, start, lambda c: log_loss(cases, c)),
+        widens=_best("widens", start, start, lambda c: _widens(errors, c.widens)),
+    )
     costs: dict[str, Callable[[Verdicts], float]] = {
         "fails": _fails,
         "remains": _remains,
@@ -258,6 +288,7 @@ def carried(cases: Sequence[Case]) -> dict[str, int]:
         "rival": sum(_single(one) for one in cases),
         "fails": sum(one.explainable for one in cases) + sum(not one.explainable for one in shown),
         "remains": sum(one.label["kind"] in ("one", "two", "outside") for one in shown),
+        "widens": len(misses(cases)),
     }
 
 
@@ -272,6 +303,10 @@ def table(cases: Sequence[Case], old: Calibration, new: Calibration) -> str:
     lines = [f"{'':16}{'before':>9}{'after':>9}  cases"]
     for name, count in carried(cases).items():
         lines.append(f"{name:16}{getattr(old, name):9.3g}{getattr(new, name):9.3g}{count:7}")
+    errors = misses(cases)
+    if len(errors):
+        held = [float(np.mean(errors <= by.widens)) for by in (old, new)]
+        lines.append(f"{'intervals hold':16}{held[0]:9.3f}{held[1]:9.3f}{len(errors):7}")
     lines.append(f"{'log loss':16}{log_loss(cases, old):9.3g}{log_loss(cases, new):9.3g}")
     scores = [score.score([again(one, by) for one in cases]) for by in (old, new)]
     for name in SHOWN:

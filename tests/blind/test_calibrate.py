@@ -107,6 +107,29 @@ def test_sets_grow_until_they_hold_the_truth() -> None:
     assert far.rival < near.rival
 
 
+def test_intervals_widen_until_nine_in_ten_hold_the_truth() -> None:
+    rng = np.random.default_rng(3)
+
+    def cases(count: int) -> list[Case]:
+        """Magnitudes are wrong by five times what their fits say."""
+        out = []
+        for _ in range(count):
+            ranking = [explanation(TRUE, 0.0), explanation(None, -1e5, lasting=900.0)]
+            label, answer = files("one", [TRUE], ranking)
+            label["effects"][0]["parameters"] = {"force": 2.0}
+            said = {"value": 2.0 + 0.05 * rng.standard_normal(), "deviation": 0.01}
+            answer["verdict"]["effects"] = [{"name": TRUE, "target": "all", "parameters": {"force": said}}]
+            read = calibrate.case(label, answer)
+            assert read is not None
+            out.append(read)
+        return out
+
+    many = cases(150)
+    assert calibrate.fit(many).widens == pytest.approx(5.0, rel=0.25)  # a quantile of 150
+    assert calibrate.carried(many)["widens"] == 150
+    assert 2 < calibrate.fit(cases(2)).widens < 5
+
+
 def test_what_the_readings_betray_is_part_of_every_explanation() -> None:
     known = {"name": "force_quantization", "target": "all"}
     ranking = [explanation(TRUE, 0.0), explanation(None, -1000.0, lasting=900.0)]

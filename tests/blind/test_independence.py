@@ -64,7 +64,7 @@ def test_without_effect_and_jitter_reality_is_the_environment_up_to_the_integrat
         error = made.recorded.position[k] - position
         assert np.sqrt(np.mean(error**2)) < np.hypot(robots.FINGER_NOISE[0], 1e-5)
         blocks = np.array_split(error, int(case.seconds * 4))
-        # What lasts for a quarter of a second is no more than noise leaves in means of six rows (4 deviations, of 288 means).
+        # What lasts for a quarter of a second is no more than noise leaves in means of six rows (4 deviations).
         assert max(np.abs(block.mean(axis=0)).max() for block in blocks) < 4 * robots.FINGER_NOISE[0] / np.sqrt(6)
         short = made.recorded.force[k] - np.array(force) * robots.UNITS_PER_NEWTON
         assert np.sqrt(np.mean(short**2)) < 0.025

@@ -1,24 +1,70 @@
-"""The whole check, small: from a seed to scores, through the real command line."""
+"""The whole check, small: from a seed to scores, through the real command line, without a time budget."""
 
 import hashlib
 import json
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from benchmarks import calibrate
+from benchmarks.blind.score import Judged, right
 from tiago_mj import cli
+
+#: Grasps of 1.2 s at 240 Hz, three a case, and no pairs: a diagnosis costs what it simulates.
+SMALL = ["--settings", "gripper", "--kinds", "none,one", "--rates", "240", "--trials", "3", "--seconds", "1.2"]
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Eight cases of the gripper, diagnosed two at once."""
+    out = tmp_path_factory.mktemp("blind") / "run"
+    words = ["blind", "--cases", "8", "--seed", "12", *SMALL, "--out", str(out)]
+    assert cli.main([*words, "--jobs", "1", "--at-once", "2", "--workers", "2"]) == 0
+    return out
+
+
+def judged(root: Path) -> list[Judged]:
+    """Every case with its answer."""
+    labels: dict[str, Any] = json.loads((root / "labels.json").read_text())
+    answers = [root / "cases" / number / "diagnosis" / "diagnosis.json" for number in labels]
+    assert all(path.exists() for path in answers), "every case was diagnosed, none refused"
+    return [Judged(label, json.loads(path.read_text())) for label, path in zip(labels.values(), answers, strict=True)]
 
 
 @pytest.mark.slow
-def test_a_case_goes_from_seed_to_scores(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    words = ["blind", "--cases", "1", "--seed", "2", "--settings", "plain", "--kinds", "one", "--time-budget", "2"]
-    assert cli.main([*words, "--out", str(tmp_path), "--jobs", "2"]) == 0
-    said = capsys.readouterr().out
-    sealed = (tmp_path / "seal.txt").read_text().split()[0]
-    assert said.index(sealed) < said.index("case 000"), "printed before the first diagnosis"
-    assert hashlib.sha256((tmp_path / "labels.json").read_bytes()).hexdigest() == sealed
-    assert (tmp_path / "cases/000/diagnosis/report.html").exists(), "the case was diagnosed, not refused"
-    scores = json.loads((tmp_path / "scores.json").read_text())
+def test_a_small_run_keeps_its_seal_and_answers_every_case(finished: Path) -> None:
+    sealed = (finished / "seal.txt").read_text().split()[0]
+    assert hashlib.sha256((finished / "labels.json").read_bytes()).hexdigest() == sealed
+    written = (finished / "seal.txt").stat().st_mtime_ns
+    for number in range(8):
+        diagnosis = finished / "cases" / f"{number:03d}" / "diagnosis" / "diagnosis.json"
+        assert written < diagnosis.stat().st_mtime_ns, "sealed before the first diagnosis"
+        assert (diagnosis.parent / "report.html").exists()
+    scores = json.loads((finished / "scores.json").read_text())
     assert scores["failed"]["value"] == 0.0
-    assert scores["seconds"]["n"] == 1
-    assert "report.html" in (tmp_path / "index.html").read_text()
+    assert scores["seconds"]["n"] == 8
+    assert "report.html" in (finished / "index.html").read_text()
+
+
+@pytest.mark.slow
+def test_a_small_run_is_right_more_often_than_not_and_invents_little(finished: Path) -> None:
+    cases = judged(finished)
+    assert sum(j.kind == "none" for j in cases) >= 3
+    assert sum(j.kind == "one" and j.detectable for j in cases) >= 3
+    assert sum(right(j) for j in cases) > len(cases) / 2
+    invented = [j for j in cases if j.kind == "none" and j.verdict in ("effect", "ambiguous")]
+    assert len(invented) <= 1
+
+
+@pytest.mark.slow
+def test_verdicts_of_a_small_run_follow_from_the_evidence_that_it_stored(finished: Path) -> None:
+    cases, run = calibrate.read(finished)
+    assert len(cases) == 8
+    assert run["seed"] == 12
+    shipped = calibrate.verdict.calibration()
+    for one in cases:
+        said, again = Judged(one.label, one.answer), calibrate.again(one, shipped)
+        assert again.verdict == said.verdict
+        assert again.best == said.best
+        assert again.set == said.set
