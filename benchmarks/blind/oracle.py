@@ -185,6 +185,8 @@ def _run(
     rate = rate or made.setup.rate
     setup = replace(made.setup, rate=rate, offsets=offsets, start=np.tile(made.setup.start[test], (n, 1)), silent=True)
     plan = np.tile(made.recorded.commands[test], (n, 1, 1))
-    recorded = reality.run_built(robots.stack(several, count), effects, setup, plan)
+    together = robots.stack(several, count)
+    together.step = together.coarse
+    recorded = reality.run_built(together, effects, setup, plan)
     whole = _stacked(recorded, slice(None))
     return whole.reshape(n, count, *whole.shape[1:])

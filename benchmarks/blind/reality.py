@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.blind.effects.base import Effect, World
-from benchmarks.blind.robots import STIFF_STEP, Robot
+from benchmarks.blind.robots import STEP, Robot
 from tiago_mj.models import names, scene
 
 Array = NDArray[np.float64]
@@ -90,7 +90,7 @@ def run_built(robot: Robot, effects: Sequence[Effect], setup: Setup, plan: Plann
     """As :func:`simulate`, of a robot that the effects have already changed."""
     ntrials, n = setup.start.shape
     period = 1 / setup.rate
-    substeps = int(np.ceil(period / (STIFF_STEP if any(e.stiff for e in effects) else robot.step) - 1e-9))
+    substeps = int(np.ceil(period / (STEP if any(e.stiff for e in effects) else robot.step) - 1e-9))
     h = period / substeps
     for model in {id(m): m for m in (robot.model, *robot.models)}.values():
         model.opt.timestep = h

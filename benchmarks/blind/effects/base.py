@@ -60,7 +60,7 @@ class Effect:
         seed: of what the effect has of its own (phases, places).
     """
 
-    #: Whether the physics step is to be halved.
+    #: Whether it needs the physics step, even where only differences count.
     stiff = False
     #: Whether it replaces the rigid connection of motor and joint.
     two_mass = False
