@@ -23,8 +23,8 @@ Array = NDArray[np.float64]
 #: Physics step [s]. At 1 ms, forces after a contact's onset are off by three times what noise leaves in means of a
 #: quarter of a second at 240 Hz; reality must not be cruder than what is compared with it.
 STEP: Final = 5e-4
-#: Longest step at which everything is stable but stiff effects (bristles, gear teeth) and the arm's light, firmly damped
-#: wrists [s]: where only differences between two simulations count.
+#: Longest step at which everything is stable but stiff effects (bristles, gear teeth) and the arm, whose wrists are
+#: light and firmly damped [s]: where only differences between two simulations count.
 COARSE_STEP: Final = 1e-3
 #: Impedance of the pads' contacts: not the nominal 0.5, so that the artefact of MuJoCo's contacts (a virtual mass)
 #: differs too.

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from benchmarks import calibrate
-from benchmarks.blind.score import Judged, right
+from benchmarks.blind.score import Judged, classes
 from tiago_mj import cli
 
 #: Grasps of 1.2 s at 240 Hz, three a case, and no pairs: a diagnosis costs what it simulates.
@@ -48,11 +48,19 @@ def test_a_small_run_keeps_its_seal_and_answers_every_case(finished: Path) -> No
 
 
 @pytest.mark.slow
-def test_a_small_run_is_right_more_often_than_not_and_invents_little(finished: Path) -> None:
+def test_a_small_run_explains_most_cases_rightly_and_invents_little(finished: Path) -> None:
     cases = judged(finished)
     assert sum(j.kind == "none" for j in cases) >= 3
     assert sum(j.kind == "one" and j.detectable for j in cases) >= 3
-    assert sum(right(j) for j in cases) > len(cases) / 2
+    # The best explanation, even where so few and short recordings leave a doubt about it that the verdict says.
+    explained = [classes((j.answer or {})["verdict"]["effects"]) for j in cases]
+    assert (
+        sum(
+            said in ((), j.truth) if not j.detectable else said == j.truth
+            for said, j in zip(explained, cases, strict=True)
+        )
+        > 4
+    )
     invented = [j for j in cases if j.kind == "none" and j.verdict in ("effect", "ambiguous")]
     assert len(invented) <= 1
 
