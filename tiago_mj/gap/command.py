@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import shlex
 import sys
+import time
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -92,8 +93,14 @@ def check_length(trials: Sequence[Trial], plant: Plant) -> None:
             )
 
 
+def _left(budget: float | None, since: float) -> float | None:
+    """Seconds of a budget that loading and reading have left."""
+    return None if budget is None else max(budget - (time.monotonic() - since), 0.0)
+
+
 def run(arguments: argparse.Namespace) -> int:
     """Diagnose, write, and say in short what was found."""
+    entered = time.monotonic()
     for name, least in (("jobs", 0), ("seed", 0)):
         if getattr(arguments, name) < least:
             raise ValueError(f"--{name} is {getattr(arguments, name)}: give {least} or more")
@@ -130,7 +137,7 @@ def run(arguments: argparse.Namespace) -> int:
                 names=considered(arguments.without),
                 seed=arguments.seed,
                 threads=arguments.jobs,
-                budget=arguments.time_budget,
+                budget=_left(arguments.time_budget, entered),
                 policy=arguments.policy,
                 trust=arguments.trust,
                 tick=lambda stage, total: progress.stage(doing(stage, total)),

@@ -111,6 +111,7 @@ class Fitter:
         settled: a drop of the cost below this is no progress [nats].
         reach: share of a magnitude's range that it is moved by at least to see what it does. Where contacts begin and
             end the response to a very small move is of single physics steps; a fit from far off needs about 0.01.
+        out_of_time: asked between steps: a fit then ends where it is.
     """
 
     predict: Predictor
@@ -123,6 +124,7 @@ class Fitter:
     iterations: int = ITERATIONS
     settled: float = SETTLED
     reach: float = REACH
+    out_of_time: Callable[[], bool] = lambda: False
 
     def __post_init__(self) -> None:
         self.shared = [k for k, term in enumerate(self.terms) if not term.per_trial]
@@ -202,6 +204,8 @@ class Fitter:
         columns = (yield from self._nuisance_columns(at, base)) if renew else self._nominal
         jacobian = yield from self._value_columns(at, base)
         for iteration in range(self.iterations):
+            if iteration and self.out_of_time():
+                break
             everything = np.concatenate([jacobian, columns], axis=1)
             before = self._cost(base, at.nuisance)
             for shares in STEPS:

@@ -137,7 +137,7 @@ def select(
 
     tick("fitting", SINGLES)
     given = tuple(k.candidate.entry(k.value) for k in known)
-    few = Fitter(predict, few_trials, some, weight, terms, responses[:, first], given)
+    few = Fitter(predict, few_trials, some, weight, terms, responses[:, first], given, out_of_time=out_of_time)
     count = FEWEST if out_of_time() else SINGLES
     starts = [Start((), np.zeros(0)), *(Start((s.candidate,), np.array([s.value])) for s in _best(promising, count))]
     ranked = _order(few.fit_all(starts))
@@ -148,14 +148,15 @@ def select(
     # Once something explains the bulk, what is left shows how correlated the residuals really are.
     reference = few.predictions([Point(ranked[0].parts, ranked[0].values, ranked[0].nuisance)])[0]
     weight = np.maximum(score.independence(some, reference), weight)
-    few = Fitter(predict, few_trials, some, weight, terms, responses[:, first], given)
+    few = Fitter(predict, few_trials, some, weight, terms, responses[:, first], given, out_of_time=out_of_time)
     frame = score.frame(some, weight, responses[:, first], per_trial)
-    everywhere = Fitter(predict, tuple(trials), data, weight, terms, responses, given)
+    everywhere = Fitter(predict, tuple(trials), data, weight, terms, responses, given, out_of_time=out_of_time)
     tick("refitting", SECONDS)
     seeds = _rivals([f for f in ranked if f.parts])
     fits = everywhere.fit_all([Start((), np.zeros(0)), *(_carried(f, few, everywhere) for f in seeds)])
-    fits = _renewed(everywhere, fits, fits)
-    fits += everywhere.fit_all(_absorbed(fits, everywhere))
+    if not out_of_time():
+        fits = _renewed(everywhere, fits, fits)
+        fits += everywhere.fit_all(_absorbed(fits, everywhere))
     complete = not out_of_time()
     for size in range(2, MOST + 1):
         best = _order(fits)[0]
@@ -178,8 +179,8 @@ def select(
             break
         found = everywhere.fit_all(extended)
         found += everywhere.fit_all(_fewer(found))
-        fits += _renewed(everywhere, found, fits)
-        fits += everywhere.fit_all(_absorbed(fits, everywhere))
+        fits += found if out_of_time() else _renewed(everywhere, found, fits)
+        fits += everywhere.fit_all([] if out_of_time() else _absorbed(fits, everywhere))
         complete = not out_of_time()
     fits = [_with(fit, known) for fit in _worth(_once(_order(fits)))]
     return Ranked(tuple(fits), tuple(screened), unseen, len(known), len(names), complete, weight)
