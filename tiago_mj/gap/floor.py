@@ -186,7 +186,7 @@ def with_numerics(data: Data, predicted: Array, finer: Array) -> Data:
     for shift in range(1, EVENT_ROWS + 1):
         around[:, shift:] = np.maximum(around[:, shift:], off[:, :-shift])
         around[:, :-shift] = np.maximum(around[:, :-shift], off[:, shift:])
-    return replace(data, sigma=np.hypot(data.sigma, around))
+    return replace(data, sigma=np.hypot(data.sigma, around), common=np.hypot(data.common, around))
 
 
 def part(data: Data, trials: Sequence[int]) -> Data:

@@ -98,14 +98,14 @@ def scaled(data: Data, difference: Array) -> Array:
 def lasting(data: Data, difference: Array) -> Array:
     """Mean square of a residual's means over blocks, each in units of what it should scatter by, by channel, (C,).
 
-    1 for the true explanation: errors that last show here long before they show in single samples.
+    1 for the true explanation: errors that last show here long before they show in single samples. All of the tolerance
+    may err alike over a block.
     """
     known = np.isfinite(data.value)
-    own = np.sqrt(data.sigma**2 - data.common**2)
-    white = np.where(known, np.nan_to_num(difference / own), 0.0)
-    u = np.where(known, data.common / own, 0.0)
+    white = np.where(known, np.nan_to_num(difference / data.noise), 0.0)
+    tolerance = np.where(known, np.sqrt(np.maximum(data.sigma**2 - data.noise**2, 0.0)) / data.noise, 0.0)
     count = _by_block(known.astype(float), data.block)
-    size = count + _by_block(u, data.block) ** 2
+    size = count + _by_block(tolerance, data.block) ** 2
     with np.errstate(invalid="ignore", divide="ignore"):
         square = np.where(count > 0, _by_block(white, data.block) ** 2 / size, np.nan)
     out: Array = np.nanmean(square, axis=(0, 1))
