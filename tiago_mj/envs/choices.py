@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -73,6 +73,10 @@ class Region:
         return ", ".join(f"{axis} {low:.4g} to {high:.4g}" for axis, low, high in sides) + " m"
 
 
+#: What may be drawn of an object, in the order in which it is drawn.
+QUANTITIES: Final = ("width", "mass", "stiffness", "damping")
+
+
 @dataclass(frozen=True, slots=True)
 class ObjectChoice:
     """Which object lies where: every field fixed or drawn at reset.
@@ -101,9 +105,7 @@ class ObjectChoice:
         """An object and its offset [m]."""
         kind = self.kinds[int(rng.integers(len(self.kinds)))] if len(self.kinds) > 1 else self.kinds[0]
         drawn: dict[str, Any] = {
-            field.name: choice.draw(rng)
-            for field in fields(self)
-            if isinstance(choice := getattr(self, field.name), Interval) and field.name != "offset"
+            name: choice.draw(rng) for name in QUANTITIES if (choice := getattr(self, name)) is not None
         }
         return replace(kind, **drawn) if drawn else kind, self.offset.draw(rng)
 
@@ -111,7 +113,7 @@ class ObjectChoice:
         """The object that the model is compiled with: the middle of every interval."""
         middle: dict[str, Any] = {
             name: (choice.low + choice.high) / 2
-            for name in ("width", "mass", "stiffness", "damping")
+            for name in QUANTITIES
             if (choice := getattr(self, name)) is not None
         }
         return replace(self.kinds[0], **middle)
