@@ -34,6 +34,7 @@ class Registered:
 _TIAGO: Final = {"robot": "tiago_ta11", "joints": names.TIAGO_JOINTS, "object_offset": 0.0018}
 _PAL: Final = {**_TIAGO, "robot": "tiago_pal_gripper", "force_type": "none"}
 _HOLD: Final = "tiago_mj.envs.hold_force:HoldForce"
+_STEADY: Final = "tiago_mj.envs.hold_steady:HoldForceSteady"
 _CLOSE: Final = "tiago_mj.envs.close:GripperClose"
 _REACH: Final = "tiago_mj.envs.reach:Reach"
 _PUSH: Final = "tiago_mj.envs.push:Push"
@@ -43,6 +44,7 @@ _FEEL: Final = {"robot": "tiago_ta11", "force_type": "raw"}
 ENVIRONMENTS: Final[Mapping[str, Registered]] = {
     "GripperTactile-v0": Registered(_HOLD, 300, relative=2),
     "GripperTactileGoal-v0": Registered(_HOLD, 300),
+    "GripperTactileSteady-v0": Registered(_STEADY, 300, relative=2),
     "TIAGoTactile-v0": Registered(_HOLD, 300, _TIAGO, relative=2),
     "TIAGoTactileGoal-v0": Registered(_HOLD, 300, _TIAGO),
     "TIAGoPALGripper-v0": Registered(_HOLD, 300, _PAL, relative=0),

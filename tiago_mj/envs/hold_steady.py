@@ -1,0 +1,225 @@
+"""Hold a force without ever letting go: the paper's task with a reward that a juggled object does not earn."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any, Final
+
+import numpy as np
+from gymnasium import spaces
+from gymnasium.utils import EzPickle
+from numpy.typing import NDArray
+
+from tiago_mj.envs.choices import Range
+from tiago_mj.envs.hold_force import HoldForce
+from tiago_mj.envs.robot_env import VELOCITY_BOUND
+from tiago_mj.envs.state import State
+from tiago_mj.models import names
+from tiago_mj.models.objects import GraspObject
+
+Array = NDArray[np.float64]
+
+#: Where the achieved vector has what the reward is about.
+FORCE, TOUCH, SPEED, OBJECT_SPEED = slice(0, 2), slice(2, 4), slice(4, 6), 6
+
+
+@dataclass(frozen=True)
+class SteadyWeights:
+    """How much each term of the reward counts; each is at most 0 and about 1 a finger and step at its worst.
+
+    Attributes:
+        force: −Σ_i |f_i − goal| / goal: the paper's reward, in units of the goal.
+        contact: −(number of pads that do not touch the object). Touching early and never letting go earns most.
+        excess: −Σ_i max(0, f_i − goal) / goal: too much force counts more than too little, so pulses do not pay.
+        finger_motion: −Σ_i |q̇_i| / `finger_speed` of the fingers that touch: a finger that chatters does not pay.
+        object_motion: −|v| / `finger_speed` of the object: an object that is batted moves.
+    """
+
+    force: float = 1.0
+    contact: float = 0.5
+    excess: float = 0.5
+    finger_motion: float = 0.25
+    object_motion: float = 0.5
+
+    def __post_init__(self) -> None:
+        for name, value in asdict(self).items():
+            if (
+                isinstance(value, bool)
+                or not isinstance(value, (int, float))
+                or not (np.isfinite(value) and value >= 0)
+            ):
+                raise ValueError(f"weights: {name} is {value!r}: give a finite number, 0 or more")
+
+    @classmethod
+    def of(cls, given: SteadyWeights | Mapping[str, float] | None) -> SteadyWeights:
+        """The weights that a user gave: these, some of them by name, or None for the defaults.
+
+        Raises:
+            ValueError: a name is none of the terms', or a value is no weight.
+        """
+        if given is None or isinstance(given, SteadyWeights):
+            return given or cls()
+        known = tuple(asdict(cls()))
+        if not isinstance(given, Mapping):
+            raise ValueError(f"weights is {given!r}: give a mapping with any of {', '.join(known)}")
+        for name in given:
+            if name not in known:
+                raise ValueError(f"weights: {name!r} is no term of the reward: use any of {', '.join(known)}")
+        return cls(**given)
+
+
+class HoldForceSteady(HoldForce):
+    """Close on an object, touch it, and hold a goal force without letting go.
+
+    ## Description
+
+    The paper's agent reached its reward by bouncing the object between the fingers (section IV-A): impacts make pulses
+    of force near the goal. Here the goal and the object differ from episode to episode, and the reward has terms that a
+    bounced object does not earn. The paper's reward of the same step is ``info["paper_reward"]``.
+
+    ## Action Space
+
+    As :class:`HoldForce`: `Box(-1, 1, (2,), float32)`, desired velocity of the right and left finger over
+    `finger_speed`; negative closes.
+
+    ## Observation Space
+
+    `Box((8,), float64)`; the paper's observation and the goal:
+
+    | entries | meaning | unit |
+    |---|---|---|
+    | 0, 1 | finger positions right, left over their travel of 45 mm | 1 |
+    | 2, 3 | finger velocities right, left over `finger_speed` | 1 |
+    | 4, 5 | goal right, left | sensor units |
+    | 6, 7 | force − goal, right, left; force as `force_type` says, absent if `"none"` | sensor units |
+
+    ## Rewards
+
+    The sum of the terms of :class:`SteadyWeights`, each times its weight; every term's value is in
+    ``info["reward_terms"]``. Success (`info["is_success"]`): both readings within 5 standard deviations of the sensor's
+    noise of the goal, and both pads on the object.
+
+    ## Starting State
+
+    As :class:`HoldForce`; goal, shape, width, mass, stiffness and place of the object are drawn at every reset.
+
+    ## Episode End
+
+    Never terminates; truncated after 300 steps by the registered time limit.
+
+    ## Arguments
+
+    See :class:`HoldForceSteady.__init__`, :class:`HoldForce` and :class:`tiago_mj.envs.robot_env.RobotEnv`.
+
+    ## Version History
+
+    * v0: first.
+    """
+
+    #: What is drawn at every reset unless other values are given.
+    GOALS: Final = (0.5, 1.5)
+    OBJECTS: Final = ("cylinder", "box")
+    WIDTHS: Final = (0.03, 0.05)
+    MASSES: Final = (0.2, 0.6)
+    STIFFNESSES: Final = (5_000.0, 15_000.0)
+    OFFSETS: Final = (-0.008, 0.008)
+
+    def __init__(
+        self,
+        *,
+        weights: SteadyWeights | Mapping[str, float] | None = None,
+        goal: Range | None = GOALS,
+        object: str | GraspObject | Sequence[str | GraspObject] = OBJECTS,
+        object_width: Range | None = WIDTHS,
+        object_mass: Range | None = MASSES,
+        object_stiffness: Range | None = STIFFNESSES,
+        object_offset: Range = OFFSETS,
+        **kwargs: Any,
+    ) -> None:
+        """Set the task up.
+
+        Args:
+            weights: of the reward's terms; a mapping may give some of them.
+            goal: [sensor units]; None: 6.06 N per finger.
+            object, object_width, object_mass, object_stiffness, object_offset: as :class:`HoldForce` takes them.
+            **kwargs: of :class:`HoldForce` and :class:`RobotEnv`, without ``reward_type``: the weights say it.
+        """
+        if "reward_type" in kwargs:
+            raise ValueError("reward_type is not for the steady task: give weights to its terms instead")
+        if tuple(kwargs.get("joints", names.FINGERS)) != names.FINGERS:
+            raise ValueError(f"joints {kwargs['joints']!r}: the steady task commands the fingers alone; leave it out")
+        arguments: dict[str, Any] = {
+            "goal": goal,
+            "object": object,
+            "object_width": object_width,
+            "object_mass": object_mass,
+            "object_stiffness": object_stiffness,
+            "object_offset": object_offset,
+            **kwargs,
+        }
+        self.weights = SteadyWeights.of(weights)
+        super().__init__(**arguments)
+        EzPickle.__init__(self, weights=self.weights, **arguments)
+
+    def _initialize_simulation(self) -> None:
+        super()._initialize_simulation()
+        fingers = [self.joints.index(name) for name in names.FINGERS]
+        self._fingers = slice(fingers[0], fingers[1] + 1)
+        self._speed_unit = float(self.velocity_limit[self._fingers].max())
+        self._travel = float(self._range[self._fingers].max())
+
+    # What is observed ------------------------------------------------------------------------------------------------
+
+    def observed(self, state: State, goal: Array) -> dict[str, Array]:
+        """See the base; the agent sees the goal as well, as it is another one in every episode."""
+        forces = self._forces(state)
+        seen = [state.position / self._travel, state.velocity / self._speed_unit, goal]
+        return {
+            "observation": np.concatenate(seen if forces is None else [*seen, forces], axis=-1),
+            "achieved_goal": self._achieved(state),
+            "desired_goal": goal.copy(),
+        }
+
+    def _observation_bound(self) -> Array:
+        joints = self._joint_bound()
+        count = len(self.joints)
+        scaled = np.concatenate([joints[:count] / self._travel, joints[count:] / self._speed_unit, self._goal_bound()])
+        return scaled if self.force_type == "none" else np.concatenate([scaled, self._goal_bound()])
+
+    def _observation_space(self) -> spaces.Dict:
+        space = super()._observation_space()
+        bound = np.concatenate([self._goal_bound(), np.ones(2), np.full(3, VELOCITY_BOUND)])
+        space.spaces["achieved_goal"] = spaces.Box(-bound, bound, dtype=np.float64)
+        return space
+
+    def _achieved(self, state: State) -> Array:
+        """What the reward is about (..., 7): readings, touching or not, finger speeds [m/s], the object's [m/s]."""
+        speed = np.abs(state.velocity[..., self._fingers])
+        moved = np.sqrt(np.add.reduce(state.object_velocity[..., :3] ** 2, axis=-1, keepdims=True))
+        return np.concatenate([super()._achieved(state), state.force_contact > 0, speed, moved], axis=-1)
+
+    # What is rewarded ------------------------------------------------------------------------------------------------
+
+    def _reward_terms(self, achieved: Array, desired: Array) -> dict[str, Array]:
+        error = (achieved[..., FORCE] - desired) / desired
+        touching, speed = achieved[..., TOUCH], achieved[..., SPEED] / self._speed_unit
+        weights = self.weights
+        return {
+            "force": -weights.force * np.add.reduce(np.abs(error), axis=-1),
+            "contact": -weights.contact * np.add.reduce(1.0 - touching, axis=-1),
+            "excess": -weights.excess * np.add.reduce(np.maximum(error, 0.0), axis=-1),
+            "finger_motion": -weights.finger_motion * np.add.reduce(speed * touching, axis=-1),
+            "object_motion": -weights.object_motion * achieved[..., OBJECT_SPEED] / self._speed_unit,
+        }
+
+    def _is_success(self, achieved_goal: Array, desired_goal: Array) -> Any:
+        within = np.abs(achieved_goal[..., FORCE] - desired_goal) < self.tolerance
+        good = np.logical_and.reduce(within & (achieved_goal[..., TOUCH] > 0), axis=-1)
+        return bool(good) if good.ndim == 0 else good
+
+    def described(self, state: State, achieved: Array, goal: Array) -> dict[str, Any]:
+        """See the base; with the reward that the paper's task gives for the same step."""
+        info = super().described(state, achieved, goal)
+        info["paper_reward"] = -np.add.reduce(np.abs(achieved[..., FORCE] - goal), axis=-1)
+        return info
