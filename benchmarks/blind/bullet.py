@@ -1,11 +1,13 @@
 """Another engine: the gripper and the object in PyBullet, simulated as the 2021 project did, as recordings.
 
-    python -m benchmarks.blind.bullet --seed 1 --out DIR [--force 16] [--aggregate sum] [--contact-stiffness 10000]
+    python -m benchmarks.blind.bullet --seed 1 --out DIR [--force 16] [--aggregate sum] [--stiffness 5000] ...
 
-The 2021 project (llach/tiago_rl, read and run) stepped Bullet at 240 Hz, moved the fingers by velocity constraints,
-gave the object a contact stiffness of 10 000 N/m and a damping of 100 N·s/m, and took the *mean* normal force of all
-contact points of a finger as its reading (the sum, in earlier months). Its URDF's limit of 16 N was never handed to
-Bullet. The robot here is this project's own URDF; reading and writing are the blind check's.
+The 2021 project (llach/tiago_rl at its released cc5ce92, read and run) stepped Bullet at 240 Hz with a command a step,
+moved the fingers by velocity constraints whose force it never limited (the URDF's 16 N were not handed over), gave the
+object's contacts 10 000 N/m and 100 N·s/m, and took the *mean* normal force of a finger's contact points for its
+reading (two months earlier, d535ba2: the sum). All that is here. What differs: the robot is this project's own URDF at
+its own table; readings are in the units of the real load cells; the encoders, which were exact there, have the noise of
+the real ones; the object has the 0.421 kg that it was measured to have, as until August 2021 (2 kg later).
 
 What Bullet does otherwise is a gap that nobody made on purpose. Each option is a way to check what a diagnosis says of
 it: change it, and what is said must change.
@@ -14,7 +16,10 @@ it: change it, and what is said must change.
 from __future__ import annotations
 
 import argparse
-from dataclasses import dataclass
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any, Final
 
@@ -27,58 +32,118 @@ from tiago_mj.models.files import model_file
 
 Array = NDArray[np.float64]
 
-#: The project's physics step [s], and ten of them a command.
+#: The 2021 project's physics step [s].
 STEP: Final = 1 / 240
-SUBSTEPS: Final = 10
-RATE: Final = 1 / (STEP * SUBSTEPS)
-#: What stands for "no limit" [N]: Bullet's own default of a motor's force is of this order.
-UNLIMITED: Final = 1000.0
+#: Seconds of a trial unless told.
+SECONDS: Final = 2.0
+#: A finger whose velocity is a constraint has only the contact to yield: depths and gains over a soft servo's.
+SOFTNESS: Final = 0.25
+#: Clear width between the pads at joint positions of zero [m]; our URDF.
+CLEAR: Final = 4e-4
+#: Opening at which long trials begin [m].
+OPEN: Final = 0.045
+#: A pad counts as pressed from here on [N]: for what a simulation says of itself.
+PRESSED: Final = 4.0
 
 
 @dataclass(frozen=True)
 class Variant:
-    """What may be changed to check a diagnosis.
+    """What may be changed to check a diagnosis; the defaults are the released 2021 project's.
 
     Attributes:
-        force: limit of the motors [N]; the 2021 project had none.
-        aggregate: ``sum`` or ``mean`` of the contact points' forces.
-        stiffness, damping: of the object's contact [N/m, N·s/m].
+        force: limit of the motors [N]; None: Bullet is given none.
+        gain: share of the error in velocity that the motors remove in a step.
+        aggregate: ``mean`` or ``sum`` of the contact points' forces.
+        stiffness, damping: of each point of the object's contacts [N/m, N·s/m].
+        friction, rolling: of the object's surface.
         radius, mass: of the object [m, kg].
-        offset: of the object towards the left finger [m].
+        offset: of the object towards the left finger [m]; the user knows it.
+        moved: the same, unknown to the user [m].
         step: physics step [s].
         iterations: of Bullet's solver; 50 is its default.
+        rate: of control [Hz].
     """
 
-    force: float = 16.0
-    aggregate: str = "sum"
+    force: float | None = None
+    gain: float = 1.0
+    aggregate: str = "mean"
     stiffness: float = 10_000.0
     damping: float = 100.0
+    friction: float = 1.0
+    rolling: float = 1.0
     radius: float = 0.02
     mass: float = 0.421
     offset: float = 0.0
+    moved: float = 0.0
     step: float = STEP
     iterations: int = 50
+    rate: float = 1 / STEP
+
+    @property
+    def substeps(self) -> int:
+        """Physics steps of a command.
+
+        Raises:
+            ValueError: they are not a whole number.
+        """
+        steps = 1 / (self.rate * self.step)
+        if abs(steps - round(steps)) > 1e-6 * steps or round(steps) < 1:
+            raise ValueError(
+                f"a command at {self.rate:g} Hz lasts {steps:g} physics steps of {self.step:g} s: "
+                "choose a rate and a step that make a whole number"
+            )
+        return round(steps)
 
 
-def simulate(variant: Variant, *, seed: int, trials: int = cases.TRIALS, seconds: float = 10.0) -> cases.Made:
+def simulate(
+    variant: Variant, *, seed: int, trials: int = cases.TRIALS, seconds: float = SECONDS, servo: str = "ideal"
+) -> cases.Made:
     """A session in Bullet.
+
+    Args:
+        variant: what is simulated.
+        seed: of motions and noise: two variants of one seed differ in nothing else.
+        trials, seconds: of the session.
+        servo: what the sidecars tell the user of the fingers' servos: ``ideal`` or ``pal``.
+
+    Returns:
+        The recordings; in ``truth`` what no user can see, over all rows where a pad is pressed: ``points``, contact
+        points of a pad that carry force, and ``stiffness``, a pad's whole force over its approach [N/m].
 
     Raises:
         ModuleNotFoundError: PyBullet is not installed; says how to.
+        ValueError: a command is no whole number of physics steps.
     """
-    case = cases.Case(seed=seed, trials=trials, seconds=seconds, spread=0.0, placement=0.0, offset=variant.offset)
+    case = cases.Case(
+        seed=seed,
+        trials=trials,
+        seconds=seconds,
+        rate=variant.rate,
+        spread=0.0,
+        placement=0.0,
+        offset=variant.offset,
+    )
     robot = cases.real_robot(case, None)
-    rows = int(seconds * RATE)
-    start = np.full((trials, 2), robot.start[robot.qpos][0])
-    setup = reality.Setup("velocity", RATE, rows, np.full(trials, variant.offset), start, seed)
+    rows = round(seconds * variant.rate)
+    short = seconds <= cases.SHORT  # then there is no time to close from far
+    draw = np.random.default_rng([seed, 9])
+    opened = draw.uniform(*cases.NEAR, trials) if short else np.full(trials, OPEN)
+    pace = seconds / cases.LONG if short else 1.0
+    styles = [motions.Style(SOFTNESS, pace, float(at)) for at in opened]
+    programs = motions.finger_programs(trials, seed, styles)
+    start = np.tile(opened[:, None], (1, 2))
+    setup = reality.Setup("velocity", variant.rate, rows, np.full(trials, variant.offset), start, seed)
     noise = np.random.default_rng([seed, 0])
-    recorded = []
+    recorded, pressed = [], []
     for k in range(trials):
-        program = motions.finger_programs(trials, seed, [motions.Style(softness=0.25)] * trials)[k]
-        conductor = motions.Conductor([program], robot, "velocity", start[:1], 1 / RATE)
-        recorded.append(_trial(variant, conductor, rows, robot, noise))
-    time, commands, position, velocity, force = (np.array(part) for part in zip(*recorded, strict=True))
-    return cases.Made(case, robot, reality.Recorded(time, commands, position, velocity, force), setup, servo="ideal")
+        conductor = motions.Conductor([programs[k]], robot, "velocity", start[k : k + 1], 1 / variant.rate)
+        signals, facts = _trial(variant, conductor, rows, robot, float(opened[k]), noise)
+        recorded.append(signals)
+        pressed.append(facts)
+    made = reality.Recorded(*(np.array(part) for part in zip(*recorded, strict=True)))
+    points, newtons, depth = np.concatenate(pressed, axis=1)
+    truth = {"points": float(points.mean()), "stiffness": float(np.median(newtons / depth))} if len(points) else {}
+    return cases.Made(case, robot, made, setup, truth, servo=servo)
 
 
 def _engine() -> Any:
@@ -91,51 +156,69 @@ def _engine() -> Any:
     return pybullet
 
 
+@contextmanager
+def _silent() -> Iterator[None]:
+    """Bullet tells every link that it merges, past Python's own streams."""
+    kept = [os.dup(stream) for stream in (1, 2)]
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    try:
+        for stream in (1, 2):
+            os.dup2(nowhere, stream)
+        yield
+    finally:
+        for stream, copy in zip((1, 2), kept, strict=True):
+            os.dup2(copy, stream)
+            os.close(copy)
+        os.close(nowhere)
+
+
 def _trial(
-    variant: Variant, conductor: motions.Conductor, rows: int, robot: robots.Robot, noise: np.random.Generator
-) -> tuple[Array, Array, Array, Array, Array]:
-    """One motion in a world of its own: time, commands, positions, velocities, readings."""
+    variant: Variant,
+    conductor: motions.Conductor,
+    rows: int,
+    robot: robots.Robot,
+    opened: float,
+    noise: np.random.Generator,
+) -> tuple[tuple[Array, ...], Array]:
+    """One motion in a world of its own: time, commands, positions, velocities, readings; points, forces, depths."""
     p = _engine()
     client = p.connect(p.DIRECT)
     try:
-        hand, item, joints = _world(p, client, variant)
+        hand, item, joints = _world(p, client, variant, robot, opened)
+        motors: dict[str, Any] = {"velocityGains": [variant.gain] * 2, "physicsClientId": client}
+        if variant.force is not None:
+            motors["forces"] = [variant.force] * 2
         commands = np.full((rows + 1, 2), np.nan)
         position, velocity, force = (np.zeros((rows + 1, 2)) for _ in range(3))
-        per_row = round(1 / (RATE * variant.step))
+        pressed: list[tuple[float, float, float]] = []
         for k in range(rows + 1):
             states = p.getJointStates(hand, joints, physicsClientId=client)
+            q = np.array([s[0] for s in states])
             drawn = noise.standard_normal((3, 2))
-            position[k] = [s[0] for s in states] + drawn[0] * robots.FINGER_NOISE[0]
+            position[k] = q + drawn[0] * robots.FINGER_NOISE[0]
             velocity[k] = [s[1] for s in states] + drawn[1] * robots.FINGER_NOISE[1]
-            newtons = [_pressed(p, client, hand, item, joint, variant.aggregate) for joint in joints]
+            points = [[c[9] for c in p.getContactPoints(hand, item, j, physicsClientId=client)] for j in joints]
+            newtons = [
+                sum(loads) / (len(loads) if variant.aggregate == "mean" else 1) if loads else 0.0 for loads in points
+            ]
             force[k] = np.array(newtons) * robots.UNITS_PER_NEWTON + drawn[2] * robots.FORCE_NOISE
+            depth = (2 * variant.radius - CLEAR - q.sum()) / 2  # of each pad, once the object is between them
+            if depth > 0:
+                pressed += [(sum(f > 0 for f in at), sum(at), depth) for at in points if sum(at) > PRESSED]
             if k == rows:
                 break
-            commands[k] = conductor(k, k / RATE, position[k][None], force[k][None])[0]
+            commands[k] = conductor(k, k / variant.rate, position[k][None], force[k][None])[0]
             p.setJointMotorControlArray(
-                hand,
-                joints,
-                p.VELOCITY_CONTROL,
-                targetVelocities=commands[k].tolist(),
-                forces=[variant.force] * 2,
-                physicsClientId=client,
+                hand, joints, p.VELOCITY_CONTROL, targetVelocities=commands[k].tolist(), **motors
             )
-            for _ in range(per_row):
+            for _ in range(variant.substeps):
                 p.stepSimulation(physicsClientId=client)
     finally:
         p.disconnect(client)
-    return np.arange(rows + 1) / RATE, commands, position, velocity, force
+    return (np.arange(rows + 1) / variant.rate, commands, position, velocity, force), np.array(pressed).reshape(-1, 3).T
 
 
-def _pressed(p: Any, client: int, hand: int, item: int, finger: int, aggregate: str) -> float:
-    """Normal force on one finger [N]."""
-    forces = [c[9] for c in p.getContactPoints(hand, item, finger, physicsClientId=client)]
-    if not forces:
-        return 0.0
-    return float(np.sum(forces) if aggregate == "sum" else np.mean(forces))
-
-
-def _world(p: Any, client: int, variant: Variant) -> tuple[int, int, list[int]]:
+def _world(p: Any, client: int, variant: Variant, robot: robots.Robot, opened: float) -> tuple[int, int, list[int]]:
     """Table, object and gripper, where the nominal scene has them: hand, object, finger joints."""
     p.setGravity(0, 0, -9.81, physicsClientId=client)
     p.setTimeStep(variant.step, physicsClientId=client)
@@ -144,8 +227,7 @@ def _world(p: Any, client: int, variant: Variant) -> tuple[int, int, list[int]]:
     p.createMultiBody(0, table, basePosition=list(scene.TABLE_CENTRE), physicsClientId=client)
     height = robots.nominal_object().height
     shape = p.createCollisionShape(p.GEOM_CYLINDER, radius=variant.radius, height=height, physicsClientId=client)
-    middle = cases.real_robot(cases.Case(seed=0, spread=0.0), None)
-    place = middle.middle + variant.offset * middle.along
+    place = robot.middle + (variant.offset + variant.moved) * robot.along
     item = p.createMultiBody(
         variant.mass, shape, basePosition=[*place, scene.TABLE_TOP + height / 2], physicsClientId=client
     )
@@ -154,59 +236,51 @@ def _world(p: Any, client: int, variant: Variant) -> tuple[int, int, list[int]]:
         -1,
         contactStiffness=variant.stiffness,
         contactDamping=variant.damping,
-        lateralFriction=1.0,
-        rollingFriction=0.0,
+        lateralFriction=variant.friction,
+        rollingFriction=variant.rolling,
         physicsClientId=client,
     )
     w, x, y, z = scene.GRIPPER_QUATERNION
     turned, _ = p.multiplyTransforms([0, 0, 0], [x, y, z, w], [0, 0, -0.19175], [0, 0, 0, 1])
     base = np.array(scene.GRIPPER_GRASP_POINT) - turned
     urdf = str(model_file("sources/gripper_ta11.urdf"))
-    hand = p.loadURDF(
-        urdf,
-        base.tolist(),
-        [x, y, z, w],
-        useFixedBase=True,
-        flags=p.URDF_MERGE_FIXED_LINKS,  # load cell and tip become part of their finger
-        physicsClientId=client,
-    )
+    with _silent():
+        hand = p.loadURDF(
+            urdf,
+            base.tolist(),
+            [x, y, z, w],
+            useFixedBase=True,
+            flags=p.URDF_MERGE_FIXED_LINKS,  # load cell and tip become part of their finger
+            physicsClientId=client,
+        )
     index = {}
     for j in range(p.getNumJoints(hand, physicsClientId=client)):
         index[p.getJointInfo(hand, j, physicsClientId=client)[1].decode()] = j
     joints = [index[name] for name in names.FINGERS]
     for joint in joints:
-        p.resetJointState(hand, joint, 0.045, physicsClientId=client)
+        p.resetJointState(hand, joint, opened, physicsClientId=client)
     return hand, item, joints
 
 
 def main() -> None:
     """Record a session."""
-    parser = argparse.ArgumentParser(description="Record the gripper in PyBullet.")
+    parser = argparse.ArgumentParser(
+        description="Record the gripper in PyBullet; Variant explains what can be changed."
+    )
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--trials", type=int, default=cases.TRIALS)
-    parser.add_argument("--force", type=float, default=Variant.force, help=f"limit [N]; {UNLIMITED:g}: as in 2021")
-    parser.add_argument("--aggregate", choices=("sum", "mean"), default=Variant.aggregate)
-    parser.add_argument("--contact-stiffness", type=float, default=Variant.stiffness, help="[N/m]")
-    parser.add_argument("--contact-damping", type=float, default=Variant.damping, help="[N·s/m]")
-    parser.add_argument("--radius", type=float, default=Variant.radius, help="of the object [m]")
-    parser.add_argument("--offset", type=float, default=Variant.offset, help="of the object [m]")
-    parser.add_argument("--step", type=float, default=Variant.step, help="of the physics [s]")
-    parser.add_argument("--iterations", type=int, default=Variant.iterations, help="of the solver")
-    given = parser.parse_args()
-    variant = Variant(
-        force=given.force,
-        aggregate=given.aggregate,
-        stiffness=given.contact_stiffness,
-        damping=given.contact_damping,
-        radius=given.radius,
-        offset=given.offset,
-        step=given.step,
-        iterations=given.iterations,
-    )
-    made = simulate(variant, seed=given.seed, trials=given.trials)
-    recordings.write(made, given.out)
-    print(f"{given.trials} trials written to {given.out}")
+    parser.add_argument("--seconds", type=float, default=SECONDS)
+    parser.add_argument("--servo", choices=scene.SERVOS, default="ideal", help="what the sidecars say of the servos")
+    for field in fields(Variant):
+        kind: Any = {"aggregate": str, "iterations": int}.get(field.name, float)
+        choices = ("mean", "sum") if field.name == "aggregate" else None
+        parser.add_argument(f"--{field.name}", type=kind, choices=choices, default=field.default)
+    given = vars(parser.parse_args())
+    variant = Variant(**{name: given[name] for name in asdict(Variant())})
+    made = simulate(variant, seed=given["seed"], trials=given["trials"], seconds=given["seconds"], servo=given["servo"])
+    recordings.write(made, given["out"])
+    print(f"{given['trials']} trials written to {given['out']}; of what is in contact: {made.truth}")
 
 
 if __name__ == "__main__":

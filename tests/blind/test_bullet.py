@@ -8,7 +8,10 @@ import pytest
 
 pytest.importorskip("pybullet")
 
+from benchmarks import bullet_story
 from benchmarks.blind import bullet, cases, recordings, robots
+
+SECONDS = 1.5
 
 
 def stiffness(made: cases.Made) -> float:
@@ -23,7 +26,7 @@ def stiffness(made: cases.Made) -> float:
 
 
 def test_the_other_engine_closes_on_the_same_object_and_writes_recordings(tmp_path: Path) -> None:
-    made = bullet.simulate(bullet.Variant(), seed=1, trials=2, seconds=5.0)
+    made = bullet.simulate(bullet.Variant(), seed=1, trials=2, seconds=SECONDS)
     force = made.recorded.force
     assert (force > 10 * robots.FORCE_NOISE).any()
     assert not (force[:, :12] > 10 * robots.FORCE_NOISE).any(), "it starts open"
@@ -33,9 +36,37 @@ def test_the_other_engine_closes_on_the_same_object_and_writes_recordings(tmp_pa
 
 
 def test_every_contact_point_there_is_a_spring_of_its_own() -> None:
-    whole = bullet.simulate(bullet.Variant(), seed=3, trials=2, seconds=5.0)
-    mean = bullet.simulate(bullet.Variant(aggregate="mean"), seed=3, trials=2, seconds=5.0)
+    whole = bullet.simulate(bullet.Variant(aggregate="sum"), seed=3, trials=2, seconds=SECONDS)
+    mean = bullet.simulate(bullet.Variant(), seed=3, trials=2, seconds=SECONDS)
     # One point has the 10 kN/m that the object was given (the encoder's noise is a tenth of the depth); the pad rests
     # on two to four, so that the grasp is stiffer than the number says.
     assert stiffness(mean) == pytest.approx(10_000, rel=0.3)
     assert stiffness(whole) > 1.6 * stiffness(mean)
+    # What it says of itself is the same thing without noise.
+    assert whole.truth["stiffness"] == pytest.approx(stiffness(whole), rel=0.1)
+
+
+def test_only_a_limit_that_bullet_is_given_holds_the_fingers_back() -> None:
+    free, held = (
+        bullet.simulate(bullet.Variant(force=force, aggregate="sum"), seed=3, trials=4, seconds=SECONDS)
+        for force in (None, 6.0)
+    )
+    limit = (6.0 + 2.0) * robots.UNITS_PER_NEWTON  # a finger at 0.02 m/s brings an impact of its own
+    assert held.recorded.force.max() < limit < free.recorded.force.max()
+
+
+def test_a_command_that_is_no_whole_number_of_steps_is_refused() -> None:
+    with pytest.raises(ValueError, match="whole number"):
+        bullet.simulate(bullet.Variant(rate=25.0), seed=0, trials=1, seconds=SECONDS)
+    assert bullet.Variant(rate=24.0).substeps == 10
+
+
+def test_what_a_verdict_names_is_undone_in_the_other_engine() -> None:
+    stiff = {"name": "contact_stiffness", "parameters": {"factor": {"value": 2.0}}}
+    wide = {"name": "object_size", "parameters": {"radius": {"value": 0.001}}}
+    changed = bullet_story.undone(bullet.Variant(), [stiff, wide])
+    assert changed is not None
+    assert (changed.stiffness, changed.radius) == pytest.approx((5_000.0, 0.019))
+    assert bullet_story.undone(bullet.Variant(), []) is None, "nothing was named"
+    lag = {"name": "force_lag", "parameters": {"time_constant": {"value": 0.01}}}
+    assert bullet_story.undone(bullet.Variant(), [stiff, lag]) is None, "Bullet has no lag to take away"
