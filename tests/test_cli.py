@@ -124,7 +124,7 @@ def test_an_unknown_environment_is_answered_with_those_there_are(capsys):
         (("rollout", "--env", "GripperTactile-v0", "--policy", "pi", "--episodes", "x"), "invalid int"),
         (("rollout", "--env", "GripperTactile-v0", "--policy", "pi", "--seed", "-1"), "--seed is -1"),
         (("rollout", "--env", "GripperTactile-v0", "--policy", "pi", "--film", "a.avi"), ".mp4, .gif, .png"),
-        (("rollout", "--env", "GripperTactile-v0", "--policy", "pid"), "pi, random, or a file"),
+        (("rollout", "--env", "GripperTactile-v0", "--policy", "pid"), "give pi, random"),
         (("rollout", "--env", "TIAGoPALGripper-v0", "--policy", "pi"), "use an environment with such a goal"),
         (("rollout", "--env", "TIAGoPushTactile-v0", "--policy", "pi"), "use an environment with such a goal"),
         (("demo", "--data", "no/such/folder"), "no/such/folder"),

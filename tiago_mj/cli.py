@@ -21,6 +21,8 @@ COMMANDS: Final[Mapping[str, tuple[str, str]]] = MappingProxyType(
     {
         "demo": ("tiago_mj.demo.command", "grasp, compare with real recordings, write a page with the pictures"),
         "rollout": ("tiago_mj.rollout.command", "run a policy in an environment: returns, forces, a film"),
+        "train": ("tiago_mj.learn.command", "train agents with stable-baselines3; the same command again goes on"),
+        "agents": ("tiago_mj.learn.shipped", "list the agents that come with the package, or export one of your own"),
         "convert": ("tiago_mj.models.convert.command", "turn a robot's URDF into MJCF"),
         "preflight": ("tiago_mj.gap.preflight.command", "what recordings can tell, before anything is fitted"),
         "diagnose": ("tiago_mj.gap.command", "say why recordings differ from the simulator, and mend it"),

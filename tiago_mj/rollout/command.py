@@ -26,7 +26,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of the command."""
     parser.add_argument("--env", required=True, metavar="ID", help="such as GripperTactile-v0")
     parser.add_argument(
-        "--policy", required=True, metavar="pi|random|FILE", help="PI force control, random, or a stable-baselines3 zip"
+        "--policy",
+        required=True,
+        metavar="pi|random|NAME|FILE",
+        help="PI force control, random, an agent, its npz, or a stable-baselines3 zip",
     )
     parser.add_argument("--episodes", type=int, default=1, metavar="N", help="how many (1)")
     parser.add_argument(

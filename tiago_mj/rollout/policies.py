@@ -11,7 +11,10 @@ import gymnasium
 import numpy as np
 
 from tiago_mj.control.force_pi import ForcePI
+from tiago_mj.control.tuned import tuned_pi
 from tiago_mj.envs.hold_force import HoldForce
+from tiago_mj.learn.agent_file import SUFFIX, Agent, load_agent
+from tiago_mj.learn.shipped import shipped_agents
 from tiago_mj.rollout.episode import Policy
 
 #: Algorithms of stable-baselines3 by a setting that only they store; DDPG is stored as the TD3 that it is made of.
@@ -55,7 +58,8 @@ def make_policy(name: str, env: gymnasium.Env[Any, Any], *, seed: int, trust: bo
     """A policy for an environment.
 
     Args:
-        name: ``pi``, ``random``, or the path of a zip file saved by stable-baselines3.
+        name: ``pi``, ``random``, the name of an agent that comes with the package, or a path: of an agent's npz, which
+            only holds numbers, or of a zip file saved by stable-baselines3.
         env: what it will command.
         seed: of the random policy.
         trust: whether files may be unpickled.
@@ -64,18 +68,34 @@ def make_policy(name: str, env: gymnasium.Env[Any, Any], *, seed: int, trust: bo
         ValueError: there is no such policy or file, it is not trusted, or it does not fit the environment.
         ModuleNotFoundError: the file needs stable-baselines3, which is not installed.
     """
-    if name == "pi":
+    if name in ("pi", "pi-tuned"):
         core: Any = getattr(env.unwrapped, "core", env.unwrapped)  # a flat view's goal environment
         if not isinstance(core, HoldForce) or core.force_type == "none":
             raise ValueError(
-                "policy pi holds a force that load cells feel: use an environment with such a goal, "
+                f"policy {name} holds a force that load cells feel: use an environment with such a goal, "
                 "GripperTactile-v0 or TIAGoTactile-v0"
             )
-        return ForcePI.for_env(env)
+        return ForcePI.for_env(env) if name == "pi" else tuned_pi(env)
     if name == RANDOM:
         assert isinstance(env.action_space, gymnasium.spaces.Box)
         return RandomPolicy(env.action_space, seed)
+    if (agent := find_agent(name)) is not None:
+        agent.check_fits(env, name)
+        return agent
     return LearnedPolicy(_load(Path(name), env, trust))
+
+
+def find_agent(name: str) -> Agent | None:
+    """The agent of a name or of an npz file; None where there is no such agent and the name is no npz file's.
+
+    Raises:
+        ValueError: the file is damaged, or no agent.
+    """
+    agents = shipped_agents()
+    if name in agents:
+        return load_agent(agents[name], name)
+    path = Path(name)
+    return load_agent(path) if path.suffix == SUFFIX and path.is_file() else None
 
 
 def _load(path: Path, env: gymnasium.Env[Any, Any], trust: bool) -> Any:
@@ -102,7 +122,11 @@ def _load(path: Path, env: gymnasium.Env[Any, Any], trust: bool) -> Any:
 def _algorithm(path: Path) -> str:
     """Which algorithm made the file: read from its settings, which are JSON; nothing is unpickled here."""
     if not path.is_file():
-        raise ValueError(f"policy {str(path)!r} is unknown: give pi, random, or a file saved by stable-baselines3")
+        named = ", ".join(("pi", RANDOM, *shipped_agents()))
+        raise ValueError(
+            f"policy {str(path)!r} is unknown: give {named}, an agent's {SUFFIX} file, or a file saved by "
+            "stable-baselines3"
+        )
     try:
         with zipfile.ZipFile(path) as archive:
             settings = json.loads(archive.read("data"))

@@ -1,0 +1,1 @@
+"""Learning: ``tiago-mj train``, its settings, loop, checkpoints, curves and agents."""

@@ -1,0 +1,193 @@
+"""Agents in files of numbers: float32 arrays and a JSON header in one npz, loaded by numpy alone.
+
+Nothing in such a file is run when it is loaded (``allow_pickle=False``), so it needs no trust, and neither torch nor
+stable-baselines3 is needed to act.
+"""
+
+from __future__ import annotations
+
+import json
+import zipfile
+import zlib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final
+
+import gymnasium
+import numpy as np
+from numpy.typing import NDArray
+
+from tiago_mj import atomic
+
+SCHEMA: Final = "tiago_mj.agent/1"
+#: What makes a file one of these.
+SUFFIX: Final = ".npz"
+
+Single = NDArray[np.float32]
+
+
+def _relu(x: Single) -> Single:
+    return np.maximum(x, np.float32(0))
+
+
+def _elu(x: Single) -> Single:
+    return np.where(x > 0, x, np.expm1(np.minimum(x, np.float32(0))))
+
+
+ACTIVATIONS: Final[Mapping[str, Callable[[Single], Single]]] = {"ReLU": _relu, "Tanh": np.tanh, "ELU": _elu}
+#: What the last layer's output becomes: squashed into, or cut at, the action space's bounds.
+OUTPUTS: Final = ("tanh", "clip")
+
+
+@dataclass(frozen=True)
+class Agent:
+    """A multilayer perceptron that acts; a :class:`tiago_mj.rollout.episode.Policy`.
+
+    Attributes:
+        layers: weight (out, in) and bias (out,) of each, float32.
+        activation: between layers, of :data:`ACTIVATIONS`.
+        output: of :data:`OUTPUTS`.
+        inputs: key and size of every part of the observation, in the order in which they are joined; the key of a flat
+            observation is empty.
+        low, high: bounds of the actions, (n,).
+        mean, deviation: by which observations are normalised first, (inputs,); None: they are not.
+        limit: at which normalised observations are cut.
+        origin: where it comes from: environment, options, algorithm, seed, steps, versions.
+    """
+
+    layers: tuple[tuple[Single, Single], ...]
+    activation: str
+    output: str
+    inputs: tuple[tuple[str, int], ...]
+    low: Single
+    high: Single
+    mean: NDArray[np.float64] | None = None
+    deviation: NDArray[np.float64] | None = None
+    limit: float = 10.0
+    origin: Mapping[str, Any] = field(default_factory=dict)
+
+    def reset(self) -> None:
+        """It has no memory."""
+
+    def __call__(self, observation: Any, info: dict[str, Any] | None = None) -> Single:
+        """The action, (..., n) float32, for an observation or a batch of them."""
+        parts = [observation if not key else observation[key] for key, _ in self.inputs]
+        seen: Any = parts[0] if len(parts) == 1 else np.concatenate(parts, axis=-1)
+        if self.mean is not None:
+            seen = np.clip((seen - self.mean) / self.deviation, -self.limit, self.limit)
+        x = np.asarray(seen, dtype=np.float32)
+        act = ACTIVATIONS[self.activation]
+        *hidden, (weight, bias) = self.layers
+        for inner, offset in hidden:
+            x = act(x @ inner.T + offset)
+        x = x @ weight.T + bias
+        if self.output == "tanh":
+            return self.low + np.float32(0.5) * (np.tanh(x) + np.float32(1)) * (self.high - self.low)
+        return np.clip(x, self.low, self.high)
+
+    def check_fits(self, env: gymnasium.Env[Any, Any], name: str) -> None:
+        """Refuse an environment with other observations or actions.
+
+        Raises:
+            ValueError: one line with both.
+        """
+        spaces = env.observation_space
+        there = {"": spaces} if not isinstance(spaces, gymnasium.spaces.Dict) else dict(spaces.spaces)
+        shapes = {key: space.shape for key, space in there.items()}
+        if shapes != {key: (size,) for key, size in self.inputs}:
+            raise ValueError(
+                f"policy {name} observes {_told(dict(self.inputs))}, as {self.origin.get('env', 'its environment')} "
+                f"gives; this environment gives {_told({k: s[0] if s else 0 for k, s in shapes.items()})}"
+            )
+        if env.action_space.shape != self.low.shape:
+            raise ValueError(
+                f"policy {name} commands {len(self.low)} joints, this environment has actions of shape "
+                f"{env.action_space.shape}"
+            )
+
+    def save(self, path: Path) -> None:
+        """Write it whole."""
+        header = {
+            "schema": SCHEMA,
+            "activation": self.activation,
+            "output": self.output,
+            "inputs": [list(part) for part in self.inputs],
+            "limit": self.limit,
+            "origin": dict(self.origin),
+        }
+        with atomic.replacing(path) as temporary, temporary.open("wb") as file:
+            np.savez_compressed(file, allow_pickle=False, header=np.array(json.dumps(header)), **self.arrays())
+
+    def arrays(self) -> dict[str, Any]:
+        """All its numbers, by name."""
+        found: dict[str, Any] = {"low": self.low, "high": self.high}
+        for number, (weight, bias) in enumerate(self.layers):
+            found[f"weight_{number}"], found[f"bias_{number}"] = weight, bias
+        if self.mean is not None and self.deviation is not None:
+            found["mean"], found["deviation"] = self.mean, self.deviation
+        return found
+
+
+def load_agent(path: Path, name: str | None = None) -> Agent:
+    """Read an agent; nothing that the file holds is run.
+
+    Args:
+        path: of the npz.
+        name: to call it in a complaint; None: the path.
+
+    Raises:
+        ValueError: the file is damaged, or no agent; one line.
+        OSError: it cannot be read.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            arrays = {key: np.asarray(file[key]) for key in file.files}
+        header = json.loads(str(arrays.pop("header")))
+        if header["schema"] != SCHEMA:
+            raise ValueError(f"schema {header['schema']!r}, this version reads {SCHEMA!r}")
+        return _checked(from_arrays(header, arrays))
+    except FileNotFoundError:
+        raise
+    except (zipfile.BadZipFile, zlib.error, EOFError, KeyError, TypeError, IndexError, ValueError) as fault:
+        reason = " ".join(str(fault).split()) or type(fault).__name__
+        raise ValueError(f"policy {name or path} is no agent that can be read, or is damaged: {reason}") from fault
+
+
+def from_arrays(header: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> Agent:
+    """An agent of what :meth:`Agent.arrays` and its header say."""
+    count = sum(key.startswith("weight_") for key in arrays)
+    single = {key: np.asarray(value, dtype=np.float32) for key, value in arrays.items()}
+    return Agent(
+        layers=tuple((single[f"weight_{n}"], single[f"bias_{n}"]) for n in range(count)),
+        activation=header["activation"],
+        output=header["output"],
+        inputs=tuple((str(key), int(size)) for key, size in header["inputs"]),
+        low=single["low"],
+        high=single["high"],
+        mean=arrays.get("mean"),
+        deviation=arrays.get("deviation"),
+        limit=float(header["limit"]),
+        origin=header["origin"],
+    )
+
+
+def _checked(agent: Agent) -> Agent:
+    width = sum(size for _, size in agent.inputs)
+    for weight, bias in agent.layers:
+        if weight.ndim != 2 or weight.shape[1] != width or bias.shape != weight.shape[:1]:
+            raise ValueError(f"a layer of shape {weight.shape} does not follow one of width {width}")
+        width = len(bias)
+    if not agent.layers or agent.low.shape != (width,) or agent.high.shape != (width,):
+        raise ValueError("layers and actions do not match")
+    if agent.activation not in ACTIVATIONS or agent.output not in OUTPUTS:
+        raise ValueError(f"activation {agent.activation!r} or output {agent.output!r} is unknown")
+    if not all(np.isfinite(value).all() for value in agent.arrays().values()):
+        raise ValueError("it has numbers that are not finite")
+    return agent
+
+
+def _told(sizes: Mapping[str, int]) -> str:
+    if list(sizes) == [""]:
+        return f"{sizes['']} numbers"
+    return "a dictionary of " + ", ".join(f"{key} ({size})" for key, size in sizes.items())

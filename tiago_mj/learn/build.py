@@ -1,0 +1,141 @@
+"""Environments and models of a training, from its settings."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any, Final
+
+import gymnasium
+import numpy as np
+
+from tiago_mj.learn.settings import Settings
+from tiago_mj.learn.zoo_form import OWN_KEYS, sb3_class
+
+#: Adam in one pass over all parameters. PPO's has the epsilon that stable-baselines3 gives it unless it is told else;
+#: A2C's is RMSprop.
+OPTIMISERS: Final[Mapping[str, Mapping[str, Any]]] = {
+    "td3": {"fused": True},
+    "her-td3": {"fused": True},
+    "ddpg": {"fused": True},
+    "sac": {"fused": True},
+    "ppo": {"fused": True, "eps": 1e-5},
+}
+
+
+def make_env(settings: Settings, count: int) -> Any:
+    """A vector environment for stable-baselines3, on one thread and without what is only seen.
+
+    Raises:
+        ValueError: an option of the environment is unknown or unusable; one line.
+    """
+    from tiago_mj.vector.sb3 import make_sb3
+
+    options = {"visual": False, **settings.env_options}
+    if settings.effects is not None:
+        options["effects"] = settings.effects
+    try:
+        return make_sb3(settings.env, count, seed=0, threads=1, **options)
+    except TypeError as fault:
+        reason = " ".join(str(fault).split()).partition("() ")[2] or str(fault)
+        raise ValueError(f"{settings.env} with --env-option: {reason}") from fault
+
+
+def make_model(settings: Settings, env: Any, seed: int, *, fast: bool = True, fused: bool = True) -> Any:
+    """A model of stable-baselines3, on the CPU, that has learned nothing yet.
+
+    Args:
+        settings: of the training.
+        env: of :func:`make_env`; its observations are normalised where the hyperparameters ask for it.
+        seed: of everything that the model draws.
+        fast: whether TD3 has :mod:`tiago_mj.learn.updates` in place of stable-baselines3's own updates.
+        fused: whether Adam is fused.
+
+    Raises:
+        ValueError: the algorithm does not fit the environment, or an argument is unusable; one line.
+    """
+    algo, given = settings.algo, settings.hyperparameters
+    goal_form = isinstance(env.observation_space, gymnasium.spaces.Dict)
+    if algo == "her-td3" and not goal_form:
+        raise ValueError(
+            f"her-td3 relabels goals, and {settings.env} has none in its observation: use an id with Goal, or a task "
+            "of reaching, pushing or picking"
+        )
+    kind = sb3_class(algo)
+    if fast and algo in ("td3", "her-td3"):
+        from tiago_mj.learn.updates import FastTD3
+
+        kind = FastTD3
+    arguments = {k: _value(k, v) for k, v in given.items() if k not in OWN_KEYS}
+    arguments["policy_kwargs"] = _policy_arguments(algo, given["policy_kwargs"], fused)
+    if "train_freq" in arguments:
+        arguments.update(_rollout(settings, env.num_envs))
+        arguments["action_noise"] = _noise(given, env.action_space.shape)
+    if algo == "her-td3":
+        from tiago_mj.learn.replay import HindsightBuffer
+
+        arguments["replay_buffer_class"] = HindsightBuffer
+        first = env.num_envs * settings.episode_steps  # nothing can be relabelled before an episode is over
+        arguments["learning_starts"] = max(int(arguments.get("learning_starts", 0)), first)
+    policy = "MultiInputPolicy" if goal_form else given["policy"]
+    try:
+        return kind(policy, _normalised(env, given["normalize"]), seed=seed, device="cpu", **arguments)
+    except (TypeError, AssertionError, KeyError) as fault:
+        reason = " ".join(str(fault).split())
+        raise ValueError(f"{algo} cannot be made of these hyperparameters: {reason}") from fault
+
+
+def _normalised(env: Any, normalize: Any) -> Any:
+    if not normalize:
+        return env
+    from stable_baselines3.common.vec_env import VecNormalize
+
+    return VecNormalize(env, **({} if normalize is True else normalize))
+
+
+def _value(key: str, value: Any) -> Any:
+    if isinstance(value, str) and value.startswith("lin_"):
+        from stable_baselines3.common.utils import LinearSchedule
+
+        return LinearSchedule(float(value.removeprefix("lin_")), 0.0, 1.0)
+    if isinstance(value, float) and value.is_integer() and key in ("buffer_size", "batch_size", "learning_starts"):
+        return int(value)
+    return value
+
+
+def _policy_arguments(algo: str, given: Any, fused: bool) -> dict[str, Any]:
+    from torch import nn
+
+    arguments = dict(given)
+    if "activation_fn" in arguments:
+        arguments["activation_fn"] = getattr(nn, arguments["activation_fn"])
+    if fused and algo in OPTIMISERS:
+        arguments["optimizer_kwargs"] = {**OPTIMISERS[algo]}
+    return arguments
+
+
+def _rollout(settings: Settings, envs: int) -> dict[str, Any]:
+    """How much is collected between updates, how many updates follow, and how much is remembered."""
+    given = settings.hyperparameters
+    count, unit = given["train_freq"]
+    if unit == "episode" and envs > 1:  # stable-baselines3 counts episodes of one environment only
+        count, unit = max(1, round(count * settings.episode_steps / envs)), "step"
+    collected = count * (settings.episode_steps if unit == "episode" else envs)
+    updates = given.get("gradient_steps", 1)
+    if settings.updates_per_step is not None:
+        updates = max(1, round(settings.updates_per_step * collected))
+    most = envs * (math.ceil((settings.steps + collected) / envs) + 1)  # what can ever be stored
+    return {
+        "train_freq": (count, unit),
+        "gradient_steps": int(updates),
+        "buffer_size": min(int(given.get("buffer_size", 1_000_000)), most),
+    }
+
+
+def _noise(given: Any, shape: tuple[int, ...]) -> Any:
+    from stable_baselines3.common.noise import NormalActionNoise, OrnsteinUhlenbeckActionNoise
+
+    if given.get("noise_type") is None:
+        return None
+    kind = NormalActionNoise if given["noise_type"] == "normal" else OrnsteinUhlenbeckActionNoise
+    return kind(np.zeros(shape), np.full(shape, float(given.get("noise_std", 0.0))))

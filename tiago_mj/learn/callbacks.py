@@ -1,0 +1,241 @@
+"""What happens beside learning: episodes are logged and the best policy kept, policies evaluated, states saved."""
+
+from __future__ import annotations
+
+import os
+import time
+import warnings
+from collections import deque
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+from stable_baselines3.common.callbacks import BaseCallback
+
+from tiago_mj.learn import checkpoint, curves
+from tiago_mj.learn.agent_file import Agent, from_arrays
+from tiago_mj.learn.evaluation import Evaluator
+from tiago_mj.learn.export import agent_of
+from tiago_mj.learn.progress import report
+
+#: The best policy is that with the best mean return of this many training episodes (paper, section IV).
+BEST_OF: Final = 20
+#: Seconds between reports of progress.
+BEAT: Final = 1.0
+
+
+class Episodes(BaseCallback):  # type: ignore[misc]
+    """Logs training episodes and keeps the best policy: that with the best mean return of the last 20 of them.
+
+    Args:
+        origin: where agents come from, kept with them.
+    """
+
+    def __init__(self, origin: Mapping[str, Any]) -> None:
+        super().__init__()
+        self._origin = dict(origin)
+        self.log: list[tuple[int, float, bool]] = []
+        self.best: Agent | None = None
+        self.best_mean, self.best_steps = -np.inf, 0
+        self._last: deque[float] = deque(maxlen=BEST_OF)
+
+    def _on_step(self) -> bool:
+        if not self.locals["dones"].any():
+            return True
+        for done, info in zip(self.locals["dones"], self.locals["infos"], strict=True):
+            if done:
+                total = float(info["episode"]["r"])
+                self._last.append(total)
+                self.log.append((self.num_timesteps, total, bool(info["is_success"])))
+        if len(self._last) == BEST_OF and (mean := float(np.mean(self._last))) > self.best_mean:
+            self.best_mean, self.best_steps = mean, self.num_timesteps
+            self.best = agent_of(self.model, {**self._origin, "steps": self.num_timesteps})
+        return True
+
+    @property
+    def recent(self) -> float | None:
+        """Mean return of the last 20 episodes, or of those there are."""
+        return float(np.mean(self._last)) if self._last else None
+
+    @property
+    def success_rate(self) -> float | None:
+        """Share of successes among the last 100 episodes."""
+        return float(np.mean([success for *_, success in self.log[-100:]])) if self.log else None
+
+    def state(self) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+        """What is to be kept in a checkpoint: JSON and arrays."""
+        best = self.best
+        header = None
+        if best is not None:
+            header = {
+                "activation": best.activation,
+                "output": best.output,
+                "inputs": [list(part) for part in best.inputs],
+                "limit": best.limit,
+                "origin": dict(best.origin),
+            }
+        data = {
+            "best_mean": self.best_mean if best is not None else None,
+            "best_steps": self.best_steps,
+            "header": header,
+        }
+        log = np.array(self.log, dtype=np.float64).reshape(-1, 3)
+        return data, {"log": log, **({} if best is None else {f"best_{k}": v for k, v in best.arrays().items()})}
+
+    def restore(self, data: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> None:
+        """What a checkpoint kept."""
+        self.log = [(int(steps), float(total), bool(success)) for steps, total, success in arrays["log"]]
+        self._last.extend(total for _, total, _ in self.log[-BEST_OF:])
+        if data["header"] is not None:
+            parts = {k.removeprefix("best_"): v for k, v in arrays.items() if k.startswith("best_")}
+            self.best = from_arrays(data["header"], parts)
+            self.best_mean, self.best_steps = float(data["best_mean"]), int(data["best_steps"])
+
+
+class Evaluations(BaseCallback):  # type: ignore[misc]
+    """Evaluates the policy, without exploration and on the same episodes every time, between rollouts.
+
+    Args:
+        evaluator: plays the episodes.
+        every: environment steps between evaluations.
+    """
+
+    def __init__(self, evaluator: Evaluator, every: int) -> None:
+        super().__init__()
+        self._evaluator, self._every = evaluator, every
+        self.log: list[dict[str, float]] = []
+
+    def _on_step(self) -> bool:
+        return True
+
+    def _on_rollout_start(self) -> None:
+        last = self.log[-1]["steps"] if self.log else 0
+        if self.model.num_timesteps // self._every > last // self._every:
+            self.evaluate()
+
+    def _on_training_end(self) -> None:
+        if not self.log or self.log[-1]["steps"] != self.model.num_timesteps:
+            self.evaluate()
+
+    def evaluate(self) -> None:
+        """Add an evaluation of the present policy to the log."""
+        self.log.append({"steps": self.model.num_timesteps, **self._evaluator(agent_of(self.model))})
+
+
+class Checkpoints(BaseCallback):  # type: ignore[misc]
+    """Saves the whole state every so many steps, and begins the next episodes from generators that it knows.
+
+    The environments' own states are not saved: at a checkpoint all of them begin new episodes, seeded by the training's
+    seed and the number of steps. A run that goes on from the file therefore does what the run that wrote it did. It
+    waits for the end of an episode of all of them, at most one episode's length; then what has begun is broken off.
+
+    Args:
+        folder: of the seed.
+        seed: of the training.
+        every: environment steps between checkpoints.
+        episode_steps: time limit of an episode.
+        episodes, evaluations: what is saved along, and written as curves.
+    """
+
+    def __init__(
+        self, folder: Path, seed: int, every: int, episode_steps: int, episodes: Episodes, evaluations: Evaluations
+    ) -> None:
+        super().__init__()
+        self._folder, self._seed, self._every, self._patience = folder, seed, every, episode_steps
+        self._episodes, self._evaluations = episodes, evaluations
+        self._saved_at = 0
+
+    def restore(self, found: checkpoint.Checkpoint) -> None:
+        """Take over what a checkpoint kept."""
+        self._saved_at = found.steps
+        self._episodes.restore(found.callbacks["episodes"], found.arrays)
+        self._evaluations.log = [dict(entry) for entry in found.callbacks["evaluations"]]
+
+    def _on_training_start(self) -> None:
+        checkpoint.restore_generators(self.model)
+
+    def _on_step(self) -> bool:
+        return True
+
+    def _on_rollout_start(self) -> None:
+        steps = self.model.num_timesteps
+        overdue = steps - (self._saved_at // self._every + 1) * self._every
+        if overdue < 0:
+            return
+        ended = self.locals.get("dones")
+        if (ended is None or not np.all(ended)) and overdue < self._patience * self.model.n_envs:
+            return
+        self.save(finished=False)
+        begin_episodes(self.model, self._seed)
+
+    def save(self, *, finished: bool) -> None:
+        """Write the checkpoint, the curves, and the best policy so far."""
+        data, arrays = self._episodes.state()
+        callbacks = {"episodes": data, "evaluations": self._evaluations.log}
+        if not finished:
+            _break_off(self.model)
+        path = self._folder / checkpoint.FILE
+        checkpoint.write(path, self.model, callbacks=callbacks, arrays=arrays, finished=finished)
+        self._saved_at = self.model.num_timesteps
+        curves.write_seed(self._folder, self._episodes.log, self._evaluations.log)
+        if self._episodes.best is not None:
+            self._episodes.best.save(self._folder / "best.npz")
+
+
+class Progress(BaseCallback):  # type: ignore[misc]
+    """Tells whoever started the training how far it is, and stops when they are gone.
+
+    Args:
+        folder: of the seed.
+        total: environment steps.
+        episodes: for the returns.
+        alive: whether whoever started the training is there; None: it is this process.
+    """
+
+    def __init__(self, folder: Path, total: int, episodes: Episodes, alive: Callable[[], bool] | None) -> None:
+        super().__init__()
+        self._folder, self._total, self._episodes, self._alive = folder, total, episodes, alive
+        self._next = 0.0
+
+    def _on_step(self) -> bool:
+        now = time.monotonic()
+        if now < self._next:
+            return True
+        self._next = now + BEAT
+        if self._alive is not None and not self._alive():
+            os._exit(1)  # a worker that only returned would wait for its next task for ever
+        report(
+            self._folder,
+            {
+                "steps": self.num_timesteps,
+                "total": self._total,
+                "mean_return": self._episodes.recent,
+                "success_rate": self._episodes.success_rate,
+                "process": os.getpid(),
+            },
+        )
+        return True
+
+
+def _break_off(model: Any) -> None:
+    """Take what hindsight replay holds of episodes that go on for whole episodes."""
+    buffer = getattr(model, "replay_buffer", None)
+    if buffer is not None and hasattr(buffer, "truncate_last_trajectory"):
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # stable-baselines3 says what is wanted here
+            buffer.truncate_last_trajectory()
+
+
+def begin_episodes(model: Any, seed: int) -> None:
+    """Begin new episodes of a model's environments, seeded by the training's seed and its steps so far."""
+    env = model.env
+    numbers = np.random.SeedSequence([seed, model.num_timesteps]).generate_state(1)
+    env.seed(int(numbers[0]))
+    model._last_obs = env.reset()
+    model._last_episode_starts = np.ones(env.num_envs, dtype=bool)
+    if (normalised := model.get_vec_normalize_env()) is not None:
+        model._last_original_obs = normalised.get_original_obs()
+    if getattr(model, "action_noise", None) is not None:
+        model.action_noise.reset()

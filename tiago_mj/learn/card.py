@@ -1,0 +1,100 @@
+"""Cards: where an agent comes from and what it reached, as JSON and as Markdown."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
+
+from tiago_mj.learn.settings import Settings
+
+SCHEMA: Final = "tiago_mj.card/1"
+
+
+def card(
+    settings: Settings, results: Sequence[Mapping[str, Any]], curve: Mapping[str, Any], made_by: Mapping[str, str]
+) -> dict[str, Any]:
+    """The card of a training.
+
+    Args:
+        settings: of the training.
+        results: of each seed, as :func:`tiago_mj.learn.loop.train_seed` gives them.
+        curve: of all seeds, as :func:`tiago_mj.learn.curves.over_seeds` gives it.
+        made_by: versions and commit.
+    """
+    return {
+        "schema": SCHEMA,
+        "command": command(settings, len(results)),
+        "settings": settings.as_data(),
+        "made_by": dict(made_by),
+        "seeds": [dict(result) for result in results],
+        "best_seed": best(results)["seed"],
+        "curve": dict(curve),
+    }
+
+
+def best(results: Sequence[Mapping[str, Any]]) -> Mapping[str, Any]:
+    """The seed with the best mean of 20 training episodes; where none had 20, with the best last evaluation."""
+    return max(results, key=lambda r: r["mean_return"] if r["best_mean"] is None else r["best_mean"])
+
+
+def command(settings: Settings, seeds: int) -> str:
+    """The command that trains this again, where the shipped hyperparameters were used."""
+    from tiago_mj.learn.settings import option_values
+
+    words = ["tiago-mj train", f"--env {settings.env.partition('/')[2]}", f"--algo {settings.algo}", f"--seeds {seeds}"]
+    words.append(f"--steps {settings.steps}")
+    if settings.updates_per_step is not None:
+        words.append(f"--gradient-steps {settings.updates_per_step:g}")
+    for key, value in settings.env_options.items():
+        if value != settings.hyperparameters["env_kwargs"].get(key):
+            text = value if isinstance(value, str) else json.dumps(value)
+            assert option_values([f"{key}={text}"]) == {key: value}
+            words.append(f"--env-option '{key}={text}'")
+    if settings.effects is not None:
+        words.append("--effects FILE")
+    return " ".join([*words, "--out DIR"])
+
+
+def markdown(data: Mapping[str, Any], name: str | None = None) -> str:
+    """A card as a page.
+
+    Args:
+        data: of :func:`card`.
+        name: of the agent; None: the page is about the training.
+    """
+    settings = data["settings"]
+    env = settings["env"].partition("/")[2]
+    title = name or f"{settings['algo']} on {env}"
+    lines = [f"# {title}", "", f"    {data['command']}", ""]
+    lines += ["| seed | steps | best mean of 20 episodes | at step | evaluation: mean ± SD | success rate |"]
+    lines += ["|---|---|---|---|---|---|"]
+    for row in data["seeds"]:
+        mean = "-" if row["best_mean"] is None else f"{row['best_mean']:.2f}"
+        lines.append(
+            f"| {row['seed']} | {row['steps']} | {mean} | {row['best_steps']} | {row['mean_return']:.2f} ± "
+            f"{row['sd_return']:.2f} | {row['success_rate']:.2f} |"
+        )
+    lines += [
+        "",
+        f"Training episodes have exploration noise, the {settings['evaluation_episodes']} evaluation episodes at the "
+        f"end of training have none. Best seed: {data['best_seed']}.",
+        "",
+        "| setting | value |",
+        "|---|---|",
+        f"| environment | {settings['env']} |",
+        *(f"| {key} | {_cell(value)} |" for key, value in settings["env_options"].items()),
+        f"| effects | {'none' if settings['effects'] is None else _cell(settings['effects'])} |",
+        f"| algorithm | {settings['algo']} |",
+        f"| updates per step | {_cell(settings['updates_per_step'] or 'as the hyperparameters say')} |",
+        *(f"| {key} | {_cell(value)} |" for key, value in settings["hyperparameters"].items() if key != "env_kwargs"),
+        "",
+        "Made with " + ", ".join(f"{key} {value}" for key, value in data["made_by"].items()) + ".",
+        "",
+    ]
+    return "\n".join(lines)
+
+
+def _cell(value: Any) -> str:
+    text = value if isinstance(value, str) else json.dumps(value)
+    return text.replace("|", "\\|")

@@ -1,0 +1,173 @@
+"""``tiago-mj train``: train agents on an environment, several seeds at once; the same command again goes on."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+from collections.abc import Mapping, Sequence
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+from tiago_mj import atomic, scale
+from tiago_mj.learn import card, curves, progress
+from tiago_mj.learn.loop import BEST, Task, train_seed
+from tiago_mj.learn.settings import Settings, claim, option_values, provenance
+from tiago_mj.learn.zoo_form import ALGORITHMS, read_hyperparameters
+from tiago_mj.rollout.command import environment_id
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options of the command."""
+    parser.add_argument("--env", required=True, metavar="ID", help="such as GripperTactile-v0")
+    parser.add_argument("--algo", default="td3", metavar="NAME", help=f"{', '.join(ALGORITHMS)} (td3)")
+    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="what is trained goes there; see below")
+    parser.add_argument("--seeds", type=int, default=1, metavar="N", help="seeds 0 to N - 1 (1)")
+    parser.add_argument("--steps", type=int, metavar="N", help="environment steps a seed (as the hyperparameters say)")
+    parser.add_argument(
+        "--hyperparameters", type=Path, metavar="FILE", help="YAML in rl-zoo3's form (the paper's, for td3)"
+    )
+    parser.add_argument(
+        "--gradient-steps", type=float, metavar="R", help="updates per environment step (as the hyperparameters say)"
+    )
+    parser.add_argument("--envs", type=int, metavar="N", help="environments of a seed (as the hyperparameters say)")
+    parser.add_argument(
+        "--env-option", action="append", default=[], metavar="KEY=VALUE", help="of the environment: servo=ideal; JSON"
+    )
+    parser.add_argument("--effects", type=Path, metavar="FILE", help="calibration.yaml whose effects act on it")
+    parser.add_argument("--evaluate-every", type=int, default=10_000, metavar="N", help="environment steps (10000)")
+    parser.add_argument("--evaluation-episodes", type=int, default=10, metavar="N", help="of each evaluation (10)")
+    parser.add_argument("--checkpoint-every", type=int, default=12_000, metavar="N", help="environment steps (12000)")
+    parser.add_argument("--tensorboard", action="store_true", help="log for TensorBoard, in DIR/seed-N/tensorboard")
+    parser.add_argument("--quiet", action="store_true", help="show no progress")
+    parser.add_argument("--json", action="store_true", help="print the result as data")
+    scale.add_arguments(parser)
+    parser.set_defaults(jobs=None)
+    parser.epilog = "The same command again goes on where the training was stopped. See docs/learning.md."
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run the command.
+
+    Raises:
+        ValueError: an argument is unusable; says which and how to mend it.
+        ModuleNotFoundError: a library is missing; says how to install it.
+    """
+    settings = settings_of(arguments)
+    if arguments.tensorboard and find_spec("tensorboard") is None:
+        raise ModuleNotFoundError(
+            "--tensorboard needs tensorboard, which is not installed; install it with: "
+            "pip install 'tiago-mj[tensorboard]'"
+        )
+    _try_out(settings)
+    out = arguments.out.resolve()
+    claim(out, settings)
+    starter = os.getpid() if arguments.backend == "local" else None
+    tasks = [
+        Task(settings, seed, str(out / f"seed-{seed}"), arguments.tensorboard, starter)
+        for seed in range(arguments.seeds)
+    ]
+    jobs = arguments.jobs
+    if jobs is None:  # more processes than processors share them evenly; waves of processes leave some idle at the end
+        jobs = min(arguments.seeds, 2 * (os.cpu_count() or 1)) if arguments.backend == "local" else 0
+    folders = [Path(task.folder) for task in tasks]
+    with progress.shown(folders, settings.steps, quiet=arguments.quiet):
+        results = scale.run_all(train_seed, tasks, jobs=jobs, backend=arguments.backend)
+    data = _conclude(out, settings, results)
+    if arguments.json:
+        print(json.dumps(data, indent=2))
+        return 0
+    print(table(results))
+    chosen = arguments.out / f"seed-{data['best_seed']}" / BEST
+    print(f"{settings.algo} on {settings.env}: card {arguments.out / 'card.md'}, best agent {chosen}")
+    print(f"next: tiago-mj rollout --env {arguments.env} --policy {chosen} --episodes 10")
+    return 0
+
+
+def settings_of(arguments: argparse.Namespace) -> Settings:
+    """The settings that the options ask for.
+
+    Raises:
+        ValueError: an option is unusable.
+    """
+    env = environment_id(arguments.env)
+    for name in ("seeds", "evaluate_every", "evaluation_episodes", "checkpoint_every", "steps", "envs"):
+        value = getattr(arguments, name)
+        if value is not None and value < 1:
+            raise ValueError(f"--{name.replace('_', '-')} is {value}: give 1 or more")
+    ratio = arguments.gradient_steps
+    if ratio is not None and not 0 < ratio <= 100:
+        raise ValueError(f"--gradient-steps is {ratio}: give updates per environment step, above 0, at most 100")
+    if arguments.jobs is not None and arguments.jobs < 0:
+        raise ValueError(f"--jobs is {arguments.jobs}: give 0 or more")
+    given = read_hyperparameters(arguments.algo, env, arguments.hyperparameters)
+    if ratio is not None and "train_freq" not in given and arguments.algo in ("ppo", "a2c"):
+        raise ValueError(f"--gradient-steps is of algorithms with a replay buffer; {arguments.algo} has none")
+    if arguments.envs is not None:
+        given["n_envs"] = arguments.envs
+    return Settings(
+        env=env,
+        algo=arguments.algo,
+        steps=arguments.steps or given["n_timesteps"],
+        env_options={**given["env_kwargs"], **option_values(arguments.env_option)},
+        effects=_effects(arguments.effects),
+        hyperparameters=given,
+        updates_per_step=ratio,
+        evaluate_every=arguments.evaluate_every,
+        evaluation_episodes=arguments.evaluation_episodes,
+        checkpoint_every=arguments.checkpoint_every,
+    )
+
+
+def table(results: Sequence[Mapping[str, Any]]) -> str:
+    """One line a seed."""
+    rows = [("seed", "best mean of 20", "at step", "evaluation", "success", "steps/s")]
+    for result in results:
+        best, speed = result["best_mean"], result["steps_per_second"]
+        rows.append(
+            (
+                str(result["seed"]),
+                "-" if best is None else f"{best:.2f}",
+                str(result["best_steps"]),
+                f"{result['mean_return']:.2f} ± {result['sd_return']:.2f}",
+                f"{result['success_rate']:.2f}",
+                "-" if speed is None else f"{speed:.0f}",
+            )
+        )
+    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
+    return "\n".join("  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True)) for row in rows)
+
+
+def _effects(path: Path | None) -> Any:
+    """The contents of a calibration: what is trained must not change with the file."""
+    if path is None:
+        return None
+    import yaml
+
+    from tiago_mj.gap.effects import read_effects
+
+    read_effects(path)  # complains of what it cannot use
+    return json.loads(json.dumps(yaml.safe_load(path.read_text(encoding="utf-8"))))
+
+
+def _try_out(settings: Settings) -> None:
+    """Make one environment and a model, so that what is unusable is said once, before anything is written."""
+    from tiago_mj.learn.build import make_env, make_model
+
+    env = make_env(settings, settings.hyperparameters["n_envs"])
+    try:
+        make_model(settings, env, 0)
+    finally:
+        env.close()
+
+
+def _conclude(out: Path, settings: Settings, results: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Write the curves and the card."""
+    folders = [out / f"seed-{result['seed']}" for result in results]
+    curve = curves.over_seeds([curves.read_episodes(folder) for folder in folders], settings.steps)
+    data = card.card(settings, results, curve, provenance())
+    curves.write_all(out, {"env": settings.env, "algo": settings.algo, "seeds": len(results), **curve})
+    atomic.write_text(out / "card.json", json.dumps(data, indent=1) + "\n")
+    atomic.write_text(out / "card.md", card.markdown(data))
+    return data

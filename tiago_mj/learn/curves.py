@@ -1,0 +1,92 @@
+"""Learning curves: of a seed as CSV, of all seeds as median and range."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tiago_mj import atomic
+
+Array = NDArray[np.float64]
+
+EPISODES, EVALUATIONS = "episodes.csv", "evaluations.csv"
+#: Of the curve over all seeds.
+POINTS: Final = 100
+#: Episodes of the moving mean, as in the paper.
+WINDOW: Final = 20
+
+
+def write_seed(
+    folder: Path, episodes: Sequence[tuple[int, float, bool]], evaluations: Sequence[Mapping[str, float]]
+) -> None:
+    """Write a seed's training episodes and evaluations, whole.
+
+    Args:
+        folder: of the seed.
+        episodes: environment steps at their end, return, success.
+        evaluations: ``steps``, ``mean_return``, ``sd_return``, ``success_rate``.
+    """
+    means = moving_mean(np.array([total for _, total, _ in episodes]))
+    rows = [(s, f"{r:.4f}", int(ok), f"{m:.4f}") for (s, r, ok), m in zip(episodes, means, strict=True)]
+    atomic.write_text(folder / EPISODES, _csv(("steps", "return", "success", "mean_return_of_20"), rows))
+    names = ("steps", "mean_return", "sd_return", "success_rate")
+    told = [(int(e["steps"]), *(f"{e[name]:.4f}" for name in names[1:])) for e in evaluations]
+    atomic.write_text(folder / EVALUATIONS, _csv(names, told))
+
+
+def read_episodes(folder: Path) -> tuple[Array, Array]:
+    """Steps and moving means of a seed's episodes, each (n,)."""
+    with (folder / EPISODES).open(encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    return (
+        np.array([float(row["steps"]) for row in rows]),
+        np.array([float(row["mean_return_of_20"]) for row in rows]),
+    )
+
+
+def moving_mean(values: Array) -> Array:
+    """Mean of each value and the 19 before it, or of those there are, (n,)."""
+    total = np.concatenate([[0.0], np.cumsum(values)])
+    end = np.arange(1, len(values) + 1)
+    begin = np.maximum(end - WINDOW, 0)
+    return np.asarray((total[end] - total[begin]) / (end - begin))
+
+
+def over_seeds(curves: Sequence[tuple[Array, Array]], total: int) -> dict[str, list[float]]:
+    """Median and range over seeds of the mean return of the last 20 episodes.
+
+    Args:
+        curves: steps and means of each seed.
+        total: environment steps of a seed.
+
+    Returns:
+        ``steps``, ``median``, ``lowest``, ``highest``: (100,) each, from the step at which all seeds have an episode.
+    """
+    held = [(steps, means) for steps, means in curves if len(steps)]
+    if not held:
+        return {"steps": [], "median": [], "lowest": [], "highest": []}
+    first = max(float(steps[0]) for steps, _ in held)
+    grid = np.linspace(first, max(first, total), POINTS)
+    values = np.array([means[np.searchsorted(steps, grid, side="right") - 1] for steps, means in held])
+    rows = {"steps": grid, "median": np.median(values, 0), "lowest": values.min(0), "highest": values.max(0)}
+    return {name: [round(float(v), 3) for v in row] for name, row in rows.items()}
+
+
+def write_all(folder: Path, data: Mapping[str, Any]) -> None:
+    """Write ``curves.json``."""
+    atomic.write_text(folder / "curves.json", json.dumps(dict(data)) + "\n")
+
+
+def _csv(header: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(header)
+    writer.writerows(rows)
+    return text.getvalue()

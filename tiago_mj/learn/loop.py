@@ -1,0 +1,175 @@
+"""One seed's training, from its settings to its agents; begun, or gone on with where it was stopped."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from tiago_mj.learn.settings import Settings
+
+#: Seconds to wait for a process that is about to notice that it is to stop.
+PATIENCE: Final = 15.0
+BEST, LAST, MODEL = "best.npz", "last.npz", "model.zip"
+
+
+@dataclass(frozen=True)
+class Task:
+    """A seed to be trained.
+
+    Attributes:
+        settings: of the training.
+        seed: of everything that is drawn.
+        folder: of this seed.
+        tensorboard: whether to log for it.
+        starter: process that started this; the training stops when it is gone. None: nothing stops it.
+    """
+
+    settings: Settings
+    seed: int
+    folder: str
+    tensorboard: bool = False
+    starter: int | None = None
+
+
+def train_seed(task: Task) -> dict[str, Any]:
+    """Train a seed to its end, on one thread.
+
+    Returns:
+        ``seed``, ``steps``, ``seconds`` of this session and ``steps_per_second`` in it (None where it had nothing to
+        do), ``best_mean`` (of 20 training episodes) at ``best_steps``, and the last evaluation's ``mean_return``,
+        ``sd_return``, ``success_rate``.
+
+    Raises:
+        ValueError: the checkpoint is damaged, or another process is training in the folder; one line.
+    """
+    import torch
+
+    torch.set_num_threads(1)
+    folder = Path(task.folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    with _alone(folder):
+        return _train(task, folder)
+
+
+def _train(task: Task, folder: Path) -> dict[str, Any]:
+    from tiago_mj.learn import checkpoint
+    from tiago_mj.learn.build import make_env, make_model
+    from tiago_mj.learn.callbacks import Checkpoints, Episodes, Evaluations, Progress, begin_episodes
+    from tiago_mj.learn.evaluation import Evaluator
+    from tiago_mj.learn.export import agent_of
+
+    settings = task.settings
+    env = make_env(settings, settings.hyperparameters["n_envs"])
+    examiner = make_env(settings, settings.evaluation_episodes)
+    model = make_model(settings, env, task.seed)
+    model.set_logger(_logger(folder, task.tensorboard))
+    origin = origin_of(settings, task.seed)
+    episodes = Episodes(origin)
+    evaluations = Evaluations(Evaluator(examiner), settings.evaluate_every)
+    saving = Checkpoints(folder, task.seed, settings.checkpoint_every, settings.episode_steps, episodes, evaluations)
+    starter = task.starter
+    alive = None if starter is None or starter == os.getpid() else _parent_is_there()
+    finished = False
+    if (path := folder / checkpoint.FILE).exists():
+        found = checkpoint.read(path, model)
+        saving.restore(found)
+        finished = found.finished
+        if not finished:
+            begin_episodes(model, task.seed)
+    begun, before = time.monotonic(), model.num_timesteps
+    if not finished:
+        progress = Progress(folder, settings.steps, episodes, alive)
+        model.learn(
+            settings.steps - before,
+            callback=[episodes, evaluations, saving, progress],
+            reset_num_timesteps=before == 0,
+            log_interval=10,
+        )
+        saving.save(finished=True)
+        last = agent_of(model, {**origin, "steps": model.num_timesteps})
+        last.save(folder / LAST)
+        if episodes.best is None:  # fewer than 20 episodes
+            last.save(folder / BEST)
+        _save_model(model, folder / MODEL)
+    seconds = time.monotonic() - begun
+    env.close()
+    examiner.close()
+    steps = model.num_timesteps
+    return {
+        "seed": task.seed,
+        "steps": steps,
+        "seconds": None if finished else round(seconds, 1),
+        "steps_per_second": None if finished else round((steps - before) / seconds, 1),
+        "best_mean": None if episodes.best is None else round(episodes.best_mean, 4),
+        "best_steps": steps if episodes.best is None else episodes.best_steps,
+        **{key: round(value, 4) for key, value in evaluations.log[-1].items() if key != "steps"},
+    }
+
+
+def origin_of(settings: Settings, seed: int) -> dict[str, Any]:
+    """Where an agent comes from, as its file says it."""
+    from tiago_mj.learn.settings import provenance
+
+    return {
+        "env": settings.env,
+        "env_options": dict(settings.env_options),
+        "effects": settings.effects,
+        "algo": settings.algo,
+        "seed": seed,
+        "made_by": provenance(),
+    }
+
+
+def _logger(folder: Path, tensorboard: bool) -> Any:
+    from stable_baselines3.common.logger import Logger
+
+    if not tensorboard:
+        return Logger(folder=None, output_formats=[])
+    from stable_baselines3.common.logger import TensorBoardOutputFormat
+
+    return Logger(folder=None, output_formats=[TensorBoardOutputFormat(str(folder / "tensorboard"))])
+
+
+def _save_model(model: Any, path: Path) -> None:
+    from tiago_mj import atomic
+
+    with atomic.replacing(path) as temporary, temporary.open("wb") as file:
+        model.save(file, exclude=["replay_buffer_class", "_restored"])
+
+
+def _parent_is_there() -> Any:
+    """Whether the process that started this one still is its parent."""
+    first = os.getppid()
+    return lambda: os.getppid() == first
+
+
+@contextmanager
+def _alone(folder: Path) -> Iterator[None]:
+    """Let one process at a time train in a folder.
+
+    Raises:
+        ValueError: another one does, and goes on doing so.
+    """
+    try:
+        import fcntl
+    except ModuleNotFoundError:  # no such locks on Windows: two at once are the user's own lookout there
+        yield
+        return
+    with (folder / "lock").open("w") as file:
+        until = time.monotonic() + PATIENCE
+        while True:
+            try:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                break
+            except BlockingIOError:
+                if time.monotonic() > until:
+                    raise ValueError(
+                        f"another process is training in {folder}: wait for it, end it, or give another --out"
+                    ) from None
+                time.sleep(0.2)
+        yield

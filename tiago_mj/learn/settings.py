@@ -1,0 +1,178 @@
+"""What a training is: everything that its result depends on, but the seed and the versions of the software."""
+
+from __future__ import annotations
+
+import json
+import platform
+import subprocess
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, fields
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any, Final
+
+from tiago_mj import __version__, atomic
+from tiago_mj.registration import ENVIRONMENTS, NAMESPACE
+
+SCHEMA: Final = "tiago_mj.training/1"
+FILE: Final = "settings.json"
+#: Of whose libraries the version is told.
+LIBRARIES: Final = ("mujoco", "gymnasium", "stable-baselines3", "torch", "numpy")
+
+
+@dataclass(frozen=True)
+class Settings:
+    """One training, of any number of seeds.
+
+    Attributes:
+        env: id, with its namespace.
+        algo: of :data:`tiago_mj.learn.zoo_form.ALGORITHMS`.
+        steps: environment steps of a seed.
+        env_options: arguments of the environment.
+        effects: what acts on the environment, as :func:`tiago_mj.gap.effects.read_effects` takes it; None: nothing.
+        hyperparameters: as :func:`tiago_mj.learn.zoo_form.checked` gives them.
+        updates_per_step: gradient steps per environment step; None: as the hyperparameters say.
+        evaluate_every: environment steps between evaluations.
+        evaluation_episodes: of each.
+        checkpoint_every: environment steps between checkpoints. At each, the environments begin new episodes, drawn
+            from the seed and the step count; so a run that goes on from a checkpoint is the run that never stopped.
+    """
+
+    env: str
+    algo: str
+    steps: int
+    env_options: Mapping[str, Any]
+    effects: Any
+    hyperparameters: Mapping[str, Any]
+    updates_per_step: float | None = None
+    evaluate_every: int = 10_000
+    evaluation_episodes: int = 10
+    checkpoint_every: int = 12_000
+
+    @property
+    def episode_steps(self) -> int:
+        """Time limit of an episode [control steps]."""
+        return int(
+            self.env_options.get("max_episode_steps", ENVIRONMENTS[self.env.removeprefix(f"{NAMESPACE}/")].steps)
+        )
+
+    def as_data(self) -> dict[str, Any]:
+        """As JSON has it."""
+        data: dict[str, Any] = json.loads(json.dumps(asdict(self)))
+        return data
+
+
+def from_data(data: Mapping[str, Any]) -> Settings:
+    """The settings that a file holds.
+
+    Raises:
+        ValueError: something is missing or unknown.
+    """
+    try:
+        return Settings(**{field.name: data[field.name] for field in fields(Settings)})
+    except KeyError as missing:
+        raise ValueError(f"settings lack {missing}") from missing
+
+
+def claim(folder: Path, settings: Settings) -> bool:
+    """Make a folder that of a training, or find that it already is.
+
+    Returns:
+        Whether the training had begun before.
+
+    Raises:
+        ValueError: the folder holds a training with other settings, or other files; one line.
+    """
+    path = folder / FILE
+    if not path.exists():
+        if folder.exists() and any(folder.iterdir()):
+            raise ValueError(f"--out {folder} is not empty and holds no training: give another folder")
+        atomic.write_text(path, json.dumps({"schema": SCHEMA, **settings.as_data(), "made_by": provenance()}, indent=1))
+        return False
+    there, given = read(folder), settings.as_data()
+    name, old, new = _first_difference(there.as_data(), given)
+    if name:
+        raise ValueError(
+            f"--out {folder} holds a training with other settings: {name} is {_short(old)} there and {_short(new)} "
+            "here; give another folder, or the same settings to go on"
+        )
+    return True
+
+
+def read(folder: Path) -> Settings:
+    """The settings of the training in a folder.
+
+    Raises:
+        ValueError: there is none, or it cannot be read; one line.
+    """
+    path = folder / FILE
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+        if data.get("schema") != SCHEMA:
+            raise ValueError(f"schema is {data.get('schema')!r}, this version reads {SCHEMA!r}")
+        return from_data(data)
+    except (OSError, ValueError, AttributeError) as fault:
+        raise ValueError(f"{folder} holds no training that can be read: {FILE}: {fault}") from fault
+
+
+def provenance() -> dict[str, str]:
+    """Versions of the software, and the commit where it is known."""
+    found = {"tiago_mj": __version__, "python": platform.python_version()}
+    for name in LIBRARIES:
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            found[name] = "missing"
+    commit = _commit()
+    return {**found, "commit": commit} if commit else found
+
+
+def _commit() -> str:
+    """Of the checkout that this package is in; empty where it is installed from a wheel."""
+    here = Path(__file__).parent
+
+    def git(*words: str) -> str:
+        done = subprocess.run(["git", *words], cwd=here, capture_output=True, text=True, check=False)
+        return done.stdout.strip() if done.returncode == 0 else ""
+
+    try:
+        if not git("ls-files", "--", Path(__file__).name):
+            return ""
+        return git("rev-parse", "--short", "HEAD") + ("+changes" if git("status", "--porcelain", "-uno") else "")
+    except OSError:
+        return ""
+
+
+def option_values(words: Sequence[str]) -> dict[str, Any]:
+    """Arguments of an environment from ``KEY=VALUE`` words; values are JSON, and text that is no JSON is itself.
+
+    Raises:
+        ValueError: a word has no ``=``, or a key twice.
+    """
+    values: dict[str, Any] = {}
+    for word in words:
+        key, equals, text = word.partition("=")
+        if not equals or not key.isidentifier():
+            raise ValueError(f"--env-option {word!r}: give KEY=VALUE, such as servo=ideal or goal=[0.5,1.5]")
+        if key in values:
+            raise ValueError(f"--env-option {key} is given twice")
+        try:
+            values[key] = json.loads(text)
+        except json.JSONDecodeError:
+            values[key] = text
+    return values
+
+
+def _first_difference(old: Any, new: Any, name: str = "") -> tuple[str, Any, Any]:
+    if isinstance(old, dict) and isinstance(new, dict):
+        for key in {**old, **new}:
+            found = _first_difference(old.get(key), new.get(key), f"{name}.{key}" if name else key)
+            if found[0]:
+                return found
+        return "", None, None
+    return ("", None, None) if old == new else (name, old, new)
+
+
+def _short(value: Any) -> str:
+    text = json.dumps(value)
+    return text if len(text) <= 60 else text[:57] + "..."

@@ -1,0 +1,93 @@
+"""``tiago-mj agents``: the agents that come with the package, and how a training's best becomes one."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import re
+from importlib.resources import as_file, files
+from pathlib import Path
+from typing import Any, Final
+
+from tiago_mj import atomic
+from tiago_mj.learn.agent_file import SUFFIX, load_agent
+
+#: A name that no other kind of policy can have.
+NAME: Final = re.compile(r"[a-z][a-z0-9-]{2,40}")
+
+
+def folder() -> Path:
+    """Where the package's agents are."""
+    with as_file(files("tiago_mj.learn") / "agents") as path:
+        return path
+
+
+def shipped_agents() -> dict[str, Path]:
+    """Name and file of every agent that comes with the package."""
+    return {path.stem: path for path in sorted(folder().glob(f"*{SUFFIX}"))}
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options of the command."""
+    parser.add_argument("--export", type=Path, metavar="DIR", help="of tiago-mj train: export its best agent")
+    parser.add_argument("--name", metavar="NAME", help="of the exported agent")
+    parser.add_argument("--to", type=Path, default=Path(), metavar="FOLDER", help="where it goes (here)")
+    parser.add_argument("--json", action="store_true", help="print the same as data")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run the command.
+
+    Raises:
+        ValueError: the folder holds no finished training, or the name is unusable.
+    """
+    if arguments.export is not None:
+        path = export(arguments.export, arguments.name, arguments.to)
+        print(f"agent {path}, card {path.with_suffix('.md')}")
+        return 0
+    listed: list[dict[str, Any]] = []
+    for name, path in shipped_agents().items():
+        origin = load_agent(path, name).origin
+        listed.append({"name": name, **{key: origin.get(key) for key in ("env", "algo", "steps", "env_options")}})
+    if arguments.json:
+        print(json.dumps(listed, indent=2))
+        return 0
+    for agent in listed:
+        options = ", ".join(f"{key}={json.dumps(value)}" for key, value in (agent["env_options"] or {}).items())
+        print(f"{agent['name']}: {agent['algo']} on {agent['env']}" + (f" with {options}" if options else ""))
+    print(f"{len(listed)} agents; use one with: tiago-mj rollout --env ID --policy NAME")
+    return 0
+
+
+def export(training: Path, name: str | None, to: Path) -> Path:
+    """Copy the best agent of a training and its card under a name.
+
+    Args:
+        training: folder that ``tiago-mj train`` has written.
+        name: of the agent: small letters, digits and hyphens.
+        to: folder of ``NAME.npz``, ``NAME.json`` and ``NAME.md``.
+
+    Returns:
+        The npz.
+
+    Raises:
+        ValueError: no finished training, or an unusable name; one line.
+    """
+    from tiago_mj.learn.card import markdown
+    from tiago_mj.learn.loop import BEST
+
+    if name is None or not NAME.fullmatch(name):
+        raise ValueError(f"--name is {name!r}: give 3 to 41 small letters, digits and hyphens")
+    if name in ("random",):
+        raise ValueError(f"--name {name} is that of another policy: choose another")
+    try:
+        card: dict[str, Any] = json.loads((training / "card.json").read_text(encoding="utf-8"))
+        seed = card["best_seed"]
+    except (OSError, ValueError, KeyError) as fault:
+        raise ValueError(f"--export {training} holds no finished training: card.json: {fault}") from fault
+    agent = load_agent(training / f"seed-{seed}" / BEST)
+    path = to / f"{name}{SUFFIX}"
+    agent.save(path)
+    atomic.write_text(path.with_suffix(".json"), json.dumps({"name": name, **card}, indent=1) + "\n")
+    atomic.write_text(path.with_suffix(".md"), markdown(card, name))
+    return path
