@@ -1,0 +1,135 @@
+"""``tiago-mj evaluate``: controllers and policies on the same seeds, side by side."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+
+from tiago_mj import atomic, figures
+from tiago_mj.evaluate import bound, plots, report
+from tiago_mj.evaluate.options import make_env, read_options
+from tiago_mj.evaluate.play import core_of, play_policy
+from tiago_mj.film import Film
+from tiago_mj.rollout.command import environment_id
+
+#: What the command writes.
+DATA, PICTURE = "evaluation.json", "episodes.png"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options of the command."""
+    parser.add_argument("--env", required=True, metavar="ID", help="such as GripperTactile-v0")
+    parser.add_argument(
+        "--policy",
+        required=True,
+        action="append",
+        metavar="NAME|FILE",
+        help="pi, pi-tuned, random, or a file that rollout takes; give it once a controller",
+    )
+    parser.add_argument("--episodes", type=int, default=10, metavar="N", help="of each controller (10)")
+    parser.add_argument(
+        "--seed", type=int, default=0, metavar="N", help="of the first episode; each later one adds 1 (0)"
+    )
+    parser.add_argument(
+        "--env-option",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        help="argument of the environment, value in JSON: servo=ideal, goal='[0.5, 1.5]'; as often as needed",
+    )
+    parser.add_argument("--out", type=Path, metavar="FOLDER", help=f"for {DATA}, {PICTURE} and films")
+    parser.add_argument("--film", action="store_true", help="film each controller's first episode, into --out")
+    parser.add_argument("--bound", action="store_true", help="the reward that nobody exceeds, and the distance from it")
+    parser.add_argument("--json", action="store_true", help="print the same as data")
+    parser.add_argument("--trust", action="store_true", help="load files although loading runs what they hold")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run the command.
+
+    Raises:
+        ValueError: an argument is unusable; says which and how to mend it.
+    """
+    identifier = environment_id(arguments.env)
+    for name, least in (("episodes", 1), ("seed", 0)):
+        if getattr(arguments, name) < least:
+            raise ValueError(f"--{name} is {getattr(arguments, name)}: give {least} or more")
+    if arguments.film and arguments.out is None:
+        raise ValueError("--film needs a folder to put films in: add --out FOLDER")
+    options = read_options(arguments.env_option)
+    seeds = tuple(range(arguments.seed, arguments.seed + arguments.episodes))
+    more = {"render_mode": "rgb_array"} if arguments.film else {}
+    env = make_env(identifier, options, **more)
+    try:
+        if arguments.bound:
+            bound.check(core_of(env))
+        films: dict[str, Film] = {}
+        played = []
+        for policy, name in zip(arguments.policy, names_of(arguments.policy), strict=True):
+            watch = FirstEpisode(env) if arguments.film else None
+            played.append(play_policy(env, policy, name=name, seeds=seeds, trust=arguments.trust, watch=watch))
+            if watch is not None:
+                films[name] = watch.film
+        bounds = bounds_of(env, seeds) if arguments.bound else []
+    finally:
+        env.close()
+    evaluation = report.Evaluation(identifier, options, played, bounds)
+    written = [] if arguments.out is None else write(evaluation, arguments.out, films)
+    if arguments.json:
+        print(json.dumps(report.as_data(evaluation), indent=1, allow_nan=False))
+        return 0
+    report.show(evaluation)
+    if written:
+        print("written: " + ", ".join(str(path) for path in written))
+    return 0
+
+
+def names_of(policies: Sequence[str]) -> list[str]:
+    """What policies are called: a file by its stem, a second of the same name with its number."""
+    names: list[str] = []
+    for policy in policies:
+        name = Path(policy).stem if Path(policy).suffix or "/" in policy else policy
+        count = sum(other == name or other.startswith(f"{name} (") for other in names)
+        names.append(name if not count else f"{name} ({count + 1})")
+    return names
+
+
+def bounds_of(env: gymnasium.Env[Any, Any], seeds: Sequence[int]) -> list[bound.LeastCost]:
+    """The bound of each episode."""
+    limit = env.spec.max_episode_steps if env.spec is not None else None
+    assert limit is not None, "an environment of the table ends"
+    bounds = []
+    for seed in seeds:
+        env.reset(seed=seed)
+        bounds.append(bound.least_cost(core_of(env), limit))
+    return bounds
+
+
+def write(evaluation: report.Evaluation, folder: Path, films: dict[str, Film]) -> list[Path]:
+    """Write data, plots and films; the files."""
+    atomic.write_text(folder / DATA, json.dumps(report.as_data(evaluation), indent=1, allow_nan=False) + "\n")
+    atomic.write_bytes(folder / PICTURE, figures.png(plots.episodes(evaluation.played, evaluation.env)))
+    paths = [folder / DATA, folder / PICTURE]
+    for name, film in films.items():
+        paths.append(folder / f"{name.replace(' ', '_')}.mp4")
+        film.write(paths[-1])
+    return paths
+
+
+class FirstEpisode:
+    """Films the first of many episodes."""
+
+    def __init__(self, env: gymnasium.Env[Any, Any]) -> None:
+        self.film = Film(env)
+        self._episodes = 0
+
+    def __call__(self, step: int) -> None:
+        """As :class:`Film`."""
+        self._episodes += step == 0
+        if self._episodes == 1:
+            self.film(step)

@@ -1,0 +1,195 @@
+"""What an episode was worth: numbers as a pure function of its trace.
+
+Contact is the simulator's own: a pad and the object press on each other at the end of a control step. A reading above a
+threshold would take noise for contact and a light touch for none.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from types import MappingProxyType
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tiago_mj.rollout.episode import FINAL_SHARE
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class EpisodeTrace:
+    """What happened in an episode; row t is after control step t + 1.
+
+    Attributes:
+        time: from the start of the episode, (T,) [s].
+        reward: (T,).
+        success: (T,) bool.
+        goal: of the last step, (g,).
+        force: load-cell readings, (T, 2) right and left [sensor units]; (T, 0) where there are none.
+        force_contact: the simulator's, (T, 2) [N]; or (T, 0).
+        in_contact: whether pad and object press on each other, (T, 2) bool; or (T, 0).
+        position: of the commanded joints, (T, N) [m, rad].
+        object_position: of the object's middle, its place at the start first, (T + 1, 3) [m]; or (T + 1, 0).
+        goal_newtons: force that the goal asks of each finger, (2,) [N]; None where the goal is no force.
+    """
+
+    time: Array
+    reward: Array
+    success: NDArray[np.bool_]
+    goal: Array
+    force: Array
+    force_contact: Array
+    in_contact: NDArray[np.bool_]
+    position: Array
+    object_position: Array
+    goal_newtons: Array | None
+
+
+@dataclass(frozen=True)
+class Metrics:
+    """An episode in numbers; None where a metric has no meaning: no force is asked, or nothing was touched.
+
+    Attributes:
+        reward: sum of the environment's rewards.
+        paper_reward: sum of −Σ_i |f_i − goal|, the paper's reward [sensor units].
+        rest_error: distance of the mean reading of the episode's last tenth from the goal, mean of the fingers
+            [sensor units].
+        overshoot: greatest contact force of either finger beyond the goal, over the goal; 0 where it is never exceeded.
+        both_contacts: when both pads were on the object at once for the first time [s].
+        bounces: how often a pad lost contact after its first, both fingers together.
+        contact_share: share of steps with both pads on the object, from the step by which each has touched it on.
+        object_path: length of the way of the object's middle, from the start to the end [m].
+        object_shift: distance of the object's middle at the end from where it was [m].
+        peak_force: greatest contact force of either finger [N].
+        success: at the end, 0 or 1.
+    """
+
+    reward: float
+    paper_reward: float | None
+    rest_error: float | None
+    overshoot: float | None
+    both_contacts: float | None
+    bounces: float | None
+    contact_share: float | None
+    object_path: float | None
+    object_shift: float | None
+    peak_force: float | None
+    success: float
+
+
+#: Name, unit and digits of each metric as tables show it, and what it is multiplied by for that.
+SHOWN: Final = MappingProxyType(
+    {
+        "reward": ("reward", "", 1.0, 2),
+        "paper_reward": ("paper's reward", "", 1.0, 2),
+        "rest_error": ("error at rest", "sensor u.", 1.0, 4),
+        "overshoot": ("overshoot", "%", 100.0, 1),
+        "both_contacts": ("both contacts", "s", 1.0, 3),
+        "bounces": ("bounces", "", 1.0, 1),
+        "contact_share": ("in contact", "%", 100.0, 1),
+        "object_path": ("object's way", "mm", 1e3, 2),
+        "object_shift": ("object's shift", "mm", 1e3, 2),
+        "peak_force": ("peak force", "N", 1.0, 2),
+        "success": ("success", "%", 100.0, 0),
+    }
+)
+
+
+@dataclass(frozen=True)
+class Spread:
+    """Mean and standard deviation (of a sample, n − 1) over the episodes that have a metric.
+
+    Attributes:
+        mean: None where no episode has it.
+        sd: None with fewer than two.
+        count: episodes that have it.
+    """
+
+    mean: float | None
+    sd: float | None
+    count: int
+
+
+def measure(trace: EpisodeTrace) -> Metrics:
+    """The metrics of an episode."""
+    contact = trace.in_contact
+    touched = contact.shape[1] > 0
+    way = _way(trace.object_position)
+    return Metrics(
+        reward=float(trace.reward.sum()),
+        paper_reward=paper_reward(trace),
+        rest_error=_rest_error(trace),
+        overshoot=_overshoot(trace),
+        both_contacts=_first(trace.time, np.logical_and.reduce(contact, axis=1)) if touched else None,
+        bounces=float(bounces(contact)) if touched and contact.any() else None,
+        contact_share=contact_share(contact) if touched else None,
+        object_path=None if way is None else way[0],
+        object_shift=None if way is None else way[1],
+        peak_force=float(trace.force_contact.max()) if touched else None,
+        success=float(trace.success[-1]),
+    )
+
+
+def paper_reward(trace: EpisodeTrace) -> float | None:
+    """Sum of −Σ_i |f_i − goal| over the episode [sensor units] (paper, section III-D)."""
+    if trace.goal_newtons is None or not trace.force.shape[1]:
+        return None
+    return -float(np.abs(trace.force - trace.goal).sum())
+
+
+def bounces(in_contact: NDArray[np.bool_]) -> int:
+    """How often contact was lost after it was had, over all fingers; (T, fingers) bool.
+
+    A loss that is over within one control step is not seen.
+    """
+    return int((in_contact[:-1] & ~in_contact[1:]).sum())
+
+
+def contact_share(in_contact: NDArray[np.bool_]) -> float | None:
+    """Share of steps with all fingers in contact, from the step by which each has touched; None where one never does.
+
+    Fingers that take turns, as with an object that is batted to and fro, have touched, and share nothing.
+    """
+    since = np.logical_or.accumulate(in_contact, axis=0).all(axis=1)
+    return float(in_contact[since].all(axis=1).mean()) if since.any() else None
+
+
+def summarise(episodes: Sequence[Metrics]) -> dict[str, Spread]:
+    """Mean and standard deviation of every metric, by its name."""
+    return {field.name: _spread([getattr(episode, field.name) for episode in episodes]) for field in fields(Metrics)}
+
+
+def _spread(values: Sequence[float | None]) -> Spread:
+    there = np.array([value for value in values if value is not None], dtype=float)
+    return Spread(
+        mean=float(there.mean()) if len(there) else None,
+        sd=float(there.std(ddof=1)) if len(there) > 1 else None,
+        count=len(there),
+    )
+
+
+def _rest_error(trace: EpisodeTrace) -> float | None:
+    if trace.goal_newtons is None or not trace.force.shape[1]:
+        return None
+    last = max(1, round(FINAL_SHARE * len(trace.time)))
+    return float(np.abs(trace.force[-last:].mean(axis=0) - trace.goal).mean())
+
+
+def _overshoot(trace: EpisodeTrace) -> float | None:
+    if trace.goal_newtons is None or not trace.in_contact.any():
+        return None
+    return max(0.0, float((trace.force_contact / trace.goal_newtons).max()) - 1.0)
+
+
+def _first(time: Array, when: NDArray[np.bool_]) -> float | None:
+    return float(time[np.argmax(when)]) if when.any() else None
+
+
+def _way(position: Array) -> tuple[float, float] | None:
+    if not position.shape[1]:
+        return None
+    steps = np.linalg.norm(np.diff(position, axis=0), axis=1)
+    return float(steps.sum()), float(np.linalg.norm(position[-1] - position[0]))
