@@ -21,6 +21,7 @@ COMMANDS: Final[Mapping[str, tuple[str, str]]] = MappingProxyType(
     {
         "demo": ("tiago_mj.demo.command", "grasp, compare with real recordings, write a page with the pictures"),
         "rollout": ("tiago_mj.rollout.command", "run a policy in an environment: returns, forces, a film"),
+        "evaluate": ("tiago_mj.evaluate.command", "compare controllers and policies: reward, bounces, the bound"),
         "train": ("tiago_mj.learn.command", "train agents with stable-baselines3; the same command again goes on"),
         "agents": ("tiago_mj.learn.shipped", "list the agents that come with the package, or export one of your own"),
         "convert": ("tiago_mj.models.convert.command", "turn a robot's URDF into MJCF"),
