@@ -50,11 +50,16 @@ class Telling:
 
 
 RELEASED: Final = bullet.Variant()
-SUMMED: Final = bullet.Variant(aggregate="sum")
+#: Iterations with which Bullet's solver holds a grasp; with its default of 50 the fingers give way.
+ENOUGH: Final = 500
+#: The effort limit of the URDF and of the nominal simulator [N].
+LIMIT: Final = 16.0
+CONVERGED: Final = replace(RELEASED, iterations=ENOUGH)
 TOLD: Final = (
     Telling("released", RELEASED),
-    Telling("summed", SUMMED),
+    Telling("limited-summed", replace(CONVERGED, force=LIMIT, aggregate="sum")),
     Telling("released-pal", RELEASED, servo="pal"),
+    Telling("converged", CONVERGED, follows="released"),
 )
 
 #: How an effect that a verdict names is taken out of PyBullet: its option, and the option's value without it.
@@ -162,7 +167,7 @@ def main() -> None:
         rows.append({**asdict(telling), **found})
         without = undone(telling.variant, verdict["effects"]) if telling.follows is None else None
         if without is not None:
-            waiting.append(Telling(f"{telling.name}-undone", without, telling.servo, telling.name))
+            waiting.insert(0, Telling(f"{telling.name}-undone", without, telling.servo, telling.name))
     facts = {
         "seed": given.seed,
         "trials": given.trials,

@@ -60,7 +60,8 @@ class Variant:
         offset: of the object towards the left finger [m]; the user knows it.
         moved: the same, unknown to the user [m].
         step: physics step [s].
-        iterations: of Bullet's solver; 50 is its default.
+        iterations: of Bullet's solver, at most; 50 is its default.
+        residual: squared change of an iteration below which Bullet's solver leaves off; 1e-7 is its default.
         rate: of control [Hz].
     """
 
@@ -77,6 +78,7 @@ class Variant:
     moved: float = 0.0
     step: float = STEP
     iterations: int = 50
+    residual: float = 1e-7
     rate: float = 1 / STEP
 
     @property
@@ -222,7 +224,9 @@ def _world(p: Any, client: int, variant: Variant, robot: robots.Robot, opened: f
     """Table, object and gripper, where the nominal scene has them: hand, object, finger joints."""
     p.setGravity(0, 0, -9.81, physicsClientId=client)
     p.setTimeStep(variant.step, physicsClientId=client)
-    p.setPhysicsEngineParameter(numSolverIterations=variant.iterations, physicsClientId=client)
+    p.setPhysicsEngineParameter(
+        numSolverIterations=variant.iterations, solverResidualThreshold=variant.residual, physicsClientId=client
+    )
     table = p.createCollisionShape(p.GEOM_BOX, halfExtents=list(scene.TABLE_HALF), physicsClientId=client)
     p.createMultiBody(0, table, basePosition=list(scene.TABLE_CENTRE), physicsClientId=client)
     height = robots.nominal_object().height
