@@ -92,10 +92,15 @@ def test_overshoot_is_the_share_by_which_the_worse_finger_exceeds_its_goal():
 
 
 def test_the_objects_way_counts_both_directions_and_its_shift_does_not():
-    place = [[0, 0, 0], [0, 0.003, 0], [0, -0.001, 0], [0, 0.003, 0.004]]
+    place = [[0, 0, 0.1], [0, 0.003, 0.1], [0, -0.001, 0.1], [0.003, 0.003, 0.1]]
     moved = measure(trace(np.zeros((3, 2)), place=place))
-    assert moved.object_path == pytest.approx(0.003 + 0.004 + np.hypot(0.004, 0.004))
-    assert moved.object_shift == pytest.approx(0.005)
+    assert moved.object_path == pytest.approx(0.003 + 0.004 + 0.005)
+    assert moved.object_shift == pytest.approx(np.hypot(0.003, 0.003))
+
+
+def test_an_object_that_sinks_into_the_table_has_not_moved():
+    sunk = measure(trace(np.zeros((2, 2)), place=[[0, 0, 0.1], [0, 0, 0.0999], [0, 0, 0.0999]]))
+    assert sunk.object_path == sunk.object_shift == 0
 
 
 def test_what_an_environment_does_not_have_is_left_out():

@@ -61,8 +61,9 @@ class Metrics:
         both_contacts: when both pads were on the object at once for the first time [s].
         bounces: how often a pad lost contact after its first, both fingers together.
         contact_share: share of steps with both pads on the object, from the step by which each has touched it on.
-        object_path: length of the way of the object's middle, from the start to the end [m].
-        object_shift: distance of the object's middle at the end from where it was [m].
+        object_path: length of the way of the object's middle over the table [m]; it sinks into the table by 0.1 mm
+            when an episode begins, which is not counted.
+        object_shift: distance of the object's middle at the end from where it was, over the table [m].
         peak_force: greatest contact force of either finger [N].
         success: at the end, 0 or 1.
     """
@@ -191,5 +192,6 @@ def _first(time: Array, when: NDArray[np.bool_]) -> float | None:
 def _way(position: Array) -> tuple[float, float] | None:
     if not position.shape[1]:
         return None
-    steps = np.linalg.norm(np.diff(position, axis=0), axis=1)
-    return float(steps.sum()), float(np.linalg.norm(position[-1] - position[0]))
+    place = position[:, :2]
+    steps = np.linalg.norm(np.diff(place, axis=0), axis=1)
+    return float(steps.sum()), float(np.linalg.norm(place[-1] - place[0]))

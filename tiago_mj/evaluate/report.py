@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -70,8 +71,8 @@ def rows(evaluation: Evaluation) -> list[tuple[str, ...]]:
         spreads = [summary[name] for summary in summaries]
         if all(spread.count == 0 for spread in spreads):
             continue
-        if name == "paper_reward" and all(s["paper_reward"] == s["reward"] for s in summaries):
-            continue  # it is the reward
+        if name == "paper_reward" and all(_is_papers(played) for played in evaluation.played):
+            continue  # the environment's reward is the paper's
         cells = (_cell(spread, factor, digits) for spread in spreads)
         table.append((f"{title} [{unit}]" if unit else title, *cells))
     if evaluation.bounds:
@@ -88,6 +89,7 @@ def show(evaluation: Evaluation) -> None:
     body = rows(evaluation)
     try:
         console, table_module = importlib.import_module("rich.console"), importlib.import_module("rich.table")
+        text = importlib.import_module("rich.text").Text  # of a plain word rich would take "[s]" for a style
     except ModuleNotFoundError:
         print(_plain([header, *body]))
         return
@@ -95,13 +97,17 @@ def show(evaluation: Evaluation) -> None:
     title = f"{evaluation.env}, {len(seeds)} episodes"
     table = table_module.Table(title=title, title_justify="left")
     for number, name in enumerate(header):
-        table.add_column(name, justify="right" if number else "left", no_wrap=True)
+        table.add_column(text(name), justify="right" if number else "left", no_wrap=True)
     for row in body:
-        table.add_row(*row)
+        table.add_row(*[text(cell) for cell in row])
     out = console.Console(highlight=False)
     if not out.is_terminal:  # a pipe has no width to fit into
         out = console.Console(highlight=False, width=max(80, 32 + 22 * len(header)))
     out.print(table)
+
+
+def _is_papers(played: Played) -> bool:
+    return all(math.isclose(one.reward, one.paper_reward or 0.0, rel_tol=1e-9) for one in played.metrics)
 
 
 def _cell(spread: Spread, factor: float, digits: int) -> str:
