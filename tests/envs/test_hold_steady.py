@@ -19,8 +19,8 @@ def core():
     return HoldForceSteady(visual=False)
 
 
-def terms(core, *, force=(1.0, 1.0), touching=(1, 1), speed=(0.0, 0.0), moved=0.0, goal=1.0):
-    achieved = np.array([*force, *touching, *speed, moved], dtype=float)
+def terms(core, *, force=(1.0, 1.0), touching=(1, 1), speed=(0.0, 0.0), place=(0.0, 0.0), moved=0.0, goal=1.0):
+    achieved = np.array([*force, *touching, *speed, *place, moved], dtype=float)
     return core._reward_terms(achieved, np.full(2, goal))
 
 
@@ -40,12 +40,15 @@ def test_a_still_grasp_at_the_goal_costs_nothing(core):
         ({"speed": (SPEED, SPEED), "touching": (0, 1), "force": (0, 1)},
          {"finger_motion": 0.25, "contact": 0.5, "force": 1.0}),
         ({"moved": SPEED}, {"object_motion": 0.5}),
+        ({"place": (0.03, 0.045)}, {}),  # touching fingers may be anywhere
+        ({"place": (0.03, 0.045), "touching": (1, 0)}, {"approach": 0.5, "contact": 0.5}),
+        ({"place": (0.0, 0.009), "touching": (0, 0), "force": (0, 0)}, {"approach": 0.1, "contact": 1.0, "force": 2.0}),
     ],
     ids=str,
 )  # fmt: skip
 def test_each_term_costs_what_its_description_says(core, state, cost):
     found = terms(core, **state)
-    assert set(found) == {"force", "contact", "excess", "finger_motion", "object_motion"}
+    assert set(found) == {"force", "approach", "contact", "excess", "finger_motion", "object_motion"}
     for name, value in found.items():
         assert value == pytest.approx(-cost.get(name, 0.0), abs=1e-12), name
 
@@ -152,7 +155,7 @@ def test_the_force_controller_solves_it(servo):
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        ({"weights": {"bounce": 1.0}}, "'bounce' is no term of the reward: use any of force, contact"),
+        ({"weights": {"bounce": 1.0}}, "'bounce' is no term of the reward: use any of force, approach, contact"),
         ({"weights": {"contact": -1.0}}, "contact is -1.0"),
         ({"weights": {"contact": "much"}}, "contact is 'much'"),
         ({"weights": 3}, "weights is 3"),
