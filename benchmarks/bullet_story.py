@@ -7,6 +7,9 @@ in a process of its own. :data:`TOLD` are told first. Then whatever a verdict na
 that the verdict gives (:func:`undone`) and told again, with the same motions and noise: if it was the cause, the gap
 goes.
 
+Before that, a grasp is closed and held still with more and more iterations of Bullet's solver, and once in the nominal
+simulator, whose commands are the same (:func:`held`).
+
 Every telling lies in ``DIR/NAME/{recordings,diagnosis}`` and is not told twice, so the command goes on where it was
 stopped; it writes ``benchmarks/results/bullet_story.json``.
 """
@@ -18,14 +21,20 @@ import json
 import shutil
 import subprocess
 import sys
+import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
-from benchmarks.blind import bullet, recordings
-from benchmarks.machine import save
+import numpy as np
+
+from benchmarks.blind import bullet, motions, recordings, robots
+from benchmarks.machine import machine, save
 from tiago_mj import atomic
+from tiago_mj.gap import replay
+from tiago_mj.gap.plant import plant_of
+from tiago_mj.gap.read import read_recordings
 
 RESULT: Final = "bullet_story"
 #: Explanations of a ranking that are kept.
@@ -71,6 +80,57 @@ UNDO: Final[dict[str, tuple[str, Callable[[float, dict[str, float]], float]]]] =
     "object_size": ("radius", lambda now, p: now - p["radius"]),
     "object_offset": ("moved", lambda now, p: now - p["distance"]),
 }
+
+
+#: Iterations with which a grasp is held, and for how long; how fast and how far it was closed [s, m/s, m].
+HELD: Final = (20, 50, 100, 200, 500, 5000)
+HOLD: Final = 3.0
+CLOSING: Final = 0.02
+PRESS: Final = 4e-4
+#: Rows of it that are kept: every so many.
+EVERY: Final = 12
+
+
+def press_and_hold() -> motions.Program:
+    """Close until both pads touch, a little farther, and stand still."""
+    t, _, force = yield np.zeros(2)
+    while not (force > motions.TOUCH).all():
+        t, _, force = yield np.full(2, -CLOSING)
+    end = t + PRESS / CLOSING
+    while t < end:
+        t, _, force = yield np.full(2, -CLOSING)
+    while True:
+        yield np.zeros(2)
+
+
+def held(seed: int) -> dict[str, Any]:
+    """Mean force of both pads [N] while Bullet holds still, by iterations; and what MuJoCo makes of the same."""
+    out: dict[str, Any] = {}
+    for iterations in HELD:
+        variant = replace(RELEASED, aggregate="sum", iterations=iterations)
+        made = bullet.simulate(variant, seed=seed, trials=1, seconds=HOLD, programs=[press_and_hold()])
+        still = int(np.flatnonzero(made.recorded.commands[0, :-1, 0])[-1]) + 1
+        out[str(iterations)] = _after(made.recorded.force[0], still)
+        if iterations == ENOUGH:
+            with tempfile.TemporaryDirectory() as folder:
+                recordings.write(made, Path(folder))
+                trials = read_recordings([Path(folder)]).trials
+                plant = plant_of(trials)
+                reading = replay.simulate(plant, replay.grid(plant, trials), [(0, ())], threads=1).reading[0]
+            out["nominal"] = _after(reading, still)
+    return out
+
+
+def _after(reading: Any, still: int) -> dict[str, Any]:
+    newtons = reading[still:].mean(axis=1) / robots.UNITS_PER_NEWTON
+    below = np.flatnonzero(newtons < newtons[0] / 2)
+    second = round(1 / bullet.STEP)
+    return {
+        "newtons": [round(float(value), 2) for value in newtons[::EVERY]],
+        "interval": EVERY * bullet.STEP,
+        "share_after_1s": round(float(newtons[second - 3 : second + 4].mean() / newtons[0]), 3),
+        "half_after": round(float(below[0]) * bullet.STEP, 3) if len(below) else None,
+    }
 
 
 def undone(variant: bullet.Variant, effects: Sequence[dict[str, Any]]) -> bullet.Variant | None:
@@ -120,7 +180,7 @@ class Session:
         if done.returncode:
             raise RuntimeError(f"{telling.name}: the diagnosis ended with {done.returncode}: {done.stderr.strip()}")
         said = json.loads((folder / "diagnosis" / "diagnosis.json").read_text())
-        found = {"truth": made.truth, **summary(said)}
+        found = {"truth": made.truth, "commit": machine()["commit"], **summary(said)}
         atomic.write_text(told, json.dumps({"asked": asked, "found": found}, indent=1) + "\n")
         return found
 
@@ -150,6 +210,8 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=0, help="threads of a diagnosis; 0: all processors")
     given = parser.parse_args()
     session = Session(given.out, given.seed, given.trials, given.seconds, given.jobs)
+    grasp = held(given.seed)
+    print({name: (one["newtons"][0], one["share_after_1s"]) for name, one in grasp.items()}, flush=True)
     rows = []
     waiting = list(TOLD)
     while waiting:
@@ -173,6 +235,7 @@ def main() -> None:
         "trials": given.trials,
         "seconds": given.seconds,
         "diagnosis_seed": 0,
+        "held": grasp,
         "tellings": rows,
     }
     command = f"python -m benchmarks.bullet_story --out DIR --seed {given.seed} --trials {given.trials} "

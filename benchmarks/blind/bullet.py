@@ -98,7 +98,13 @@ class Variant:
 
 
 def simulate(
-    variant: Variant, *, seed: int, trials: int = cases.TRIALS, seconds: float = SECONDS, servo: str = "ideal"
+    variant: Variant,
+    *,
+    seed: int,
+    trials: int = cases.TRIALS,
+    seconds: float = SECONDS,
+    servo: str = "ideal",
+    programs: list[motions.Program] | None = None,
 ) -> cases.Made:
     """A session in Bullet.
 
@@ -107,6 +113,7 @@ def simulate(
         seed: of motions and noise: two variants of one seed differ in nothing else.
         trials, seconds: of the session.
         servo: what the sidecars tell the user of the fingers' servos: ``ideal`` or ``pal``.
+        programs: motions, one a trial; None: those of the blind check's gripper.
 
     Returns:
         The recordings; in ``truth`` what no user can see, over all rows where a pad is pressed: ``points``, contact
@@ -132,7 +139,7 @@ def simulate(
     opened = draw.uniform(*cases.NEAR, trials) if short else np.full(trials, OPEN)
     pace = seconds / cases.LONG if short else 1.0
     styles = [motions.Style(SOFTNESS, pace, float(at)) for at in opened]
-    programs = motions.finger_programs(trials, seed, styles)
+    programs = programs or motions.finger_programs(trials, seed, styles)
     start = np.tile(opened[:, None], (1, 2))
     setup = reality.Setup("velocity", variant.rate, rows, np.full(trials, variant.offset), start, seed)
     noise = np.random.default_rng([seed, 0])

@@ -55,6 +55,20 @@ def test_only_a_limit_that_bullet_is_given_holds_the_fingers_back() -> None:
     assert held.recorded.force.max() < limit < free.recorded.force.max()
 
 
+def test_a_grasp_gives_way_there_unless_the_solver_has_the_iterations_to_hold_it() -> None:
+    later = {}
+    for iterations in (bullet.Variant().iterations, bullet_story.ENOUGH):
+        variant = bullet.Variant(aggregate="sum", iterations=iterations)
+        made = bullet.simulate(variant, seed=1, trials=1, seconds=2.5, programs=[bullet_story.press_and_hold()])
+        force = made.recorded.force[0].mean(axis=1)
+        still = int(np.flatnonzero(made.recorded.commands[0, :-1, 0])[-1]) + 1
+        assert force[still] > 5 * robots.UNITS_PER_NEWTON
+        later[iterations] = force[still + 240 : still + 260].mean() / force[still]
+    few, enough = later.values()
+    assert few < 0.2
+    assert enough > 0.9
+
+
 def test_a_command_that_is_no_whole_number_of_steps_is_refused() -> None:
     with pytest.raises(ValueError, match="whole number"):
         bullet.simulate(bullet.Variant(rate=25.0), seed=0, trials=1, seconds=SECONDS)
