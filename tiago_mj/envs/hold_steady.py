@@ -216,9 +216,7 @@ class HoldForceSteady(HoldForce):
         weights = self.weights
         return {
             "force": -weights.force * np.add.reduce(np.abs(error), axis=-1),
-            "approach": -weights.approach
-            * np.add.reduce(achieved[..., PLACE] * (1.0 - touching), axis=-1)
-            / self._travel,
+            "approach": -weights.approach * np.add.reduce(opened * (1.0 - touching), axis=-1),
             "contact": -weights.contact * np.add.reduce(1.0 - touching, axis=-1),
             "excess": -weights.excess * np.add.reduce(np.maximum(error, 0.0), axis=-1),
             "finger_motion": -weights.finger_motion * np.add.reduce(speed * touching, axis=-1),
