@@ -21,7 +21,7 @@ from tiago_mj.models.objects import GraspObject
 Array = NDArray[np.float64]
 
 #: Where the achieved vector has what the reward is about.
-FORCE, TOUCH, SPEED, PLACE, OBJECT_SPEED = slice(0, 2), slice(2, 4), slice(4, 6), slice(6, 8), 8
+FORCE, TOUCH, VELOCITY, OBJECT_SPEED = slice(0, 2), slice(2, 4), slice(4, 6), 6
 
 
 @dataclass(frozen=True)
@@ -30,8 +30,9 @@ class SteadyWeights:
 
     Attributes:
         force: −Σ_i |f_i − goal| / goal: the paper's reward, in units of the goal.
-        approach: −Σ_i q_i / travel of the fingers that do not touch, 1 for an open one: closing pays before there is
-            anything to feel. Without it an agent that opens sees no reward change, and learns nothing.
+        approach: −Σ_i (1 + q̇_i / `finger_speed`) / 2 of the fingers that do not touch: 0 for one that closes at the
+            limit, 1 for one that opens at it. In sum it is the time until touch; it tells an agent so at every step,
+            where all else is the same until there is something to feel.
         contact: −(number of pads that do not touch the object). Touching early and never letting go earns most.
         excess: −Σ_i max(0, f_i − goal) / goal: too much force counts more than too little, so pulses do not pay.
         finger_motion: −Σ_i |q̇_i| / `finger_speed` of the fingers that touch: a finger that chatters does not pay.
@@ -39,7 +40,7 @@ class SteadyWeights:
     """
 
     force: float = 1.0
-    approach: float = 0.5
+    approach: float = 1.0
     contact: float = 0.5
     excess: float = 0.5
     finger_motion: float = 0.25
@@ -192,34 +193,33 @@ class HoldForceSteady(HoldForce):
 
     def _observation_space(self) -> spaces.Dict:
         space = super()._observation_space()
-        place = self._joint_bound()[self._fingers]
-        bound = np.concatenate([self._goal_bound(), np.ones(2), np.full(2, VELOCITY_BOUND), place, [VELOCITY_BOUND]])
+        bound = np.concatenate([self._goal_bound(), np.ones(2), np.full(3, VELOCITY_BOUND)])
         space.spaces["achieved_goal"] = spaces.Box(-bound, bound, dtype=np.float64)
         return space
 
     def _achieved(self, state: State) -> Array:
-        """What the reward is about, (..., 9).
+        """What the reward is about, (..., 7).
 
-        Readings [sensor units], touching or not, speeds [m/s] and positions [m] of right and left finger; the object's
-        speed [m/s].
+        Readings [sensor units], touching or not, and velocities [m/s] of the right and left finger; the object's speed
+        [m/s].
         """
-        place, speed = state.position[..., self._fingers], np.abs(state.velocity[..., self._fingers])
+        velocity = state.velocity[..., self._fingers]
         moved = np.sqrt(np.add.reduce(state.object_velocity[..., :3] ** 2, axis=-1, keepdims=True))
-        return np.concatenate([super()._achieved(state), state.force_contact > 0, speed, place, moved], axis=-1)
+        return np.concatenate([super()._achieved(state), state.force_contact > 0, velocity, moved], axis=-1)
 
     # What is rewarded ------------------------------------------------------------------------------------------------
 
     def _reward_terms(self, achieved: Array, desired: Array) -> dict[str, Array]:
         error = (achieved[..., FORCE] - desired) / desired
-        touching, speed = achieved[..., TOUCH], achieved[..., SPEED] / self._speed_unit
-        opened = np.maximum(achieved[..., PLACE], 0.0) / self._travel
+        touching, velocity = achieved[..., TOUCH], achieved[..., VELOCITY] / self._speed_unit
+        behind = np.maximum(1.0 + velocity, 0.0) / 2 * (1.0 - touching)
         weights = self.weights
         return {
             "force": -weights.force * np.add.reduce(np.abs(error), axis=-1),
-            "approach": -weights.approach * np.add.reduce(opened * (1.0 - touching), axis=-1),
+            "approach": -weights.approach * np.add.reduce(behind, axis=-1),
             "contact": -weights.contact * np.add.reduce(1.0 - touching, axis=-1),
             "excess": -weights.excess * np.add.reduce(np.maximum(error, 0.0), axis=-1),
-            "finger_motion": -weights.finger_motion * np.add.reduce(speed * touching, axis=-1),
+            "finger_motion": -weights.finger_motion * np.add.reduce(np.abs(velocity) * touching, axis=-1),
             "object_motion": -weights.object_motion * achieved[..., OBJECT_SPEED] / self._speed_unit,
         }
 
