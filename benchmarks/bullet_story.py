@@ -65,8 +65,8 @@ ENOUGH: Final = 500
 LIMIT: Final = 16.0
 CONVERGED: Final = replace(RELEASED, iterations=ENOUGH)
 TOLD: Final = (
-    Telling("released", RELEASED),
     Telling("limited-summed", replace(CONVERGED, force=LIMIT, aggregate="sum")),
+    Telling("released", RELEASED),
     Telling("released-pal", RELEASED, servo="pal"),
     Telling("converged", CONVERGED, follows="released"),
 )
@@ -134,14 +134,16 @@ def _after(reading: Any, still: int) -> dict[str, Any]:
 
 
 def undone(variant: bullet.Variant, effects: Sequence[dict[str, Any]]) -> bullet.Variant | None:
-    """The variant without the effects of a verdict; None if none is named or PyBullet has no such thing to change."""
+    """The variant without those effects of a verdict that PyBullet has an option for; None if there are none.
+
+    What it has none for stays: that must be named again.
+    """
     changed = variant
     for effect in effects:
-        if effect["name"] not in UNDO:
-            return None
-        option, without = UNDO[effect["name"]]
-        values = {key: p["value"] for key, p in effect["parameters"].items()}
-        changed = replace(changed, **{option: without(getattr(changed, option), values)})
+        if effect["name"] in UNDO:
+            option, without = UNDO[effect["name"]]
+            values = {key: p["value"] for key, p in effect["parameters"].items()}
+            changed = replace(changed, **{option: without(getattr(changed, option), values)})
     return changed if changed != variant else None
 
 
@@ -230,17 +232,17 @@ def main() -> None:
         without = undone(telling.variant, verdict["effects"]) if telling.follows is None else None
         if without is not None:
             waiting.insert(0, Telling(f"{telling.name}-undone", without, telling.servo, telling.name))
-    facts = {
-        "seed": given.seed,
-        "trials": given.trials,
-        "seconds": given.seconds,
-        "diagnosis_seed": 0,
-        "held": grasp,
-        "tellings": rows,
-    }
-    command = f"python -m benchmarks.bullet_story --out DIR --seed {given.seed} --trials {given.trials} "
-    path = save(RESULT, facts, command + f"--seconds {given.seconds:g}")
-    print(f"saved {path.name}")
+        facts = {
+            "seed": given.seed,
+            "trials": given.trials,
+            "seconds": given.seconds,
+            "diagnosis_seed": 0,
+            "complete": not waiting,
+            "held": grasp,
+            "tellings": rows,
+        }
+        command = f"python -m benchmarks.bullet_story --out DIR --seed {given.seed} --trials {given.trials} "
+        save(RESULT, facts, command + f"--seconds {given.seconds:g}")
 
 
 if __name__ == "__main__":
