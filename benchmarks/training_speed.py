@@ -1,6 +1,6 @@
 """What training costs on one thread, choice by choice, and what it comes to.
 
-    OMP_NUM_THREADS=1 taskset -c 0 python benchmarks/training_speed.py [--rounds N]
+    OMP_NUM_THREADS=1 taskset -c 0 python benchmarks/training_speed.py [--rounds N] [--only WHAT]
 
 Updates: stable-baselines3's own and ours, Adam fused or not, batches of 100 and 256; each on a full buffer of random
 transitions. Environment steps: collected with the policy and its exploration noise and stored, without updates, for
@@ -13,6 +13,7 @@ from __future__ import annotations
 import argparse
 import time
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -24,20 +25,24 @@ from tiago_mj.learn.settings import Settings
 from tiago_mj.learn.zoo_form import read_hyperparameters
 
 ENV = "tiago_mj/GripperTactile-v0"
-UPDATES, COLLECTED = 150, 2400
+WHAT = ("update", "environment step", "training step")
 RATIOS = (1.0, 0.5, 0.25, 0.125)
+Timer = Callable[[], float]
 
 
 def settings(envs: int, servo: str = "ideal", batch: int = 100, ratio: float | None = None) -> Settings:
     given = {**read_hyperparameters("td3", ENV), "n_envs": envs, "batch_size": batch, "learning_starts": 0}
-    return Settings(ENV, "td3", 50_000, {**given["env_kwargs"], "servo": servo}, None, given, updates_per_step=ratio)
+    options = {**given["env_kwargs"], "servo": servo}
+    return Settings(ENV, "td3", 50_000, options, None, given, updates_per_step=ratio)
 
 
-def updating(batch: int, fast: bool, fused: bool) -> Callable[[], float]:
-    """A function that times one update [s], in the middle of a training."""
+def updating(batch: int, fast: bool, fused: bool, *, updates: int) -> Timer:
+    """A function that times one update [s], on a full buffer."""
     chosen = settings(1, batch=batch)
     model = make_model(chosen, make_env(chosen, 1), 0, fast=fast, fused=fused)
+    model.gradient_steps = 0
     model.learn(300, log_interval=None)
+    model.train(10, batch)
     buffer, rng = model.replay_buffer, np.random.default_rng(0)
     for values in (buffer.observations, buffer.next_observations, buffer.actions, buffer.rewards):
         values[:] = rng.uniform(-1, 1, values.shape)
@@ -45,71 +50,63 @@ def updating(batch: int, fast: bool, fused: bool) -> Callable[[], float]:
 
     def once() -> float:
         begin = time.perf_counter()
-        model.train(UPDATES, batch)
-        return (time.perf_counter() - begin) / UPDATES
+        model.train(updates, batch)
+        return (time.perf_counter() - begin) / updates
 
     return once
 
 
-def collecting(envs: int, servo: str) -> Callable[[], float]:
-    """A function that times one environment step of training without updates [s]."""
-    chosen = settings(envs, servo)
+def stepping(envs: int, servo: str = "ideal", ratio: float | None = None, *, steps: int) -> Timer:
+    """A function that times one environment step of training [s]; without updates unless there is a ratio."""
+    chosen = settings(envs, servo, ratio=ratio)
     model = make_model(chosen, make_env(chosen, envs), 0)
-    model.gradient_steps = 0
-    model.learn(COLLECTED // 4, log_interval=None)
+    if ratio is None:
+        model.gradient_steps = 0
+    model.learn(300, log_interval=None)
 
     def once() -> float:
         begin, before = time.perf_counter(), model.num_timesteps
-        model.learn(COLLECTED, log_interval=None, reset_num_timesteps=False)
+        model.learn(steps, log_interval=None, reset_num_timesteps=False)
         return (time.perf_counter() - begin) / (model.num_timesteps - before)
 
     return once
 
 
-def training(envs: int, ratio: float) -> Callable[[], float]:
-    """A function that times one environment step of training with its share of updates [s]."""
-    chosen = settings(envs, ratio=ratio)
-    model = make_model(chosen, make_env(chosen, envs), 0)
-    model.learn(600, log_interval=None)
-
-    def once() -> float:
-        begin, before = time.perf_counter(), model.num_timesteps
-        model.learn(600, log_interval=None, reset_num_timesteps=False)
-        return (time.perf_counter() - begin) / (model.num_timesteps - before)
-
-    return once
-
-
-def choices() -> list[tuple[dict[str, Any], Callable[[], float]]]:
-    found: list[tuple[dict[str, Any], Callable[[], float]]] = []
+def choices(updates: int, steps: int) -> list[tuple[dict[str, Any], Callable[[], Timer]]]:
+    """What is timed, and what makes its timer."""
+    found: list[tuple[dict[str, Any], Callable[[], Timer]]] = []
     for batch in (100, 256):
         for fast, fused in ((False, False), (False, True), (True, False), (True, True)):
-            said = {"what": "update", "updates": "ours" if fast else "sb3", "adam": "fused" if fused else "plain"}
-            found.append(({**said, "batch": batch}, updating(batch, fast, fused)))
+            said = {"what": WHAT[0], "updates": "ours" if fast else "sb3", "adam": "fused" if fused else "plain"}
+            found.append(({**said, "batch": batch}, partial(updating, batch, fast, fused, updates=updates)))
     for servo in ("ideal", "pal"):
         for envs in (1, 4, 10, 30):
-            found.append(({"what": "environment step", "servo": servo, "envs": envs}, collecting(envs, servo)))
+            said = {"what": WHAT[1], "servo": servo, "envs": envs}
+            found.append((said, partial(stepping, envs, servo, steps=4 * steps)))
     for envs in (1, 10):
         for ratio in RATIOS:
-            said = {"what": "training step", "servo": "ideal", "envs": envs, "updates_per_step": ratio}
-            found.append((said, training(envs, ratio)))
+            said = {"what": WHAT[2], "servo": "ideal", "envs": envs, "updates_per_step": ratio}
+            found.append((said, partial(stepping, envs, ratio=ratio, steps=steps)))
     return found
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--rounds", type=int, default=5)
+    parser.add_argument("--only", choices=WHAT)
+    parser.add_argument("--updates", type=int, default=150, help="in one sample")
+    parser.add_argument("--steps", type=int, default=600, help="in one sample")
     arguments = parser.parse_args()
     torch.set_num_threads(1)
-    listed = choices()
-    samples: list[list[float]] = [[] for _ in listed]
+    chosen = [row for row in choices(arguments.updates, arguments.steps) if arguments.only in (None, row[0]["what"])]
+    timers = [(said, make(), []) for said, make in chosen]
     for _ in range(arguments.rounds):
-        for row, (_, once) in zip(samples, listed, strict=True):
-            row.append(once())
+        for _, once, samples in timers:
+            samples.append(once())
     rows = []
-    for (said, _), taken in zip(listed, samples, strict=True):
-        middle = float(np.median(taken))
-        low, high = 1e3 * min(taken), 1e3 * max(taken)
+    for said, _, samples in timers:
+        middle = float(np.median(samples))
+        low, high = 1e3 * min(samples), 1e3 * max(samples)
         row = {**said, "ms": round(1e3 * middle, 4), "ms_range": [round(low, 4), round(high, 4)]}
         rows.append({**row, "per_second": round(1 / middle, 1)})
         told = ", ".join(f"{key} {value}" for key, value in said.items() if key != "what")

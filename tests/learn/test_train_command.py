@@ -73,7 +73,10 @@ def test_the_folder_holds_agents_curves_and_a_card(trained):
     assert [result["seed"] for result in card["seeds"]] == [0, 1]
     assert card["seeds"][1]["best_mean"] == pytest.approx(means[19:].max(), abs=1e-3)
     assert {"tiago_mj", "mujoco", "stable-baselines3", "torch"} <= set(card["made_by"])
-    assert "| object_offset | 0.0 |" in (trained / "card.md").read_text()
+    page = (trained / "card.md").read_text()
+    assert "| object_offset | 0.0 |" in page
+    assert "| steps | 1200 |" in page
+    assert "--seeds 2 --steps 1200 --hyperparameters FILE --env-option 'max_episode_steps=40' --out DIR" in page
     curve = json.loads((trained / "curves.json").read_text())
     assert len(curve["steps"]) == len(curve["median"]) == curves.POINTS
     assert all(low <= mid <= high for low, mid, high in zip(curve["lowest"], curve["median"], curve["highest"]))  # noqa: B905
@@ -126,7 +129,7 @@ def test_every_algorithm_trains_stops_and_goes_on(algo, tmp_path, monkeypatch):
     if algo in ("ppo", "a2c"):
         entry = "n_envs: 2, n_steps: 20, normalize: true"
     else:
-        entry = "n_envs: 2, batch_size: 16, train_freq: 20, gradient_steps: 5, learning_starts: 50"
+        entry = "n_envs: 2, batch_size: 16, train_freq: 20, gradient_steps: 10, learning_starts: 50, action_gain: 2"
     path = tmp_path / "h.yml"
     path.write_text(f"default: {{{entry}, policy_kwargs: {{net_arch: [8]}}}}\n")
     common = [
@@ -211,7 +214,7 @@ def entry(text):
     [
         (("--algo", "dqn"), None, "algorithm 'dqn' is unknown: use one of td3, ddpg, sac, ppo, a2c, her-td3"),
         (("--algo", "her-td3"), None, "her-td3 relabels goals"),
-        (("--env-option", "servo"), None, "give KEY=VALUE"),
+        (("--env-option", "servo"), None, "is no key=value"),
         (("--env-option", "servos=ideal"), None, "unexpected keyword argument 'servos'"),
         (("--env-option", "servo=perfect"), None, "perfect"),
         (("--effects", "nowhere.yaml"), None, "nowhere.yaml"),
@@ -227,6 +230,7 @@ def entry(text):
         ((), entry("n_timesteps: -3"), "n_timesteps is -3"),
         ((), entry("train_freq: [1, day]"), "train_freq is [1, 'day']"),
         ((), entry("noise_type: pink"), "noise_type is 'pink'"),
+        ((), entry("action_gain: -1"), "action_gain is -1"),
         ((), entry("policy_kwargs: \"__import__('os').system('true')\""), "policy_kwargs is"),
         ((), entry("policy_kwargs: {net: [3]}"), "policy_kwargs has 'net'"),
         ((), entry("normalize: {speed: 3}"), "normalize has 'speed'"),

@@ -53,6 +53,7 @@ class Agent:
         low, high: bounds of the actions, (n,).
         mean, deviation: by which observations are normalised first, (inputs,); None: they are not.
         limit: at which normalised observations are cut.
+        gain: by which actions are multiplied before they are cut at their bounds (:mod:`tiago_mj.learn.action_gain`).
         origin: where it comes from: environment, options, algorithm, seed, steps, versions.
     """
 
@@ -65,6 +66,7 @@ class Agent:
     mean: NDArray[np.float64] | None = None
     deviation: NDArray[np.float64] | None = None
     limit: float = 10.0
+    gain: float = 1.0
     origin: Mapping[str, Any] = field(default_factory=dict)
 
     def reset(self) -> None:
@@ -83,8 +85,9 @@ class Agent:
             x = act(x @ inner.T + offset)
         x = x @ weight.T + bias
         if self.output == "tanh":
-            return self.low + np.float32(0.5) * (np.tanh(x) + np.float32(1)) * (self.high - self.low)
-        return np.clip(x, self.low, self.high)
+            x = self.low + np.float32(0.5) * (np.tanh(x) + np.float32(1)) * (self.high - self.low)
+        x = np.clip(x, self.low, self.high)
+        return x if self.gain == 1.0 else np.clip(x * np.float32(self.gain), self.low, self.high)
 
     def check_fits(self, env: gymnasium.Env[Any, Any], name: str) -> None:
         """Refuse an environment with other observations or actions.
@@ -108,16 +111,20 @@ class Agent:
 
     def save(self, path: Path) -> None:
         """Write it whole."""
-        header = {
-            "schema": SCHEMA,
+        header = {"schema": SCHEMA, **self.header()}
+        with atomic.replacing(path) as temporary, temporary.open("wb") as file:
+            np.savez_compressed(file, allow_pickle=False, header=np.array(json.dumps(header)), **self.arrays())
+
+    def header(self) -> dict[str, Any]:
+        """All that is not numbers in arrays, as JSON has it."""
+        return {
             "activation": self.activation,
             "output": self.output,
             "inputs": [list(part) for part in self.inputs],
             "limit": self.limit,
+            "gain": self.gain,
             "origin": dict(self.origin),
         }
-        with atomic.replacing(path) as temporary, temporary.open("wb") as file:
-            np.savez_compressed(file, allow_pickle=False, header=np.array(json.dumps(header)), **self.arrays())
 
     def arrays(self) -> dict[str, Any]:
         """All its numbers, by name."""
@@ -168,6 +175,7 @@ def from_arrays(header: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -
         mean=arrays.get("mean"),
         deviation=arrays.get("deviation"),
         limit=float(header["limit"]),
+        gain=float(header["gain"]),
         origin=header["origin"],
     )
 

@@ -79,18 +79,23 @@ def make_model(settings: Settings, env: Any, seed: int, *, fast: bool = True, fu
         arguments["learning_starts"] = max(int(arguments.get("learning_starts", 0)), first)
     policy = "MultiInputPolicy" if goal_form else given["policy"]
     try:
-        return kind(policy, _normalised(env, given["normalize"]), seed=seed, device="cpu", **arguments)
+        return kind(policy, _wrapped(env, given), seed=seed, device="cpu", **arguments)
     except (TypeError, AssertionError, KeyError) as fault:
         reason = " ".join(str(fault).split())
         raise ValueError(f"{algo} cannot be made of these hyperparameters: {reason}") from fault
 
 
-def _normalised(env: Any, normalize: Any) -> Any:
-    if not normalize:
-        return env
-    from stable_baselines3.common.vec_env import VecNormalize
+def _wrapped(env: Any, given: Mapping[str, Any]) -> Any:
+    gain, normalize = given["action_gain"], given["normalize"]
+    if gain != 1.0:
+        from tiago_mj.learn.action_gain import ActionGain
 
-    return VecNormalize(env, **({} if normalize is True else normalize))
+        env = ActionGain(env, float(gain))
+    if normalize:
+        from stable_baselines3.common.vec_env import VecNormalize
+
+        env = VecNormalize(env, **({} if normalize is True else normalize))
+    return env
 
 
 def _value(key: str, value: Any) -> Any:

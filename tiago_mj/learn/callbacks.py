@@ -67,19 +67,10 @@ class Episodes(BaseCallback):  # type: ignore[misc]
     def state(self) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
         """What is to be kept in a checkpoint: JSON and arrays."""
         best = self.best
-        header = None
-        if best is not None:
-            header = {
-                "activation": best.activation,
-                "output": best.output,
-                "inputs": [list(part) for part in best.inputs],
-                "limit": best.limit,
-                "origin": dict(best.origin),
-            }
         data = {
             "best_mean": self.best_mean if best is not None else None,
             "best_steps": self.best_steps,
-            "header": header,
+            "header": None if best is None else best.header(),
         }
         log = np.array(self.log, dtype=np.float64).reshape(-1, 3)
         return data, {"log": log, **({} if best is None else {f"best_{k}": v for k, v in best.arrays().items()})}

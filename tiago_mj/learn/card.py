@@ -7,8 +7,11 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 from tiago_mj.learn.settings import Settings
+from tiago_mj.learn.zoo_form import read_hyperparameters
 
 SCHEMA: Final = "tiago_mj.card/1"
+#: Hyperparameters that are shown, as they were used, under other names.
+ELSEWHERE: Final = ("env_kwargs", "n_timesteps")
 
 
 def card(
@@ -39,18 +42,20 @@ def best(results: Sequence[Mapping[str, Any]]) -> Mapping[str, Any]:
 
 
 def command(settings: Settings, seeds: int) -> str:
-    """The command that trains this again, where the shipped hyperparameters were used."""
-    from tiago_mj.learn.settings import option_values
-
+    """The command that trains this again; FILE stands for hyperparameters or effects of the user's own."""
+    given = settings.hyperparameters
+    shipped = read_hyperparameters(settings.algo, settings.env)
     words = ["tiago-mj train", f"--env {settings.env.partition('/')[2]}", f"--algo {settings.algo}", f"--seeds {seeds}"]
     words.append(f"--steps {settings.steps}")
+    if {**given, "n_envs": 0} != {**shipped, "n_envs": 0}:
+        words.append("--hyperparameters FILE")
+    elif given["n_envs"] != shipped["n_envs"]:
+        words.append(f"--envs {given['n_envs']}")
     if settings.updates_per_step is not None:
         words.append(f"--gradient-steps {settings.updates_per_step:g}")
     for key, value in settings.env_options.items():
-        if value != settings.hyperparameters["env_kwargs"].get(key):
-            text = value if isinstance(value, str) else json.dumps(value)
-            assert option_values([f"{key}={text}"]) == {key: value}
-            words.append(f"--env-option '{key}={text}'")
+        if key not in given["env_kwargs"] or value != given["env_kwargs"][key]:
+            words.append(f"--env-option '{key}={value if isinstance(value, str) else json.dumps(value)}'")
     if settings.effects is not None:
         words.append("--effects FILE")
     return " ".join([*words, "--out DIR"])
@@ -87,7 +92,8 @@ def markdown(data: Mapping[str, Any], name: str | None = None) -> str:
         f"| effects | {'none' if settings['effects'] is None else _cell(settings['effects'])} |",
         f"| algorithm | {settings['algo']} |",
         f"| updates per step | {_cell(settings['updates_per_step'] or 'as the hyperparameters say')} |",
-        *(f"| {key} | {_cell(value)} |" for key, value in settings["hyperparameters"].items() if key != "env_kwargs"),
+        f"| steps | {settings['steps']} |",
+        *(f"| {key} | {_cell(value)} |" for key, value in settings["hyperparameters"].items() if key not in ELSEWHERE),
         "",
         "Made with " + ", ".join(f"{key} {value}" for key, value in data["made_by"].items()) + ".",
         "",

@@ -11,9 +11,10 @@ from pathlib import Path
 from typing import Any
 
 from tiago_mj import atomic, scale
+from tiago_mj.evaluate.options import read_options
 from tiago_mj.learn import card, curves, progress
 from tiago_mj.learn.loop import BEST, Task, train_seed
-from tiago_mj.learn.settings import Settings, claim, option_values, provenance
+from tiago_mj.learn.settings import Settings, claim, provenance
 from tiago_mj.learn.zoo_form import ALGORITHMS, read_hyperparameters
 from tiago_mj.rollout.command import environment_id
 
@@ -110,7 +111,7 @@ def settings_of(arguments: argparse.Namespace) -> Settings:
         env=env,
         algo=arguments.algo,
         steps=arguments.steps or given["n_timesteps"],
-        env_options={**given["env_kwargs"], **option_values(arguments.env_option)},
+        env_options={**given["env_kwargs"], **read_options(arguments.env_option)},
         effects=_effects(arguments.effects),
         hyperparameters=given,
         updates_per_step=ratio,

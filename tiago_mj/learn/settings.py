@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import platform
 import subprocess
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -141,26 +141,6 @@ def _commit() -> str:
         return git("rev-parse", "--short", "HEAD") + ("+changes" if git("status", "--porcelain", "-uno") else "")
     except OSError:
         return ""
-
-
-def option_values(words: Sequence[str]) -> dict[str, Any]:
-    """Arguments of an environment from ``KEY=VALUE`` words; values are JSON, and text that is no JSON is itself.
-
-    Raises:
-        ValueError: a word has no ``=``, or a key twice.
-    """
-    values: dict[str, Any] = {}
-    for word in words:
-        key, equals, text = word.partition("=")
-        if not equals or not key.isidentifier():
-            raise ValueError(f"--env-option {word!r}: give KEY=VALUE, such as servo=ideal or goal=[0.5,1.5]")
-        if key in values:
-            raise ValueError(f"--env-option {key} is given twice")
-        try:
-            values[key] = json.loads(text)
-        except json.JSONDecodeError:
-            values[key] = text
-    return values
 
 
 def _first_difference(old: Any, new: Any, name: str = "") -> tuple[str, Any, Any]:
