@@ -166,15 +166,15 @@ class Session:
         folder = self.out / telling.name
         told = folder / "telling.json"
         asked = {"variant": asdict(telling.variant), "servo": telling.servo, **asdict(self), "out": ".", "jobs": 0}
-        if told.exists():
-            found = json.loads(told.read_text())
-            if found["asked"] != asked:
-                raise ValueError(f"{folder} holds another telling: name another --out")
-            return found["found"]
-        shutil.rmtree(folder, ignore_errors=True)  # left by a run that was cut off
         made = bullet.simulate(
             telling.variant, seed=self.seed, trials=self.trials, seconds=self.seconds, servo=telling.servo
         )
+        if told.exists():
+            kept = json.loads(told.read_text())
+            if kept["asked"] != asked:
+                raise ValueError(f"{folder} holds another telling: name another --out")
+            return {"truth": made.truth, **kept["found"]}
+        shutil.rmtree(folder, ignore_errors=True)  # left by a run that was cut off
         recordings.write(made, folder / "recordings")
         words = [sys.executable, "-m", "tiago_mj.cli", "diagnose", str(folder / "recordings")]
         words += ["--out", str(folder / "diagnosis"), "--seed", "0", "--jobs", str(self.jobs)]
@@ -182,9 +182,9 @@ class Session:
         if done.returncode:
             raise RuntimeError(f"{telling.name}: the diagnosis ended with {done.returncode}: {done.stderr.strip()}")
         said = json.loads((folder / "diagnosis" / "diagnosis.json").read_text())
-        found = {"truth": made.truth, "commit": machine()["commit"], **summary(said)}
+        found = {"commit": machine()["commit"], **summary(said)}
         atomic.write_text(told, json.dumps({"asked": asked, "found": found}, indent=1) + "\n")
-        return found
+        return {"truth": made.truth, **found}
 
 
 def summary(said: dict[str, Any]) -> dict[str, Any]:

@@ -116,8 +116,8 @@ def simulate(
         programs: motions, one a trial; None: those of the blind check's gripper.
 
     Returns:
-        The recordings; in ``truth`` what no user can see, over all rows where a pad is pressed: ``points``, contact
-        points of a pad that carry force, and ``stiffness``, a pad's whole force over its approach [N/m].
+        The recordings; in ``truth`` what no user can see, over all rows where both pads are pressed: ``points`` that
+        carry force and the whole ``force`` [N], means by pad, and ``stiffness``, force over approach [N/m].
 
     Raises:
         ModuleNotFoundError: PyBullet is not installed; says how to.
@@ -150,9 +150,19 @@ def simulate(
         recorded.append(signals)
         pressed.append(facts)
     made = reality.Recorded(*(np.array(part) for part in zip(*recorded, strict=True)))
-    points, newtons, depth = np.concatenate(pressed, axis=1)
-    truth = {"points": float(points.mean()), "stiffness": float(np.median(newtons / depth))} if len(points) else {}
-    return cases.Made(case, robot, made, setup, truth, servo=servo)
+    return cases.Made(case, robot, made, setup, _truth(np.concatenate(pressed)), servo=servo)
+
+
+def _truth(pressed: Array) -> dict[str, Any]:
+    """Of rows in which both pads are pressed, (n, 3, 2): points, forces and depths by pad."""
+    if not len(pressed):
+        return {}
+    points, newtons, depth = pressed.transpose(1, 0, 2)
+    return {
+        "points": dict(zip(names.SIDES, points.mean(axis=0).round(3).tolist(), strict=True)),
+        "force": dict(zip(names.SIDES, newtons.mean(axis=0).round(3).tolist(), strict=True)),
+        "stiffness": round(float(np.median(newtons / depth)), 1),
+    }
 
 
 def _engine() -> Any:
@@ -199,7 +209,7 @@ def _trial(
             motors["forces"] = [variant.force] * 2
         commands = np.full((rows + 1, 2), np.nan)
         position, velocity, force = (np.zeros((rows + 1, 2)) for _ in range(3))
-        pressed: list[tuple[float, float, float]] = []
+        pressed = []
         for k in range(rows + 1):
             states = p.getJointStates(hand, joints, physicsClientId=client)
             q = np.array([s[0] for s in states])
@@ -212,8 +222,9 @@ def _trial(
             ]
             force[k] = np.array(newtons) * robots.UNITS_PER_NEWTON + drawn[2] * robots.FORCE_NOISE
             depth = (2 * variant.radius - CLEAR - q.sum()) / 2  # of each pad, once the object is between them
-            if depth > 0:
-                pressed += [(sum(f > 0 for f in at), sum(at), depth) for at in points if sum(at) > PRESSED]
+            whole = [sum(loads) for loads in points]
+            if depth > 0 and min(whole) > PRESSED:
+                pressed.append(([sum(f > 0 for f in loads) for loads in points], whole, [depth, depth]))
             if k == rows:
                 break
             commands[k] = conductor(k, k / variant.rate, position[k][None], force[k][None])[0]
@@ -224,7 +235,9 @@ def _trial(
                 p.stepSimulation(physicsClientId=client)
     finally:
         p.disconnect(client)
-    return (np.arange(rows + 1) / variant.rate, commands, position, velocity, force), np.array(pressed).reshape(-1, 3).T
+    return (np.arange(rows + 1) / variant.rate, commands, position, velocity, force), np.array(
+        pressed, dtype=float
+    ).reshape(-1, 3, 2)
 
 
 def _world(p: Any, client: int, variant: Variant, robot: robots.Robot, opened: float) -> tuple[int, int, list[int]]:
