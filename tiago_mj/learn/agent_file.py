@@ -53,7 +53,6 @@ class Agent:
         low, high: bounds of the actions, (n,).
         mean, deviation: by which observations are normalised first, (inputs,); None: they are not.
         limit: at which normalised observations are cut.
-        gain: by which actions are multiplied before they are cut at their bounds (:mod:`tiago_mj.learn.action_gain`).
         origin: where it comes from: environment, options, algorithm, seed, steps, versions.
     """
 
@@ -66,7 +65,6 @@ class Agent:
     mean: NDArray[np.float64] | None = None
     deviation: NDArray[np.float64] | None = None
     limit: float = 10.0
-    gain: float = 1.0
     origin: Mapping[str, Any] = field(default_factory=dict)
 
     def reset(self) -> None:
@@ -85,9 +83,8 @@ class Agent:
             x = act(x @ inner.T + offset)
         x = x @ weight.T + bias
         if self.output == "tanh":
-            x = self.low + np.float32(0.5) * (np.tanh(x) + np.float32(1)) * (self.high - self.low)
-        x = np.clip(x, self.low, self.high)
-        return x if self.gain == 1.0 else np.clip(x * np.float32(self.gain), self.low, self.high)
+            return self.low + np.float32(0.5) * (np.tanh(x) + np.float32(1)) * (self.high - self.low)
+        return np.clip(x, self.low, self.high)
 
     def check_fits(self, env: gymnasium.Env[Any, Any], name: str) -> None:
         """Refuse an environment with other observations or actions.
@@ -122,7 +119,6 @@ class Agent:
             "output": self.output,
             "inputs": [list(part) for part in self.inputs],
             "limit": self.limit,
-            "gain": self.gain,
             "origin": dict(self.origin),
         }
 
@@ -175,7 +171,6 @@ def from_arrays(header: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -
         mean=arrays.get("mean"),
         deviation=arrays.get("deviation"),
         limit=float(header["limit"]),
-        gain=float(header["gain"]),
         origin=header["origin"],
     )
 

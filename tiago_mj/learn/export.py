@@ -8,7 +8,6 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-from tiago_mj.learn.action_gain import gain_of
 from tiago_mj.learn.agent_file import ACTIVATIONS, Agent
 
 
@@ -54,7 +53,6 @@ def agent_of(model: Any, origin: Mapping[str, Any] | None = None) -> Agent:
         mean=mean,
         deviation=deviation,
         limit=limit,
-        gain=gain_of(model.env),
         origin=dict(origin or {}),
     )
 
