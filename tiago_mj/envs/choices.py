@@ -112,9 +112,7 @@ class ObjectChoice:
     def first(self) -> GraspObject:
         """The object that the model is compiled with: the middle of every interval."""
         middle: dict[str, Any] = {
-            name: (choice.low + choice.high) / 2
-            for name in QUANTITIES
-            if (choice := getattr(self, name)) is not None
+            name: (choice.low + choice.high) / 2 for name in QUANTITIES if (choice := getattr(self, name)) is not None
         }
         return replace(self.kinds[0], **middle)
 

@@ -20,6 +20,7 @@ from tiago_mj.gap import (
     locate,
     phases,
     replay,
+    score,
     select,
     set_points,
     shrink,
@@ -119,14 +120,17 @@ def diagnose(
     nominal = replay.simulate(plant, on, [(k, ()) for k in everything], threads=threads, seed=seed)
     fine = dataclasses.replace(plant, max_timestep=plant.max_timestep / floor.FINER)
     finer = replay.simulate(fine, on, [(k, ()) for k in everything], threads=threads, seed=seed)
-    data = floor.with_numerics(data, floor.predicted(data, nominal), floor.predicted(data, finer))
+    as_simulated, off = floor.predicted(data, nominal), floor.off_by_step(nominal, finer)
+    data = floor.with_numerics(data, as_simulated, floor.predicted(data, finer))
+    # What was recorded in this very simulator is off by the same steps.
+    same = score.distance(data, as_simulated) < score.distance(data, as_simulated - floor.predicted(data, off))
     fastest = np.abs(nominal.velocity).max(axis=(0, 1))
     pool = hypotheses.candidates(plant, names, fastest, sizes.sizes(plant, trials, nominal))
     seen = set_points.told(plant, on, data, nominal)
     if seen is not None:
         pool = set_points.magnitudes(plant, on, seen, pool, fitted_on)
         on, pool = set_points.with_lost(plant, on, seen, pool)
-    predict = Predictor(plant, on, data, threads, seed)
+    predict = Predictor(plant, on, data, threads, seed, None if same else off)
     base = predict.all_trials([()], everything, keep=True)[0]
     phase = phases.phases(plant, on, nominal)[:, : data.value.shape[1]]
     part = floor.part(data, fitted_on)
@@ -163,7 +167,7 @@ def diagnose(
             until=None if budget is None else begun + budget,
         )
     tick("writing", 1)
-    left_open = _left_open(plant, ranked.fits)
+    left_open = _left_open(plant, ranked)
     if left_open:
         base = predict.all_trials([left_open[_nominal(ranked)]], everything)[0]
     repaired = base
@@ -285,7 +289,7 @@ def _marks(plant: Plant, data: floor.Data, base: Array) -> list[traces.Trace]:
     ]
 
 
-def _left_open(plant: Plant, fits: Sequence[Fitted]) -> dict[int, tuple[Entry, ...]]:
+def _left_open(plant: Plant, ranked: select.Ranked) -> dict[int, tuple[Entry, ...]]:
     """What the recordings themselves say is not known of the model, as each explanation has it, by its index: neither
     a gap nor an effect, so that before and after have it, each its own. Empty where nothing is said."""
     stated = {name for name, _ in plant.known}
@@ -298,7 +302,7 @@ def _left_open(plant: Plant, fits: Sequence[Fitted]) -> dict[int, tuple[Entry, .
             for term, size in zip(shared, fit.nuisance, strict=False)
             if term.effect in stated and size
         )
-        for k, fit in enumerate(fits)
+        for k, fit in enumerate(ranked.fits)
     }
 
 

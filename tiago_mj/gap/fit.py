@@ -8,7 +8,7 @@ freedom.
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, TypeVar
 
 import numpy as np
@@ -27,10 +27,15 @@ STEPS: Final = ((1.0,), (0.4, 0.1))
 #: A drop of the cost below this is no progress [nats].
 SETTLED: Final = 0.1
 ITERATIONS: Final = 5
+#: A step that brings nothing corrects the responses that promised it, and another is tried, so many times.
+REFUSALS: Final = 1
 #: Evidence against an effect that is no larger than what the nominal model's own numbers are uncertain by [nats].
 TOLERATED: Final = 60.0
 #: Deviations by which a nuisance is moved to see what it does: contacts do not answer in straight lines.
 NUDGE: Final = 0.3
+#: Real effects have not quite the form that is declared of them: they may differ by this share of what they change.
+#: Without it the rest of a large effect is taken for another one.
+SHAPE: Final = 0.03
 #: A magnitude is moved by at least this share of its range to see what it does.
 REACH: Final = 5e-3
 
@@ -89,6 +94,53 @@ class Point:
         return Point(self.parts, self.values, nuisance)
 
 
+@dataclass(frozen=True)
+class Yardstick:
+    """What residuals are measured by.
+
+    Attributes:
+        data: measured, with floor and tolerance.
+        weight: (C,), see :func:`score.independence`.
+        wider: what it costs that the tolerance is wider than the nominal model's [nats].
+    """
+
+    data: Data
+    weight: Array
+    wider: float = 0.0
+
+    def with_shape(self, change: Array) -> Yardstick:
+        """With a tolerance for the form of effects that change the predictions so, (ntrials, T, C)."""
+        own = self.data.sigma**2 - self.data.common**2
+        form = (SHAPE * change) ** 2
+        cost = np.where(np.isfinite(self.data.value), 0.5 * np.log1p(form / own), 0.0) * self.weight**2
+        return Yardstick(replace(self.data, sigma=np.sqrt(self.data.sigma**2 + form)), self.weight, float(cost.sum()))
+
+    def white(self, difference: Array) -> Array:
+        """Whitened, (..., n)."""
+        w = score.whiten(self.data, difference, self.weight)
+        return w.reshape(*w.shape[:-3], self.data.value.size)
+
+    def weighted(self, predicted: Array, columns: Array) -> tuple[Array, Array]:
+        """Residual (n,) and responses (n, k), both scaled down where the residual is softened."""
+        white = self.white(self.data.value - predicted)
+        soft = score.soften(white)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            share = np.where(white == 0, 1.0, soft / white)
+        return soft, columns * share[:, None]
+
+    def cost(self, predicted: Array, nuisance: Array) -> float:
+        """Half the sum of squares of residual and nuisances [nats]."""
+        r = score.soften(self.white(self.data.value - predicted))
+        return float(0.5 * r @ r + 0.5 * nuisance @ nuisance)
+
+    def misfit(self, predicted: Array) -> Array:
+        """Mean squared residual of every channel in units of floor and tolerance, (C,)."""
+        white = score.scaled(self.data, self.data.value - predicted)
+        known = np.isfinite(self.data.value).sum(axis=(0, 1))
+        mean: Array = np.sum(white**2, axis=(0, 1)) / np.maximum(known, 1)
+        return mean
+
+
 T = TypeVar("T")
 #: A computation that asks for predictions at points and is sent (npoints, ntrials, T, C).
 Steps = Generator[Sequence[Point], Array, T]
@@ -129,7 +181,6 @@ class Fitter:
     def __post_init__(self) -> None:
         self.shared = [k for k, term in enumerate(self.terms) if not term.per_trial]
         self._own = [k for k, term in enumerate(self.terms) if term.per_trial]
-        self._nominal = self._columns(self.responses)
 
     @property
     def size(self) -> int:
@@ -156,16 +207,6 @@ class Fitter:
         out = self.predict(wanted)
         return out.reshape(len(points), len(self.trials), *out.shape[1:])
 
-    def white(self, difference: Array) -> Array:
-        """Whitened, (..., n)."""
-        w = score.whiten(self.data, difference, self.weight)
-        return w.reshape(*w.shape[:-3], self.data.value.size)
-
-    def residual(self, predicted: Array) -> Array:
-        """Whitened, softened residual, (..., n)."""
-        w = score.soften(score.whiten(self.data, self.data.value - predicted, self.weight))
-        return w.reshape(*w.shape[:-3], -1)
-
     def fit_all(self, starts: Sequence[Start], *, renew: bool = False) -> list[Fitted]:
         """Fit explanations, each its magnitudes and nuisances, side by side: what they all need next is simulated at
         once.
@@ -176,24 +217,6 @@ class Fitter:
         """
         return _run([self._fit(start, renew) for start in starts], self.predictions)
 
-    def _nuisance_columns(self, at: Point, base: Array) -> Steps[Array]:
-        """Whitened response to one deviation of every nuisance parameter around a point, (n, size)."""
-        points = [at.moved(slice(k, k + 1)) for k in range(len(self.shared))]
-        points += [at.moved(slice(len(self.shared) + k, None, len(self._own))) for k in range(len(self._own))]
-        if not points:
-            return np.zeros((self.data.value.size, 0))
-        return self._columns(((yield points) - base) / NUDGE)
-
-    def _columns(self, response: Array) -> Array:
-        """Columns, (n, size), of responses (nterms, ntrials, T, C), the shared terms first."""
-        columns = list(self.white(response[: len(self.shared)]))
-        for t in range(len(self.trials)):
-            for k in range(len(self._own)):
-                alone = np.zeros_like(response[0])
-                alone[t] = response[len(self.shared) + k, t]
-                columns.append(self.white(alone))
-        return np.stack(columns, axis=1) if columns else np.zeros((self.data.value.size, 0))
-
     def _fit(self, start: Start, renew: bool) -> Steps[Fitted]:
         at = Point(
             start.parts,
@@ -201,50 +224,57 @@ class Fitter:
             np.zeros(self.size) if start.nuisance is None else start.nuisance.copy(),
         )
         base = (yield [at])[0]
-        columns = (yield from self._nuisance_columns(at, base)) if renew else self._nominal
-        jacobian = yield from self._value_columns(at, base)
+        on = Yardstick(self.data, self.weight)
+        if at.parts:
+            on = on.with_shape(base - (yield [Point((), np.zeros(0), at.nuisance)])[0])
+        if renew:
+            columns = yield from self._nuisance_columns(on, at, base)
+        else:
+            columns = self._columns(on, self.responses)
+        jacobian = yield from self._value_columns(on, at, base)
+        refused = 0
         for iteration in range(self.iterations):
             if iteration and self.out_of_time():
                 break
-            everything = np.concatenate([jacobian, columns], axis=1)
-            before = self._cost(base, at.nuisance)
+            before = on.cost(base, at.nuisance)
             for shares in STEPS:
-                points = self._steps(at, base, everything, shares)
+                points = self._steps(on, at, base, np.concatenate([jacobian, columns], axis=1), shares)
                 tried = yield points
-                costs = [self._cost(tried[k], points[k].nuisance) for k in range(len(points))]
+                costs = [on.cost(tried[k], points[k].nuisance) for k in range(len(points))]
                 best = int(np.argmin(costs))
+                jacobian, columns = self._corrected(jacobian, columns, at, points[0], on.white(tried[0] - base))
                 if costs[best] < before:
                     break
             else:
-                break
+                refused += 1
+                if refused > REFUSALS:
+                    break
+                continue
             at, base = points[best], tried[best]
             if before - costs[best] < self.settled * (1 + iteration):
                 break
-            jacobian = yield from self._value_columns(at, base)
-        return self._finished(at, base, np.concatenate([jacobian, columns], axis=1))
+            jacobian = yield from self._value_columns(on, at, base)
+        return self._finished(on, at, base, np.concatenate([jacobian, columns], axis=1))
 
-    def _steps(self, at: Point, base: Array, columns: Array, shares: Sequence[float]) -> list[Point]:
-        """Points to try: shares of a Gauss-Newton step, with and without a move of the nuisances."""
-        count = len(at.parts)
-        r, weighted = self._weighted(base, columns)
-        prior = np.concatenate([np.zeros(count), np.ones(self.size)])
-        scale = np.concatenate([[part.high - part.low for part in at.parts], np.ones(self.size)])
-        weighted = weighted * scale  # magnitudes in units of their bounds: well conditioned
-        curvature = weighted.T @ weighted + np.diag(prior + 1e-6)
-        gradient = weighted.T @ r - prior * np.concatenate([at.values * 0, at.nuisance])
-        step = scale * np.linalg.solve(curvature, gradient)
-        bound = score.NUISANCE_BOUND
-        points = []
-        for share in shares:
-            values = np.array(
-                [_inside(p, v + share * s) for p, v, s in zip(at.parts, at.values, step[:count], strict=True)]
-            )
-            points.append(Point(at.parts, values, np.clip(at.nuisance + share * step[count:], -bound, bound)))
-            if count:
-                points.append(Point(at.parts, values, at.nuisance))  # the responses may be those of another point
-        return points
+    def _nuisance_columns(self, on: Yardstick, at: Point, base: Array) -> Steps[Array]:
+        """Whitened response to one deviation of every nuisance parameter around a point, (n, size)."""
+        points = [at.moved(slice(k, k + 1)) for k in range(len(self.shared))]
+        points += [at.moved(slice(len(self.shared) + k, None, len(self._own))) for k in range(len(self._own))]
+        if not points:
+            return np.zeros((self.data.value.size, 0))
+        return self._columns(on, ((yield points) - base) / NUDGE)
 
-    def _value_columns(self, at: Point, base: Array) -> Steps[Array]:
+    def _columns(self, on: Yardstick, response: Array) -> Array:
+        """Columns, (n, size), of responses (nterms, ntrials, T, C), the shared terms first."""
+        columns = list(on.white(response[: len(self.shared)]))
+        for t in range(len(self.trials)):
+            for k in range(len(self._own)):
+                alone = np.zeros_like(response[0])
+                alone[t] = response[len(self.shared) + k, t]
+                columns.append(on.white(alone))
+        return np.stack(columns, axis=1) if columns else np.zeros((self.data.value.size, 0))
+
+    def _value_columns(self, on: Yardstick, at: Point, base: Array) -> Steps[Array]:
         """Whitened response to each magnitude, per unit of it, (n, k)."""
         if not at.parts:
             return np.zeros((self.data.value.size, 0))
@@ -259,25 +289,48 @@ class Fitter:
             points.append(Point(at.parts, values, at.nuisance))
             steps.append(step)
         response = ((yield points) - base) / np.array(steps)[:, None, None, None]
-        return np.asarray(self.white(response).T)
+        return np.asarray(on.white(response).T)
 
-    def _weighted(self, base: Array, columns: Array) -> tuple[Array, Array]:
-        """Residual and responses, both scaled down where the residual is softened."""
-        white = self.white(self.data.value - base)
-        soft = score.soften(white)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            share = np.where(white == 0, 1.0, soft / white)
-        return soft, columns * share[:, None]
+    def _steps(self, on: Yardstick, at: Point, base: Array, columns: Array, shares: Sequence[float]) -> list[Point]:
+        """Points to try: shares of a Gauss-Newton step, with and without a move of the nuisances."""
+        count = len(at.parts)
+        r, weighted = on.weighted(base, columns)
+        prior = np.concatenate([np.zeros(count), np.ones(self.size)])
+        scale = self._scale(at.parts)
+        weighted = weighted * scale
+        curvature = weighted.T @ weighted + np.diag(prior + 1e-6)
+        gradient = weighted.T @ r - prior * np.concatenate([at.values * 0, at.nuisance])
+        step = scale * np.linalg.solve(curvature, gradient)
+        bound = score.NUISANCE_BOUND
+        points = []
+        for share in shares:
+            values = np.array(
+                [_inside(p, v + share * s) for p, v, s in zip(at.parts, at.values, step[:count], strict=True)]
+            )
+            points.append(Point(at.parts, values, np.clip(at.nuisance + share * step[count:], -bound, bound)))
+            if count:
+                points.append(Point(at.parts, values, at.nuisance))  # the responses may be those of another point
+        return points
 
-    def _cost(self, predicted: Array, nu: Array) -> float:
-        r = self.residual(predicted)
-        return float(0.5 * r @ r + 0.5 * nu @ nu)
+    def _corrected(self, jacobian: Array, columns: Array, at: Point, to: Point, change: Array) -> tuple[Array, Array]:
+        """Responses, changed as little as it takes for them to have foretold what a step did (Broyden 1965)."""
+        scale = self._scale(at.parts)
+        step = np.concatenate([to.values - at.values, to.nuisance - at.nuisance]) / scale
+        if not step.any():
+            return jacobian, columns
+        scaled = np.concatenate([jacobian, columns], axis=1) * scale
+        scaled += np.outer(change - scaled @ step, step / (step @ step))
+        scaled /= scale
+        return scaled[:, : len(at.parts)], scaled[:, len(at.parts) :]
 
-    def _finished(self, at: Point, base: Array, columns: Array) -> Fitted:
+    def _scale(self, parts: Sequence[Candidate]) -> Array:
+        """Magnitudes in units of their bounds: well conditioned."""
+        return np.array([*(part.high - part.low for part in parts), *np.ones(self.size)])
+
+    def _finished(self, on: Yardstick, at: Point, base: Array, columns: Array) -> Fitted:
         parts = at.parts
-        _, weighted = self._weighted(base, columns)
-        prior = np.concatenate([np.full(len(parts), 1e-9), np.ones(self.size)])
-        curvature = weighted.T @ weighted + np.diag(prior)
+        _, weighted = on.weighted(base, columns)
+        curvature = weighted.T @ weighted + np.diag(np.concatenate([np.full(len(parts), 1e-9), np.ones(self.size)]))
         # A magnitude that the data do not bind is bound by its bounds.
         for k, part in enumerate(parts):
             curvature[k, k] += 12 / (part.high - part.low) ** 2
@@ -285,7 +338,7 @@ class Fitter:
         _, logdet = np.linalg.slogdet(curvature)
         _, of_nuisances = np.linalg.slogdet(curvature[len(parts) :, len(parts) :])
         prior = -0.5 * float(at.nuisance @ at.nuisance) - 0.5 * (logdet - of_nuisances)
-        evidence = -self._cost(base, np.zeros(0))
+        evidence = -on.cost(base, np.zeros(0)) - on.wider
         for part, value in zip(parts, at.values, strict=True):
             prior += 0.5 * np.log(2 * np.pi) - np.log(part.high - part.low)
             evidence -= TOLERATED * max(0.0, 1 - abs(value - part.identity) / part.tolerance) if part.tolerance else 0.0
@@ -296,17 +349,10 @@ class Fitter:
             np.array([d if p.spread is None else p.spread for p, d in zip(parts, deviations, strict=True)]),
             at.nuisance,
             float(evidence + prior),
-            float(self._misfit(base).max(initial=0.0)),
+            float(on.misfit(base).max(initial=0.0)),
             float(prior),
-            float(np.nan_to_num(score.lasting(self.data, self.data.value - base)).max(initial=0.0)),
+            float(np.nan_to_num(score.lasting(on.data, on.data.value - base)).max(initial=0.0)),
         )
-
-    def _misfit(self, predicted: Array) -> Array:
-        """Mean squared residual of every channel in units of floor and tolerance, (C,)."""
-        white = score.scaled(self.data, self.data.value - predicted)
-        known = np.isfinite(self.data.value).sum(axis=(0, 1))
-        mean: Array = np.sum(white**2, axis=(0, 1)) / np.maximum(known, 1)
-        return mean
 
 
 def _run(tasks: Sequence[Steps[T]], predict: Callable[[Sequence[Point]], Array]) -> list[T]:

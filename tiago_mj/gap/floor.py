@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from tiago_mj.gap.plant import Plant
 from tiago_mj.gap.recording import RecordingError, Trial
+from tiago_mj.gap.replay import Signals
 
 Array = NDArray[np.float64]
 
@@ -32,7 +33,7 @@ BLOCK: Final = 0.25
 #: An event is a jump of the slope within this time [s], and counts for so many rows around it.
 EVENT: Final = 0.02
 EVENT_ROWS: Final = 2
-#: The nominal simulator is tried with steps so many times shorter, too.
+#: The nominal simulator is run with steps so many times shorter, too.
 FINER: Final = 4
 
 
@@ -174,7 +175,8 @@ def sigma(value: Array, noise: Array, channels: Sequence[str], period: float) ->
 
 
 def with_numerics(data: Data, predicted: Array, finer: Array) -> Data:
-    """With a tolerance of what the nominal simulator itself gets wrong by its physics step.
+    """With a tolerance of what the nominal simulator itself gets wrong by its physics step: put right in the nominal
+    model (:func:`off_by_step`), it is as wrong in an explanation in which everything happens at another time.
 
     Args:
         data: measured.
@@ -187,6 +189,12 @@ def with_numerics(data: Data, predicted: Array, finer: Array) -> Data:
         around[:, shift:] = np.maximum(around[:, shift:], off[:, :-shift])
         around[:, :-shift] = np.maximum(around[:, :-shift], off[:, shift:])
     return replace(data, sigma=np.hypot(data.sigma, around), common=np.hypot(data.common, around))
+
+
+def off_by_step(simulated: Signals, finer: Signals) -> Signals:
+    """What signals get wrong by their physics step, from a second run with one :data:`FINER` times shorter."""
+    share = FINER / (FINER - 1)
+    return Signals(*((getattr(simulated, f) - getattr(finer, f)) * share for f in Signals.__dataclass_fields__))
 
 
 def part(data: Data, trials: Sequence[int]) -> Data:
@@ -206,9 +214,9 @@ def without_repeats(data: Data) -> Data:
     return replace(data, value=value)
 
 
-def predicted(data: Data, signals: object) -> Array:
+def predicted(data: Data, signals: Signals) -> Array:
     """The predictions of the measured channels, (nsim, T, C), of :class:`tiago_mj.gap.replay.Signals`."""
-    sources = {"position": signals.position, "velocity": signals.velocity, "force": signals.reading}  # type: ignore[attr-defined]
+    sources = {"position": signals.position, "velocity": signals.velocity, "force": signals.reading}
     columns = [sources[kind][:, :, part] for kind, part in zip(data.kinds, data.part, strict=True)]
     length = data.value.shape[1]
     return np.stack([column[:, :length] for column in columns], axis=-1)

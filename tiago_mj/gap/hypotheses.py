@@ -48,11 +48,11 @@ class Nuisance:
 
 #: A nominal model's numbers are known to about 5 %; contacts less well; an object is placed to about a millimetre.
 NUISANCES: Final = (
-    Nuisance("servo_stiffness", "factor", (0.05, 0.05)),
-    Nuisance("servo_damping", "damping", (0.05, 0.05), relative="damping"),
-    Nuisance("viscous_friction", "damping", (0.05, 0.05), relative="damping"),
-    Nuisance("armature", "mass", (0.05, 0.05), relative="inertia"),
-    Nuisance("force_limit", "limit", (0.05, 0.05), relative="effort"),
+    Nuisance("servo_stiffness", "factor", (0.04, 0.04)),
+    Nuisance("servo_damping", "damping", (0.04, 0.04), relative="damping"),
+    Nuisance("viscous_friction", "damping", (0.04, 0.04), relative="damping"),
+    Nuisance("armature", "mass", (0.04, 0.04), relative="inertia"),
+    Nuisance("force_limit", "limit", (0.04, 0.04), relative="effort"),
     Nuisance("payload", "mass", (0.04, 0.04), relative="tool"),
     Nuisance("contact_stiffness", "factor", (0.06, 0.06)),
     Nuisance("contact_damping", "factor", (0.2, 0.2)),
@@ -60,7 +60,7 @@ NUISANCES: Final = (
     Nuisance("object_mass", "factor", (0.06, 0.06)),
     Nuisance("object_size", "radius", (2e-4, 2e-4)),
     Nuisance("object_offset", "distance", (6e-4, 6e-4), per_trial=True),
-    Nuisance("force_gain", "factor", (0.05, 0.05)),
+    Nuisance("force_gain", "factor", (0.04, 0.04)),
     Nuisance("force_bias", "offset", (0.002, 0.002)),
     Nuisance("encoder_bias", "offset", (3e-5, 5e-4)),
     Nuisance("command_delay", "seconds", (1e-3, 1e-3), each=False),

@@ -1,4 +1,8 @@
-"""Predictions of many explanations for many trials, each physics run made once."""
+"""Predictions of many explanations for many trials, each physics run made once.
+
+What the simulator's step gets wrong is the same for all of them but for little: it is taken from the nominal model, run
+once more with shorter steps, and put right in every prediction.
+"""
 
 from __future__ import annotations
 
@@ -29,6 +33,8 @@ class Predictor:
         plant, on, data: what is simulated and compared.
         threads: of the batches.
         seed: of random effects.
+        off: what the step makes wrong in the nominal signals of every trial (:func:`tiago_mj.gap.floor.off_by_step`);
+            None: not known, predictions are as they are simulated.
         runs: number of physics simulations made.
     """
 
@@ -37,6 +43,7 @@ class Predictor:
     data: floor.Data
     threads: int = 0
     seed: int = 0
+    off: Signals | None = None
     runs: int = 0
     _kept: dict[tuple[int, Effects], tuple[Array, ...]] = field(default_factory=dict)
 
@@ -99,6 +106,11 @@ class Predictor:
             signals = replay.simulate(
                 self.plant, self.on, [(t, e) for t, e, _ in todo], threads=self.threads, seed=seed
             )
+            if self.off is not None:
+                index = [t for t, _, _ in todo]
+                signals = Signals(
+                    *(getattr(signals, f) - getattr(self.off, f)[index] for f in Signals.__dataclass_fields__)
+                )
             for row, key in enumerate(todo):
                 done[key] = tuple(getattr(signals, f)[row] for f in Signals.__dataclass_fields__)
                 if keep:

@@ -95,6 +95,11 @@ def scaled(data: Data, difference: Array) -> Array:
     return np.where(np.isfinite(data.value), np.nan_to_num(difference / data.sigma), 0.0)
 
 
+def distance(data: Data, predicted: Array) -> float:
+    """How far predictions (ntrials, T, C) are from what was measured, in units of floor and tolerance, squared."""
+    return float((soften(scaled(data, data.value - predicted)) ** 2).sum())
+
+
 def lasting(data: Data, difference: Array) -> Array:
     """Mean square of a residual's means over blocks, each in units of what it should scatter by, by channel, (C,).
 

@@ -62,6 +62,11 @@ DONE: Final = 1.2
 #: Evidence that another effect must add to be worth showing [nats]: a Bayes factor of 150, "very strong" (Kass &
 #: Raftery 1995).
 ADDS: Final = 5.0
+#: A number of the nominal model that moves the likelihood by less than this, one deviation off, is left alone [nats].
+SILENT: Final = 0.05
+#: What acts on one joint or cell alone is not tried where nothing but noise is left there: mean square of its channels,
+#: sample by sample and over blocks.
+QUIET: Final = (1.3, 2.0)
 #: A change below this share of floor and tolerance (rms, largest magnitude tried) cannot be seen in the recording.
 INVISIBLE: Final = 0.05
 
@@ -73,7 +78,8 @@ class Ranked:
     """Explanations with the evidence for them, best first.
 
     Attributes:
-        fits: explanations; ``known`` effects are the last parts of each.
+        fits: explanations; ``known`` effects are the last parts of each, and nuisances of all trials the first of its
+            nuisances, those too that tell nothing.
         screened: the first pass.
         not_excited: effects that no magnitude makes visible in these recordings.
         known: number of effects that the readings betray: they are part of every explanation.
@@ -118,7 +124,7 @@ def select(
         out_of_time: asked between stages.
         tick: told what begins.
     """
-    pool = [c for c in pool if c.effect not in MEASURES]
+    pool = _with_something_to_explain([c for c in pool if c.effect not in MEASURES], data, base)
     tick("screening", len(pool))
     weight = score.independence(data, base)
     chosen = _spread(base, data, max(FIT_STEPS // max(steps, 1), FIT_TRIALS))
@@ -128,6 +134,10 @@ def select(
     terms = tuple(sorted(terms, key=lambda term: term.per_trial))
     responses = (predict.all_trials([(term.entry(NUDGE),) for term in terms], trials) - base) / NUDGE
     per_trial = np.array([term.per_trial for term in terms], dtype=bool)
+    telling = (score.whiten(data, responses, weight) ** 2).sum(axis=(1, 2, 3)) > 2 * SILENT
+    shared = telling[~per_trial]
+    terms = tuple(term for term, tells in zip(terms, telling, strict=True) if tells)
+    responses, per_trial = responses[telling], per_trial[telling]
     frame = score.frame(some, weight, responses[:, first], per_trial)
     screened = screen(predict, frame, few_trials, pool, base[first], out_of_time=out_of_time)
     visible = {s.candidate.effect for s in screened if s.visible > INVISIBLE}
@@ -142,9 +152,8 @@ def select(
     starts = [Start((), np.zeros(0)), *(Start((s.candidate,), np.array([s.value])) for s in _best(promising, count))]
     ranked = _order(few.fit_all(starts))
     if out_of_time():
-        return Ranked(
-            tuple(_with(f, known) for f in ranked), tuple(screened), unseen, len(known), len(names), False, weight
-        )
+        fits = [_with(f, known, shared) for f in ranked]
+        return Ranked(tuple(fits), tuple(screened), unseen, len(known), len(names), False, weight)
     # Once something explains the bulk, what is left shows how correlated the residuals really are.
     reference = few.predictions([Point(ranked[0].parts, ranked[0].values, ranked[0].nuisance)])[0]
     weight = np.maximum(score.independence(some, reference), weight)
@@ -182,8 +191,19 @@ def select(
         fits += found if out_of_time() else _renewed(everywhere, found, fits)
         fits += everywhere.fit_all([] if out_of_time() else _absorbed(fits, everywhere))
         complete = not out_of_time()
-    fits = [_with(fit, known) for fit in _worth(_once(_order(fits)))]
+    fits = [_with(fit, known, shared) for fit in _worth(_once(_order(fits)))]
     return Ranked(tuple(fits), tuple(screened), unseen, len(known), len(names), complete, weight)
+
+
+def _with_something_to_explain(pool: Sequence[Candidate], data: Data, base: Array) -> list[Candidate]:
+    """Without candidates of one joint or cell where the nominal model predicts all of its channels."""
+    known = np.isfinite(data.value).sum(axis=(0, 1))
+    square = (score.scaled(data, data.value - base) ** 2).sum(axis=(0, 1)) / np.maximum(known, 1)
+    quiet = (square < QUIET[0]) & (score.lasting(data, data.value - base) < QUIET[1])
+    of: dict[str, list[bool]] = {}
+    for channel, still in zip(data.channels, quiet, strict=True):
+        of.setdefault(channel.partition(".")[2], []).append(bool(still))
+    return [c for c in pool if c.target is None or not all(all(of.get(name, [False])) for name in c.target)]
 
 
 def _extensions(fitter: Fitter, on: score.Frame, seeds: Sequence[Fitted], promising: Sequence[Screened]) -> list[Start]:
@@ -386,10 +406,13 @@ def _worth(fits: Sequence[Fitted]) -> list[Fitted]:
     return out
 
 
-def _with(fit: Fitted, known: Sequence[Known]) -> Fitted:
-    """What the readings betray, as parts of an explanation."""
+def _with(fit: Fitted, known: Sequence[Known], telling: NDArray[np.bool_]) -> Fitted:
+    """What the readings betray, as parts of an explanation, and the numbers that were left alone, as nuisances."""
+    shared, count = np.zeros(len(telling)), int(telling.sum())
+    shared[telling] = fit.nuisance[:count]
     return replace(
         fit,
+        nuisance=np.concatenate([shared, fit.nuisance[count:]]),
         parts=(*fit.parts, *(k.candidate for k in known)),
         values=np.concatenate([fit.values, [k.value for k in known]]),
         deviations=np.concatenate([fit.deviations, [k.deviation for k in known]]),
