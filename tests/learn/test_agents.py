@@ -40,7 +40,7 @@ def model_of(algo, env_id, **entry):
         ("td3", GRIPPER, {}),
         ("ddpg", GRIPPER, {"policy_kwargs": {"net_arch": [7], "activation_fn": "nn.ELU"}}),
         ("sac", GOAL, {}),
-        ("td3", GRIPPER, {"action_gain": 12.5, "normalize": True}),
+        ("td3", GRIPPER, {"normalize": True}),
         ("ppo", GRIPPER, {"normalize": True}),
         ("a2c", GOAL, {"normalize": True}),
         ("her-td3", GOAL, {"policy_kwargs": "dict(net_arch=[9, 9], activation_fn=nn.Tanh)"}),
@@ -61,12 +61,11 @@ def test_an_exported_agent_acts_as_the_model_does(algo, env_id, entry, tmp_path)
     for _ in range(10):
         normalise = getattr(model.env, "normalize_obs", lambda x: x)
         expected = model.predict(normalise(seen), deterministic=True)[0]
-        expected = np.clip(expected * entry.get("action_gain", 1.0), -1, 1)
         action = agent(seen)
-        np.testing.assert_allclose(action, expected, atol=2e-5)  # float32 sums in another order, up to 12.5 times
+        np.testing.assert_allclose(action, expected, atol=2e-6)  # float32 sums in another order
         assert action.dtype == np.float32
         one = {k: v[0] for k, v in seen.items()} if isinstance(seen, dict) else seen[0]
-        np.testing.assert_allclose(agent(one, {}), expected[0], atol=2e-5)
+        np.testing.assert_allclose(agent(one, {}), expected[0], atol=2e-6)
         moved = max(moved, float(np.abs(action).max()))
         seen, *_ = env.step(action)
     assert moved > 0

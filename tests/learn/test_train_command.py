@@ -129,7 +129,7 @@ def test_every_algorithm_trains_stops_and_goes_on(algo, tmp_path, monkeypatch):
     if algo in ("ppo", "a2c"):
         entry = "n_envs: 2, n_steps: 20, normalize: true"
     else:
-        entry = "n_envs: 2, batch_size: 16, train_freq: 20, gradient_steps: 10, learning_starts: 50, action_gain: 2"
+        entry = "n_envs: 2, batch_size: 16, train_freq: 20, gradient_steps: 10, learning_starts: 50"
     path = tmp_path / "h.yml"
     path.write_text(f"default: {{{entry}, policy_kwargs: {{net_arch: [8]}}}}\n")
     common = [
@@ -230,7 +230,7 @@ def entry(text):
         ((), entry("n_timesteps: -3"), "n_timesteps is -3"),
         ((), entry("train_freq: [1, day]"), "train_freq is [1, 'day']"),
         ((), entry("noise_type: pink"), "noise_type is 'pink'"),
-        ((), entry("action_gain: -1"), "action_gain is -1"),
+        ((), entry("noise_std: -1"), "noise_std is -1"),
         ((), entry("policy_kwargs: \"__import__('os').system('true')\""), "policy_kwargs is"),
         ((), entry("policy_kwargs: {net: [3]}"), "policy_kwargs has 'net'"),
         ((), entry("normalize: {speed: 3}"), "normalize has 'speed'"),

@@ -86,16 +86,12 @@ def make_model(settings: Settings, env: Any, seed: int, *, fast: bool = True, fu
 
 
 def _wrapped(env: Any, given: Mapping[str, Any]) -> Any:
-    gain, normalize = given["action_gain"], given["normalize"]
-    if gain != 1.0:
-        from tiago_mj.learn.action_gain import ActionGain
+    normalize = given["normalize"]
+    if not normalize:
+        return env
+    from stable_baselines3.common.vec_env import VecNormalize
 
-        env = ActionGain(env, float(gain))
-    if normalize:
-        from stable_baselines3.common.vec_env import VecNormalize
-
-        env = VecNormalize(env, **({} if normalize is True else normalize))
-    return env
+    return VecNormalize(env, **({} if normalize is True else normalize))
 
 
 def _value(key: str, value: Any) -> Any:

@@ -1,7 +1,6 @@
 """Hyperparameters in rl-zoo3's YAML form: one entry an environment, read and checked before anything starts.
 
-An entry has rl-zoo3's own keys, ``action_gain`` (:mod:`tiago_mj.learn.action_gain`), and arguments of the algorithm's
-class. What rl-zoo3 would run as
+An entry has rl-zoo3's own keys (:data:`OWN_KEYS`) and arguments of the algorithm's class. What rl-zoo3 would run as
 Python (``policy_kwargs: "dict(net_arch=[400, 300])"``) is read as the literal that it is; nothing is evaluated.
 """
 
@@ -30,9 +29,7 @@ ALGORITHMS: Final[Mapping[str, str]] = {
     "her-td3": "TD3",
 }
 #: Keys of an entry that are not the class's arguments.
-OWN_KEYS: Final = (
-    "n_timesteps", "n_envs", "policy", "env_kwargs", "normalize", "noise_type", "noise_std", "action_gain",
-)  # fmt: skip
+OWN_KEYS: Final = ("n_timesteps", "n_envs", "policy", "env_kwargs", "normalize", "noise_type", "noise_std")
 #: rl-zoo3's keys that name Python to be run, or change what the policy is given in ways that agents cannot record.
 REFUSED: Final = ("env_wrapper", "vec_env_wrapper", "callback", "frame_stack", "monitor_kwargs")
 #: Arguments of the classes that the command sets itself, or that agents and checkpoints do not know of.
@@ -121,20 +118,15 @@ def checked(algo: str, entry: Mapping[str, Any], where: str) -> dict[str, Any]:
     if values.get("noise_type") not in (None, *NOISES):
         raise ValueError(f"{where}: noise_type is {values['noise_type']!r}: use one of {', '.join(NOISES)}")
     values["normalize"] = _normalize(where, values.get("normalize", False))
-    values.setdefault("action_gain", 1.0)
     if "train_freq" in values:
         values["train_freq"] = _train_freq(where, values["train_freq"])
     if "replay_buffer_kwargs" in values:
         values["replay_buffer_kwargs"] = _mapping(where, "replay_buffer_kwargs", values["replay_buffer_kwargs"])
-    for key in set(values) - {*OWN_KEYS, "policy_kwargs", "replay_buffer_kwargs", "train_freq"} | {
-        "noise_std",
-        "action_gain",
-    }:
+    for key in set(values) - {*OWN_KEYS, "policy_kwargs", "replay_buffer_kwargs", "train_freq"} | {"noise_std"}:
         if key in values:
             values[key] = _number(where, key, values[key])
-    for key in ("noise_std", "action_gain"):
-        if not isinstance(values.get(key, 1.0), (int, float)) or values.get(key, 1.0) <= 0:
-            raise ValueError(f"{where}: {key} is {values[key]!r}: give a number above 0")
+    if not isinstance(values.get("noise_std", 0.0), (int, float)) or values.get("noise_std", 0.0) < 0:
+        raise ValueError(f"{where}: noise_std is {values['noise_std']!r}: give a number, 0 or more")
     return values
 
 
