@@ -5,7 +5,8 @@
 Updates: stable-baselines3's own and ours, Adam fused or not, batches of 100 and 256; each on a full buffer of random
 transitions. Environment steps: collected with the policy and its exploration noise and stored, without updates, for
 numbers of environments and both servos. A step of training takes the time of an environment step and of `ratio`
-updates; measured whole for some ratios, as a check. Choices are measured in turns; medians over rounds are told.
+updates; measured whole for some ratios, as a check. Choices are measured in turns, in processor time, which other
+programs disturb less than the clock; medians over rounds are told.
 """
 
 from __future__ import annotations
@@ -49,9 +50,9 @@ def updating(batch: int, fast: bool, fused: bool, *, updates: int) -> Timer:
     buffer.full = True
 
     def once() -> float:
-        begin = time.perf_counter()
+        begin = time.process_time()
         model.train(updates, batch)
-        return (time.perf_counter() - begin) / updates
+        return (time.process_time() - begin) / updates
 
     return once
 
@@ -65,9 +66,9 @@ def stepping(envs: int, servo: str = "ideal", ratio: float | None = None, *, ste
     model.learn(300, log_interval=None)
 
     def once() -> float:
-        begin, before = time.perf_counter(), model.num_timesteps
+        begin, before = time.process_time(), model.num_timesteps
         model.learn(steps, log_interval=None, reset_num_timesteps=False)
-        return (time.perf_counter() - begin) / (model.num_timesteps - before)
+        return (time.process_time() - begin) / (model.num_timesteps - before)
 
     return once
 

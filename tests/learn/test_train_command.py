@@ -159,6 +159,20 @@ def test_every_algorithm_trains_stops_and_goes_on(algo, tmp_path, monkeypatch):
         np.testing.assert_array_equal(gone_on[name], value, err_msg=name)
 
 
+def test_a_training_that_is_stopped_while_it_writes_its_results_writes_them_again(small, tmp_path, monkeypatch):
+    from tiago_mj.learn import loop
+
+    def stop(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(loop, "_save_model", stop)
+    assert cli.main(words(tmp_path / "run", small, "--steps", "480")) == 130
+    monkeypatch.undo()
+    assert not (tmp_path / "run" / "seed-0" / "model.zip").exists()
+    assert cli.main(words(tmp_path / "run", small, "--steps", "480")) == 0
+    assert (tmp_path / "run" / "seed-0" / "model.zip").stat().st_size > 1000
+
+
 def test_effects_act_on_what_is_trained(small, tmp_path):
     calibration = tmp_path / "calibration.yaml"
     calibration.write_text(

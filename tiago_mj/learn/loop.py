@@ -90,12 +90,12 @@ def _train(task: Task, folder: Path) -> dict[str, Any]:
             reset_num_timesteps=before == 0,
             log_interval=10,
         )
-        saving.save(finished=True)
         last = agent_of(model, {**origin, "steps": model.num_timesteps})
         last.save(folder / LAST)
         if episodes.best is None:  # fewer than 20 episodes
             last.save(folder / BEST)
         _save_model(model, folder / MODEL)
+        saving.save(finished=True)  # last: what it calls finished is all there
     seconds = time.monotonic() - begun
     env.close()
     examiner.close()
