@@ -1,0 +1,103 @@
+"""What a fit rests on: predictions of shorter steps, responses that learn, and what counts as explained."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from tiago_mj.cli import main
+from tiago_mj.gap import floor, hypotheses, replay, score
+from tiago_mj.gap.effects.spec import Entry
+from tiago_mj.gap.fit import Fitter, Point, Yardstick
+from tiago_mj.gap.plant import plant_of
+from tiago_mj.gap.predict import Predictor
+from tiago_mj.gap.read import read_recordings
+from tiago_mj.gap.select import _with_something_to_explain
+
+
+@pytest.fixture(scope="module")
+def grasps(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("grasps")
+    words = ["record", "--env", "GripperTactile-v0", "--policy", "pi", "--episodes", "2", "--seed", "3"]
+    assert main([*words, "--out", str(folder)]) == 0
+    trials = read_recordings([folder]).trials
+    plant = plant_of(trials)
+    return plant, replay.grid(plant, trials), floor.collect(plant, trials)
+
+
+def shortened(plant, factor):
+    return dataclasses.replace(plant, max_timestep=plant.max_timestep / factor)
+
+
+@pytest.mark.parametrize(
+    "effects", [(), (Entry("viscous_friction", None, {"damping": 4.0}),)], ids=["nominal", "a nominal number off"]
+)
+def test_predictions_are_nearer_to_those_of_steps_sixteen_times_shorter(grasps, effects):
+    plant, on, data = grasps
+    sims = [(k, ()) for k in range(2)]
+    runs = [replay.simulate(p, on, sims) for p in (plant, shortened(plant, floor.FINER))]
+    wanted = floor.predicted(data, replay.simulate(shortened(plant, 16), on, [(k, effects) for k in range(2)]))
+    left = {}
+    for name, off in (("as simulated", None), ("put right", floor.off_by_step(*runs))):
+        predicted = Predictor(plant, on, data, off=off).all_trials([effects], range(2))[0]
+        left[name] = np.sqrt(np.mean(((predicted - wanted) / data.noise) ** 2))
+    # Half of it where contact begins in the same row; less is gained where it begins in another one.
+    assert left["put right"] < (0.7 if effects else 0.5) * left["as simulated"]
+
+
+def test_responses_foretell_the_step_that_corrected_them(grasps):
+    plant, on, data = grasps
+    base = Predictor(plant, on, data).all_trials([()], range(2))[0]
+    terms = tuple(t for t in hypotheses.terms(plant) if not t.per_trial)[:4]
+    fitter = Fitter(
+        Predictor(plant, on, data), (0, 1), data, np.ones(len(data.channels)), terms, np.zeros((4, *base.shape))
+    )
+    rng = np.random.default_rng(0)
+    part = next(c for c in hypotheses.candidates(plant, ["viscous_friction"]) if c.target is None)
+    before, after = Point((part,), np.array([2.0]), np.zeros(4)), Point((part,), np.array([5.0]), rng.normal(size=4))
+    jacobian, columns = rng.normal(size=(data.value.size, 1)), rng.normal(size=(data.value.size, 4))
+    change = rng.normal(size=data.value.size)
+    jacobian, columns = fitter._corrected(jacobian, columns, before, after, change)
+    foretold = jacobian @ (after.values - before.values) + columns @ (after.nuisance - before.nuisance)
+    np.testing.assert_allclose(foretold, change, atol=1e-9)
+
+
+def made_up(value):
+    """Two channels of one trial, noise 1."""
+    zeros = np.zeros_like(value)
+    return floor.Data(("position.a", "position.b"), np.arange(2), value, np.ones(2), zeros + 1.0, zeros)
+
+
+def test_what_a_large_effect_s_form_may_miss_is_no_second_effect_but_costs():
+    change = np.zeros((1, 100, 2))
+    change[0, 40:, 0] = 200.0  # deviations of the noise
+    data = made_up(1.02 * change)  # reality does 2 % more
+    plain = Yardstick(data, np.ones(2))
+    wide = plain.with_shape(change)
+    assert plain.misfit(change).max() > 5
+    assert wide.misfit(change).max() < 1
+    assert wide.wider > 0
+    # A small one is held to the noise: a tenth of a deviation is within it.
+    assert plain.with_shape(change / 100).wider < 0.002 * wide.wider
+
+
+def test_a_joint_without_a_gap_of_its_own_has_no_effect_of_its_own(grasps):
+    plant, _, _ = grasps
+    rng = np.random.default_rng(0)
+    base = np.zeros((1, 400, 2))
+    value = rng.normal(size=base.shape)
+    right, left = plant.joints
+    value[0, 200:, 1] += 3.0
+    data = dataclasses.replace(made_up(value), channels=(f"position.{right}", f"position.{left}"), block=20)
+    pool = hypotheses.candidates(plant, ["coulomb_friction", "force_gain"])
+    kept = {c.label for c in _with_something_to_explain(pool, data, base)}
+    assert ("coulomb_friction", (left,)) in kept
+    assert ("coulomb_friction", (right,)) not in kept
+    assert ("coulomb_friction", None) in kept
+    assert ("force_gain", ("right",)) in kept  # not measured: nothing is known of it
+
+
+def test_recordings_are_compared_with_the_simulator_that_is_nearer():
+    value = np.zeros((1, 50, 2))
+    data = made_up(value)
+    assert score.distance(data, value + 0.1) < score.distance(data, value + 0.2)
