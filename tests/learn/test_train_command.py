@@ -323,3 +323,17 @@ def test_a_bar_shows_how_far_every_seed_is(tmp_path, capsys):
     shown = capsys.readouterr().err
     assert "seed-7" in shown
     assert "250/1000" in shown
+
+
+def test_events_for_tensorboard_are_written_where_it_is_installed(small, tmp_path):
+    pytest.importorskip("tensorboard")
+    assert cli.main(words(tmp_path / "run", small, "--steps", "480", "--tensorboard")) == 0
+    (events,) = (tmp_path / "run" / "seed-0" / "tensorboard").iterdir()
+    assert b"train/critic_loss" in events.read_bytes()
+
+
+def test_without_tensorboard_it_says_what_to_install(small, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("tiago_mj.learn.command.find_spec", lambda name: None)
+    said = complaint(capsys, words(tmp_path / "run", small, "--tensorboard"))
+    assert "pip install 'tiago-mj[tensorboard]'" in said
+    assert not (tmp_path / "run").exists()
