@@ -162,7 +162,7 @@ def select(
     everywhere = Fitter(predict, tuple(trials), data, weight, terms, responses, given, out_of_time=out_of_time)
     tick("refitting", SECONDS)
     seeds = _rivals([f for f in ranked if f.parts])
-    fits = everywhere.fit_all([Start((), np.zeros(0)), *(_carried(f, few, everywhere) for f in seeds)])
+    fits = everywhere.fit_all([Start((), np.zeros(0)), *(_carried(f, few, everywhere) for f in seeds)], renew=True)
     if not out_of_time():
         fits = _renewed(everywhere, fits, fits)
         fits += everywhere.fit_all(_absorbed(fits, everywhere))
