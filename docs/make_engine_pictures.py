@@ -60,7 +60,7 @@ def gaps(tellings: list[dict[str, Any]], path: Path) -> None:
         axis.set_title(kind, fontsize=10)
         axis.set_xlabel("gap [noise²]")
         axis.set_yticks(rows, [one["name"] for one in tellings])
-    axes[-1].legend(frameon=False, fontsize=8, loc="lower left")
+    axes[-1].legend(frameon=False, fontsize=8, loc="upper left", handletextpad=0.2)
     figure.savefig(path, dpi=80)
     plt.close(figure)
 
