@@ -143,7 +143,8 @@ def undone(variant: bullet.Variant, effects: Sequence[dict[str, Any]]) -> bullet
         if effect["name"] in UNDO:
             option, without = UNDO[effect["name"]]
             values = {key: p["value"] for key, p in effect["parameters"].items()}
-            changed = replace(changed, **{option: without(getattr(changed, option), values)})
+            value: Any = without(getattr(changed, option), values)
+            changed = replace(changed, **{option: value})
     return changed if changed != variant else None
 
 
