@@ -134,7 +134,10 @@ def diagnose(
     base = predict.all_trials([()], everything, keep=True)[0]
     phase = phases.phases(plant, on, nominal)[:, : data.value.shape[1]]
     part = floor.part(data, fitted_on)
-    known = traces.betrayed(_marks(plant, part, base[fitted_on]), pool)
+    tones = _tones(plant, data, base)
+    hums = {tone.channel for tone in tones}
+    marks = _marks(plant, part, base[fitted_on])
+    known = traces.betrayed([m for m in marks if m.channel not in hums], pool)
     if any(k.candidate.effect == "force_dropout" for k in known):
         data = floor.without_repeats(data)
         part = floor.part(data, fitted_on)
@@ -150,7 +153,7 @@ def diagnose(
         out_of_time=lambda: budget is not None and time.monotonic() - begun > budget,
         tick=tick,
     )
-    judged = verdict.judge(ranked)
+    judged = verdict.judge(ranked, strange=bool(tones))
     best = ranked.fits[judged.rivals[0]]
     following = None
     if judged.kind == "ambiguous":
@@ -199,6 +202,12 @@ def diagnose(
         notes.append(
             "Measured efforts are not compared where commands can be replayed: servos report them in many ways."
         )
+    notes += [
+        f"{tone.channel} swings at about {tone.frequency:.3g} Hz (or faster, seen at this rate) by "
+        f"±{tone.amplitude:.2g} even where nothing is touched: mains hum, or a vibration; no effect of the library "
+        "does that."
+        for tone in tones
+    ]
     if not ranked.complete:
         notes.append("The time budget ran out: what is said is the best so far.")
     found = Diagnosis(
@@ -273,6 +282,19 @@ def _along_the_motion(
         version=tiago_mj.__version__,
         names=names,
     )
+
+
+def _tones(plant: Plant, data: floor.Data, base: Array) -> list[traces.Tone]:
+    """Of the load cells, where they are predicted to feel nothing."""
+    if plant.cell is None:
+        return []
+    nothing, noises = plant.cell.signal(np.zeros(2)), plant.cell.noises
+    found = [
+        traces.tone(name, data.value[:, :, c], base[:, :, c] == nothing[part], plant.period, float(noises[part]))
+        for c, (name, part) in enumerate(zip(data.channels, data.part, strict=True))
+        if name.startswith("force")
+    ]
+    return [tone for tone in found if tone is not None]
 
 
 def _marks(plant: Plant, data: floor.Data, base: Array) -> list[traces.Trace]:

@@ -35,7 +35,7 @@ from tiago_mj.gap.recording import Trial
 from tiago_mj.gap.rehearse import Rehearsal, rehearse, with_numerics
 from tiago_mj.gap.result import NextMotion
 from tiago_mj.gap.traces import MEASURES
-from tiago_mj.gap.verdict import calibration, classes_of
+from tiago_mj.gap.verdict import calibration, classes_of, temperature_of
 
 Array = NDArray[np.float64]
 Effects = tuple[Entry, ...]
@@ -89,7 +89,7 @@ def next_motion(
     share = share / [classes.count(c) for c in classes]  # what a class has is shared by its members
     share = share / share.sum()
     weight = np.minimum(weight, np.sqrt(min(plant.period / CORRELATED, 1.0)))
-    temperature = calibration().temperature * max(1.0, min(fit.misfit for fit in rivals))
+    temperature = temperature_of([fit.misfit for fit in rivals], calibration())
     terms = [term for term in hypotheses.terms(plant) if not term.per_trial]
     explanations = [_entries(fit, terms) for fit in rivals]
     menu = rehearse(plant, like, data, explanations, seed=seed, threads=threads)

@@ -56,6 +56,8 @@ NOMINAL_ROUNDS: Final = 3
 MOST: Final = 3
 #: Mean squared residual of the worst channel, in units of floor and tolerance, that calls for another effect.
 GAP: Final = 2.0
+#: And that is worth a look at every other effect beside the best, each simulated.
+BESIDE: Final = 1.5
 #: What is left by an explanation that leaves nothing to explain, by samples and over blocks (1 is expected; the right
 #: ones leave 0.7 to 3, where nominal numbers are 3 to 5 % off).
 DONE: Final = 1.2
@@ -181,7 +183,7 @@ def select(
         if size == 2:
             starts = _once_each([*_superposed(frame, base[first], promising), *starts])
         extended = [_carried(f, few, everywhere) for f in _order(few.fit_all(starts))[:EXTENSIONS_AGAIN]]
-        if seeds and seeds[0].misfit > GAP:
+        if seeds and seeds[0].misfit > BESIDE:
             beside = _beside(everywhere, seeds[0], [s.candidate for s in promising], per_trial)
             extended = _once_each([*beside, *extended])
         if not extended:

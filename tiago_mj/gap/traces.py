@@ -12,6 +12,7 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import signal, stats
 
 from tiago_mj.gap.hypotheses import Candidate
 
@@ -24,6 +25,13 @@ CLEAR: Final = 3.5
 SAME: Final = 2.5
 #: Exact repeats of a noisy reading that are no accident.
 LEAST_REPEATS: Final = 4
+#: A tone is sought in stretches of so many rows, and named where noise would show one as strong in one of so many
+#: recordings, and its variance is this share of the noise's.
+STRETCH: Final = 32
+ACCIDENT: Final = 1e-6
+LOUD: Final = 0.5
+#: It swings at least so often in a stretch: what is slower may be drift.
+SLOW: Final = 3
 
 
 @dataclass(frozen=True)
@@ -103,6 +111,68 @@ def grid_step(values: Array) -> float:
         return 0.0
     multiples = gaps / step
     return step if float(np.abs(multiples - np.round(multiples)).max()) < 1e-3 else 0.0
+
+
+@dataclass(frozen=True)
+class Tone:
+    """What swings in a reading by itself.
+
+    Attributes:
+        channel: its name.
+        frequency: as it is seen at the rate of the recording [Hz]; a faster one is folded down.
+        amplitude: in the channel's unit.
+    """
+
+    channel: str
+    frequency: float
+    amplitude: float
+
+
+def tone(channel: str, values: Array, untouched: NDArray[np.bool_], period: float, expected: float) -> Tone | None:
+    """A tone in what a load cell reads while nothing touches it, where only noise should be.
+
+    Args:
+        channel: its name.
+        values: (ntrials, T), NaN where nothing was measured.
+        untouched: rows in which it should feel nothing, (ntrials, T).
+        period: of the rows [s].
+        expected: noise that the nominal sensor has.
+    """
+    pieces = [
+        piece for row, free in zip(values, untouched & np.isfinite(values), strict=True) for piece in _runs(row, free)
+    ]
+    pieces = [piece for piece in pieces if _swings_about_zero(piece, expected)]
+    if not expected or len(pieces) < 2:
+        return None
+    some = signal.detrend(np.stack(pieces), axis=1)
+    power = (np.abs(np.fft.rfft(some, axis=1)) ** 2).mean(axis=0)[SLOW:]
+    top = int(np.argmax(power))
+    near = slice(max(top - 1, 0), top + 2)
+    rest = float(np.delete(power, near).mean())
+    # Averages of K periodograms of noise are Gamma(K) distributed about their mean.
+    accident = len(power) * stats.gamma.sf(len(pieces) * power[top] / max(rest, 1e-300), len(pieces))
+    variance = 2 * float(power[near].sum()) / STRETCH**2
+    if accident > ACCIDENT or variance < LOUD * expected**2:
+        return None
+    return Tone(channel, (top + SLOW) / (STRETCH * period), float(np.sqrt(2 * variance)))
+
+
+def _swings_about_zero(piece: Array, expected: float) -> bool:
+    """Whether no quarter of a stretch is lifted: then something does touch."""
+    means = np.abs(piece.reshape(4, -1).mean(axis=1))
+    return bool((means < max(3 * expected, 0.5 * float(piece.std()))).all())
+
+
+def _runs(row: Array, free: NDArray[np.bool_]) -> list[Array]:
+    """Stretches of :data:`STRETCH` rows without a break."""
+    out, begin = [], 0
+    for k in range(len(row)):
+        if not free[k]:
+            begin = k + 1
+        elif k + 1 - begin == STRETCH:
+            out.append(row[begin : k + 1])
+            begin = k + 1
+    return out
 
 
 def betrayed(traces: Sequence[Trace], pool: Sequence[Candidate]) -> tuple[Known, ...]:

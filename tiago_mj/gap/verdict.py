@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from importlib import resources
 from typing import Final
@@ -31,6 +31,8 @@ Array = NDArray[np.float64]
 ONE_EFFECT: Final = 1.0
 ANOTHER_EFFECT: Final = 0.5
 ONE_TARGET: Final = 0.5
+#: The temperature rises no further where all explanations fail.
+HOTTEST: Final = 4.0
 CALIBRATION: Final = "verdict.json"
 SCHEMA: Final = "tiago_mj.verdict/1"
 
@@ -97,9 +99,15 @@ class Judged:
     remains: bool
 
 
-def judge(ranked: Ranked) -> Judged:
-    """Judge ranked explanations, best first."""
-    return decide([option(fit, ranked) for fit in ranked.fits], calibration(), betrayed=ranked.known > 0)
+def judge(ranked: Ranked, *, strange: bool = False) -> Judged:
+    """Judge ranked explanations, best first.
+
+    Args:
+        ranked: explanations.
+        strange: the readings show what no effect of the library does.
+    """
+    said = decide([option(fit, ranked) for fit in ranked.fits], calibration(), betrayed=ranked.known > 0)
+    return replace(said, kind="unknown") if strange else said
 
 
 def option(fit: Fitted, ranked: Ranked) -> Option:
@@ -146,12 +154,20 @@ def decide(options: Sequence[Option], by: Calibration, *, betrayed: bool = False
 
 def probabilities(options: Sequence[Option], by: Calibration) -> Array:
     """Of every explanation, (n,)."""
-    # What the best explanation leaves is model error, which counts as often as it is repeated.
-    temperature = by.temperature * max(1.0, min(one.evidence.misfit for one in options))
+    temperature = temperature_of([one.evidence.misfit for one in options], by)
     scores = np.array([one.evidence.met / temperature + one.evidence.price for one in options])
     weights = np.exp(scores - scores.max())
     out: Array = weights / weights.sum()
     return out
+
+
+def temperature_of(misfits: Sequence[float], by: Calibration) -> float:
+    """What ``met`` is divided by, given the explanations' misfits.
+
+    What the best one leaves is model error, which counts as often as it is repeated; but where nothing explains the
+    recordings, what explains them least badly still goes first.
+    """
+    return by.temperature * min(max(1.0, min(misfits)), HOTTEST)
 
 
 def classes_of(fit: Fitted) -> frozenset[str]:
