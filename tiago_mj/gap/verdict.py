@@ -31,6 +31,8 @@ Array = NDArray[np.float64]
 ONE_EFFECT: Final = 1.0
 ANOTHER_EFFECT: Final = 0.5
 ONE_TARGET: Final = 0.5
+#: Real effects have not quite the form that is declared of them: a tenth of a gap, squared, may last.
+FORM: Final = 0.01
 #: The temperature rises no further where all explanations fail.
 HOTTEST: Final = 4.0
 CALIBRATION: Final = "verdict.json"
@@ -47,7 +49,7 @@ class Calibration:
         stands: the nominal model stands at this probability over the best explanation's, unless it leaves a gap.
         rival: explanations at least this probable beside the best are not ruled out.
         fails: mean square of the worst channel's lasting error, in units of what it should scatter by, above which
-            even the best explanation fails.
+            even the best explanation fails; beyond what its form may be wrong by.
         remains: and above which a part of the gap is said to remain.
         widens: a magnitude is known to so many deviations of its fit: these count errors that last as many.
     """
@@ -134,14 +136,16 @@ def decide(options: Sequence[Option], by: Calibration, *, betrayed: bool = False
     classes = [one.classes for one in options]
     pooled = np.array([single[[c == classes[k] for c in classes]].sum() for k in range(len(classes))])
     nominal = next(k for k, one in enumerate(options) if not one.effects)
+    form = FORM * options[nominal].evidence.lasting
     best = max((k for k in range(len(single)) if k != nominal), key=lambda k: single[k], default=nominal)
     stands = single[nominal] >= (1.0 if options[nominal].evidence.lasting > by.remains else by.stands) * single[best]
-    if best == nominal or (stands and not _fails(options[nominal], by)):
+    if best == nominal or (stands and options[nominal].evidence.lasting <= by.fails):
         best, rivals = nominal, [nominal]
     else:
         rivals = _rivals(options, single, by.rival * single[best], nominal)
         best = rivals[0]
-    if _fails(options[best], by):
+    left = options[best].evidence.lasting - (0.0 if best == nominal else form)
+    if left > by.fails:
         kind = "unknown"
     elif best == nominal and not betrayed:
         kind = "no_gap"
@@ -149,7 +153,7 @@ def decide(options: Sequence[Option], by: Calibration, *, betrayed: bool = False
         kind = "ambiguous"
     else:
         kind = "effect"
-    return Judged(kind, pooled, tuple(rivals), options[best].evidence.lasting > by.remains)
+    return Judged(kind, pooled, tuple(rivals), left > by.remains)
 
 
 def probabilities(options: Sequence[Option], by: Calibration) -> Array:
@@ -173,10 +177,6 @@ def temperature_of(misfits: Sequence[float], by: Calibration) -> float:
 def classes_of(fit: Fitted) -> frozenset[str]:
     """Classes of the effects of an explanation."""
     return frozenset(EFFECTS[part.effect].gap_class for part in fit.parts)
-
-
-def _fails(one: Option, by: Calibration) -> bool:
-    return one.evidence.lasting > by.fails
 
 
 def _rivals(options: Sequence[Option], probability: Array, least: float, nominal: int) -> list[int]:
