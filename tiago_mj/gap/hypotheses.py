@@ -47,12 +47,12 @@ class Nuisance:
 
 
 #: A nominal model's numbers are known to about 5 %; contacts less well; an object is placed to about a millimetre. What
-#: moves is known worse: publications differ by 17 % for a finger with its cell, and by up to 30 % for an arm's links.
+#: moves is known worse: publications differ by 17 % for a finger with its cell.
 NUISANCES: Final = (
     Nuisance("servo_stiffness", "factor", (0.04, 0.04)),
     Nuisance("servo_damping", "damping", (0.04, 0.04), relative="damping"),
     Nuisance("viscous_friction", "damping", (0.04, 0.04), relative="damping"),
-    Nuisance("armature", "mass", (0.1, 0.1), relative="inertia"),
+    Nuisance("armature", "mass", (0.1, 0.05), relative="inertia"),
     Nuisance("force_limit", "limit", (0.04, 0.04), relative="effort"),
     Nuisance("payload", "mass", (0.04, 0.04), relative="tool"),
     Nuisance("contact_stiffness", "factor", (0.06, 0.06)),
