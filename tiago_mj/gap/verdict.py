@@ -31,8 +31,8 @@ Array = NDArray[np.float64]
 ONE_EFFECT: Final = 1.0
 ANOTHER_EFFECT: Final = 0.5
 ONE_TARGET: Final = 0.5
-#: Real effects have not quite the form that is declared of them: a seventh of a gap, squared, may last.
-FORM: Final = 0.02
+#: Real effects have not quite the form that is declared of them: a tenth of a gap, squared, may last.
+FORM: Final = 0.01
 #: The temperature rises no further where all explanations fail.
 HOTTEST: Final = 4.0
 CALIBRATION: Final = "verdict.json"
