@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 from typing import Final
 
-from tiago_mj.gap import extra
+from tiago_mj import extra
 
 #: Folder that a checkout holds this package in.
 CHECKOUT: Final = Path(__file__).resolve().parents[1]

@@ -17,13 +17,16 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor
 from contextlib import contextmanager, redirect_stdout
 from dataclasses import dataclass
-from importlib import import_module
 from typing import Any, Final, TypeVar
+
+from tiago_mj import extra
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")
 
 BACKENDS: Final = ("local", "ray")
+#: What needs the extra.
+PURPOSE: Final = "running many processes"
 #: Where the cluster is, HOST:PORT: Ray's own variable; without it, the cluster that this machine is part of.
 ADDRESS: Final = "RAY_ADDRESS"
 #: Seconds to wait for the head's port; Ray itself would try for five minutes.
@@ -70,16 +73,16 @@ def run_all(
         raise ValueError(f"--jobs is {jobs}: give 0 or more")
     if backend == "local" and (jobs == 1 or len(tasks) < 2):
         return [function(task) for task in tasks]
-    joblib = _load("joblib")
+    joblib = extra.load("joblib", PURPOSE, "scale")
     if backend == "local":
         with joblib.parallel_config(backend="loky"):
             return _parallel(joblib, function, tasks, jobs, BrokenExecutor)
-    ray = _load("ray")
+    ray = extra.load("ray", PURPOSE, "scale")
     with redirect_stdout(sys.stderr), _connected(ray):  # Ray would tell of lost processes between the results
         processors = int(ray.cluster_resources().get("CPU", 0))
         if jobs > processors:
             raise ValueError(f"--jobs is {jobs}, but the Ray cluster has {processors} processors: give fewer, or 0")
-        _load("ray.util.joblib").register_ray()
+        extra.load("ray.util.joblib", PURPOSE, "scale").register_ray()
         logging.getLogger("ray.util.multiprocessing.pool").setLevel(logging.ERROR)  # warns of joblib's own arguments
         with joblib.parallel_config(backend="ray", ray_remote_args=dict(ACTORS)):
             return _parallel(joblib, function, tasks, jobs or processors, ray.exceptions.RayError)
@@ -139,13 +142,3 @@ def _connected(ray: Any) -> Iterator[None]:
         yield
     finally:
         ray.shutdown()
-
-
-def _load(name: str) -> Any:
-    try:
-        return import_module(name)
-    except ModuleNotFoundError as fault:
-        package = name.partition(".")[0]
-        raise ModuleNotFoundError(
-            f"many processes need {package}, which is not installed; install it with: pip install 'tiago-mj[scale]'"
-        ) from fault

@@ -27,6 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.blind import cases, motions, reality, recordings, robots
+from tiago_mj import extra
 from tiago_mj.models import names, scene
 from tiago_mj.models.files import model_file
 
@@ -166,13 +167,7 @@ def _truth(pressed: Array) -> dict[str, Any]:
 
 
 def _engine() -> Any:
-    try:
-        import pybullet
-    except ModuleNotFoundError as fault:
-        raise ModuleNotFoundError(
-            "the other engine needs pybullet, which is not installed; install it with: pip install 'tiago-mj[blind]'"
-        ) from fault
-    return pybullet
+    return extra.load("pybullet", "the other engine", "blind")
 
 
 @contextmanager

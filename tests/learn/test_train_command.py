@@ -333,7 +333,7 @@ def test_events_for_tensorboard_are_written_where_it_is_installed(small, tmp_pat
 
 
 def test_without_tensorboard_it_says_what_to_install(small, tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("tiago_mj.learn.command.find_spec", lambda name: None)
+    monkeypatch.setitem(sys.modules, "tensorboard", None)
     said = complaint(capsys, words(tmp_path / "run", small, "--tensorboard"))
     assert "pip install 'tiago-mj[tensorboard]'" in said
     assert not (tmp_path / "run").exists()

@@ -11,7 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from tiago_mj.gap import extra
+from tiago_mj import extra
 from tiago_mj.gap.recording import RecordingError, Trial
 
 if TYPE_CHECKING:

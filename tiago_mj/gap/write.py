@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 
 from tiago_mj import atomic
-from tiago_mj.gap.extra import pyarrow
+from tiago_mj.extra import pyarrow
 from tiago_mj.gap.recording import KINDS, Trial, channel, channels
 from tiago_mj.gap.sidecar import sidecar_mapping
 

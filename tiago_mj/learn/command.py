@@ -6,11 +6,10 @@ import argparse
 import json
 import os
 from collections.abc import Mapping, Sequence
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from tiago_mj import atomic, scale
+from tiago_mj import atomic, extra, scale
 from tiago_mj.evaluate.options import read_options
 from tiago_mj.learn import card, curves, progress
 from tiago_mj.learn.loop import BEST, Task, train_seed
@@ -56,11 +55,8 @@ def run(arguments: argparse.Namespace) -> int:
         ModuleNotFoundError: a library is missing; says how to install it.
     """
     settings = settings_of(arguments)
-    if arguments.tensorboard and find_spec("tensorboard") is None:
-        raise ModuleNotFoundError(
-            "--tensorboard needs tensorboard, which is not installed; install it with: "
-            "pip install 'tiago-mj[tensorboard]'"
-        )
+    if arguments.tensorboard:
+        extra.load("tensorboard", "--tensorboard", "tensorboard")
     _try_out(settings)
     out = arguments.out.resolve()
     claim(out, settings)

@@ -17,6 +17,7 @@ from typing import Any, Final
 
 import yaml
 
+from tiago_mj import extra
 from tiago_mj.registration import NAMESPACE
 
 #: Algorithm: class of stable-baselines3. The hyperparameters shipped for it are ``hyperparameters/NAME.yml``.
@@ -143,13 +144,7 @@ def sb3_class(algo: str) -> Any:
     Raises:
         ModuleNotFoundError: the extra is not installed.
     """
-    try:
-        import stable_baselines3
-    except ModuleNotFoundError as fault:
-        raise ModuleNotFoundError(
-            f"training needs {fault.name}, which is not installed; install it with: pip install 'tiago-mj[train]'"
-        ) from fault
-    return getattr(stable_baselines3, ALGORITHMS[algo])
+    return getattr(extra.load("stable_baselines3", "training", "train"), ALGORITHMS[algo])
 
 
 def _whole(where: str, key: str, value: Any) -> int:

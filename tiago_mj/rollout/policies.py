@@ -10,6 +10,7 @@ from typing import Any, Final
 import gymnasium
 import numpy as np
 
+from tiago_mj import extra
 from tiago_mj.control.force_pi import ForcePI
 from tiago_mj.control.tuned import tuned_pi
 from tiago_mj.envs.hold_force import HoldForce
@@ -105,13 +106,7 @@ def _load(path: Path, env: gymnasium.Env[Any, Any], trust: bool) -> Any:
             f"policy {path}: a stable-baselines3 file holds pickled Python, which can run any program when it is "
             "loaded; if you know who made it, add --trust"
         )
-    try:
-        import stable_baselines3
-    except ModuleNotFoundError as fault:
-        raise ModuleNotFoundError(
-            f"policy {path}: {fault.name} is not installed; install it with: pip install 'tiago-mj[train]'"
-        ) from fault
-    loader = getattr(stable_baselines3, algorithm)
+    loader = getattr(extra.load("stable_baselines3", f"policy {path}", "train"), algorithm)
     try:
         return loader.load(path, env=env, device="cpu", custom_objects=dict(_NO_BUFFER))
     except Exception as fault:

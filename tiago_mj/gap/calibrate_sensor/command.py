@@ -6,8 +6,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from tiago_mj import atomic
-from tiago_mj.gap import extra
+from tiago_mj import atomic, extra
 from tiago_mj.gap.recording import RecordingError
 
 

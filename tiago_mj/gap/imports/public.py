@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from tiago_mj.gap.extra import load
+from tiago_mj.extra import load
 from tiago_mj.gap.recording import RecordingError
 
 DOWNLOAD: Final = "download"

@@ -9,8 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from tiago_mj import atomic
-from tiago_mj.gap import extra
+from tiago_mj import atomic, extra
 from tiago_mj.gap.recording import Finding, RecordingError
 
 

@@ -23,7 +23,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from tiago_mj.gap.extra import load
+from tiago_mj.extra import load
 from tiago_mj.gap.read.tables import Table, check_size
 from tiago_mj.gap.recording import KINDS, Array, Finding, RecordingError
 from tiago_mj.models import names

@@ -14,7 +14,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from tiago_mj.gap.extra import pyarrow
+from tiago_mj.extra import pyarrow
 from tiago_mj.gap.recording import Array, Finding, RecordingError
 
 #: Over an hour at 240 Hz. The fit simulates every row of every trial again and again: a longer recording is better cut.

@@ -18,8 +18,7 @@ from typing import Any, Final
 import jinja2
 from markupsafe import Markup
 
-from tiago_mj import atomic
-from tiago_mj.gap import extra
+from tiago_mj import atomic, extra
 from tiago_mj.gap.report import overlays, shrinking, tables, verdict, words
 from tiago_mj.gap.result import PHASES, Diagnosis
 

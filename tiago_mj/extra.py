@@ -1,4 +1,4 @@
-"""Libraries of the extra ``gap``, loaded when they are needed."""
+"""Libraries of extras, loaded when they are needed."""
 
 from __future__ import annotations
 
@@ -6,8 +6,13 @@ from importlib import import_module
 from typing import Any
 
 
-def load(name: str, purpose: str) -> Any:
-    """Import a library of the extra.
+def load(name: str, purpose: str, extra: str = "gap") -> Any:
+    """Import a library of an extra.
+
+    Args:
+        name: of the module.
+        purpose: what needs it, for the complaint.
+        extra: of this package that brings it.
 
     Raises:
         ModuleNotFoundError: it is not installed; says how to.
@@ -15,9 +20,9 @@ def load(name: str, purpose: str) -> Any:
     try:
         return import_module(name)
     except ModuleNotFoundError as fault:
-        package = name.partition(".")[0]
+        package = (fault.name or name).partition(".")[0]  # it may be one that the library itself needs
         raise ModuleNotFoundError(
-            f"{purpose} needs {package}, which is not installed; install it with: pip install 'tiago-mj[gap]'"
+            f"{purpose} needs {package}, which is not installed; install it with: pip install 'tiago-mj[{extra}]'"
         ) from fault
 
 
