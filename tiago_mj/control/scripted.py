@@ -7,6 +7,7 @@ robot's kinematics and see what the agent sees.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from typing import Any, Final
 
 import gymnasium
@@ -106,7 +107,7 @@ def _rotation(now: Array, wanted: Array) -> Array:
     return vector
 
 
-class Scripted:
+class Scripted(ABC):
     """The expert of one of the three tasks; :meth:`for_env` makes it.
 
     One instance serves one environment: call :meth:`reset` after every reset of it.
@@ -139,6 +140,7 @@ class Scripted:
             raise ValueError("the experts command velocities: make the environment with control='velocity'")
         return expert(core)
 
+    @abstractmethod
     def reset(self) -> None:
         """Forget the episode before."""
 
@@ -158,15 +160,18 @@ class Scripted:
         action[self._fingers] = fingers
         return action
 
+    @abstractmethod
     def _plan(self, hand: Array, seen: Array, goal: Array) -> tuple[Array, float]:
         """Velocity of the grasp point (3,) [m/s], and the fingers' action."""
-        raise NotImplementedError
 
 
 class ReachExpert(Scripted):
     """Straight to the goal, the hand's orientation kept where that is easy."""
 
     ROTATION_WEIGHT = 0.1
+
+    def reset(self) -> None:
+        """It has no memory."""
 
     def _plan(self, hand: Array, seen: Array, goal: Array) -> tuple[Array, float]:
         return GAIN * (goal - hand), 0.0

@@ -8,6 +8,7 @@ It follows gymnasium-robotics: a ``MujocoRobotEnv`` (a ``GoalEnv``) with its hoo
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
@@ -49,7 +50,7 @@ FINGER_SPEED: Final = 0.08
 POSITION_MARGIN, VELOCITY_BOUND, FORCE_BOUND, WORLD_BOUND = 0.5, 100.0, 2000.0, 10.0
 
 
-class RobotEnv(MujocoRobotEnv):  # type: ignore[misc]
+class RobotEnv(MujocoRobotEnv, ABC):  # type: ignore[misc]
     """A robot of :data:`tiago_mj.models.scene.ROBOTS` at a table, commanded at a fixed rate.
 
     Args:
@@ -167,25 +168,25 @@ class RobotEnv(MujocoRobotEnv):  # type: ignore[misc]
 
     # Hooks of a task -----------------------------------------------------------------------------------------------
 
+    @abstractmethod
     def _observation(self, state: State) -> Array:
         """What the agent sees apart from goals, (..., n)."""
-        raise NotImplementedError
 
+    @abstractmethod
     def _observation_bound(self) -> Array:
         """Largest magnitude of every entry of :meth:`_observation`, (n,)."""
-        raise NotImplementedError
 
+    @abstractmethod
     def _achieved(self, state: State) -> Array:
         """The achieved goal, (..., g)."""
-        raise NotImplementedError
 
+    @abstractmethod
     def _goal_bound(self) -> Array:
         """Largest magnitude of the achieved and desired goal, (g,)."""
-        raise NotImplementedError
 
+    @abstractmethod
     def _reward_terms(self, achieved: Array, desired: Array) -> dict[str, Array]:
         """Named parts whose sum is the reward, each (...)."""
-        raise NotImplementedError
 
     def _object_position(self, offset: float) -> Array:
         """Where the object's axis meets the table at reset, (2,) [m]: between the fingers."""
@@ -198,9 +199,9 @@ class RobotEnv(MujocoRobotEnv):  # type: ignore[misc]
         item, offset = self.object_choice.draw(rng)
         return Start(item, offset, self._object_position(offset))
 
+    @abstractmethod
     def _draw_goal(self, rng: np.random.Generator, object_place: Array) -> Array:
         """The goal of one episode, (g,); the middle of the object starts at ``object_place``, (3,) [m], or (0,)."""
-        raise NotImplementedError
 
     # gymnasium-robotics' hooks --------------------------------------------------------------------------------------
 

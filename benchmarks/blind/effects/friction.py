@@ -3,20 +3,22 @@ a millimetre; at rest it holds, as MuJoCo's own friction does not."""
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
+
 import numpy as np
 
 from benchmarks.blind.effects.base import Array, Effect, World
 from benchmarks.blind.robots import Robot
 
 
-class Bristles(Effect):
+class Bristles(Effect, ABC):
     """Friction whose level :meth:`level` gives, (ntrials, n) [N, N·m]."""
 
     stiff = True
 
+    @abstractmethod
     def level(self, world: World) -> Array:
         """Steady friction now."""
-        raise NotImplementedError
 
     def start(self, world: World) -> None:
         self._z = np.zeros_like(world.q)

@@ -6,6 +6,8 @@ solved implicitly on the motor's side, so that it stays stable however stiff it 
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
+
 import numpy as np
 
 from benchmarks.blind.effects.base import Array, Effect, World
@@ -15,7 +17,7 @@ from benchmarks.blind.robots import Robot
 ROTOR = 0.05
 
 
-class TwoMass(Effect):
+class TwoMass(Effect, ABC):
     """A motor behind a spring and a damper, with or without play."""
 
     two_mass = True
@@ -40,9 +42,9 @@ class TwoMass(Effect):
         self._q = world.q.copy()
         self._v = np.zeros_like(world.q)
 
+    @abstractmethod
     def connection(self, world: World) -> tuple[Array, Array, Array]:
         """Stiffness, damping, play, each (n,)."""
-        raise NotImplementedError
 
     def motor(self, world: World) -> tuple[Array, Array]:
         q, v = world.q.copy(), world.v.copy()
