@@ -19,6 +19,7 @@ import tiago_mj
 from tiago_mj import cli
 from tiago_mj.film import Film, strip_indices
 from tiago_mj.rollout import command
+from tiago_mj.rollout.options import environment_id, read_options
 
 
 def complaint(capsys: pytest.CaptureFixture[str], *words: str) -> str:
@@ -75,6 +76,25 @@ def test_a_rollout_as_json_says_the_same(capsys):
     assert json.loads(capsys.readouterr().out) == data  # the seed decides everything, the policy's actions too
 
 
+def test_a_rollout_is_of_the_environment_with_its_arguments(capsys):
+    words = ["rollout", "--env", "GripperTactile-v0", "--policy", "pi", "--env-option", "object_offset=0", "--json"]
+    episodes = {}
+    for servo in ("pal", "ideal"):
+        assert cli.main([*words, "--env-option", f"servo={servo}"]) == 0
+        data = json.loads(capsys.readouterr().out)
+        assert data["env_options"] == {"object_offset": 0, "servo": servo}
+        (episodes[servo],) = data["episodes"]
+    # The servo that tracks velocities at once is the sooner at the object.
+    assert episodes["ideal"]["both_contacts"] < episodes["pal"]["both_contacts"]
+    film = complaint(capsys, *words, "--film", "a.png", "--env-option", "render_mode=human")
+    assert "does not take this" in film
+
+
+def test_options_are_json_or_plain_words():
+    found = read_options(["servo=ideal", 'object=["box", "wood"]', "goal=[0.5, 1.5]", "control_hz=25", "a=b=c"])
+    assert found == {"servo": "ideal", "object": ["box", "wood"], "goal": [0.5, 1.5], "control_hz": 25, "a": "b=c"}
+
+
 def test_an_environment_without_load_cells_can_be_rolled_out(capsys):
     assert cli.main(["rollout", "--env", "TIAGoPALGripper-v0", "--policy", "random", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["episodes"][0]["steps"] == 300
@@ -123,6 +143,8 @@ def test_an_unknown_environment_is_answered_with_those_there_are(capsys):
         (("rollout", "--env", "GripperTactile-v0", "--policy", "pi", "--episodes", "0"), "--episodes is 0"),
         (("rollout", "--env", "GripperTactile-v0", "--policy", "pi", "--episodes", "x"), "invalid int"),
         (("rollout", "--env", "GripperTactile-v0", "--policy", "pi", "--seed", "-1"), "--seed is -1"),
+        (("rollout", "--env", "GripperTactile-v0", "--policy", "pi", "--env-option", "servo"), "no key=value"),
+        (("rollout", "--env", "GripperTactile-v0", "--policy", "pi", "--env-option", "sevro=ideal"), "not take this"),
         (("rollout", "--env", "GripperTactile-v0", "--policy", "pi", "--film", "a.avi"), ".mp4, .gif, .png"),
         (("rollout", "--env", "GripperTactile-v0", "--policy", "pid"), "give pi, random"),
         (("rollout", "--env", "TIAGoPALGripper-v0", "--policy", "pi"), "use an environment with such a goal"),
@@ -206,4 +228,4 @@ def test_without_the_learning_library_it_says_what_to_install(policy, capsys, mo
 
 def test_ids_are_known_with_and_without_their_namespace():
     for name in tiago_mj.ENVIRONMENTS:
-        assert command.environment_id(name) == command.environment_id(f"tiago_mj/{name}") == f"tiago_mj/{name}"
+        assert environment_id(name) == environment_id(f"tiago_mj/{name}") == f"tiago_mj/{name}"

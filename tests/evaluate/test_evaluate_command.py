@@ -9,7 +9,6 @@ import pytest
 from tiago_mj import cli
 from tiago_mj.evaluate import command
 from tiago_mj.evaluate.command import names_of
-from tiago_mj.evaluate.options import read_options
 from tiago_mj.film import Film
 
 
@@ -85,11 +84,6 @@ def test_each_controllers_first_episode_is_filmed(tmp_path, monkeypatch):
     words = ["evaluate", "--env", "TIAGoReach-v0", "--policy", "random", "--episodes", "2", "--film"]
     assert cli.main([*words, "--out", str(tmp_path)]) == 0
     assert len(list(iio.imiter(tmp_path / "random.mp4"))) == 3  # of the 50 steps of one episode, and the start
-
-
-def test_options_are_json_or_plain_words():
-    found = read_options(["servo=ideal", 'object=["box", "wood"]', "goal=[0.5, 1.5]", "control_hz=25", "a=b=c"])
-    assert found == {"servo": "ideal", "object": ["box", "wood"], "goal": [0.5, 1.5], "control_hz": 25, "a": "b=c"}
 
 
 def test_two_controllers_of_one_name_are_told_apart():

@@ -5,7 +5,8 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from tiago_mj.evaluate.metrics import SHOWN, EpisodeTrace, Metrics, Spread, bounces, contact_share, measure, summarise
+from tiago_mj.evaluate.metrics import SHOWN, Metrics, Spread, bounces, contact_share, measure, summarise
+from tiago_mj.rollout import Trace
 
 NEWTONS = 6.0  # of one sensor unit, in these traces
 
@@ -14,7 +15,7 @@ def trace(force, *, contact=None, goal=1.0, place=None, dt=0.01):
     """An episode of two fingers with these readings, (T, 2), without noise."""
     force = np.asarray(force, dtype=float)
     steps = len(force)
-    return EpisodeTrace(
+    return Trace(
         time=dt * np.arange(1, steps + 1),
         reward=-np.abs(force - goal).sum(axis=1),
         success=np.zeros(steps, dtype=bool),
@@ -25,6 +26,7 @@ def trace(force, *, contact=None, goal=1.0, place=None, dt=0.01):
         position=np.zeros((steps, 2)),
         object_position=np.zeros((steps + 1, 3)) if place is None else np.asarray(place, dtype=float),
         goal_newtons=np.full(2, NEWTONS * goal),
+        threshold=np.zeros(2),
     )
 
 

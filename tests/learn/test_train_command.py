@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shlex
 import signal
 import subprocess
 import sys
@@ -121,6 +122,15 @@ def test_a_finished_training_is_not_trained_again(trained, small, capsys):
     assert (trained / "seed-0" / "checkpoint.zip").stat().st_mtime_ns == before
     assert data["seeds"][0]["steps_per_second"] is None
     assert data["seeds"][0]["best_mean"] is not None
+
+
+def test_what_to_do_next_is_a_command_that_plays_the_agent_as_it_was_trained(trained, small, capsys):
+    assert cli.main(words(trained, small, "--seeds", "2", "--jobs", "2")) == 0
+    following = capsys.readouterr().out.splitlines()[-1]
+    assert "--env-option object_offset=0.0 --env-option max_episode_steps=40" in following
+    assert cli.main([*shlex.split(following.removeprefix("next: tiago-mj ")), "--json"]) == 0
+    data = json.loads(capsys.readouterr().out)
+    assert [episode["steps"] for episode in data["episodes"]] == [40] * 10
 
 
 @pytest.mark.parametrize("algo", ["sac", "ddpg", "ppo", "a2c", "her-td3"])

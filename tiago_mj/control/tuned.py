@@ -14,6 +14,7 @@ from typing import Any, Final
 import gymnasium
 
 from tiago_mj.control.force_pi import ForcePI, Gains
+from tiago_mj.envs.flat import core_of
 
 #: The file beside this module.
 FILE: Final = "tuned_pi.json"
@@ -37,5 +38,4 @@ def tuned_pi(env: gymnasium.Env[Any, Any]) -> ForcePI:
     Raises:
         ValueError: there are no gains for its servo, or the environment has no load cells.
     """
-    core: Any = getattr(env.unwrapped, "core", env.unwrapped)
-    return ForcePI.for_env(env, tuned_gains(core.servo))
+    return ForcePI.for_env(env, tuned_gains(core_of(env).servo))

@@ -17,6 +17,11 @@ Array = NDArray[np.float64]
 _GOAL_FORM_ONLY: Final = frozenset({"compute_reward", "compute_terminated", "compute_truncated"})
 
 
+def core_of(env: gymnasium.Env[Any, Any]) -> Any:
+    """The goal environment behind an environment, its wrappers and its flat view."""
+    return getattr(env.unwrapped, "core", env.unwrapped)
+
+
 class FlatView(gymnasium.Env[Array, Array]):
     """One vector in place of the dictionary: ``observation`` whose last entries are taken relative to the goal.
 

@@ -11,11 +11,11 @@ from typing import Any
 import gymnasium
 
 from tiago_mj import atomic, figures
+from tiago_mj.envs.flat import core_of
 from tiago_mj.evaluate import bound, plots, report
-from tiago_mj.evaluate.options import make_env, read_options
-from tiago_mj.evaluate.play import core_of, play_policy
+from tiago_mj.evaluate.play import play_policy
 from tiago_mj.film import Film
-from tiago_mj.rollout.command import environment_id
+from tiago_mj.rollout import options
 
 #: What the command writes.
 DATA, PICTURE = "evaluation.json", "episodes.png"
@@ -23,7 +23,7 @@ DATA, PICTURE = "evaluation.json", "episodes.png"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of the command."""
-    parser.add_argument("--env", required=True, metavar="ID", help="such as GripperTactile-v0")
+    options.add_environment(parser)
     parser.add_argument(
         "--policy",
         required=True,
@@ -31,22 +31,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="NAME|FILE",
         help="pi, pi-tuned, random, or a file that rollout takes; give it once a controller",
     )
-    parser.add_argument("--episodes", type=int, default=10, metavar="N", help="of each controller (10)")
-    parser.add_argument(
-        "--seed", type=int, default=0, metavar="N", help="of the first episode; each later one adds 1 (0)"
-    )
-    parser.add_argument(
-        "--env-option",
-        action="append",
-        default=[],
-        metavar="KEY=VALUE",
-        help="argument of the environment, value in JSON: servo=ideal, goal='[0.5, 1.5]'; as often as needed",
-    )
+    options.add_episodes(parser, 10)
     parser.add_argument("--out", type=Path, metavar="FOLDER", help=f"for {DATA}, {PICTURE} and films")
     parser.add_argument("--film", action="store_true", help="film each controller's first episode, into --out")
     parser.add_argument("--bound", action="store_true", help="the reward that nobody exceeds, and the distance from it")
     parser.add_argument("--json", action="store_true", help="print the same as data")
-    parser.add_argument("--trust", action="store_true", help="load files although loading runs what they hold")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -55,16 +44,12 @@ def run(arguments: argparse.Namespace) -> int:
     Raises:
         ValueError: an argument is unusable; says which and how to mend it.
     """
-    identifier = environment_id(arguments.env)
-    for name, least in (("episodes", 1), ("seed", 0)):
-        if getattr(arguments, name) < least:
-            raise ValueError(f"--{name} is {getattr(arguments, name)}: give {least} or more")
+    identifier, seeds = options.environment_id(arguments.env), options.seeds_of(arguments)
     if arguments.film and arguments.out is None:
         raise ValueError("--film needs a folder to put films in: add --out FOLDER")
-    options = read_options(arguments.env_option)
-    seeds = tuple(range(arguments.seed, arguments.seed + arguments.episodes))
+    given = options.read_options(arguments.env_option)
     more = {"render_mode": "rgb_array"} if arguments.film else {}
-    env = make_env(identifier, options, **more)
+    env = options.make_env(identifier, given, **more)
     try:
         if arguments.bound:
             bound.check(core_of(env))
@@ -78,7 +63,7 @@ def run(arguments: argparse.Namespace) -> int:
         bounds = bounds_of(env, seeds) if arguments.bound else []
     finally:
         env.close()
-    evaluation = report.Evaluation(identifier, options, played, bounds)
+    evaluation = report.Evaluation(identifier, given, played, bounds)
     written = [] if arguments.out is None else write(evaluation, arguments.out, films)
     if arguments.json:
         print(json.dumps(report.as_data(evaluation), indent=1, allow_nan=False))

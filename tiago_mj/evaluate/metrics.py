@@ -14,38 +14,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from tiago_mj.rollout.episode import FINAL_SHARE
+from tiago_mj.rollout.episode import FINAL_SHARE, Trace
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class EpisodeTrace:
-    """What happened in an episode; row t is after control step t + 1.
-
-    Attributes:
-        time: from the start of the episode, (T,) [s].
-        reward: (T,).
-        success: (T,) bool.
-        goal: of the last step, (g,).
-        force: load-cell readings, (T, 2) right and left [sensor units]; (T, 0) where there are none.
-        force_contact: the simulator's, (T, 2) [N]; or (T, 0).
-        in_contact: whether pad and object press on each other, (T, 2) bool; or (T, 0).
-        position: of the commanded joints, (T, N) [m, rad].
-        object_position: of the object's middle, its place at the start first, (T + 1, 3) [m]; or (T + 1, 0).
-        goal_newtons: force that the goal asks of each finger, (2,) [N]; None where the goal is no force.
-    """
-
-    time: Array
-    reward: Array
-    success: NDArray[np.bool_]
-    goal: Array
-    force: Array
-    force_contact: Array
-    in_contact: NDArray[np.bool_]
-    position: Array
-    object_position: Array
-    goal_newtons: Array | None
 
 
 @dataclass(frozen=True)
@@ -114,7 +85,7 @@ class Spread:
     count: int
 
 
-def measure(trace: EpisodeTrace) -> Metrics:
+def measure(trace: Trace) -> Metrics:
     """The metrics of an episode."""
     contact = trace.in_contact
     touched = contact.shape[1] > 0
@@ -134,7 +105,7 @@ def measure(trace: EpisodeTrace) -> Metrics:
     )
 
 
-def paper_reward(trace: EpisodeTrace) -> float | None:
+def paper_reward(trace: Trace) -> float | None:
     """Sum of −Σ_i |f_i − goal| over the episode [sensor units] (paper, section III-D)."""
     if trace.goal_newtons is None or not trace.force.shape[1]:
         return None
@@ -172,14 +143,14 @@ def _spread(values: Sequence[float | None]) -> Spread:
     )
 
 
-def _rest_error(trace: EpisodeTrace) -> float | None:
+def _rest_error(trace: Trace) -> float | None:
     if trace.goal_newtons is None or not trace.force.shape[1]:
         return None
     last = max(1, round(FINAL_SHARE * len(trace.time)))
     return float(np.abs(trace.force[-last:].mean(axis=0) - trace.goal).mean())
 
 
-def _overshoot(trace: EpisodeTrace) -> float | None:
+def _overshoot(trace: Trace) -> float | None:
     if trace.goal_newtons is None or not trace.in_contact.any():
         return None
     return max(0.0, float((trace.force_contact / trace.goal_newtons).max()) - 1.0)

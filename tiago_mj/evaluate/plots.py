@@ -12,9 +12,9 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
-from tiago_mj.evaluate.metrics import EpisodeTrace
 from tiago_mj.evaluate.play import Played
 from tiago_mj.figures import BLACK, GREY, SIDE_STYLE, STYLE
+from tiago_mj.rollout import Trace
 
 #: Width of a controller's column, and height of a row [inch].
 COLUMN, ROW = 3.6, 2.5
@@ -55,7 +55,7 @@ def episodes(played: Sequence[Played], environment: str) -> Figure:
     return figure
 
 
-def _forces(axis: Axes, trace: EpisodeTrace, *, leading: bool) -> None:
+def _forces(axis: Axes, trace: Trace, *, leading: bool) -> None:
     if leading and trace.goal_newtons is not None:
         axis.axhline(float(trace.goal_newtons[0]), color=BLACK, ls="--", lw=1.0)
     touched = np.logical_or.accumulate(trace.in_contact, axis=0)
@@ -66,7 +66,7 @@ def _forces(axis: Axes, trace: EpisodeTrace, *, leading: bool) -> None:
             axis.plot(trace.time[lost], np.full(lost.sum(), -0.25 - 0.35 * i), color=color, ls="none", marker=".", ms=3)
 
 
-def _positions(axis: Axes, trace: EpisodeTrace, *, leading: bool) -> None:
+def _positions(axis: Axes, trace: Trace, *, leading: bool) -> None:
     fingers = trace.position[:, -2:]
     for i, (side, (color, line)) in enumerate(SIDE_STYLE.items()):
         label = f"{side} finger" if leading else None

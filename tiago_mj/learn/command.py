@@ -5,22 +5,22 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import shlex
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from tiago_mj import atomic, extra, scale
-from tiago_mj.evaluate.options import read_options
 from tiago_mj.learn import card, curves, progress
 from tiago_mj.learn.loop import BEST, Task, train_seed
 from tiago_mj.learn.settings import Settings, claim, provenance
 from tiago_mj.learn.zoo_form import ALGORITHMS, read_hyperparameters
-from tiago_mj.rollout.command import environment_id
+from tiago_mj.rollout import options
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of the command."""
-    parser.add_argument("--env", required=True, metavar="ID", help="such as GripperTactile-v0")
+    options.add_environment(parser)
     parser.add_argument("--algo", default="td3", metavar="NAME", help=f"{', '.join(ALGORITHMS)} (td3)")
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="what is trained goes there; see below")
     parser.add_argument("--seeds", type=int, default=1, metavar="N", help="seeds 0 to N - 1 (1)")
@@ -32,9 +32,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--gradient-steps", type=float, metavar="R", help="updates per environment step (as the hyperparameters say)"
     )
     parser.add_argument("--envs", type=int, metavar="N", help="environments of a seed (as the hyperparameters say)")
-    parser.add_argument(
-        "--env-option", action="append", default=[], metavar="KEY=VALUE", help="of the environment: servo=ideal; JSON"
-    )
     parser.add_argument("--effects", type=Path, metavar="FILE", help="calibration.yaml whose effects act on it")
     parser.add_argument("--evaluate-every", type=int, default=10_000, metavar="N", help="environment steps (10000)")
     parser.add_argument("--evaluation-episodes", type=int, default=10, metavar="N", help="of each evaluation (10)")
@@ -78,7 +75,9 @@ def run(arguments: argparse.Namespace) -> int:
     print(table(results))
     chosen = arguments.out / f"seed-{data['best_seed']}" / BEST
     print(f"{settings.algo} on {settings.env}: card {arguments.out / 'card.md'}, best agent {chosen}")
-    print(f"next: tiago-mj rollout --env {arguments.env} --policy {chosen} --episodes 10")
+    words = [f"{key}={json.dumps(value)}" for key, value in settings.env_options.items()]
+    played = "".join(f" --env-option {shlex.quote(word)}" for word in words)
+    print(f"next: tiago-mj rollout --env {arguments.env}{played} --policy {chosen} --episodes 10")
     return 0
 
 
@@ -88,16 +87,13 @@ def settings_of(arguments: argparse.Namespace) -> Settings:
     Raises:
         ValueError: an option is unusable.
     """
-    env = environment_id(arguments.env)
-    for name in ("seeds", "evaluate_every", "evaluation_episodes", "checkpoint_every", "steps", "envs"):
-        value = getattr(arguments, name)
-        if value is not None and value < 1:
-            raise ValueError(f"--{name.replace('_', '-')} is {value}: give 1 or more")
+    env = options.environment_id(arguments.env)
+    counts = ("seeds", "evaluate_every", "evaluation_episodes", "checkpoint_every", "steps", "envs")
+    options.check_least(arguments, 1, *counts)
+    options.check_least(arguments, 0, "jobs")
     ratio = arguments.gradient_steps
     if ratio is not None and not 0 < ratio <= 100:
         raise ValueError(f"--gradient-steps is {ratio}: give updates per environment step, above 0, at most 100")
-    if arguments.jobs is not None and arguments.jobs < 0:
-        raise ValueError(f"--jobs is {arguments.jobs}: give 0 or more")
     given = read_hyperparameters(arguments.algo, env, arguments.hyperparameters)
     if ratio is not None and "train_freq" not in given and arguments.algo in ("ppo", "a2c"):
         raise ValueError(f"--gradient-steps is of algorithms with a replay buffer; {arguments.algo} has none")
@@ -107,7 +103,7 @@ def settings_of(arguments: argparse.Namespace) -> Settings:
         env=env,
         algo=arguments.algo,
         steps=arguments.steps or given["n_timesteps"],
-        env_options={**given["env_kwargs"], **read_options(arguments.env_option)},
+        env_options={**given["env_kwargs"], **options.read_options(arguments.env_option)},
         effects=_effects(arguments.effects),
         hyperparameters=given,
         updates_per_step=ratio,

@@ -8,15 +8,15 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-import gymnasium
 import numpy as np
 
 from tiago_mj import scale
 from tiago_mj.film import SUFFIXES, Film, check_suffix
-from tiago_mj.registration import ENVIRONMENTS, NAMESPACE
+from tiago_mj.rollout import options
 from tiago_mj.rollout.episode import Episode
+from tiago_mj.rollout.options import environment_id as environment_id  # recordings are of environments, too
 from tiago_mj.rollout.policies import RANDOM
-from tiago_mj.rollout.sweep import Batch, play_all, play_seeds
+from tiago_mj.rollout.sweep import Batch, play_all, play_in
 
 HEADER = ("episode", "seed", "return", "success", "both contacts", "final right", "final left", "peak")
 UNITS = ("", "", "", "", "s", "sensor u.", "sensor u.", "sensor u.")
@@ -24,22 +24,18 @@ UNITS = ("", "", "", "", "s", "sensor u.", "sensor u.", "sensor u.")
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of the command."""
-    parser.add_argument("--env", required=True, metavar="ID", help="such as GripperTactile-v0")
+    options.add_environment(parser)
     parser.add_argument(
         "--policy",
         required=True,
         metavar="pi|random|NAME|FILE",
         help="PI force control, random, an agent, its npz, or a stable-baselines3 zip",
     )
-    parser.add_argument("--episodes", type=int, default=1, metavar="N", help="how many (1)")
-    parser.add_argument(
-        "--seed", type=int, default=0, metavar="N", help="of the first episode; each later one adds 1 (0)"
-    )
+    options.add_episodes(parser, 1)
     parser.add_argument(
         "--film", type=Path, metavar="FILE", help=f"{', '.join(SUFFIXES)}; a png is a filmstrip of the first episode"
     )
     parser.add_argument("--json", action="store_true", help="print the same as data")
-    parser.add_argument("--trust", action="store_true", help="load FILE although loading runs what it holds")
     scale.add_arguments(parser)
 
 
@@ -49,15 +45,12 @@ def run(arguments: argparse.Namespace) -> int:
     Raises:
         ValueError: an argument is unusable; says which and how to mend it.
     """
-    identifier = environment_id(arguments.env)
-    for name, least in (("episodes", 1), ("seed", 0), ("jobs", 0)):
-        if getattr(arguments, name) < least:
-            raise ValueError(f"--{name} is {getattr(arguments, name)}: give {least} or more")
-    seeds = tuple(range(arguments.seed, arguments.seed + arguments.episodes))
+    seeds = options.seeds_of(arguments)
     policy = arguments.policy
     if policy not in ("pi", RANDOM) and Path(policy).exists():
         policy = str(Path(policy).resolve())  # processes of a cluster have another working directory
-    batch = Batch(identifier, policy, seeds, arguments.trust)
+    given = options.read_options(arguments.env_option)
+    batch = Batch(options.environment_id(arguments.env), given, policy, seeds, arguments.trust)
     film = None
     if arguments.film is None:
         episodes = play_all(batch, jobs=arguments.jobs, backend=arguments.backend)
@@ -65,33 +58,21 @@ def run(arguments: argparse.Namespace) -> int:
         check_suffix(arguments.film)
         if arguments.jobs != 1 or arguments.backend != "local":
             raise ValueError("--film shows the episodes of one process: leave out --jobs and --backend, or --film")
-        env = gymnasium.make(identifier, render_mode="rgb_array")
+        env = options.make_env(batch.env, given, render_mode="rgb_array")
         try:
             film = Film(env)
-            episodes = play_seeds(env, batch, watch=film)
+            episodes = play_in(env, batch, watch=film)
             film.write(arguments.film)
         finally:
             env.close()
     if arguments.json:
-        print(json.dumps(as_data(identifier, arguments, episodes), indent=2))
+        print(json.dumps(as_data(batch, arguments, episodes), indent=2))
         return 0
     print(table(episodes))
-    print(f"{identifier}, policy {arguments.policy}: {in_a_line(episodes)}")
+    print(f"{batch.env}, policy {arguments.policy}: {in_a_line(episodes)}")
     if film is not None:
         print(f"film: {arguments.film} ({film.slow_motion} times slower than life)")
     return 0
-
-
-def environment_id(name: str) -> str:
-    """The registered id, given with or without its namespace.
-
-    Raises:
-        ValueError: no such environment; lists those there are.
-    """
-    short = name.removeprefix(f"{NAMESPACE}/")
-    if short not in ENVIRONMENTS:
-        raise ValueError(f"environment {name!r} is unknown: use one of {', '.join(ENVIRONMENTS)}")
-    return f"{NAMESPACE}/{short}"
 
 
 def table(episodes: list[Episode]) -> str:
@@ -122,11 +103,12 @@ def in_a_line(episodes: list[Episode]) -> str:
     return f"return {returns.mean():.2f}{spread}, {successes} of {len(episodes)} episodes end in success"
 
 
-def as_data(identifier: str, arguments: argparse.Namespace, episodes: list[Episode]) -> dict[str, Any]:
+def as_data(batch: Batch, arguments: argparse.Namespace, episodes: list[Episode]) -> dict[str, Any]:
     """What ``--json`` prints."""
     returns = [episode.episode_return for episode in episodes]
     return {
-        "env": identifier,
+        "env": batch.env,
+        "env_options": batch.env_options,
         "policy": arguments.policy,
         "episodes": [asdict(episode) for episode in episodes],
         "return_mean": float(np.mean(returns)),

@@ -10,6 +10,10 @@ import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
+from tiago_mj.envs.flat import core_of
+from tiago_mj.envs.hold_force import HoldForce
+from tiago_mj.envs.state import State
+
 Array = NDArray[np.float64]
 
 #: The final force is the mean over this last share of the episode: a single reading is mostly noise.
@@ -34,20 +38,26 @@ class Trace:
         time: from the start of the episode, (T,) [s].
         reward: (T,).
         success: (T,) bool.
-        force: load-cell readings, (T, 2) right and left [sensor units]; (T, 0) where there are no load cells.
-        in_contact: whether pad and object press on each other: the simulator's truth, (T, 2), or (T, 0) as ``force``.
-        position: of the commanded joints, (T, N) [m, rad].
         goal: of the last step, (g,).
+        force: load-cell readings, (T, 2) right and left [sensor units]; (T, 0) where there are no load cells.
+        force_contact: the simulator's truth, (T, 2) [N]; or (T, 0).
+        in_contact: whether pad and object press on each other: the truth, too, (T, 2) bool; or (T, 0).
+        position: of the commanded joints, (T, N) [m, rad].
+        object_position: of the object's middle, its place at the start first, (T + 1, 3) [m]; or (T + 1, 0).
+        goal_newtons: force that the goal asks of each finger, (2,) [N]; None where the goal is no force.
         threshold: above which a reading counts as touch, as ``force`` without T [sensor units].
     """
 
     time: Array
     reward: Array
     success: NDArray[np.bool_]
+    goal: Array
     force: Array
+    force_contact: Array
     in_contact: NDArray[np.bool_]
     position: Array
-    goal: Array
+    object_position: Array
+    goal_newtons: Array | None
     threshold: Array
 
     def contact_times(self) -> tuple[float | None, ...]:
@@ -91,32 +101,37 @@ def play(
         seed: of the reset.
         watch: called with 0 after the reset and with t after control step t; takes the film.
     """
-    core: Any = env.unwrapped
+    core = core_of(env)
     observation, info = env.reset(seed=seed)
     policy.reset()
-    rows: list[tuple[float, float, bool, Array, Array, Array]] = []
+    states: list[State] = [core.state]
+    rewards: list[float] = []
+    success: list[bool] = []
     over = False
     if watch is not None:
         watch(0)
     while not over:
         observation, reward, terminated, truncated, info = env.step(policy(observation, info))
         over = terminated or truncated
-        rows.append(
-            (
-                (len(rows) + 1) * core.dt,
-                float(reward),
-                bool(info["is_success"]),
-                np.array(info.get("force_raw", ())),
-                np.array(info.get("in_contact", ())),
-                np.array(core.state.position),
-            )
-        )
+        states.append(core.state)
+        rewards.append(float(reward))
+        success.append(bool(info["is_success"]))
         if watch is not None:
-            watch(len(rows))
-    time, rewards, success, force, contact, position = (np.array(column) for column in zip(*rows, strict=True))
-    cells = force.shape[1]
-    threshold = core.load_cell.thresholds[:cells] if cells else np.zeros(0)
-    return Trace(time, rewards, success, force, contact.astype(bool), position, np.array(info["goal"]), threshold)
+            watch(len(rewards))
+    goal, contact = np.array(info["goal"]), np.array([state.force_contact for state in states[1:]])
+    return Trace(
+        time=core.dt * np.arange(1, len(states)),
+        reward=np.array(rewards),
+        success=np.array(success),
+        goal=goal,
+        force=np.array([state.force_raw for state in states[1:]]),
+        force_contact=contact,
+        in_contact=contact > 0,
+        position=np.array([state.position for state in states[1:]]),
+        object_position=np.array([state.object_pose[:3] for state in states]),
+        goal_newtons=goal / core.load_cell.units(1.0) if isinstance(core, HoldForce) else None,
+        threshold=core.load_cell.thresholds[: contact.shape[1]],
+    )
 
 
 def summarise(trace: Trace, seed: int) -> Episode:

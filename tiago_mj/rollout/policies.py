@@ -13,6 +13,7 @@ import numpy as np
 from tiago_mj import extra
 from tiago_mj.control.force_pi import ForcePI
 from tiago_mj.control.tuned import tuned_pi
+from tiago_mj.envs.flat import core_of
 from tiago_mj.envs.hold_force import HoldForce
 from tiago_mj.learn.agent_file import SUFFIX, Agent, load_agent
 from tiago_mj.learn.shipped import shipped_agents
@@ -70,7 +71,7 @@ def make_policy(name: str, env: gymnasium.Env[Any, Any], *, seed: int, trust: bo
         ModuleNotFoundError: the file needs stable-baselines3, which is not installed.
     """
     if name in ("pi", "pi-tuned"):
-        core: Any = getattr(env.unwrapped, "core", env.unwrapped)  # a flat view's goal environment
+        core = core_of(env)
         if not isinstance(core, HoldForce) or core.force_type == "none":
             raise ValueError(
                 f"policy {name} holds a force that load cells feel: use an environment with such a goal, "

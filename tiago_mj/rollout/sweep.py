@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import gymnasium
 
 from tiago_mj import scale
-from tiago_mj.rollout.episode import Episode, Policy, play, summarise
+from tiago_mj.rollout.episode import Episode, Policy, Trace, play, summarise
+from tiago_mj.rollout.options import make_env
 from tiago_mj.rollout.policies import RANDOM, make_policy
 
 #: Episodes of one task, at most: enough to spread the cost of making an environment, and little to lose with a node.
@@ -23,39 +24,57 @@ class Batch:
 
     Attributes:
         env: id, with its namespace.
+        env_options: its arguments.
         policy: name or file, as :func:`~tiago_mj.rollout.policies.make_policy` takes it.
         seeds: of the episodes.
         trust: whether files may be unpickled.
     """
 
     env: str
+    env_options: Mapping[str, Any]
     policy: str
     seeds: tuple[int, ...]
     trust: bool
 
 
 def play_seeds(
-    env: gymnasium.Env[Any, Any], batch: Batch, *, watch: Callable[[int], None] | None = None
-) -> list[Episode]:
-    """Play a batch in an environment that is there; an episode depends on its seed and on no other episode.
+    env: gymnasium.Env[Any, Any],
+    policy: str,
+    seeds: Sequence[int],
+    *,
+    trust: bool = False,
+    watch: Callable[[int], None] | None = None,
+) -> Iterator[Trace]:
+    """Play a policy once a seed; an episode depends on its seed and on no other episode.
+
+    Args:
+        env: one that ends.
+        policy: name or file, as :func:`~tiago_mj.rollout.policies.make_policy` takes it.
+        seeds: of the episodes.
+        trust: whether files may be unpickled.
+        watch: called with 0 after a reset and with t after control step t; takes the film.
 
     Raises:
         ValueError: the policy cannot be had, or does not fit the environment.
     """
-    policy: Policy | None = None
-    episodes = []
-    for seed in batch.seeds:
-        if policy is None or batch.policy == RANDOM:  # the others forget; this one's actions follow from its seed
-            policy = make_policy(batch.policy, env, seed=seed, trust=batch.trust)
-        episodes.append(summarise(play(env, policy, seed=seed, watch=watch), seed))
-    return episodes
+    commander: Policy | None = None
+    for seed in seeds:
+        if commander is None or policy == RANDOM:  # the others forget; this one's actions follow from its seed
+            commander = make_policy(policy, env, seed=seed, trust=trust)
+        yield play(env, commander, seed=seed, watch=watch)
+
+
+def play_in(env: gymnasium.Env[Any, Any], batch: Batch, *, watch: Callable[[int], None] | None = None) -> list[Episode]:
+    """Play a batch in an environment that is there; see :func:`play_seeds`."""
+    traces = play_seeds(env, batch.policy, batch.seeds, trust=batch.trust, watch=watch)
+    return [summarise(trace, seed) for trace, seed in zip(traces, batch.seeds, strict=True)]
 
 
 def play_batch(batch: Batch) -> list[Episode]:
     """Play a batch in an environment of its own."""
-    env = gymnasium.make(batch.env)
+    env = make_env(batch.env, batch.env_options)
     try:
-        return play_seeds(env, batch)
+        return play_in(env, batch)
     finally:
         env.close()
 
@@ -68,9 +87,6 @@ def play_all(batch: Batch, *, jobs: int = 1, backend: str = "local") -> list[Epi
         jobs, backend: as :func:`tiago_mj.scale.run_all` takes them.
     """
     size = max(1, min(EPISODES, len(batch.seeds) // (jobs or os.cpu_count() or 1)))
-    parts = [
-        Batch(batch.env, batch.policy, batch.seeds[first : first + size], batch.trust)
-        for first in range(0, len(batch.seeds), size)
-    ]
+    parts = [replace(batch, seeds=batch.seeds[first : first + size]) for first in range(0, len(batch.seeds), size)]
     played: Sequence[list[Episode]] = scale.run_all(play_batch, parts, jobs=jobs, backend=backend)
     return [episode for part in played for episode in part]

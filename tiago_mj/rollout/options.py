@@ -1,0 +1,98 @@
+"""Options of the commands that play episodes: in which environment, with which of its arguments, of which seeds."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import gymnasium
+
+from tiago_mj.registration import ENVIRONMENTS, NAMESPACE
+
+
+def add_environment(parser: argparse.ArgumentParser) -> None:
+    """``--env`` and ``--env-option``."""
+    parser.add_argument("--env", required=True, metavar="ID", help="such as GripperTactile-v0")
+    parser.add_argument(
+        "--env-option",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        help="argument of the environment, value in JSON: servo=ideal, goal='[0.5, 1.5]'; as often as needed",
+    )
+
+
+def add_episodes(parser: argparse.ArgumentParser, count: int) -> None:
+    """``--episodes``, ``count`` unless told, ``--seed``, and ``--trust`` for the policy that plays them."""
+    parser.add_argument("--episodes", type=int, default=count, metavar="N", help=f"of each policy ({count})")
+    parser.add_argument(
+        "--seed", type=int, default=0, metavar="N", help="of the first episode; each later one adds 1 (0)"
+    )
+    parser.add_argument("--trust", action="store_true", help="load a FILE although loading runs what it holds")
+
+
+def check_least(arguments: argparse.Namespace, least: int, *options: str) -> None:
+    """Refuse a number that is too small; one that was not given is None, and fine.
+
+    Raises:
+        ValueError: says which.
+    """
+    for option in options:
+        value = getattr(arguments, option)
+        if value is not None and value < least:
+            raise ValueError(f"--{option.replace('_', '-')} is {value}: give {least} or more")
+
+
+def seeds_of(arguments: argparse.Namespace) -> tuple[int, ...]:
+    """The episodes' seeds.
+
+    Raises:
+        ValueError: there are no episodes, or a seed is negative.
+    """
+    check_least(arguments, 1, "episodes")
+    check_least(arguments, 0, "seed")
+    return tuple(range(arguments.seed, arguments.seed + arguments.episodes))
+
+
+def environment_id(name: str) -> str:
+    """The registered id, given with or without its namespace.
+
+    Raises:
+        ValueError: no such environment; lists those there are.
+    """
+    short = name.removeprefix(f"{NAMESPACE}/")
+    if short not in ENVIRONMENTS:
+        raise ValueError(f"environment {name!r} is unknown: use one of {', '.join(ENVIRONMENTS)}")
+    return f"{NAMESPACE}/{short}"
+
+
+def read_options(given: Sequence[str]) -> dict[str, Any]:
+    """Read ``key=value`` words; a value is JSON, or the word itself where it is none.
+
+    Raises:
+        ValueError: a word has no key.
+    """
+    options = {}
+    for word in given:
+        key, separator, value = word.partition("=")
+        if not separator or not key.isidentifier():
+            raise ValueError(f"--env-option {word!r} is no key=value: write it as servo=ideal or goal='[0.5, 1.5]'")
+        try:
+            options[key] = json.loads(value)
+        except json.JSONDecodeError:
+            options[key] = value
+    return options
+
+
+def make_env(identifier: str, options: Mapping[str, Any], **more: Any) -> gymnasium.Env[Any, Any]:
+    """The environment with these arguments.
+
+    Raises:
+        ValueError: an argument is unusable, or is none of the environment's.
+    """
+    try:
+        return gymnasium.make(identifier, **options, **more)
+    except TypeError as fault:
+        raise ValueError(f"--env-option: {identifier} does not take this: {' '.join(str(fault).split())}") from fault
