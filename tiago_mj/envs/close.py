@@ -51,7 +51,7 @@ class GripperClose(RobotEnv, EzPickle):
 
     ## Arguments
 
-    See :class:`GripperClose.__init__` and :class:`tiago_mj.envs.robot_env.RobotEnv`.
+    See :class:`GripperClose.__init__` and :class:`tiago_mj.envs.simulation.RobotSimulation`.
 
     ## Version History
 

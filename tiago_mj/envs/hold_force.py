@@ -75,7 +75,8 @@ class HoldForce(RobotEnv, EzPickle):
 
     ## Arguments
 
-    See :class:`HoldForce.__init__` and, for what every environment shares, :class:`tiago_mj.envs.robot_env.RobotEnv`.
+    See :class:`HoldForce.__init__` and, for what every environment shares,
+    :class:`tiago_mj.envs.simulation.RobotSimulation`.
 
     ## Version History
 

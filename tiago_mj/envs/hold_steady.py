@@ -114,7 +114,7 @@ class HoldForceSteady(HoldForce):
 
     ## Arguments
 
-    See :class:`HoldForceSteady.__init__`, :class:`HoldForce` and :class:`tiago_mj.envs.robot_env.RobotEnv`.
+    See :class:`HoldForceSteady.__init__`, :class:`HoldForce` and :class:`tiago_mj.envs.simulation.RobotSimulation`.
 
     ## Version History
 

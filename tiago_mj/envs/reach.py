@@ -65,8 +65,9 @@ class Reach(PositionGoal, EzPickle):
 
     ## Arguments
 
-    See :class:`Reach.__init__` and, for what every environment shares, :class:`tiago_mj.envs.robot_env.RobotEnv`; here
-    `control_hz` is 25 and `force_source` is `touch` by default, so that the cells feel the table.
+    See :class:`Reach.__init__` and, for what every environment shares,
+    :class:`tiago_mj.envs.simulation.RobotSimulation`; here `control_hz` is 25 and `force_source` is `touch` by default,
+    so that the cells feel the table.
 
     ## Version History
 

@@ -1,0 +1,333 @@
+"""The robot at its table, simulated: what every environment steps, senses and shows, whatever its task is.
+
+It follows gymnasium-robotics: a ``MujocoRobotEnv`` with its hooks. :class:`~tiago_mj.envs.robot_env.RobotEnv` makes a
+goal environment of it.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, Final
+
+import mujoco
+import numpy as np
+from gymnasium import spaces
+from gymnasium_robotics.envs.robot_env import MujocoRobotEnv
+from numpy.typing import NDArray
+
+from tiago_mj.envs import checks
+from tiago_mj.envs.choices import ObjectChoice, check_fits
+from tiago_mj.envs.drive import CONTROLS, Drive
+from tiago_mj.envs.sensors import OneOf, Sensors
+from tiago_mj.envs.start import Start, contact_of, grasp_frame, put_object
+from tiago_mj.models import names, scene
+from tiago_mj.models.files import model_file
+from tiago_mj.models.objects import GraspObject
+from tiago_mj.sensing.load_cell import LoadCell, MovingAverage, named_load_cell
+from tiago_mj.sensing.noise import NoiseBlocks
+
+if TYPE_CHECKING:
+    from tiago_mj.gap.effects.chain import Chain, Wiring
+
+Array = NDArray[np.float64]
+
+#: Longest physics step [s]. Against a 0.1 ms reference a closing grasp's force curve is then within 1.1 % of its peak
+#: (rms), and 95 % of its control steps are within 1.4 %; the steps in which contact begins or ends are farther off, as
+#: a reading is one physics step old and the force jumps there (benchmarks/time_step.py, results/time_step.json).
+MAX_TIMESTEP: Final = 1 / 480
+#: The same for ``servo="ideal"``, whose stiffness is bound by the step: it then lags by 4 steps, half a control period.
+IDEAL_MAX_TIMESTEP: Final = 1 / 1920
+#: Commanded finger speed [m/s]: the 2021 project's. Its URDF says 0.05, and 0.02 is what the real robot was run at.
+FINGER_SPEED: Final = 0.08
+
+
+class RobotSimulation(MujocoRobotEnv, ABC):  # type: ignore[misc]
+    """A robot of :data:`tiago_mj.models.scene.ROBOTS` at a table, commanded at a fixed rate.
+
+    Args:
+        robot: which one.
+        joints: commanded and observed joints, in the order of action and observation.
+        item: the object and its place, or None for an empty table.
+        servo: ``pal`` (a velocity command moves the set point of the position servo that the real robot has: it lags)
+            or ``ideal`` (velocities are tracked within 2 ms, as in the 2021 project; four times the physics steps).
+            Effort limits hold for both.
+        control: ``velocity``: an action in [-1, 1] is a velocity over the joint's limit. ``position``: it is a target
+            over the joint's range; the set point moves there no faster than the velocity limit.
+        control_hz: rate of the actions [Hz].
+        finger_speed: velocity limit of the fingers [m/s].
+        sensing: a :class:`LoadCell`, the name of a preset (``ta11``, ``released``, ``newtons``), or the path of a file
+            that ``tiago-mj calibrate-sensor`` wrote.
+        force_source: what the load cells read: ``contact``, ``touch`` or ``force`` (:mod:`tiago_mj.sensing.sources`).
+        effects: what the real robot has and the nominal model lacks: a list, the short form, or the path of a
+            ``calibration.yaml`` (docs/effects.md).
+        load_cells: read them even where there is no object; with an object they are always read.
+        visual: whether the model has the geoms that are only seen. Without them physics is faster (docs/speed.md) and
+            nothing can be rendered; nothing else depends on them but the last digits of a contact that just begins.
+        render_mode: ``rgb_array``, ``depth_array``, ``human`` or None.
+        width, height: of rendered frames [pixel].
+
+    Raises:
+        ValueError: an argument is unusable; one line says which and what is possible.
+    """
+
+    metadata: dict[str, Any] = {  # noqa: RUF012  (gymnasium's own form)
+        "render_modes": ["human", "rgb_array", "depth_array"],
+        "render_fps": 240,
+    }
+
+    #: Whether the fingers, the last two joints, stay where they start, whatever the action says of them.
+    FINGERS_HELD = False
+    #: Joint positions at the start of an episode, by name, where they differ from the pre-grasp pose.
+    START: Mapping[str, float] = MappingProxyType({})
+    #: Radius of the sphere that shows a goal in space [m]; None: the goal is no place.
+    GOAL_RADIUS: float | None = None
+    #: Where the free camera stands: close to the fingers, or far enough to see the whole robot. A task may override it.
+    CLOSE_UP: Mapping[str, Any] = {
+        "lookat": np.array([0.66, 0.0, 0.6]),
+        "distance": 0.5,
+        "azimuth": 125,
+        "elevation": -30,
+    }
+    OVERVIEW: Mapping[str, Any] = {
+        "lookat": np.array([0.35, 0.0, 0.6]),
+        "distance": 2.0,
+        "azimuth": 125,
+        "elevation": -18,
+    }
+
+    def __init__(
+        self,
+        *,
+        robot: str,
+        joints: tuple[str, ...],
+        item: ObjectChoice | None,
+        servo: str = "pal",
+        control: str = "velocity",
+        control_hz: float = 240.0,
+        finger_speed: float = FINGER_SPEED,
+        sensing: str | Path | LoadCell = "ta11",
+        force_source: str = "contact",
+        effects: Any = None,
+        load_cells: bool = False,
+        visual: bool = True,
+        render_mode: str | None = None,
+        width: int = 480,
+        height: int = 480,
+    ) -> None:
+        if control not in CONTROLS:
+            raise ValueError(f"control {control!r} is unknown: use one of {', '.join(CONTROLS)}")
+        if not (np.isfinite(control_hz) and 1 <= control_hz <= 10_000):
+            raise ValueError(f"control_hz is {control_hz!r}: give a rate from 1 to 10000 Hz")
+        if not (np.isfinite(finger_speed) and 0 < finger_speed <= 1):
+            raise ValueError(f"finger_speed is {finger_speed!r}: give a speed above 0, at most 1 m/s")
+        if render_mode is not None and render_mode not in self.metadata["render_modes"]:
+            raise ValueError(f"render_mode {render_mode!r} is unknown: use one of {self.metadata['render_modes']}")
+        if render_mode is not None and not visual:
+            raise ValueError(f"visual is False and render_mode {render_mode!r}: there is nothing to see; leave one out")
+        self.joints = joints
+        self.control = control
+        self.servo = servo
+        self.load_cell = sensing if isinstance(sensing, LoadCell) else named_load_cell(sensing)
+        self.object_choice = item
+        self._force_source = force_source
+        self._effects = effects
+        self._load_cells = load_cells or item is not None
+        longest = IDEAL_MAX_TIMESTEP if servo == "ideal" else MAX_TIMESTEP
+        substeps = math.ceil(1 / (control_hz * longest) - 1e-9)
+        self._scene = scene.SceneConfig(
+            robot=robot,
+            item=None if item is None else item.first(),
+            servo=servo,
+            timestep=1 / (control_hz * substeps),
+            velocity_limits=dict.fromkeys(names.FINGERS, finger_speed),
+            goal_radius=self.GOAL_RADIUS,
+            visual=visual,
+        )
+        self._period = 1 / control_hz
+        self.metadata = {**self.metadata, "render_fps": round(control_hz)}
+        super().__init__(
+            model_path=str(model_file(f"robots/{robot}.xml")),
+            initial_qpos=None,
+            n_actions=len(joints),
+            n_substeps=substeps,
+            default_camera_config=dict(self.CLOSE_UP if robot.startswith("gripper") else self.OVERVIEW),
+            render_mode=render_mode,
+            width=width,
+            height=height,
+        )
+        self.observation_space = self._observation_space()
+
+    # Hooks of a task -----------------------------------------------------------------------------------------------
+
+    @abstractmethod
+    def _observation_space(self) -> spaces.Dict:
+        """What observations are in."""
+
+    def _object_position(self, offset: float) -> Array:
+        """Where the object's axis meets the table at reset, (2,) [m]: between the fingers."""
+        return self._middle + offset * self._towards_left
+
+    def _draw_start(self, rng: np.random.Generator) -> Start | None:
+        """The object and its place for one episode; None on an empty table."""
+        if self.object_choice is None:
+            return None
+        item, offset = self.object_choice.draw(rng)
+        return Start(item, offset, self._object_position(offset))
+
+    # gymnasium-robotics' hooks --------------------------------------------------------------------------------------
+
+    def _initialize_simulation(self) -> None:
+        self.model = scene.build(self._scene)
+        self.data = mujoco.MjData(self.model)
+        self.model.vis.global_.offwidth = self.width
+        self.model.vis.global_.offheight = self.height
+        if self.object_choice is not None:
+            check_fits(self.object_choice, scene.opening(self.model))
+        source = self._force_source if self._load_cells else None
+        self.sensors = Sensors(self.model, self.joints, self.load_cell, source)
+        self._pads = self.sensors.pads
+        self.drive = Drive.of(
+            self.model,
+            self.joints,
+            control=self.control,
+            ideal=self.servo == "ideal",
+            period=self._period,
+            held=self.FINGERS_HELD,
+        )
+        self.velocity_limit = self.drive.velocity_limit
+        self._actuated = np.array(self.model.jnt_qposadr[self.model.actuator_trnid[:, 0]])
+        self._ctrl = np.array([self.model.actuator(name).id for name in self.joints])
+        self._range = np.stack([self.drive.low, self.drive.high], axis=1)
+        self._qpos_address = np.array([self.model.joint(name).qposadr[0] for name in self.joints])
+        self._qvel_address = np.array([self.model.joint(name).dofadr[0] for name in self.joints])
+        self.initial_time = 0.0
+        self.initial_qpos = scene.pose(self.model)
+        for name, value in self.START.items():
+            self.initial_qpos[self.model.joint(name).qposadr[0]] = value
+        self.initial_qvel = np.zeros(self.model.nv)
+        self._filter = MovingAverage(self.load_cell.average)
+        self._grasp_frame()
+        self._noise = NoiseBlocks(1)
+        self._item_in_place, self._offset = self._scene.item, 0.0
+        self._chain = None if self._effects is None else self._make_chain()
+        self._settle(self._object_position(0.0))
+
+    def _make_chain(self) -> Chain:
+        """The same signal chain that the diagnosis simulates with, for this one simulation."""
+        from tiago_mj.gap.effects import read_effects
+        from tiago_mj.gap.effects.chain import Chain
+        from tiago_mj.gap.effects.host import ScalarHost
+
+        entries = read_effects(self._effects)
+        return Chain(
+            ScalarHost(self.model, self.data), self.wiring(), [entries], lambda shape: self.np_random.random(shape)
+        )
+
+    def wiring(self) -> Wiring:
+        """Where commands, joints and sensors are, for effects and the diagnosis."""
+        from tiago_mj.gap.effects.wiring import wire
+
+        return wire(
+            self.model,
+            joints=self.joints,
+            actuators=self.joints,
+            sensors=names.SIDES if self._pads is not None else (),
+            interface=self.control,
+            ideal=self.servo == "ideal",
+        )
+
+    def contact(self) -> tuple[float, float, int] | None:
+        """Stiffness [N/m], damping [N·s/m] and contact points of one pad with the present object; None without one."""
+        return contact_of(self._item_in_place)
+
+    def _reset_sim(self) -> bool:
+        if self._chain is not None:
+            self._chain.restore()  # the next object goes into the nominal model
+        start = self._draw_start(self.np_random)
+        if start is not None:
+            self._offset = start.offset
+            if start.item != self._item_in_place:
+                scene.set_object(self.model, start.item)
+                self._item_in_place = start.item
+        self._settle(self._middle if start is None else start.place)
+        return True
+
+    def _start_qpos(self, item: GraspObject | None, place: Array) -> Array:
+        """Where everything is at the start of an episode, (nq,)."""
+        qpos: Array = self.initial_qpos.copy()
+        if item is not None:
+            address = int(self.model.joint(names.OBJECT_JOINT).qposadr[0])
+            put_object(qpos, address, item, place, self._object_orientation)
+        return qpos
+
+    def _start_act(self, qpos: Array) -> Array:
+        """The servos' set points at the start: where their joints are, (..., na)."""
+        points: Array = qpos[..., self._actuated]
+        return points
+
+    def _settle(self, place: Array) -> None:
+        """Put everything at the start of an episode; nothing of the episode before remains."""
+        mujoco.mj_resetData(self.model, self.data)
+        self.data.qpos[:] = self._start_qpos(self._item_in_place, place)
+        self.data.act[:] = self._start_act(self.data.qpos)
+        if self._chain is not None:
+            self._chain.start(self._period, self.n_substeps, self.contact())
+        mujoco.mj_forward(self.model, self.data)
+        self._filter.reset()
+        self._noise.forget()
+        self._tare = self.sensors.tare(self.data.sensordata)
+        self._read()
+
+    def _grasp_frame(self) -> None:
+        """Middle and axis of the grasp on the table plane, in the pre-grasp pose."""
+        frame = grasp_frame(self.model, self.data, self.initial_qpos)
+        self._middle, self._towards_left, self._object_orientation = frame.middle, frame.towards_left, frame.orientation
+
+    def _read(self) -> None:
+        """Take one reading of every sensor; noise is drawn here and nowhere else."""
+        data = self.data
+        noise = None if self._pads is None else self._noise.take((self.np_random,))[0]
+        self.state = self.sensors.read(
+            data.qpos,
+            data.qvel,
+            data.sensordata,
+            tare=self._tare,
+            noise=noise,
+            average=self._filter,
+            effects=None if self._chain is None else OneOf(self._chain),
+        )
+
+    def _command(self, action: Array) -> Array:
+        """What the action commands: velocities [m/s, rad/s] or, with position control, targets [m, rad]."""
+        return self.drive.command(action, self.data.act)
+
+    def _set_action(self, action: Array) -> None:
+        self.command = self._command(action)
+        if self._chain is None:
+            data = self.data
+            self.drive.apply(self.command, data.ctrl, data.act, data.qpos, data.qvel)
+
+    def _mujoco_step(self, action: Array) -> None:
+        if self._chain is None:
+            mujoco.mj_step(self.model, self.data, nstep=self.n_substeps)
+        else:
+            self._chain.advance(self.command[None])
+
+    @property
+    def dt(self) -> float:
+        """Control period by the clock of whoever commands [s]."""
+        return self._period
+
+    def render(self) -> Any:
+        """One frame: (height, width, 3) uint8 for ``rgb_array``, (height, width) float32 for ``depth_array``.
+
+        Raises:
+            gymnasium.error.DependencyNotInstalled: no OpenGL could be started; says what to set.
+        """
+        return checks.rendered(
+            super().render, self.render_mode, lambda: getattr(self.mujoco_renderer, "viewer", None) is not None
+        )
