@@ -1,7 +1,21 @@
-"""Shared by every test: rendering without a display, and the environments' names."""
+"""Shared by every test: rendering without a display, and what is left out where nothing can be rendered."""
 
 import os
 import sys
 
+import pytest
+
 if sys.platform == "linux" and "DISPLAY" not in os.environ:
     os.environ.setdefault("MUJOCO_GL", "egl")
+
+
+@pytest.fixture(scope="session")
+def opengl():
+    """Skips what needs pictures where the machine can make none; MuJoCo itself is asked, not this package."""
+    import mujoco
+
+    try:
+        context = mujoco.GLContext(64, 64)
+    except Exception as fault:
+        pytest.skip(f"no OpenGL here: {fault}")
+    context.free()

@@ -100,6 +100,7 @@ def test_an_environment_without_load_cells_can_be_rolled_out(capsys):
     assert json.loads(capsys.readouterr().out)["episodes"][0]["steps"] == 300
 
 
+@pytest.mark.usefixtures("opengl")
 @pytest.mark.parametrize("suffix", [".mp4", ".gif", ".png"])
 def test_a_film_shows_the_episode(suffix, tmp_path):
     path = tmp_path / "deep" / f"film{suffix}"

@@ -21,6 +21,7 @@ def render_in_a_process(mode, **environment):
     )
 
 
+@pytest.mark.usefixtures("opengl")
 @pytest.mark.parametrize("name", ["GripperTactile-v0", "TIAGoTactile-v0"])
 def test_a_frame_shows_the_scene_and_changes_when_the_robot_moves(name):
     env = gymnasium.make(f"tiago_mj/{name}", render_mode="rgb_array", width=160, height=120)
@@ -35,6 +36,7 @@ def test_a_frame_shows_the_scene_and_changes_when_the_robot_moves(name):
     env.close()
 
 
+@pytest.mark.usefixtures("opengl")
 def test_a_depth_image_is_nearer_at_the_object_than_at_the_floor():
     env = gymnasium.make("tiago_mj/GripperTactile-v0", render_mode="depth_array", width=160, height=120)
     env.reset(seed=0)
@@ -45,6 +47,7 @@ def test_a_depth_image_is_nearer_at_the_object_than_at_the_floor():
     env.close()
 
 
+@pytest.mark.usefixtures("opengl")
 @pytest.mark.skipif(sys.platform != "linux", reason="EGL is chosen on Linux only")
 def test_without_a_display_egl_is_chosen():
     done = render_in_a_process("rgb_array")

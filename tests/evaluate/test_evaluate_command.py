@@ -72,6 +72,7 @@ def test_an_environment_without_forces_has_reward_and_success_alone(tmp_path, ca
     assert (tmp_path / "episodes.png").exists()
 
 
+@pytest.mark.usefixtures("opengl")
 def test_each_controllers_first_episode_is_filmed(tmp_path, monkeypatch):
     class Sparse(Film):
         """A frame every 25 steps: rendering without a graphics card takes 0.1 s a frame."""
