@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from tiago_mj.envs.choices import Interval, ObjectChoice
+from tiago_mj.envs.flat import core_of
 from tiago_mj.envs.hold_force import HoldForce
 from tiago_mj.envs.state import State
 from tiago_mj.gap.plant import Plant, grasp_object
@@ -75,7 +76,7 @@ def ask(plant: Plant, trials: Sequence[Trial], policy: str, *, trust: bool = Fal
         try:
             _policy(asked, env)
             for trial in trials:
-                _condition(_core(env), asked, trial)
+                _condition(core_of(env), asked, trial)
         finally:
             env.close()
     return asked
@@ -151,7 +152,7 @@ def _played(asked: Asked, trials: Sequence[Trial], effects: Sequence[Named]) -> 
                 env = _make(asked, trial, effects)
                 made[key] = env, _policy(asked, env)
             env, policy = made[key]
-            _condition(_core(env), asked, trial)
+            _condition(core_of(env), asked, trial)
             found.append(_episode(env, policy, trial, _seed(asked, trial, number), _steps(asked, trial)))
         return found
     finally:
@@ -223,10 +224,6 @@ def _condition(core: Any, asked: Asked, trial: Trial) -> None:
         raise RecordingError(f"{trial.source}: goal in the sidecar: {fault}") from fault
 
 
-def _core(env: gymnasium.Env[Any, Any]) -> Any:
-    return getattr(env.unwrapped, "core", env.unwrapped)  # a flat view's goal environment
-
-
 def _goal(trial: Trial) -> Any:
     if trial.sidecar.goal is None:
         raise RecordingError(
@@ -274,7 +271,7 @@ def _measured(asked: Asked, trial: Trial) -> float | None:
         return None
     env = _make(asked, trial, ())
     try:
-        core = _core(env)
+        core = core_of(env)
         achieved = _achieved(core, trial)[_steps_end(trial)]
         goal = np.asarray(_goal(trial), dtype=np.float64)
         if not np.isfinite(achieved).all() or not len(achieved):

@@ -14,7 +14,6 @@ from tiago_mj import scale
 from tiago_mj.film import SUFFIXES, Film, check_suffix
 from tiago_mj.rollout import options
 from tiago_mj.rollout.episode import Episode
-from tiago_mj.rollout.options import environment_id as environment_id  # recordings are of environments, too
 from tiago_mj.rollout.policies import RANDOM
 from tiago_mj.rollout.sweep import Batch, play_all, play_in
 

@@ -84,7 +84,7 @@ def parse_effects(given: str | None) -> Any:
 
 
 def _of_environment(arguments: argparse.Namespace, motion: Motion | None, effects: Any) -> Any:
-    from tiago_mj.rollout.command import environment_id
+    from tiago_mj.rollout.options import environment_id
     from tiago_mj.rollout.policies import make_policy
 
     if arguments.rate is not None:

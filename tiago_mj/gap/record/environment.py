@@ -14,6 +14,7 @@ import gymnasium
 import numpy as np
 
 from tiago_mj import __version__
+from tiago_mj.envs.flat import core_of
 from tiago_mj.gap.record.motion import Motion
 from tiago_mj.gap.recording import SCHEMA, Array, Sidecar, Trial
 from tiago_mj.models import names
@@ -72,8 +73,7 @@ def record_episode(
         Channels by kind and name, (T,); time (T,) [s]; the facts of the episode (``object``, ``goal``, ``initial``).
         The last row's command is NaN: nothing was sent any more.
     """
-    core: Any = env.unwrapped
-    core = getattr(core, "core", core)  # a flat view's goal environment
+    core = core_of(env)
     observation, info = env.reset(seed=seed)
     dofs = [int(core.model.joint(name).dofadr[0]) for name in core.joints]
     facts = episode_facts(core)
@@ -119,9 +119,9 @@ def record(
     env = make(plan)
     nominal = make(Plan(plan.identifier, plan.arguments, None, plan.motion, plan.label))
     try:
-        core: Any = getattr(env.unwrapped, "core", env.unwrapped)
+        core = core_of(env)
         player = policy(env) if plan.motion is None else MotionPlayer(core, plan.motion)
-        servo = servo_facts(getattr(nominal.unwrapped, "core", nominal.unwrapped))
+        servo = servo_facts(core_of(nominal))
         for number in range(seed, seed + episodes):
             player.reset()
             channels, time, facts = record_episode(env, player, number)
