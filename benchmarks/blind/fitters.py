@@ -30,7 +30,7 @@ from benchmarks.blind import cases, reality, robots
 from benchmarks.blind.dictionary import ARM, GRIPPER, PLAIN
 from benchmarks.blind.effects import commands, friction, things
 from benchmarks.blind.effects.base import Effect, World
-from tiago_mj import atomic
+from tiago_mj import atomic, extra
 from tiago_mj.models import names
 
 Array = NDArray[np.float64]
@@ -194,10 +194,7 @@ def _columns(table: Any, wanted: list[str]) -> Array:
 
 def cma(problem: Problem) -> Array:
     """CMA-ES over all parameters."""
-    try:
-        import cma as library
-    except ModuleNotFoundError as fault:
-        raise ModuleNotFoundError("this baseline needs cma; install it with: pip install 'tiago-mj[blind]'") from fault
+    library = extra.load("cma", "this baseline", "blind")
     options = {"popsize": 12, "maxiter": 40, "seed": 1, "verbose": -9}
     search = library.CMAEvolutionStrategy(np.zeros(len(problem.names)), 0.7, options)
     while not search.stop():
