@@ -128,6 +128,25 @@ def test_a_declaration_can_build_on_another(readme):
     np.testing.assert_allclose(r.reading, 0.01)
 
 
+@pytest.mark.parametrize("hook", ["added_friction", "added_damping", "added_force", "servo_force", "force_range"])
+def test_a_hook_that_only_repeats_what_it_overrides_changes_nothing(hook):
+    class Repeated(Effect):
+        """Says what the base class says."""
+
+        amount = parameter("-", identity=0.0, default=1.0, bounds=(0.0, 2.0))
+
+    def added(self, now):
+        return getattr(super(Repeated, self), hook)(now)
+
+    def limits(self, limits, now):
+        return super(Repeated, self).force_range(limits, now)
+
+    setattr(Repeated, hook, limits if hook == "force_range" else added)
+    effect("repeated", stage="transmission", targets="joint")(Repeated)
+    nominal, repeated = (rollout(effects, gripper_actions(), sensing=QUIET) for effects in (None, {"repeated": {}}))
+    np.testing.assert_array_equal(repeated.state, nominal.state)
+
+
 def test_an_own_effect_can_change_masses_and_the_contact_stays_as_it_is_in_newtons_per_metre():
     @effect("heavy_tips", stage="body", targets="object")
     class HeavyTips(Effect):

@@ -120,7 +120,11 @@ def parameter(
 
 
 class Effect:
-    """Base of every effect. A declaration overrides the hooks of its stage and leaves the others."""
+    """Base of every effect. A declaration overrides the hooks of its stage and leaves the others.
+
+    A hook as it stands here changes nothing, so that a declaration may build on it by ``super()``. Within a control
+    step only hooks that :func:`overrides` finds overridden are called.
+    """
 
     name: ClassVar[str]
     stage: ClassVar[str]
@@ -170,24 +174,24 @@ class Effect:
 
     def added_friction(self, now: Now) -> Array:
         """Dry friction to add before a physics step, (nsim, njoints) [N, N·m]; its sign is whatever opposes motion."""
-        raise NotImplementedError
+        return np.zeros((now.nsim, len(now.wiring.dof)))
 
     def added_damping(self, now: Now) -> Array:
         """Viscous damping to add before a physics step, (nsim, njoints) [N·s/m, N·m·s/rad]."""
-        raise NotImplementedError
+        return np.zeros((now.nsim, len(now.wiring.dof)))
 
     def added_force(self, now: Now) -> Array:
         """Force on the joints to add before a physics step, (nsim, njoints) [N, N·m]."""
-        raise NotImplementedError
+        return np.zeros((now.nsim, len(now.wiring.dof)))
 
     def servo_force(self, now: Now) -> Array:
         """Force that the servos add to their own, within their limits, before a physics step, (nsim, nactuators)
         [N, N·m at the actuator]."""
-        raise NotImplementedError
+        return np.zeros((now.nsim, len(now.wiring.actuators)))
 
     def force_range(self, limits: Array, now: Now) -> Array:
         """Limits of the servos' forces before a physics step, (nsim, nactuators, 2) [N, N·m]; those that hold."""
-        raise NotImplementedError
+        return limits
 
     def measure_position(self, position: Array, now: Now) -> Array:
         """Joint positions, (nsim, njoints) [m, rad]; as measured."""
