@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 import tiago_mj
 from tiago_mj.gap import (
@@ -26,24 +24,18 @@ from tiago_mj.gap import (
     shrink,
     sizes,
     task,
+    telling,
     traces,
     verdict,
 )
-from tiago_mj.gap.effects import EFFECTS
-from tiago_mj.gap.effects.spec import Entry
-from tiago_mj.gap.fit import Fitted
 from tiago_mj.gap.inverse import diagnose_inverse
 from tiago_mj.gap.next_motion import next_motion
 from tiago_mj.gap.plant import Plant, plant_of
 from tiago_mj.gap.predict import Predictor
 from tiago_mj.gap.recording import Finding, RecordingError, Trial
-from tiago_mj.gap.result import Diagnosis, Explanation, Named, Overlay, Value
+from tiago_mj.gap.result import Diagnosis, Explanation
 from tiago_mj.gap.trials import cut
 
-Array = NDArray[np.float64]
-
-#: 90 % of a normal distribution lie within so many standard deviations.
-NINETY: Final = 1.645
 #: Trials drawn in the report.
 OVERLAYS: Final = 1
 
@@ -118,7 +110,7 @@ def diagnose(
     tick("replaying", len(trials))
     everything = list(range(len(trials)))
     nominal = replay.simulate(plant, on, [(k, ()) for k in everything], threads=threads, seed=seed)
-    fine = dataclasses.replace(plant, max_timestep=plant.max_timestep / floor.FINER)
+    fine = replace(plant, max_timestep=plant.max_timestep / floor.FINER)
     finer = replay.simulate(fine, on, [(k, ()) for k in everything], threads=threads, seed=seed)
     as_simulated, off = floor.predicted(data, nominal), floor.off_by_step(nominal, finer)
     data = floor.with_numerics(data, as_simulated, floor.predicted(data, finer))
@@ -134,9 +126,9 @@ def diagnose(
     base = predict.all_trials([()], everything, keep=True)[0]
     phase = phases.phases(plant, on, nominal)[:, : data.value.shape[1]]
     part = floor.part(data, fitted_on)
-    tones = _tones(plant, data, base)
+    tones = traces.tones(plant, data, base)
     hums = {tone.channel for tone in tones}
-    marks = _marks(plant, part, base[fitted_on])
+    marks = traces.of_channels(plant, part, base[fitted_on])
     known = traces.betrayed([m for m in marks if m.channel not in hums], pool)
     if any(k.candidate.effect == "force_dropout" for k in known):
         data = floor.without_repeats(data)
@@ -170,46 +162,21 @@ def diagnose(
             until=None if budget is None else begun + budget,
         )
     tick("writing", 1)
-    left_open = _left_open(plant, ranked)
+    left_open = telling.left_open(plant, ranked)
     if left_open:
-        base = predict.all_trials([left_open[_nominal(ranked)]], everything)[0]
+        base = predict.all_trials([left_open[telling.nominal(ranked)]], everything)[0]
     repaired = base
     if best.parts:
         known_along = left_open.get(judged.rivals[0], ())
         repaired = predict.all_trials([(*best.effects(), *known_along)], everything)[0]
     where = locate.locate(data, base, phase, plant.period, seed)
     left = locate.locate(data, repaired, phase, plant.period, seed)
-    explanations = [
-        _explanation(predict, data, base, fit, float(p), validation or fitted_on, left_open.get(k, ()))
-        for k, (fit, p) in enumerate(zip(ranked.fits, judged.probability, strict=True))
-    ]
-    explanations = [
-        dataclasses.replace(one, evidence=verdict.option(fit, ranked).evidence)
-        for one, fit in zip(explanations, ranked.fits, strict=True)
-    ]
+    explanations = telling.explanations(
+        predict, data, base, ranked, judged.probability, validation or fitted_on, left_open
+    )
     shown = [k for k in judged.rivals if ranked.fits[k].parts or judged.kind == "no_gap"]
     if judged.kind == "no_gap":
         shown = shown[:1]
-    notes = []
-    if len(trials) > asis:
-        notes.append(
-            f"The recording was cut into {len(trials)} trials: at its rests, or where it has too few of them into "
-            "parts with gaps between them."
-        )
-    if not test:
-        notes.append("There is no test trial, so no share of the gap can be said to be closed: record more than one.")
-    if any(trial.efforts for trial in trials):
-        notes.append(
-            "Measured efforts are not compared where commands can be replayed: servos report them in many ways."
-        )
-    notes += [
-        f"{tone.channel} swings at about {tone.frequency:.3g} Hz (or faster, seen at this rate) by "
-        f"±{tone.amplitude:.2g} even where nothing is touched: mains hum, or a vibration; no effect of the library "
-        "does that."
-        for tone in tones
-    ]
-    if not ranked.complete:
-        notes.append("The time budget ran out: what is said is the best so far.")
     found = Diagnosis(
         kind=judged.kind,
         best=Explanation((), explanations[judged.rivals[0]].probability, 0.0)
@@ -220,7 +187,7 @@ def diagnose(
         remains_where=tuple(place for place in left[:5] if place.share > 0) if judged.remains else (),
         not_excited=ranked.not_excited,
         where=where,
-        stage=_stage(best) if best.parts and judged.kind != "unknown" else locate.stage(where),
+        stage=telling.stage(best) if best.parts and judged.kind != "unknown" else locate.stage(where),
         shrink=shrink.shrink(data, base, repaired, phase, test, period=plant.period, seed=seed),
         ranking=tuple(explanations),
         findings=tuple(findings),
@@ -232,9 +199,9 @@ def diagnose(
         version=tiago_mj.__version__,
         seconds=time.monotonic() - begun,
         overlays=tuple(
-            _overlay(plant, trials[k], data, base, repaired, phase, k) for k in (test or everything)[:OVERLAYS]
+            telling.overlay(plant, trials[k], data, base, repaired, phase, k) for k in (test or everything)[:OVERLAYS]
         ),
-        notes=tuple(notes),
+        notes=telling.notes(trials, tones, was_cut=len(trials) > asis, tested=bool(test), complete=ranked.complete),
     )
     return task.told(found, asked, tick)
 
@@ -281,123 +248,4 @@ def _along_the_motion(
         seed=seed,
         version=tiago_mj.__version__,
         names=names,
-    )
-
-
-def _tones(plant: Plant, data: floor.Data, base: Array) -> list[traces.Tone]:
-    """Of the load cells, where they are predicted to feel nothing."""
-    if plant.cell is None:
-        return []
-    nothing, noises = plant.cell.signal(np.zeros(2)), plant.cell.noises
-    found = [
-        traces.tone(name, data.value[:, :, c], base[:, :, c] == nothing[part], plant.period, float(noises[part]))
-        for c, (name, part) in enumerate(zip(data.channels, data.part, strict=True))
-        if name.startswith("force")
-    ]
-    return [tone for tone in found if tone is not None]
-
-
-def _marks(plant: Plant, data: floor.Data, base: Array) -> list[traces.Trace]:
-    known = plant.cell is not None and plant.cell.average == 1
-    noises = plant.cell.noises if plant.cell is not None and known else np.zeros(2)
-    return [
-        traces.trace(
-            name,
-            data.value[:, :, c],
-            phases.still(base[:, :, c]),
-            float(noises[data.part[c]]) if name.startswith("force") else 0.0,
-        )
-        for c, name in enumerate(data.channels)
-    ]
-
-
-def _left_open(plant: Plant, ranked: select.Ranked) -> dict[int, tuple[Entry, ...]]:
-    """What the recordings themselves say is not known of the model, as each explanation has it, by its index: neither
-    a gap nor an effect, so that before and after have it, each its own. Empty where nothing is said."""
-    stated = {name for name, _ in plant.known}
-    if not stated:
-        return {}
-    shared = [term for term in hypotheses.terms(plant) if not term.per_trial]
-    return {
-        k: tuple(
-            term.entry(float(size))
-            for term, size in zip(shared, fit.nuisance, strict=False)
-            if term.effect in stated and size
-        )
-        for k, fit in enumerate(ranked.fits)
-    }
-
-
-def _nominal(ranked: select.Ranked) -> int:
-    """Index of the explanation that names nothing beyond what readings betray."""
-    return next(k for k, fit in enumerate(ranked.fits) if len(fit.parts) == ranked.known)
-
-
-def _stage(best: Fitted) -> str:
-    return EFFECTS[best.parts[0].effect].stage
-
-
-def _explanation(
-    predict: Predictor,
-    data: floor.Data,
-    base: Array,
-    fit: Fitted,
-    probability: float,
-    judged_on: Sequence[int],
-    along: tuple[Entry, ...],
-) -> Explanation:
-    index = list(judged_on)
-    gain = 0.0
-    if fit.parts:
-        after = predict.all_trials([(*fit.effects(), *along)], index)[0]
-        gain = _gap(data, base, index) - _gap(data, after, index, rows=True)
-    return Explanation(tuple(_named(predict.plant, fit, k) for k in range(len(fit.parts))), probability, gain)
-
-
-def _gap(data: floor.Data, predicted: Array, trials: Sequence[int], rows: bool = False) -> float:
-    """Mean squared residual in units of the floor; ``rows``: the predictions are of these trials alone."""
-    index = list(trials)
-    residual = (data.value[index] - (predicted if rows else predicted[index])) / data.noise
-    return float(np.nanmean(residual**2))
-
-
-def _named(plant: Plant, fit: Fitted, k: int) -> Named:
-    part = fit.parts[k]
-    declared = EFFECTS[part.effect]
-    target: str | tuple[str, ...] = "all"
-    if part.target is not None:
-        target = part.target[0] if len(part.target) == 1 else part.target
-    value, sd = float(fit.values[k]), float(fit.deviations[k])
-    reach = NINETY * sd * (verdict.calibration().widens if part.spread is None else 1.0)
-    low, high = max(value - reach, part.low), min(value + reach, part.high)
-    parameters: dict[str, Value] = {part.parameter: Value(value, low, high, part.unit, sd)}
-    for name, fixed in part.fixed:
-        index = 0 if part.target is None else plant.wiring.targets.names(declared.targets).index(part.target[0])
-        side = 0 if plant.wiring.targets.slide(declared.targets, index) else 1
-        parameters[name] = Value(fixed, None, None, declared.parameters[name].unit[side])
-    return Named(part.effect, target, parameters)
-
-
-def _overlay(
-    plant: Plant, trial: Trial, data: floor.Data, base: Array, repaired: Array, phase: NDArray[np.int_], k: int
-) -> Overlay:
-    rows = len(trial.time)
-    units: Mapping[str, Callable[[int], str]] = {
-        "position": lambda j: "m" if plant.wiring.targets.slides[j] else "rad",
-        "velocity": lambda j: "m/s" if plant.wiring.targets.slides[j] else "rad/s",
-        "force": lambda j: "sensor units",
-    }
-
-    def signals(values: Array) -> dict[str, Array]:
-        return {name: values[k, :rows, c] for c, name in enumerate(data.channels)}
-
-    return Overlay(
-        trial=trial.name,
-        time=trial.time,
-        phases=phase[k, :rows],
-        measured=signals(data.value),
-        nominal=signals(base),
-        repaired=signals(repaired),
-        units={name: units[name.partition(".")[0]](int(j)) for name, j in zip(data.channels, data.part, strict=True)},
-        floor={name: float(noise) for name, noise in zip(data.channels, data.noise, strict=True)},
     )

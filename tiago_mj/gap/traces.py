@@ -14,7 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import signal, stats
 
+from tiago_mj.gap.floor import Data
 from tiago_mj.gap.hypotheses import Candidate
+from tiago_mj.gap.phases import still
+from tiago_mj.gap.plant import Plant
 
 Array = NDArray[np.float64]
 
@@ -64,6 +67,27 @@ class Trace:
     expected: float
 
 
+def of_channels(plant: Plant, data: Data, base: Array) -> list[Trace]:
+    """Look at the readings of every channel.
+
+    Args:
+        plant: whose load cells are known.
+        data: what was measured, (ntrials, T, channels).
+        base: nominal prediction of it, same shape.
+    """
+    cell = plant.cell
+    noises = cell.noises if cell is not None and cell.average == 1 else np.zeros(2)
+    return [
+        trace(
+            name,
+            data.value[:, :, c],
+            still(base[:, :, c]),
+            float(noises[data.part[c]]) if name.startswith("force") else 0.0,
+        )
+        for c, name in enumerate(data.channels)
+    ]
+
+
 def trace(channel: str, values: Array, quiet: NDArray[np.bool_], expected: float) -> Trace:
     """Look at the readings of a channel.
 
@@ -75,8 +99,8 @@ def trace(channel: str, values: Array, quiet: NDArray[np.bool_], expected: float
     """
     steps = np.diff(values, axis=1)
     known = np.isfinite(steps) & ~_at_an_end(values)[:, 1:]
-    still = known & quiet[:, 1:] & quiet[:, :-1]
-    different = steps[still & (steps != 0)]
+    standing = known & quiet[:, 1:] & quiet[:, :-1]
+    different = steps[standing & (steps != 0)]
     noise = 1.4826 * float(np.median(np.abs(different))) / np.sqrt(2) if len(different) > 10 else 0.0
     return Trace(
         channel=channel,
@@ -126,6 +150,25 @@ class Tone:
     channel: str
     frequency: float
     amplitude: float
+
+
+def tones(plant: Plant, data: Data, base: Array) -> list[Tone]:
+    """Tones of the load cells, where they are predicted to feel nothing.
+
+    Args:
+        plant: that may have load cells.
+        data: what was measured, (ntrials, T, channels).
+        base: nominal prediction of it, same shape.
+    """
+    if plant.cell is None:
+        return []
+    nothing, noises = plant.cell.signal(np.zeros(2)), plant.cell.noises
+    found = [
+        tone(name, data.value[:, :, c], base[:, :, c] == nothing[part], plant.period, float(noises[part]))
+        for c, (name, part) in enumerate(zip(data.channels, data.part, strict=True))
+        if name.startswith("force")
+    ]
+    return [one for one in found if one is not None]
 
 
 def tone(channel: str, values: Array, untouched: NDArray[np.bool_], period: float, expected: float) -> Tone | None:

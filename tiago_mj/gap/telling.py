@@ -1,0 +1,186 @@
+"""What was found, told in the terms of a diagnosis: effects with values, explanations, pictures, notes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tiago_mj.gap import verdict
+from tiago_mj.gap.effects import EFFECTS
+from tiago_mj.gap.effects.spec import Entry
+from tiago_mj.gap.fit import Fitted
+from tiago_mj.gap.floor import Data
+from tiago_mj.gap.hypotheses import terms
+from tiago_mj.gap.plant import Plant
+from tiago_mj.gap.predict import Predictor
+from tiago_mj.gap.recording import Trial
+from tiago_mj.gap.result import Explanation, Named, Overlay, Value
+from tiago_mj.gap.select import Ranked
+from tiago_mj.gap.traces import Tone
+
+Array = NDArray[np.float64]
+
+#: 90 % of a normal distribution lie within so many standard deviations.
+NINETY: Final = 1.645
+
+
+# Explanations ---------------------------------------------------------------------------------------------------------
+
+
+def left_open(plant: Plant, ranked: Ranked) -> dict[int, tuple[Entry, ...]]:
+    """What the recordings themselves say is not known of the model, as each explanation has it, by its index: neither
+    a gap nor an effect, so that before and after have it, each its own. Empty where nothing is said."""
+    stated = {name for name, _ in plant.known}
+    if not stated:
+        return {}
+    shared = [term for term in terms(plant) if not term.per_trial]
+    return {
+        k: tuple(
+            term.entry(float(size))
+            for term, size in zip(shared, fit.nuisance, strict=False)
+            if term.effect in stated and size
+        )
+        for k, fit in enumerate(ranked.fits)
+    }
+
+
+def nominal(ranked: Ranked) -> int:
+    """Index of the explanation that names nothing beyond what readings betray."""
+    return next(k for k, fit in enumerate(ranked.fits) if len(fit.parts) == ranked.known)
+
+
+def stage(best: Fitted) -> str:
+    """Of the signal chain, where the first effect of an explanation is."""
+    return EFFECTS[best.parts[0].effect].stage
+
+
+def explanations(
+    predict: Predictor,
+    data: Data,
+    base: Array,
+    ranked: Ranked,
+    probability: Array,
+    judged_on: Sequence[int],
+    along: Mapping[int, tuple[Entry, ...]],
+) -> list[Explanation]:
+    """What was fitted, in the order of the fits.
+
+    Args:
+        predict: simulates.
+        data: what was measured, in every trial.
+        base: nominal prediction of it, (ntrials, T, channels).
+        ranked: the fits.
+        probability: of each, (n,).
+        judged_on: indices of the trials whose residual is to drop.
+        along: of :func:`left_open`.
+    """
+    return [
+        Explanation(
+            tuple(named(predict.plant, fit, part) for part in range(len(fit.parts))),
+            float(p),
+            _gain(predict, data, base, fit, judged_on, along.get(k, ())),
+            verdict.option(fit, ranked).evidence,
+        )
+        for k, (fit, p) in enumerate(zip(ranked.fits, probability, strict=True))
+    ]
+
+
+def named(plant: Plant, fit: Fitted, k: int) -> Named:
+    """The ``k``-th effect of a fit, with its values and their 90 % intervals."""
+    part = fit.parts[k]
+    declared = EFFECTS[part.effect]
+    target: str | tuple[str, ...] = "all"
+    if part.target is not None:
+        target = part.target[0] if len(part.target) == 1 else part.target
+    value, sd = float(fit.values[k]), float(fit.deviations[k])
+    reach = NINETY * sd * (verdict.calibration().widens if part.spread is None else 1.0)
+    low, high = max(value - reach, part.low), min(value + reach, part.high)
+    parameters: dict[str, Value] = {part.parameter: Value(value, low, high, part.unit, sd)}
+    for name, fixed in part.fixed:
+        index = 0 if part.target is None else plant.wiring.targets.names(declared.targets).index(part.target[0])
+        side = 0 if plant.wiring.targets.slide(declared.targets, index) else 1
+        parameters[name] = Value(fixed, None, None, declared.parameters[name].unit[side])
+    return Named(part.effect, target, parameters)
+
+
+def _gain(
+    predict: Predictor, data: Data, base: Array, fit: Fitted, trials: Sequence[int], along: tuple[Entry, ...]
+) -> float:
+    """Drop of the mean squared residual of some trials, in units of the floor."""
+    if not fit.parts:
+        return 0.0
+    index = list(trials)
+    after = predict.all_trials([(*fit.effects(), *along)], index)[0]
+    return _gap(data, base[index], index) - _gap(data, after, index)
+
+
+def _gap(data: Data, predicted: Array, trials: Sequence[int]) -> float:
+    """Mean squared residual in units of the floor, of predictions for these trials alone."""
+    return float(np.nanmean(((data.value[list(trials)] - predicted) / data.noise) ** 2))
+
+
+# Pictures and notes ---------------------------------------------------------------------------------------------------
+
+
+def overlay(
+    plant: Plant, trial: Trial, data: Data, base: Array, repaired: Array, phase: NDArray[np.int_], k: int
+) -> Overlay:
+    """Signals of a trial, the ``k``-th: measured, and predicted before and after."""
+    rows = len(trial.time)
+    units: Mapping[str, Callable[[int], str]] = {
+        "position": lambda j: "m" if plant.wiring.targets.slides[j] else "rad",
+        "velocity": lambda j: "m/s" if plant.wiring.targets.slides[j] else "rad/s",
+        "force": lambda j: "sensor units",
+    }
+
+    def signals(values: Array) -> dict[str, Array]:
+        return {name: values[k, :rows, c] for c, name in enumerate(data.channels)}
+
+    return Overlay(
+        trial=trial.name,
+        time=trial.time,
+        phases=phase[k, :rows],
+        measured=signals(data.value),
+        nominal=signals(base),
+        repaired=signals(repaired),
+        units={name: units[name.partition(".")[0]](int(j)) for name, j in zip(data.channels, data.part, strict=True)},
+        floor={name: float(noise) for name, noise in zip(data.channels, data.noise, strict=True)},
+    )
+
+
+def notes(
+    trials: Sequence[Trial], tones: Sequence[Tone], *, was_cut: bool, tested: bool, complete: bool
+) -> tuple[str, ...]:
+    """Sentences that a reader should know.
+
+    Args:
+        trials: that were compared.
+        tones: that load cells hum.
+        was_cut: whether the trials are parts of one recording.
+        tested: whether a trial was kept for testing.
+        complete: whether the time sufficed.
+    """
+    said = []
+    if was_cut:
+        said.append(
+            f"The recording was cut into {len(trials)} trials: at its rests, or where it has too few of them into "
+            "parts with gaps between them."
+        )
+    if not tested:
+        said.append("There is no test trial, so no share of the gap can be said to be closed: record more than one.")
+    if any(trial.efforts for trial in trials):
+        said.append(
+            "Measured efforts are not compared where commands can be replayed: servos report them in many ways."
+        )
+    said += [
+        f"{tone.channel} swings at about {tone.frequency:.3g} Hz (or faster, seen at this rate) by "
+        f"±{tone.amplitude:.2g} even where nothing is touched: mains hum, or a vibration; no effect of the library "
+        "does that."
+        for tone in tones
+    ]
+    if not complete:
+        said.append("The time budget ran out: what is said is the best so far.")
+    return tuple(said)
