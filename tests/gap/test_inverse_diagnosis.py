@@ -1,147 +1,21 @@
-"""Diagnosis along a measured motion: simulated arms with and without something unmodelled, and the real TIAGo arm.
+"""Diagnosis along a measured motion: simulated arms with and without something unmodelled, and the real TIAGo arm."""
 
-What is recorded here comes from forward simulations of their own: a tracking controller moves the joints, MuJoCo's
-constraint solver makes the friction, and noise is added, so nothing of the diagnosis takes part in making the data.
-"""
-
-import json
 import os
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import mujoco
 import numpy as np
 import pytest
+from made_motions import ARM, diagnosed, holds, named, pendulum, record, robot, trial, value
 
 from tiago_mj.gap.effects import EFFECTS
 from tiago_mj.gap.imports import tiago_arm
-from tiago_mj.gap.inverse import diagnose_inverse
-from tiago_mj.gap.recording import RecordingError, Sidecar, Trial
-from tiago_mj.gap.report import json as report
-from tiago_mj.gap.result import Diagnosis, Explanation, Value
-from tiago_mj.models.files import model_file
+from tiago_mj.gap.recording import Trial
+from tiago_mj.gap.result import Diagnosis
 
 ROOT = Path(__file__).parents[2]
 REAL = Path(os.environ.get("TIAGO_MJ_REALDATA", ROOT.parent / "shared" / "realdata")) / "tiago_arm"
-RATE, TIMESTEP = 100, 0.002
-STICKS = {"solimp": (0.9999, 0.9999, 0.001, 0.5, 2.0), "solref": (0.002, 1.0)}
-
-PENDULUM = """
-<mujoco>
-  <option timestep="0.002" integrator="implicitfast"/>
-  <worldbody>
-    <body name="arm">
-      <joint name="swing" axis="0 1 0" damping="0.05" frictionloss="0.02" armature="0.002"/>
-      <geom type="capsule" fromto="0 0 0 0 0 -0.3" size="0.01" mass="0.1"/>
-      <body name="tip" pos="0 0 -0.3"><geom type="sphere" size="0.03" mass="0.5"/></body>
-    </body>
-  </worldbody>
-  <actuator><motor name="swing" joint="swing"/></actuator>
-</mujoco>
-"""
-ARM = tuple(f"arm_{i}_joint" for i in range(1, 5))
-
-Pull = Callable[[mujoco.MjData, float], np.ndarray]
-
-
-def pendulum() -> mujoco.MjModel:
-    return mujoco.MjModel.from_xml_string(PENDULUM)
-
-
-def robot() -> mujoco.MjModel:
-    model = mujoco.MjModel.from_xml_path(str(model_file("robots/tiago_ta11.xml")))
-    model.opt.timestep = TIMESTEP
-    model.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-    return model
-
-
-def record(
-    model: mujoco.MjModel,
-    joints: tuple[str, ...],
-    *,
-    spread: float = 0.6,
-    seconds: float = 60.0,
-    noise: float = 0.01,
-    pull: Pull | None = None,
-    seed: int = 0,
-) -> Trial:
-    """What a logger on the arm sees: position and drive torque, while each joint follows three slow sines of its own.
-
-    ``pull`` is a torque on the joints that is not the drives', as a cable would exert it.
-    """
-    model.body_gravcomp[:] = 0
-    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_LIMIT
-    for joint in joints:
-        dof = model.joint(joint).dofadr[0]
-        model.dof_solimp[dof], model.dof_solref[dof] = STICKS["solimp"], STICKS["solref"]
-    model.actuator_gainprm[:] = 0
-    model.actuator_biasprm[:] = 0
-    data, ideal = mujoco.MjData(model), mujoco.MjData(model)
-    if model.nkey:
-        data.qpos[:] = model.key_qpos[0]
-    q = [int(model.joint(name).qposadr[0]) for name in joints]
-    v = [int(model.joint(name).dofadr[0]) for name in joints]
-    random = np.random.default_rng(seed)
-    n = len(joints)
-    frequency = random.uniform(0.08, 0.35, (3, n))
-    phase = random.uniform(0, 2 * np.pi, (3, n))
-    size = spread / 3 * np.array([1.4, 1.0, 0.6])[:, None]
-    middle = data.qpos.copy()
-    others = [d for d in range(model.nv) if d not in v]
-    model.dof_armature[others] += 1e4  # they are not recorded: what they carry must not move them
-    inertia = np.zeros((model.nv, model.nv))
-    rows, every = [], round(1 / (RATE * TIMESTEP))
-    for k in range(int(seconds / TIMESTEP)):
-        time = k * TIMESTEP
-        turn = 2 * np.pi * frequency
-        wanted = (size * (np.sin(turn * time + phase) - np.sin(phase))).sum(axis=0)
-        speed = (size * turn * np.cos(turn * time + phase)).sum(axis=0)
-        change = -(size * turn**2 * np.sin(turn * time + phase)).sum(axis=0)
-        if k == 0:
-            data.qvel[v] = speed
-        ideal.qpos[:], ideal.qvel[:] = data.qpos, data.qvel
-        mujoco.mj_forward(model, ideal)
-        mujoco.mj_fullM(model, ideal, inertia)
-        error, slip = wanted - (data.qpos[q] - middle[q]), speed - data.qvel[v]
-        acceleration = np.zeros(model.nv)
-        acceleration[v] = change + 900 * error + 60 * slip
-        acceleration[others] = -900 * (data.qpos - middle)[: model.nv][others] - 60 * data.qvel[others]
-        torque = inertia @ acceleration + ideal.qfrc_bias - ideal.qfrc_passive
-        if k % every == 0:
-            rows.append((time, data.qpos[q].copy(), torque[v].copy()))
-        data.qfrc_applied[:] = torque
-        if pull is not None:
-            data.qfrc_applied[v] += pull(data, time)
-        mujoco.mj_step(model, data)
-    times = np.array([row[0] for row in rows])
-    position = np.array([row[1] for row in rows]) + random.normal(0, 1e-5, (len(rows), n))
-    effort = np.array([row[2] for row in rows])
-    effort += random.normal(0, 1, effort.shape) * noise * np.sqrt((effort**2).mean(axis=0))
-    return trial(times, dict(zip(joints, position.T, strict=True)), dict(zip(joints, effort.T, strict=True)))
-
-
-def trial(time: np.ndarray, positions: dict[str, np.ndarray], efforts: dict[str, np.ndarray]) -> Trial:
-    return Trial("trial", time, {}, positions, {}, efforts, {}, Sidecar(trial="trial", rate_hz=RATE), "trial.csv")
-
-
-def diagnosed(recorded: Trial, model: mujoco.MjModel, seed: int = 0) -> Diagnosis:
-    return diagnose_inverse((recorded,), model, tuple(recorded.efforts), robot="r", seed=seed, version="0")
-
-
-def named(explanation: Explanation) -> set[str]:
-    return {effect.name for effect in explanation.effects}
-
-
-def value(explanation: Explanation, name: str, target: str, parameter: str) -> Value:
-    (found,) = [e.parameters[parameter] for e in explanation.effects if (e.name, e.target) == (name, target)]
-    return found
-
-
-def holds(found: Value, truth: float) -> bool:
-    return found.low is not None and found.high is not None and found.low <= truth <= found.high
-
-
 FRICTION = np.array([2.0, 4.0, 1.5, 1.0])
 DAMPING = np.array([10.0, 8.0, 4.0, 3.0])
 
@@ -310,69 +184,6 @@ def test_efforts_of_other_joints_or_of_other_times_give_no_friction(rubbing: Tri
         found = diagnosed(wrong, robot())
         assert not (found.kind == "effect" and named(found.best) == {"coulomb_friction", "viscous_friction"})
         assert found.remains
-
-
-# Input ----------------------------------------------------------------------------------------------------------------
-
-
-def test_a_dead_effort_channel_is_left_out_and_named() -> None:
-    recorded = record(robot(), ARM, spread=0.9, seconds=30)
-    dead = dict(recorded.efforts) | {"arm_4_joint": np.zeros_like(recorded.time)}
-    found = diagnosed(replace(recorded, efforts=dead), robot())
-    assert ("dead_channel", "effort.arm_4_joint") in {(f.code, f.channel) for f in found.findings}
-    assert "effort.arm_4_joint" not in {place.channel for place in found.where}
-
-
-def test_an_effort_in_another_unit_is_left_out_and_named() -> None:
-    recorded = record(robot(), ARM[1:3], spread=0.9, seconds=30)
-    amperes = dict(recorded.efforts) | {"arm_2_joint": recorded.efforts["arm_2_joint"] / 400}
-    found = diagnosed(replace(recorded, efforts=amperes), robot())
-    assert ("unit_scale", "effort.arm_2_joint") in {(f.code, f.channel) for f in found.findings}
-
-
-def test_several_short_trials_are_not_cut() -> None:
-    model = pendulum()
-    model.dof_frictionloss[:] += 0.3
-    whole = [record(model, ("swing",), spread=1.2, seconds=8, seed=k) for k in range(7)]
-    trials = tuple(replace(one, name=f"t{k}") for k, one in enumerate(whole))
-    found = diagnose_inverse(trials, pendulum(), ("swing",), robot="r", seed=0, version="0")
-    assert sorted(name for part in found.splits.values() for name in part) == [f"t{k}" for k in range(7)]
-    assert named(found.best) == {"coulomb_friction"}
-
-
-def test_the_same_recording_and_seed_give_the_same_answer() -> None:
-    model = pendulum()
-    model.dof_damping[:] += 0.2
-    recorded = record(model, ("swing",), spread=1.2, seconds=30)
-    first, second = (json.loads(report.text(diagnosed(recorded, pendulum()))) for _ in range(2))
-    first.pop("seconds"), second.pop("seconds")
-    assert first == second
-
-
-@pytest.mark.parametrize(
-    ("spoil", "says"),
-    [
-        (lambda t: replace(t, positions={"swing": np.zeros_like(t.time)}), "no joint moves"),
-        (lambda t: replace(t, efforts={"swing": np.zeros_like(t.time)}), "same value"),
-        (
-            lambda t: trial(t.time[:20], {"swing": t.positions["swing"][:20]}, {"swing": t.efforts["swing"][:20]}),
-            "longer",
-        ),
-        (lambda t: replace(t, efforts={"swing": np.full_like(t.time, np.nan)}), "same value|no stretch"),
-    ],
-)
-def test_a_recording_that_cannot_be_used_ends_in_one_line(spoil: Callable[[Trial], Trial], says: str) -> None:
-    recorded = spoil(record(pendulum(), ("swing",), spread=1.2, seconds=10))
-    with pytest.raises(RecordingError, match=says) as fault:
-        diagnosed(recorded, pendulum())
-    assert "trial.csv" in str(fault.value)
-    assert "\n" not in str(fault.value)
-
-
-def test_a_joint_that_the_model_lacks_is_named() -> None:
-    recorded = record(pendulum(), ("swing",), seconds=10)
-    with pytest.raises(ValueError, match="no joint 'elbow'"):
-        diagnose_inverse((recorded,), pendulum(), ("elbow",), robot="r", seed=0, version="0")
 
 
 # The real arm ---------------------------------------------------------------------------------------------------------

@@ -1,0 +1,73 @@
+"""Recordings for the diagnosis along their motion: several, faulty in a channel, or of no use."""
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from made_motions import ARM, diagnosed, named, pendulum, record, robot, trial
+
+from tiago_mj.gap.inverse import diagnose_inverse
+from tiago_mj.gap.recording import RecordingError, Trial
+from tiago_mj.gap.report import json as report
+
+
+def test_a_dead_effort_channel_is_left_out_and_named() -> None:
+    recorded = record(robot(), ARM, spread=0.9, seconds=30)
+    dead = dict(recorded.efforts) | {"arm_4_joint": np.zeros_like(recorded.time)}
+    found = diagnosed(replace(recorded, efforts=dead), robot())
+    assert ("dead_channel", "effort.arm_4_joint") in {(f.code, f.channel) for f in found.findings}
+    assert "effort.arm_4_joint" not in {place.channel for place in found.where}
+
+
+def test_an_effort_in_another_unit_is_left_out_and_named() -> None:
+    recorded = record(robot(), ARM[1:3], spread=0.9, seconds=30)
+    amperes = dict(recorded.efforts) | {"arm_2_joint": recorded.efforts["arm_2_joint"] / 400}
+    found = diagnosed(replace(recorded, efforts=amperes), robot())
+    assert ("unit_scale", "effort.arm_2_joint") in {(f.code, f.channel) for f in found.findings}
+
+
+def test_several_short_trials_are_not_cut() -> None:
+    model = pendulum()
+    model.dof_frictionloss[:] += 0.3
+    whole = [record(model, ("swing",), spread=1.2, seconds=8, seed=k) for k in range(7)]
+    trials = tuple(replace(one, name=f"t{k}") for k, one in enumerate(whole))
+    found = diagnose_inverse(trials, pendulum(), ("swing",), robot="r", seed=0, version="0")
+    assert sorted(name for part in found.splits.values() for name in part) == [f"t{k}" for k in range(7)]
+    assert named(found.best) == {"coulomb_friction"}
+
+
+def test_the_same_recording_and_seed_give_the_same_answer() -> None:
+    model = pendulum()
+    model.dof_damping[:] += 0.2
+    recorded = record(model, ("swing",), spread=1.2, seconds=30)
+    first, second = (json.loads(report.text(diagnosed(recorded, pendulum()))) for _ in range(2))
+    first.pop("seconds"), second.pop("seconds")
+    assert first == second
+
+
+@pytest.mark.parametrize(
+    ("spoil", "says"),
+    [
+        (lambda t: replace(t, positions={"swing": np.zeros_like(t.time)}), "no joint moves"),
+        (lambda t: replace(t, efforts={"swing": np.zeros_like(t.time)}), "same value"),
+        (
+            lambda t: trial(t.time[:20], {"swing": t.positions["swing"][:20]}, {"swing": t.efforts["swing"][:20]}),
+            "longer",
+        ),
+        (lambda t: replace(t, efforts={"swing": np.full_like(t.time, np.nan)}), "same value|no stretch"),
+    ],
+)
+def test_a_recording_that_cannot_be_used_ends_in_one_line(spoil: Callable[[Trial], Trial], says: str) -> None:
+    recorded = spoil(record(pendulum(), ("swing",), spread=1.2, seconds=10))
+    with pytest.raises(RecordingError, match=says) as fault:
+        diagnosed(recorded, pendulum())
+    assert "trial.csv" in str(fault.value)
+    assert "\n" not in str(fault.value)
+
+
+def test_a_joint_that_the_model_lacks_is_named() -> None:
+    recorded = record(pendulum(), ("swing",), seconds=10)
+    with pytest.raises(ValueError, match="no joint 'elbow'"):
+        diagnose_inverse((recorded,), pendulum(), ("elbow",), robot="r", seed=0, version="0")
