@@ -42,10 +42,10 @@ Array = NDArray[np.float64]
 Verdicts = Sequence[Judged]
 
 #: Chosen by hand, before any run; what few cases do not move much.
-BY_HAND: Final = Calibration(temperature=10.0, stands=0.333, rival=0.05, fails=4.0, remains=2.5, widens=10.0)
+BY_HAND: Final = Calibration(temperature=1.0, stands=0.333, rival=0.05, fails=4.0, remains=2.5, widens=3.0)
 #: Where a number may lie.
 RANGE: Final[Mapping[str, tuple[float, float]]] = {
-    "temperature": (1.0, 1000.0),
+    "temperature": (0.1, 100.0),
     "stands": (0.001, 1.0),
     "fails": (1.5, 200.0),
     "remains": (1.0, 100.0),

@@ -52,7 +52,7 @@ import tiago_mj  # noqa: F401
 from tiago_mj import compliance
 from tiago_mj.gap import floor, hypotheses, replay, score
 from tiago_mj.gap.effects.transmission import STICKING_SOLIMP, STICKING_SOLREF
-from tiago_mj.gap.fit import Fitter, Start
+from tiago_mj.gap.fit import Fitter, Point, Start
 from tiago_mj.gap.hypotheses import Candidate, Term
 from tiago_mj.gap.plant import Plant, plant_of
 from tiago_mj.gap.predict import Predictor
@@ -144,7 +144,8 @@ def ours(case: Case, terms: Sequence[Term] = ()) -> Callable[[], tuple[Array, in
         if terms:  # as the diagnosis does: from a fit nearby, with the nuisances' responses around it
             responses = predict.all_trials([(term.entry(1.0),) for term in terms], chosen) - case.base
             whole = Fitter(predict, chosen, case.data, case.weight, tuple(terms), responses, **FROM_FAR)
-            fitted = whole.fit_all([Start(case.parts, fitted.values)], renew=True)[0]
+            whole = whole.around(Point(case.parts, fitted.values, np.zeros(whole.size)))
+            fitted = whole.fit_all([Start(case.parts, fitted.values)])[0]
         return fitted.values, predict.runs
 
     return run

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from tiago_mj.cli import main
-from tiago_mj.gap import floor, hypotheses, replay, score
+from tiago_mj.gap import floor, hypotheses, replay, score, starts
 from tiago_mj.gap.effects.spec import Entry
-from tiago_mj.gap.fit import Fitter, Point, Yardstick
+from tiago_mj.gap.fit import Fitter, Point, Start, Yardstick
 from tiago_mj.gap.plant import plant_of
 from tiago_mj.gap.predict import Predictor
 from tiago_mj.gap.read import read_recordings
@@ -101,3 +101,44 @@ def test_recordings_are_compared_with_the_simulator_that_is_nearer():
     value = np.zeros((1, 50, 2))
     data = made_up(value)
     assert score.distance(data, value + 0.1) < score.distance(data, value + 0.2)
+
+
+def test_predictions_that_hold_some_of_the_nominal_numbers_already_are_scored_as_those_that_do_not():
+    rng = np.random.default_rng(0)
+    base, responses = np.zeros((2, 60, 2)), rng.normal(size=(3, 2, 60, 2))
+    own = np.array([False, False, True])
+    data = made_up(rng.normal(size=base.shape))
+    moved = np.array([0.4, -0.3, 0.2, -0.1])  # two that trials share, then each trial's own
+    there = base + np.tensordot(moved[:2], responses[:2], 1)
+    there += moved[2:, None, None] * responses[2]
+    plain, ahead = (score.frame(data, np.ones(2), responses, own, at) for at in (None, moved))
+    assert score.log_likelihood(ahead, there[None]) == pytest.approx(score.log_likelihood(plain, base[None]), abs=1e-9)
+
+
+def test_a_fit_begins_where_the_recordings_are_met_best(grasps):
+    plant, on, data = grasps
+    predict = Predictor(plant, on, data)
+    terms = tuple(t for t in hypotheses.terms(plant) if t.effect == "viscous_friction")
+    zeros = np.zeros((len(terms), *data.value.shape))
+    part = next(c for c in hypotheses.candidates(plant, ["object_size"]))
+    one = Fitter(predict, (0, 1), data, np.ones(len(data.channels)), terms, zeros, iterations=0)
+    far, none = np.array([0.01]), np.zeros(1)
+    (fit,) = one.fit_all([Start((part,), far, np.zeros(len(terms)), ((none, np.zeros(len(terms))),))])
+    assert fit.values == pytest.approx(none)
+
+
+def test_what_nominal_numbers_were_moved_for_is_given_back_to_the_effect(grasps):
+    plant, on, data = grasps
+    terms = tuple(t for t in hypotheses.terms(plant) if t.effect in ("force_gain", "force_bias"))
+    fitter = Fitter(
+        Predictor(plant, on, data), (0, 1), data, np.ones(len(data.channels)), terms, np.zeros((4, *data.value.shape))
+    )
+    gain, bias = (
+        next(c for c in hypotheses.candidates(plant, [name]) if c.target is None)
+        for name in ("force_gain", "force_bias")
+    )
+    moved = np.array([2.0 if t.effect == "force_gain" else 3.0 for t in terms])
+    values, left = starts._freed((gain, bias), np.array([1.1, 0.01]), fitter, moved)
+    assert not left.any()
+    # Both ways the same simulation: 2 deviations of 4 % of a gain, 3 of 0.002 of a bias.
+    assert values == pytest.approx([1.1 * 1.08, 0.01 + 0.006])

@@ -14,7 +14,7 @@ from typing import Final, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from tiago_mj.gap import score
+from tiago_mj.gap import floor, score
 from tiago_mj.gap.effects.spec import Entry
 from tiago_mj.gap.floor import Data
 from tiago_mj.gap.hypotheses import Candidate, Term
@@ -22,15 +22,16 @@ from tiago_mj.gap.predict import Predictor
 
 Array = NDArray[np.float64]
 
-#: Shares of a Gauss-Newton step that are tried at once; the second ones where the first does not help.
-STEPS: Final = ((1.0,), (0.4, 0.1))
+#: Gauss-Newton steps that are tried at once, each by its share and its damping (Marquardt 1963); the second ones where
+#: the first does not help.
+STEPS: Final = (((1.0, 0.0),), ((0.4, 0.0), (0.1, 0.0), (1.0, 3.0)))
 #: A drop of the cost below this is no progress [nats].
-SETTLED: Final = 0.1
+SETTLED: Final = 0.01
 ITERATIONS: Final = 5
 #: A step that brings nothing corrects the responses that promised it, and another is tried, so many times.
 REFUSALS: Final = 1
 #: Evidence against an effect that is no larger than what the nominal model's own numbers are uncertain by [nats].
-TOLERATED: Final = 60.0
+TOLERATED: Final = 6.0
 #: Deviations by which a nuisance is moved to see what it does: contacts do not answer in straight lines.
 NUDGE: Final = 0.3
 #: Real effects have not quite the form that is declared of them: they may differ by this share of what they change.
@@ -72,11 +73,16 @@ class Fitted:
 
 @dataclass(frozen=True)
 class Start:
-    """Where a fit begins: candidates, their magnitudes (k,), nuisances (size,), all 0 if None."""
+    """Where a fit begins: candidates, their magnitudes (k,), nuisances (size,), all 0 if None.
+
+    Attributes:
+        also: other magnitudes and nuisances of the same candidates: the fit begins where the recordings are met best.
+    """
 
     parts: tuple[Candidate, ...]
     values: Array
     nuisance: Array | None = None
+    also: tuple[tuple[Array, Array], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -86,6 +92,10 @@ class Point:
     parts: tuple[Candidate, ...]
     values: Array
     nuisance: Array
+
+    def beside(self, part: Candidate, value: float) -> Point:
+        """With another candidate."""
+        return Point((*self.parts, part), np.append(self.values, value), self.nuisance)
 
     def moved(self, which: slice) -> Point:
         """A little further in some nuisances."""
@@ -100,7 +110,7 @@ class Yardstick:
 
     Attributes:
         data: measured, with floor and tolerance.
-        weight: (C,), see :func:`score.independence`.
+        weight: square root of what a sample of each channel counts for, (C,).
         wider: what it costs that the tolerance is wider than the nominal model's [nats].
     """
 
@@ -119,6 +129,10 @@ class Yardstick:
         """Whitened, (..., n)."""
         w = score.whiten(self.data, difference, self.weight)
         return w.reshape(*w.shape[:-3], self.data.value.size)
+
+    def columns(self, responses: Array, per_trial: NDArray[np.bool_]) -> Array:
+        """Whitened responses, (nterms, ntrials, T, C) to (n, size), see :func:`score.columns`."""
+        return score.columns(score.whiten(self.data, responses, self.weight), per_trial)
 
     def weighted(self, predicted: Array, columns: Array) -> tuple[Array, Array]:
         """Residual (n,) and responses (n, k), both scaled down where the residual is softened."""
@@ -154,10 +168,10 @@ class Fitter:
         predict: simulations.
         trials: indices of the trials.
         data: measured, of these trials.
-        weight: (C,), see :func:`score.independence`.
+        weight: square root of what a sample of each channel counts for, (C,).
         terms: nuisance parameters.
-        responses: change of the nominal predictions per deviation of each term, (nterms, ntrials, T, C); those that
-            every trial has of its own come last.
+        responses: change of the predictions per deviation of each term, (nterms, ntrials, T, C): of the nominal
+            model's, or around another point (:meth:`around`); those that every trial has of its own come last.
         given: effects that are part of whatever is fitted.
         iterations: Gauss-Newton steps at most.
         settled: a drop of the cost below this is no progress [nats].
@@ -181,6 +195,7 @@ class Fitter:
     def __post_init__(self) -> None:
         self.shared = [k for k, term in enumerate(self.terms) if not term.per_trial]
         self._own = [k for k, term in enumerate(self.terms) if term.per_trial]
+        self.per_trial = np.array([term.per_trial for term in self.terms], dtype=bool)
 
     @property
     def size(self) -> int:
@@ -199,46 +214,59 @@ class Fitter:
                 chosen.append(self.terms[term].entry(float(nuisance[base + k])))
         return tuple(chosen)
 
-    def predictions(self, points: Sequence[Point]) -> Array:
-        """(npoints, ntrials, T, C)."""
+    def predictions(self, points: Sequence[Point], *, keep: bool = False) -> Array:
+        """(npoints, ntrials, T, C); ``keep``: remember the physics, for what only measures differently."""
         wanted = [
             (t, self.effects(p.parts, p.values, p.nuisance, k)) for p in points for k, t in enumerate(self.trials)
         ]
-        out = self.predict(wanted)
+        out = self.predict(wanted, keep=keep)
         return out.reshape(len(points), len(self.trials), *out.shape[1:])
 
-    def fit_all(self, starts: Sequence[Start], *, renew: bool = False) -> list[Fitted]:
-        """Fit explanations, each its magnitudes and nuisances, side by side: what they all need next is simulated at
-        once.
-
-        Args:
-            starts: where they begin.
-            renew: compute the nuisances' responses anew, around the starts, instead of the nominal model's.
-        """
-        return _run([self._fit(start, renew) for start in starts], self.predictions)
-
-    def _fit(self, start: Start, renew: bool) -> Steps[Fitted]:
-        at = Point(
-            start.parts,
-            np.array(start.values, dtype=float),
-            np.zeros(self.size) if start.nuisance is None else start.nuisance.copy(),
+    def part(self, rows: Sequence[int]) -> Fitter:
+        """Of some of the trials, by their positions among them."""
+        return replace(
+            self,
+            trials=tuple(self.trials[k] for k in rows),
+            data=floor.part(self.data, rows),
+            responses=self.responses[:, list(rows)],
         )
-        base = (yield [at])[0]
+
+    def of(self, rows: Sequence[int], nuisance: Array) -> Array:
+        """Nuisances of some of the trials, of those of all."""
+        shared = len(self.shared)
+        own = nuisance[shared:].reshape(len(self.trials), len(self._own))
+        return np.concatenate([nuisance[:shared], own[list(rows)].ravel()])
+
+    def around(self, at: Point) -> Fitter:
+        """The same with the nuisances' responses around a point: contacts do not answer in straight lines."""
+        points = [at, *(at.moved(slice(k, k + 1)) for k in range(len(self.shared)))]
+        points += [at.moved(slice(len(self.shared) + k, None, len(self._own))) for k in range(len(self._own))]
+        predicted = self.predictions(points)
+        return replace(self, responses=(predicted[1:] - predicted[0]) / NUDGE)
+
+    def fit_all(self, starts: Sequence[Start]) -> list[Fitted]:
+        """Fit explanations, each its magnitudes and nuisances, side by side: what they all need next is simulated at
+        once."""
+        return _run([self._fit(start) for start in starts], self.predictions)
+
+    def _fit(self, start: Start) -> Steps[Fitted]:
+        nuisance = np.zeros(self.size) if start.nuisance is None else start.nuisance
+        points = [Point(start.parts, v, n) for v, n in ((start.values, nuisance), *start.also)]
+        tried = yield points
         on = Yardstick(self.data, self.weight)
+        best = int(np.argmin([on.cost(one, point.nuisance) for one, point in zip(tried, points, strict=True)]))
+        at, base = points[best], tried[best]
         if at.parts:
             on = on.with_shape(base - (yield [Point((), np.zeros(0), at.nuisance)])[0])
-        if renew:
-            columns = yield from self._nuisance_columns(on, at, base)
-        else:
-            columns = self._columns(on, self.responses)
+        columns = on.columns(self.responses, self.per_trial)
         jacobian = yield from self._value_columns(on, at, base)
         refused = 0
         for iteration in range(self.iterations):
             if iteration and self.out_of_time():
                 break
             before = on.cost(base, at.nuisance)
-            for shares in STEPS:
-                points = self._steps(on, at, base, np.concatenate([jacobian, columns], axis=1), shares)
+            for steps in STEPS:
+                points = self._steps(on, at, base, np.concatenate([jacobian, columns], axis=1), steps)
                 tried = yield points
                 costs = [on.cost(tried[k], points[k].nuisance) for k in range(len(points))]
                 best = int(np.argmin(costs))
@@ -255,24 +283,6 @@ class Fitter:
                 break
             jacobian = yield from self._value_columns(on, at, base)
         return self._finished(on, at, base, np.concatenate([jacobian, columns], axis=1))
-
-    def _nuisance_columns(self, on: Yardstick, at: Point, base: Array) -> Steps[Array]:
-        """Whitened response to one deviation of every nuisance parameter around a point, (n, size)."""
-        points = [at.moved(slice(k, k + 1)) for k in range(len(self.shared))]
-        points += [at.moved(slice(len(self.shared) + k, None, len(self._own))) for k in range(len(self._own))]
-        if not points:
-            return np.zeros((self.data.value.size, 0))
-        return self._columns(on, ((yield points) - base) / NUDGE)
-
-    def _columns(self, on: Yardstick, response: Array) -> Array:
-        """Columns, (n, size), of responses (nterms, ntrials, T, C), the shared terms first."""
-        columns = list(on.white(response[: len(self.shared)]))
-        for t in range(len(self.trials)):
-            for k in range(len(self._own)):
-                alone = np.zeros_like(response[0])
-                alone[t] = response[len(self.shared) + k, t]
-                columns.append(on.white(alone))
-        return np.stack(columns, axis=1) if columns else np.zeros((self.data.value.size, 0))
 
     def _value_columns(self, on: Yardstick, at: Point, base: Array) -> Steps[Array]:
         """Whitened response to each magnitude, per unit of it, (n, k)."""
@@ -291,8 +301,10 @@ class Fitter:
         response = ((yield points) - base) / np.array(steps)[:, None, None, None]
         return np.asarray(on.white(response).T)
 
-    def _steps(self, on: Yardstick, at: Point, base: Array, columns: Array, shares: Sequence[float]) -> list[Point]:
-        """Points to try: shares of a Gauss-Newton step, with and without a move of the nuisances."""
+    def _steps(
+        self, on: Yardstick, at: Point, base: Array, columns: Array, steps: Sequence[tuple[float, float]]
+    ) -> list[Point]:
+        """Points to try: shares of damped Gauss-Newton steps, with and without a move of the nuisances."""
         count = len(at.parts)
         r, weighted = on.weighted(base, columns)
         prior = np.concatenate([np.zeros(count), np.ones(self.size)])
@@ -300,10 +312,10 @@ class Fitter:
         weighted = weighted * scale
         curvature = weighted.T @ weighted + np.diag(prior + 1e-6)
         gradient = weighted.T @ r - prior * np.concatenate([at.values * 0, at.nuisance])
-        step = scale * np.linalg.solve(curvature, gradient)
         bound = score.NUISANCE_BOUND
         points = []
-        for share in shares:
+        for share, damping in steps:
+            step = scale * np.linalg.solve(curvature + damping * np.diag(np.diag(curvature)), gradient)
             values = np.array(
                 [_inside(p, v + share * s) for p, v, s in zip(at.parts, at.values, step[:count], strict=True)]
             )
@@ -338,7 +350,9 @@ class Fitter:
         _, logdet = np.linalg.slogdet(curvature)
         _, of_nuisances = np.linalg.slogdet(curvature[len(parts) :, len(parts) :])
         prior = -0.5 * float(at.nuisance @ at.nuisance) - 0.5 * (logdet - of_nuisances)
-        evidence = -on.cost(base, np.zeros(0)) - on.wider
+        # What meets the recordings without leave to differ in form shall not pay for it.
+        plain = Yardstick(self.data, self.weight)
+        evidence = -min(on.cost(base, np.zeros(0)) + on.wider, plain.cost(base, np.zeros(0)))
         for part, value in zip(parts, at.values, strict=True):
             prior += 0.5 * np.log(2 * np.pi) - np.log(part.high - part.low)
             evidence -= TOLERATED * max(0.0, 1 - abs(value - part.identity) / part.tolerance) if part.tolerance else 0.0

@@ -4,7 +4,9 @@ Residuals are whitened by floor and tolerance and thinned by their correlation t
 over a block of rows, u of one row, is one error and not many: the covariance of a block is 1 + u u'. Nuisance
 parameters enter linearly with a normal prior and are integrated out in closed form: r = A ν + ε, ν ~ N(0, 1), so that
 
-    log p(r) = −½ (r'r − b' (1 + G)⁻¹ b) − ½ log |1 + G|,   b = A'r, G = A'A     (ν in units of its deviation).
+    log p(r) = −½ (r'r − b' (1 + G)⁻¹ b) − ½ log |1 + G|,   b = A'r, G = A'A     (ν in units of its deviation),
+
+and, where the predictions have nuisances ν₀ already, of what is left to ν.
 """
 
 from __future__ import annotations
@@ -36,8 +38,9 @@ class Frame:
         data: measured, of these trials.
         weight: square root of the share of samples that are independent, (C,).
         columns: whitened response to one deviation of every nuisance, (n, p).
-        gram: 1 + A'A, its Cholesky factor.
+        factor: Cholesky's, of 1 + A'A.
         logdet: of 1 + A'A.
+        at: nuisances that are in the predictions already, (p,).
     """
 
     data: Data
@@ -45,32 +48,41 @@ class Frame:
     columns: Array
     factor: tuple[Array, bool]
     logdet: float
+    at: Array
 
 
-def frame(data: Data, weight: Array, responses: Array, per_trial: NDArray[np.bool_]) -> Frame:
+def frame(
+    data: Data,
+    weight: Array,
+    responses: Array,
+    per_trial: NDArray[np.bool_],
+    at: Array | None = None,
+) -> Frame:
     """Prepare scoring.
 
     Args:
         data: of ntrials trials.
         weight: (C,).
-        responses: predictions one deviation away minus base, (p, ntrials, T, C).
+        responses: predictions one deviation away minus base, (p, ntrials, T, C), terms of all trials first.
         per_trial: whether every trial has its own, (p,).
+        at: nuisances that the predictions to be scored have already, ordered as :func:`columns`; None: none.
     """
-    white = whiten(data, responses, weight)
-    count, trials = white.shape[:2]
-    columns = []
-    for k in range(count):
-        if per_trial[k]:
-            for t in range(trials):
-                alone = np.zeros_like(white[k])
-                alone[t] = white[k, t]
-                columns.append(alone.ravel())
-        else:
-            columns.append(white[k].ravel())
-    a = np.stack(columns, axis=1) if columns else np.zeros((data.value.size, 0))
+    a = columns(whiten(data, responses, weight), per_trial)
     gram = np.eye(a.shape[1]) + a.T @ a
     factor = linalg.cho_factor(gram, lower=True)
-    return Frame(data, weight, a, factor, 2 * float(np.log(np.diag(factor[0])).sum()))
+    moved = np.zeros(a.shape[1]) if at is None else at
+    return Frame(data, weight, a, factor, 2 * float(np.log(np.diag(factor[0])).sum()), moved)
+
+
+def columns(white: Array, per_trial: NDArray[np.bool_]) -> Array:
+    """A column a nuisance, (n, size), of whitened responses (p, ntrials, T, C): those that trials share come first."""
+    out = [one.ravel() for one in white[~per_trial]]
+    for t in range(white.shape[1]):
+        for one in white[per_trial]:
+            alone = np.zeros_like(one)
+            alone[t] = one[t]
+            out.append(alone.ravel())
+    return np.stack(out, axis=1) if out else np.zeros((int(np.prod(white.shape[1:])), 0))
 
 
 def whiten(data: Data, difference: Array, weight: Array) -> Array:
@@ -138,8 +150,9 @@ def log_likelihood(on: Frame, predicted: Array) -> Array:
     """log p of the recordings given predictions (..., ntrials, T, C), nuisance integrated out, (...)."""
     white = whiten(on.data, on.data.value - predicted, on.weight)
     r = white.reshape(-1, on.columns.shape[0])
-    nuisance = np.clip(linalg.cho_solve(on.factor, (r @ on.columns).T).T, -NUISANCE_BOUND, NUISANCE_BOUND)
-    left = soften(r - nuisance @ on.columns.T)
+    further = linalg.cho_solve(on.factor, (r @ on.columns - on.at).T).T
+    nuisance = np.clip(on.at + further, -NUISANCE_BOUND, NUISANCE_BOUND)
+    left = soften(r - (nuisance - on.at) @ on.columns.T)
     total = -0.5 * (np.sum(left * left, axis=-1) + np.sum(nuisance * nuisance, axis=-1)) - 0.5 * on.logdet
     out: Array = total.reshape(white.shape[:-3])
     return out

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from tiago_mj.gap import score
 from tiago_mj.gap.effects import EFFECTS
-from tiago_mj.gap.effects.spec import Entry
+from tiago_mj.gap.fit import Fitter, Point
 from tiago_mj.gap.hypotheses import Candidate
 from tiago_mj.gap.predict import Predictor
 
@@ -46,12 +46,11 @@ class Screened:
 
 
 def screen(
-    predict: Predictor,
+    fitter: Fitter,
     on: score.Frame,
-    trials: Sequence[int],
     pool: Sequence[Candidate],
+    at: Point,
     base: Array,
-    given: tuple[Entry, ...] = (),
     out_of_time: Callable[[], bool] = lambda: False,
 ) -> list[Screened]:
     """Score every candidate at every magnitude of its grid.
@@ -60,12 +59,11 @@ def screen(
     nominal ones elsewhere: fingers hardly feel each other, and what is promising is simulated properly later.
 
     Args:
-        predict: simulations.
-        on: frame of these trials.
-        trials: their indices.
+        fitter: of the trials.
+        on: their frame.
         pool: candidates.
-        base: predictions without any of the pool, (ntrials, T, C).
-        given: effects beside which the pool is tried; none for the nominal model.
+        at: effects and nominal numbers beside which the pool is tried.
+        base: predictions there, (ntrials, T, C).
         out_of_time: asked between portions; what was not simulated by then is left out.
 
     Returns:
@@ -80,7 +78,7 @@ def screen(
         if first and out_of_time():
             break
         portion = wanted[first : first + PORTION]
-        predicted = predict.all_trials([(*given, c.entry(value)) for c, value in portion], trials)
+        predicted = fitter.predictions([at.beside(c, value) for c, value in portion])
         for (c, value), one in zip(portion, predicted, strict=True):
             runs[(c.effect, c.fixed, value)] = one
     nominal = score.log_likelihood(on, base)
@@ -91,7 +89,7 @@ def screen(
             continue
         stack = np.stack([runs[(c.effect, c.fixed, v)] for v in values])
         if c.target is not None:
-            mine = parts_of(predict, c)
+            mine = parts_of(fitter.predict, c)
             stack = np.where(mine, stack, base)
         values, stack = _between(values, stack)
         likelihood = score.log_likelihood(on, stack)

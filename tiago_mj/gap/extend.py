@@ -1,0 +1,132 @@
+"""Where to look for a second and a third effect: beside an explanation, or two that explain together what neither does
+alone."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tiago_mj.gap import score
+from tiago_mj.gap.effects import EFFECTS
+from tiago_mj.gap.fit import Fitted, Fitter, Point, Start
+from tiago_mj.gap.floor import Data
+from tiago_mj.gap.hypotheses import Candidate
+from tiago_mj.gap.screen import Screened, screen
+
+Array = NDArray[np.float64]
+
+#: Extensions of an explanation that are fitted to some trials.
+EXTENSIONS: Final = 4
+#: Pairs that are found by superposition and fitted to some trials, and magnitudes of each effect that are tried.
+SUPERPOSED: Final = 6
+MAGNITUDES: Final = 7
+#: An extension is fitted if the sum of the effects' changes says that it adds this much evidence [nats]: less would
+#: not pay for another effect.
+PROMISES: Final = 5.0
+
+
+def extensions(fitter: Fitter, on: score.Frame, seeds: Sequence[Fitted], promising: Sequence[Screened]) -> list[Start]:
+    """The best explanations with another effect, found by adding its change to the prediction of the first."""
+    starts: dict[object, Start] = {}
+    for seed in seeds:
+        # Without its own nuisances: they may have absorbed what the other effect is to explain.
+        whole = fitter.predictions([Point(seed.parts, seed.values, on.at)])[0]
+        there = {part.label for part in seed.parts}
+        alone = float(score.log_likelihood(on, whole[None])[0])
+        found: list[tuple[float, Screened, float]] = []
+        for s in promising:
+            if s.candidate.label not in there:
+                gains = score.log_likelihood(on, whole + s.changes) - alone
+                best = int(np.argmax(gains))
+                found.append((float(gains[best]), s, s.values[best]))
+        kinds: set[object] = set()
+        for gain, s, value in sorted(found, key=lambda item: -item[0]):
+            if gain < PROMISES or len(kinds) == EXTENSIONS:
+                break
+            if _kind(s.candidate) not in kinds:
+                kinds.add(_kind(s.candidate))
+                start = Start((*seed.parts, s.candidate), np.array([*seed.values, value]), on.at)
+                starts.setdefault(frozenset(part.label for part in start.parts), start)
+    return list(starts.values())
+
+
+def beside(fitter: Fitter, seed: Fitted, pool: Sequence[Candidate], nuisance: Array) -> list[Start]:
+    """An explanation with another effect, found by trying all of them beside it where it fails most.
+
+    Args:
+        fitter: of trials.
+        seed: the explanation.
+        pool: what is tried.
+        nuisance: nominal numbers, not the explanation's own: they may have absorbed what is to be explained.
+    """
+    at = Point(seed.parts, seed.values, nuisance)
+    (worst,) = spread(fitter.predictions([at])[0], fitter.data, 1)
+    there, at = fitter.part([worst]), Point(seed.parts, seed.values, fitter.of([worst], nuisance))
+    frame = score.frame(there.data, there.weight, there.responses, there.per_trial, at.nuisance)
+    labels = {part.label for part in seed.parts}
+    found: dict[object, Start] = {}
+    tried = [c for c in pool if c.label not in labels]
+    for s in screen(there, frame, tried, at, there.predictions([at], keep=True)[0]):
+        if s.gain < PROMISES or len(found) == EXTENSIONS:
+            break
+        start = Start((*seed.parts, s.candidate), np.array([*seed.values, s.value]), nuisance)
+        found.setdefault(_kind(s.candidate), start)
+    return list(found.values())
+
+
+def _kind(candidate: Candidate) -> object:
+    """Candidates of one kind lead to the same place: of one class, all on one target, or all on every one."""
+    return EFFECTS[candidate.effect].gap_class, candidate.target is None
+
+
+def superposed(on: score.Frame, base: Array, promising: Sequence[Screened]) -> list[Start]:
+    """The best pairs by the sum of both changes, at all magnitudes: the best pair need not hold the best single.
+
+    Args:
+        on: frame of some trials.
+        base: nominal predictions of these, (ntrials, T, C).
+        promising: after the first pass.
+    """
+    leaders: dict[str, Screened] = {}
+    for s in promising:
+        if s.candidate.target is None:
+            leaders.setdefault(s.candidate.effect, s)
+    thin = {
+        name: np.unique(np.linspace(0, len(s.values) - 1, MAGNITUDES).round().astype(int))
+        for name, s in leaders.items()
+    }
+    alone = max((s.gain for s in promising), default=0.0) + float(score.log_likelihood(on, base))
+    found: list[tuple[float, Start]] = []
+    names = list(leaders)
+    for k, a in enumerate(names):
+        one = leaders[a].changes[thin[a]]
+        for b in names[k + 1 :]:
+            both = base + one[:, None] + leaders[b].changes[thin[b]][None]
+            likelihood = score.log_likelihood(on, both)
+            i, j = np.unravel_index(int(np.argmax(likelihood)), likelihood.shape)
+            values = np.array([leaders[a].values[thin[a][i]], leaders[b].values[thin[b][j]]])
+            if likelihood[i, j] < alone + PROMISES:
+                continue
+            found.append((float(likelihood[i, j]), Start((leaders[a].candidate, leaders[b].candidate), values, on.at)))
+    out: dict[frozenset[str], Start] = {}
+    for _, start in sorted(found, key=lambda item: -item[0]):
+        out.setdefault(frozenset(EFFECTS[part.effect].gap_class for part in start.parts), start)
+    return list(out.values())[:SUPERPOSED]
+
+
+def once_each(starts: Sequence[Start]) -> list[Start]:
+    """Each set of effects and targets once, the first of them."""
+    out: dict[object, Start] = {}
+    for start in starts:
+        out.setdefault(frozenset(part.label for part in start.parts), start)
+    return list(out.values())
+
+
+def spread(base: Array, data: Data, count: int) -> list[int]:
+    """Trials in which the nominal model fails most: what there is to explain shows there."""
+    white = score.scaled(data, data.value - base)
+    size = (score.soften(white) ** 2).sum(axis=(1, 2))
+    return sorted(int(k) for k in np.argsort(-size)[:count])

@@ -1,0 +1,119 @@
+"""Where fits begin: they end in the nearest valley, so that it matters."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tiago_mj.gap import score
+from tiago_mj.gap.fit import Fitted, Fitter, Point, Start
+from tiago_mj.gap.hypotheses import Candidate, Term
+from tiago_mj.gap.screen import Screened
+
+Array = NDArray[np.float64]
+
+#: Explanations this near to the best are looked at again [nats].
+NEAR: Final = 15.0
+
+
+def point(there: Fitted | Start) -> Point:
+    """Where a fit ended, or begins."""
+    assert there.nuisance is not None
+    return Point(there.parts, there.values, there.nuisance)
+
+
+def again(fit: Fitted) -> Start:
+    """Start where a fit ended."""
+    return Start(fit.parts, fit.values, fit.nuisance)
+
+
+def beginning(s: Screened, few: Fitter, at: Array) -> Start:
+    """Start for some trials of what the first pass found."""
+    values = np.array([s.value])
+    return Start((s.candidate,), values, at, (_freed((s.candidate,), values, few, at),))
+
+
+def carried(fit: Fitted, everywhere: Fitter, at: Array) -> Start:
+    """Start for all trials of what was fitted to some: with its nuisances, as far as trials share them; with those of
+    the nominal model; or with an effect that has not begun, which is no worse than none."""
+    count = len(everywhere.shared)
+    nuisance = np.concatenate([fit.nuisance[:count], at[count:]])
+    begun = np.array([p.identity if np.isfinite(p.identity) else p.high for p in fit.parts])
+    freed = _freed(fit.parts, fit.values, everywhere, nuisance)
+    return Start(fit.parts, fit.values, nuisance, ((fit.values, at), freed, (begun, at)))
+
+
+def _freed(parts: Sequence[Candidate], values: Array, fitter: Fitter, nuisance: Array) -> tuple[Array, Array]:
+    """The same, with what numbers of the nominal model have of an effect given back to it: fits of the nominal model
+    moved them as far as they go."""
+    values, nuisance = values.copy(), nuisance.copy()
+    for k, part in enumerate(parts):
+        mine = _numbers(fitter, part)
+        if not mine or not np.isfinite(part.identity):
+            continue
+        moves = [nuisance[i] * term.deviation for i, term in mine]
+        mean = float(np.mean(moves))
+        values[k] = values[k] * (1 + mean) if part.identity == 1 else values[k] + mean
+        values[k] = min(max(values[k], part.low), part.high)
+        for (i, term), move in zip(mine, moves, strict=True):
+            nuisance[i] = (move - mean) / term.deviation
+    return values, nuisance
+
+
+def _numbers(fitter: Fitter, part: Candidate) -> list[tuple[int, Term]]:
+    """Of the nuisances, those that are the number that an effect changes: index, term."""
+    return [
+        (i, fitter.terms[term])
+        for i, term in enumerate(fitter.shared)
+        if fitter.terms[term].effect == part.effect
+        and fitter.terms[term].parameter == part.parameter
+        and (part.target is None or fitter.terms[term].target == part.target)
+    ]
+
+
+def fewer(fits: Sequence[Fitted]) -> list[Start]:
+    """Starts without effects that only led the others to a better place."""
+    out = []
+    for fit in fits:
+        needed = [k for k in range(len(fit.parts)) if away(fit, k)]
+        if 0 < len(needed) < len(fit.parts):
+            out.append(Start(tuple(fit.parts[k] for k in needed), fit.values[needed], fit.nuisance))
+    return out
+
+
+def away(fit: Fitted, part: int) -> bool:
+    """Whether a magnitude is farther from its identity than its uncertainty (90 %)."""
+    identity = fit.parts[part].identity
+    if not np.isfinite(identity):
+        return bool(fit.values[part] < fit.parts[part].high - 1e-6 * abs(fit.parts[part].high))
+    return bool(abs(fit.values[part] - identity) > 1.645 * fit.deviations[part])
+
+
+def absorbed(fits: Sequence[Fitted], fitter: Fitter) -> list[Start]:
+    """Starts without effects that are no more than a nominal number a little off, which takes that value instead.
+
+    Fits end in the nearest valley: where an effect found a better one than its explanation without it, that goes on
+    from there. Only of the best, and where nothing but the number itself is beyond what it is known to.
+    """
+    best = max(fit.evidence for fit in fits)
+    known = {frozenset(p.label for p in fit.parts): fit.evidence for fit in fits}
+    out: dict[object, Start] = {}
+    for fit in sorted(fits, key=lambda f: -f.evidence):
+        if fit.evidence < best - NEAR:
+            break
+        nuisance, left = fit.nuisance.copy(), []
+        for k, part in enumerate(fit.parts):
+            mine = _numbers(fitter, part)
+            moved = [nuisance[i] + (fit.values[k] - term.nominal) / term.deviation for i, term in mine]
+            if mine and max(abs(m) for m in moved) < score.NUISANCE_BOUND:
+                for (i, _), m in zip(mine, moved, strict=True):
+                    nuisance[i] = m
+            else:
+                left.append(k)
+        labels = frozenset(fit.parts[k].label for k in left)
+        if len(left) < len(fit.parts) and known.get(labels, -np.inf) < fit.evidence:
+            out.setdefault(labels, Start(tuple(fit.parts[k] for k in left), fit.values[left], nuisance))
+    return list(out.values())
