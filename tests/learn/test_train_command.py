@@ -79,8 +79,10 @@ def test_the_folder_holds_agents_curves_and_a_card(trained):
     assert "| steps | 1200 |" in page
     assert "--seeds 2 --steps 1200 --hyperparameters FILE --env-option 'max_episode_steps=40' --out DIR" in page
     curve = json.loads((trained / "curves.json").read_text())
-    assert len(curve["steps"]) == len(curve["median"]) == curves.POINTS
-    assert all(low <= mid <= high for low, mid, high in zip(curve["lowest"], curve["median"], curve["highest"]))  # noqa: B905
+    for part in (curve["training"], curve["evaluation"]):
+        assert len(part["steps"]) == len(part["median"]) == curves.POINTS
+        assert all(low <= mid <= high for low, mid, high in zip(part["lowest"], part["median"], part["highest"]))  # noqa: B905
+    assert (trained / "curves.png").read_bytes()[1:4] == b"PNG"
 
 
 def test_seeds_differ_and_the_same_seed_does_not(trained, small, tmp_path):

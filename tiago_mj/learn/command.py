@@ -10,8 +10,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from tiago_mj import atomic, extra, scale
-from tiago_mj.learn import card, curves, progress
+from tiago_mj import atomic, extra, figures, scale
+from tiago_mj.learn import card, curves, plots, progress
 from tiago_mj.learn.loop import BEST, Task, train_seed
 from tiago_mj.learn.settings import Settings, claim, provenance
 from tiago_mj.learn.zoo_form import ALGORITHMS, read_hyperparameters
@@ -160,7 +160,15 @@ def _conclude(out: Path, settings: Settings, results: Sequence[Mapping[str, Any]
     folders = [out / f"seed-{result['seed']}" for result in results]
     curve = curves.over_seeds([curves.read_episodes(folder) for folder in folders], settings.steps)
     data = card.card(settings, results, curve, provenance())
-    curves.write_all(out, {"env": settings.env, "algo": settings.algo, "seeds": len(results), **curve})
+    drawn = {
+        "env": settings.env,
+        "algo": settings.algo,
+        "seeds": len(results),
+        "training": curve,
+        "evaluation": curves.over_seeds([curves.read_evaluations(folder) for folder in folders], settings.steps),
+    }
+    curves.write_all(out, drawn)
+    atomic.write_bytes(out / "curves.png", figures.png(plots.learning_curves(drawn)))
     atomic.write_text(out / "card.json", json.dumps(data, indent=1) + "\n")
     atomic.write_text(out / "card.md", card.markdown(data))
     return data

@@ -51,6 +51,13 @@ def read_episodes(folder: Path) -> tuple[Array, Array]:
     )
 
 
+def read_evaluations(folder: Path) -> tuple[Array, Array]:
+    """Steps and mean returns of a seed's evaluations, each (n,)."""
+    with (folder / EVALUATIONS).open(encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    return np.array([float(row["steps"]) for row in rows]), np.array([float(row["mean_return"]) for row in rows])
+
+
 def moving_mean(values: Array) -> Array:
     """Mean of each value and the 19 before it, or of those there are, (n,)."""
     total = np.concatenate([[0.0], np.cumsum(values)])
@@ -60,10 +67,10 @@ def moving_mean(values: Array) -> Array:
 
 
 def over_seeds(curves: Sequence[tuple[Array, Array]], total: int) -> dict[str, list[float]]:
-    """Median and range over seeds of the mean return of the last 20 episodes.
+    """Median and range over seeds.
 
     Args:
-        curves: steps and means of each seed.
+        curves: steps and returns of each seed.
         total: environment steps of a seed.
 
     Returns:
