@@ -58,7 +58,7 @@ GRID: Final = 60
 SPREAD: Final = 0.5
 #: Counts jump where a threshold passes a case; a case is taken to lie anywhere within this [log].
 SMOOTH: Final = 0.15
-#: A case above a limit counts as many that are missed.
+#: A case above a limit, by more than chance does with so many cases, counts as many that are missed.
 ABOVE: Final = 10.0
 #: Even a sure answer is wrong so often, whatever the evidence: the log loss of one case is limited.
 LEAST: Final = 0.01
@@ -176,11 +176,16 @@ def log_loss(cases: Sequence[Case], by: Calibration) -> float:
 # What each number is for: cases that are missed, with those above a limit ---------------------------------------------
 
 
+def _above(count: float, share: float, of: int) -> float:
+    """What it costs that more cases than a share are wrong, beyond one standard deviation of that many draws."""
+    return ABOVE * max(0.0, count - share * of - float(np.sqrt(share * (1 - share) * of)))
+
+
 def _stands(said: Verdicts) -> float:
     none = [j for j in said if j.kind == "none"]
     false = sum(j.verdict in ("effect", "ambiguous") and bool(j.best) for j in none)
     there = [j for j in said if j.kind in ("one", "two") and j.detectable]
-    return sum(j.verdict == "no_gap" for j in there) + ABOVE * max(0.0, false - FALSE_NAMES * len(none))
+    return sum(j.verdict == "no_gap" for j in there) + _above(false, FALSE_NAMES, len(none))
 
 
 def _fails(said: Verdicts) -> float:
@@ -190,14 +195,14 @@ def _fails(said: Verdicts) -> float:
     )
     outside = [j for j in said if j.kind in ("outside", "left_out") and j.detectable]
     missed = sum(not score.right(j) for j in outside)
-    return missed + ABOVE * max(0.0, false - FALSE_FLAGS * len(ours))
+    return missed + _above(false, FALSE_FLAGS, len(ours))
 
 
 def _remains(said: Verdicts) -> float:
     right = [j for j in said if j.explainable and j.detectable and j.best == j.truth]
     false = sum(_left(j) for j in right)
     partly = [j for j in said if j.verdict in ("effect", "ambiguous") and _short(j)]
-    return sum(not _left(j) for j in partly) + ABOVE * max(0.0, false - FALSE_REMAINS * len(right))
+    return sum(not _left(j) for j in partly) + _above(false, FALSE_REMAINS, len(right))
 
 
 def _left(j: Judged) -> bool:
@@ -214,7 +219,7 @@ def _short(j: Judged) -> bool:
 def _rival(cases: Sequence[Case], said: Verdicts) -> float:
     ours = [j for one, j in zip(cases, said, strict=True) if _single(one) and j.verdict != "unknown"]
     out = sum(j.truth not in j.set for j in ours)
-    return sum(len(j.set) - 1 for j in ours) + ABOVE * max(0.0, out - OUT_OF_SET * len(ours))
+    return sum(len(j.set) - 1 for j in ours) + _above(out, OUT_OF_SET, len(ours))
 
 
 def _single(one: Case) -> bool:

@@ -31,8 +31,8 @@ Array = NDArray[np.float64]
 ONE_EFFECT: Final = 1.0
 ANOTHER_EFFECT: Final = 0.5
 ONE_TARGET: Final = 0.5
-#: Real effects have not quite the form that is declared of them: a tenth of a gap, squared, may last.
-FORM: Final = 0.01
+#: An effect beside others that stand without it must leave so much less of what is beyond the noise.
+LESS: Final = 0.6
 #: The temperature rises no further where all explanations fail.
 HOTTEST: Final = 4.0
 CALIBRATION: Final = "verdict.json"
@@ -48,8 +48,8 @@ class Calibration:
             noise, so their errors are no independent draws of it.
         stands: the nominal model stands at this probability over the best explanation's, unless it leaves a gap.
         rival: explanations at least this probable beside the best are not ruled out.
-        fails: mean square of the worst channel's lasting error, in units of what it should scatter by, above which
-            even the best explanation fails; beyond what its form may be wrong by.
+        fails: mean square of the worst channel's error, over blocks or sample by sample, in units of what it should
+            scatter by, above which even the best explanation fails.
         remains: and above which a part of the gap is said to remain.
         widens: a magnitude is known to so many deviations of its fit: these count errors that last as many.
     """
@@ -136,16 +136,16 @@ def decide(options: Sequence[Option], by: Calibration, *, betrayed: bool = False
     classes = [one.classes for one in options]
     pooled = np.array([single[[c == classes[k] for c in classes]].sum() for k in range(len(classes))])
     nominal = next(k for k, one in enumerate(options) if not one.effects)
-    form = FORM * options[nominal].evidence.lasting
     best = max((k for k in range(len(single)) if k != nominal), key=lambda k: single[k], default=nominal)
-    stands = single[nominal] >= (1.0 if options[nominal].evidence.lasting > by.remains else by.stands) * single[best]
-    if best == nominal or (stands and options[nominal].evidence.lasting <= by.fails):
+    leaves = left(options[nominal])
+    stands = single[nominal] >= (1.0 if leaves > by.remains else by.stands) * single[best]
+    if best == nominal or (stands and leaves <= by.fails):
         best, rivals = nominal, [nominal]
     else:
         rivals = _rivals(options, single, by.rival * single[best], nominal)
-        best = rivals[0]
-    left = options[best].evidence.lasting - (0.0 if best == nominal else form)
-    if left > by.fails:
+        best = rivals[0] if rivals else nominal
+        rivals = rivals or [nominal]
+    if left(options[best]) > by.fails:
         kind = "unknown"
     elif best == nominal and not betrayed:
         kind = "no_gap"
@@ -153,13 +153,32 @@ def decide(options: Sequence[Option], by: Calibration, *, betrayed: bool = False
         kind = "ambiguous"
     else:
         kind = "effect"
-    return Judged(kind, pooled, tuple(rivals), left > by.remains)
+    return Judged(kind, pooled, tuple(rivals), left(options[best]) > by.remains)
+
+
+def left(one: Option) -> float:
+    """What an explanation leaves: errors that last, or that are large."""
+    return max(one.evidence.lasting, one.evidence.misfit)
+
+
+def _needless(options: Sequence[Option], by: Calibration) -> NDArray[np.bool_]:
+    """Explanations that hold another one which stands, and hardly leave less: what they add makes up for the form of
+    what they share, (n,)."""
+    out = np.zeros(len(options), dtype=bool)
+    for k, one in enumerate(options):
+        for other in options:
+            if other.effects and other.effects < one.effects and left(other) <= by.fails:
+                more = [getattr(one.evidence, name) - 1 for name in ("lasting", "misfit")]
+                before = [getattr(other.evidence, name) - 1 for name in ("lasting", "misfit")]
+                out[k] |= max(before) > 0 and max(more) > LESS * max(before)
+    return out
 
 
 def probabilities(options: Sequence[Option], by: Calibration) -> Array:
     """Of every explanation, (n,)."""
     temperature = temperature_of([one.evidence.misfit for one in options], by)
     scores = np.array([one.evidence.met / temperature + one.evidence.price for one in options])
+    scores[_needless(options, by)] = -np.inf
     weights = np.exp(scores - scores.max())
     out: Array = weights / weights.sum()
     return out
