@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import cycle
 from typing import Any, Final
 
 from matplotlib import rc_context
@@ -10,13 +11,15 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
-from tiago_mj.figures import BLUE, GREY, STYLE, VERMILLION
+from tiago_mj.figures import BLACK, BLUE, GREEN, GREY, ORANGE, STYLE, VERMILLION
 
 #: A training's two curves in ``curves.json``: name, label, colour, line.
 CURVES: Final = (
     ("evaluation", "without exploration", BLUE, "-"),
     ("training", "while training, mean of 20 episodes", VERMILLION, (0, (4, 1))),
 )
+#: What the curves are compared with.
+LINES: Final = ((GREEN, "-."), (ORANGE, "--"), (BLACK, ":"))
 
 
 def learning_curves(data: Mapping[str, Any], lines: Sequence[tuple[str, float]] = ()) -> Figure:
@@ -27,18 +30,19 @@ def learning_curves(data: Mapping[str, Any], lines: Sequence[tuple[str, float]] 
         lines: name and return of what the curves are compared with.
     """
     with rc_context(STYLE):
-        figure = Figure(figsize=(6.6, 3.6), layout=ConstrainedLayoutEngine(w_pad=0.05, h_pad=0.05))
+        figure = Figure(figsize=(6.6, 4.0), layout=ConstrainedLayoutEngine(w_pad=0.05, h_pad=0.05))
         FigureCanvasAgg(figure)
         axis = figure.subplots()
         for name, label, color, line in CURVES:
             curve = data[name]
             axis.fill_between(curve["steps"], curve["lowest"], curve["highest"], color=color, alpha=0.15, lw=0)
             axis.plot(curve["steps"], curve["median"], color=color, ls=line, lw=1.4, label=label)
-        for name, value in lines:
-            axis.axhline(value, color=GREY, lw=0.9, ls=":")
-            axis.annotate(name, (1.0, value), xycoords=("axes fraction", "data"), ha="right", va="bottom", fontsize=8)
-        axis.set(xlabel="environment steps", ylabel="return of an episode")
-        axis.legend(loc="lower right")
+        for (name, value), (color, style) in zip(lines, cycle(LINES)):
+            axis.axhline(value, color=color, lw=1.0, ls=style, label=f"{name} ({value:.1f})")
+        axis.set(xlabel="environment steps [thousands]", ylabel="return of an episode")
+        axis.set_xlim(0, data["evaluation"]["steps"][-1])
+        axis.xaxis.set_major_formatter(lambda steps, _: f"{steps / 1000:g}")
+        figure.legend(*axis.get_legend_handles_labels(), loc="outside upper left", ncols=2)
         count = data["seeds"]
         seeds = "one seed" if count == 1 else f"median and range of {count} seeds"
         text = f"Source: {data['algo']} on {data['env']}, {seeds}."
