@@ -186,3 +186,8 @@ def test_the_best_agent_of_a_training_is_exported_with_its_card(tmp_path, capsys
     assert "--env-option 'servo=ideal'" in page
     assert "--hyperparameters FILE" in page
     assert load_agent(to / "my-agent.npz").origin["env_options"]["servo"] == "ideal"
+    assert "This agent: the best of seed 0." in page
+    again = ["agents", "--export", str(out), "--name", "another", "--to", str(to), "--seed"]
+    assert cli.main([*again, "0"]) == 0
+    assert (to / "another.npz").read_bytes() == (to / "my-agent.npz").read_bytes()
+    assert "--seed is 7: the training has 0" in complaint(capsys, *again, "7")

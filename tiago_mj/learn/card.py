@@ -83,7 +83,8 @@ def markdown(data: Mapping[str, Any], name: str | None = None) -> str:
     lines += [
         "",
         f"Training episodes have exploration noise, the {settings['evaluation_episodes']} evaluation episodes at the "
-        f"end of training have none. Best seed: {data['best_seed']}.",
+        f"end of training have none. Best seed: {data['best_seed']}."
+        + (f" This agent: the best of seed {data['agent_seed']}." if "agent_seed" in data else ""),
         "",
         "| setting | value |",
         "|---|---|",

@@ -31,6 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of the command."""
     parser.add_argument("--export", type=Path, metavar="DIR", help="of tiago-mj train: export its best agent")
     parser.add_argument("--name", metavar="NAME", help="of the exported agent")
+    parser.add_argument("--seed", type=int, metavar="N", help="of the training whose agent it is (the best one's)")
     parser.add_argument("--to", type=Path, default=Path(), metavar="FOLDER", help="where it goes (here)")
     parser.add_argument("--json", action="store_true", help="print the same as data")
 
@@ -42,7 +43,7 @@ def run(arguments: argparse.Namespace) -> int:
         ValueError: the folder holds no finished training, or the name is unusable.
     """
     if arguments.export is not None:
-        path = export(arguments.export, arguments.name, arguments.to)
+        path = export(arguments.export, arguments.name, arguments.to, seed=arguments.seed)
         print(f"agent {path}, card {path.with_suffix('.md')}")
         return 0
     listed: list[dict[str, Any]] = []
@@ -55,23 +56,24 @@ def run(arguments: argparse.Namespace) -> int:
     for agent in listed:
         options = ", ".join(f"{key}={json.dumps(value)}" for key, value in (agent["env_options"] or {}).items())
         print(f"{agent['name']}: {agent['algo']} on {agent['env']}" + (f" with {options}" if options else ""))
-    print(f"{len(listed)} agents; use one with: tiago-mj rollout --env ID --policy NAME")
+    print(f"{len(listed)} agent{'' if len(listed) == 1 else 's'}; use one with: tiago-mj rollout --env ID --policy NAME")
     return 0
 
 
-def export(training: Path, name: str | None, to: Path) -> Path:
-    """Copy the best agent of a training and its card under a name.
+def export(training: Path, name: str | None, to: Path, *, seed: int | None = None) -> Path:
+    """Copy an agent of a training and its card under a name.
 
     Args:
         training: folder that ``tiago-mj train`` has written.
         name: of the agent: small letters, digits and hyphens.
         to: folder of ``NAME.npz``, ``NAME.json`` and ``NAME.md``.
+        seed: whose best agent; None: of the best seed.
 
     Returns:
         The npz.
 
     Raises:
-        ValueError: no finished training, or an unusable name; one line.
+        ValueError: no finished training, no such seed in it, or an unusable name; one line.
     """
     from tiago_mj.learn.card import markdown
     from tiago_mj.learn.loop import BEST
@@ -82,10 +84,13 @@ def export(training: Path, name: str | None, to: Path) -> Path:
         raise ValueError(f"--name {name} is that of another policy: choose another")
     try:
         card: dict[str, Any] = json.loads((training / "card.json").read_text(encoding="utf-8"))
-        seed = card["best_seed"]
+        trained = [result["seed"] for result in card["seeds"]]
+        card["agent_seed"] = card["best_seed"] if seed is None else seed
     except (OSError, ValueError, KeyError) as fault:
         raise ValueError(f"--export {training} holds no finished training: card.json: {fault}") from fault
-    agent = load_agent(training / f"seed-{seed}" / BEST)
+    if card["agent_seed"] not in trained:
+        raise ValueError(f"--seed is {seed}: the training has {', '.join(str(one) for one in trained)}")
+    agent = load_agent(training / f"seed-{card['agent_seed']}" / BEST)
     path = to / f"{name}{SUFFIX}"
     agent.save(path)
     atomic.write_text(path.with_suffix(".json"), json.dumps({"name": name, **card}, indent=1) + "\n")
