@@ -56,7 +56,9 @@ def run(arguments: argparse.Namespace) -> int:
     for agent in listed:
         options = ", ".join(f"{key}={json.dumps(value)}" for key, value in (agent["env_options"] or {}).items())
         print(f"{agent['name']}: {agent['algo']} on {agent['env']}" + (f" with {options}" if options else ""))
-    print(f"{len(listed)} agent{'' if len(listed) == 1 else 's'}; use one with: tiago-mj rollout --env ID --policy NAME")
+    print(
+        f"{len(listed)} agent{'' if len(listed) == 1 else 's'}; use one with: tiago-mj rollout --env ID --policy NAME"
+    )
     return 0
 
 
