@@ -23,8 +23,8 @@ EXTENSIONS: Final = 4
 #: Pairs that are found by superposition and fitted to some trials, and magnitudes of each effect that are tried.
 SUPERPOSED: Final = 6
 MAGNITUDES: Final = 7
-#: An extension is fitted if the sum of the effects' changes says that it adds this much evidence [nats]: less would
-#: not pay for another effect.
+#: Evidence that another effect must add, by what is known before it is fitted, to be sought at all [nats]: less would
+#: not pay for it.
 PROMISES: Final = 5.0
 
 

@@ -49,8 +49,6 @@ BETTER: Final = 1.0
 #: Mean squared residual of the worst channel that no numbers a little off leave, but an effect: without it they are
 #: then not sought.
 FAR: Final = 20.0
-#: Evidence that an effect must add for others to be sought beside it [nats]: less would not pay for another one.
-PROMISES: Final = 5.0
 #: Explanations that are extended by another effect, and their extensions that are fitted to all trials.
 SEEDS: Final = 3
 EXTENSIONS_AGAIN: Final = 3
@@ -173,7 +171,7 @@ def select(
 
     tick("refitting", SECONDS)
     leaders = [starts.carried(f, everywhere, at) for f in _rivals([f for f in ranked if f.parts])]
-    if leaders and ranked[0].parts and ranked[0].evidence - _nominal(ranked).evidence > PROMISES:
+    if leaders and ranked[0].parts and ranked[0].evidence - _nominal(ranked).evidence > extend.PROMISES:
         everywhere = everywhere.around(starts.point(leaders[0]))
     fits += everywhere.fit_all(leaders)
     if not out_of_time():
@@ -182,7 +180,7 @@ def select(
     complete = not out_of_time()
     for size in range(2, MOST + 1):
         best = _order(fits)[0]
-        if not complete or best.evidence - _nominal(fits).evidence < PROMISES:
+        if not complete or best.evidence - _nominal(fits).evidence < extend.PROMISES:
             break  # where one effect hardly explains more than none, two would not be believed
         if best.parts and best.misfit < DONE and best.lasting < DONE and best.prior > STRAINED:
             break
@@ -267,7 +265,7 @@ def _renewed(everywhere: Fitter, fits: Sequence[Fitted], others: Sequence[Fitted
     """The same, each with the nuisances' responses around it where that may decide: near the best of all, and where
     that is more than a nominal number a little off."""
     best = max((f.evidence for f in (*fits, *others)), default=0.0)
-    if best - _nominal(others).evidence < PROMISES:
+    if best - _nominal(others).evidence < extend.PROMISES:
         return list(fits)
     near = _order([f for f in fits if f.parts and f.evidence > best - starts.NEAR])
     begin = [starts.again(f) for f in near]
