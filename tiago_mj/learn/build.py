@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 import gymnasium
@@ -35,10 +35,25 @@ def make_env(settings: Settings, count: int) -> Any:
     if settings.effects is not None:
         options["effects"] = settings.effects
     try:
+        if settings.randomise is not None:
+            return _randomised(settings, settings.randomise, count, options)
         return make_sb3(settings.env, count, seed=0, threads=1, **options)
     except TypeError as fault:
         reason = " ".join(str(fault).split()).partition("() ")[2] or str(fault)
         raise ValueError(f"{settings.env} with --env-option: {reason}") from fault
+
+
+def _randomised(settings: Settings, ranges: Mapping[str, Any], count: int, options: dict[str, Any]) -> Any:
+    from tiago_mj.gap.effects import read_effects
+    from tiago_mj.learn.randomise import Randomised
+    from tiago_mj.vector.sb3 import make_sb3
+
+    always = read_effects(settings.effects)
+
+    def make(drawn: Sequence[Any]) -> Any:
+        return make_sb3(settings.env, 1, threads=1, **{**options, "effects": [*always, *drawn]})
+
+    return Randomised(make, count, ranges)
 
 
 def make_model(settings: Settings, env: Any, seed: int, *, fast: bool = True, fused: bool = True) -> Any:

@@ -58,6 +58,8 @@ def command(settings: Settings, seeds: int) -> str:
             words.append(f"--env-option '{key}={value if isinstance(value, str) else json.dumps(value)}'")
     if settings.effects is not None:
         words.append("--effects FILE")
+    if settings.randomise is not None:
+        words.append("--randomise FILE")
     return " ".join([*words, "--out DIR"])
 
 
@@ -91,6 +93,7 @@ def markdown(data: Mapping[str, Any], name: str | None = None) -> str:
         f"| environment | {settings['env']} |",
         *(f"| {key} | {_cell(value)} |" for key, value in settings["env_options"].items()),
         f"| effects | {'none' if settings['effects'] is None else _cell(settings['effects'])} |",
+        *([f"| randomised | {_cell(settings['randomise'])} |"] if settings.get("randomise") else []),
         f"| algorithm | {settings['algo']} |",
         f"| updates per step | {_cell(settings['updates_per_step'] or 'as the hyperparameters say')} |",
         f"| steps | {settings['steps']} |",

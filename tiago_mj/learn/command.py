@@ -33,6 +33,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--envs", type=int, metavar="N", help="environments of a seed (as the hyperparameters say)")
     parser.add_argument("--effects", type=Path, metavar="FILE", help="calibration.yaml whose effects act on it")
+    parser.add_argument(
+        "--randomise", type=Path, metavar="FILE", help="YAML: ranges of effects; every episode draws its own simulator"
+    )
     parser.add_argument("--evaluate-every", type=int, default=10_000, metavar="N", help="environment steps (10000)")
     parser.add_argument("--evaluation-episodes", type=int, default=10, metavar="N", help="of each evaluation (10)")
     parser.add_argument("--checkpoint-every", type=int, default=12_000, metavar="N", help="environment steps (12000)")
@@ -110,6 +113,7 @@ def settings_of(arguments: argparse.Namespace) -> Settings:
         evaluate_every=arguments.evaluate_every,
         evaluation_episodes=arguments.evaluation_episodes,
         checkpoint_every=arguments.checkpoint_every,
+        randomise=_ranges(arguments.randomise),
     )
 
 
@@ -142,6 +146,21 @@ def _effects(path: Path | None) -> Any:
 
     read_effects(path)  # complains of what it cannot use
     return json.loads(json.dumps(yaml.safe_load(path.read_text(encoding="utf-8"))))
+
+
+def _ranges(path: Path | None) -> Any:
+    """The contents of a file of ranges, checked."""
+    if path is None:
+        return None
+    import yaml
+
+    from tiago_mj.learn.randomise import read_ranges
+
+    try:
+        given = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except (OSError, yaml.YAMLError, UnicodeDecodeError) as fault:
+        raise ValueError(f"--randomise {path} cannot be read: {' '.join(str(fault).split())}") from fault
+    return read_ranges(given, f"--randomise {path}")
 
 
 def _try_out(settings: Settings) -> None:

@@ -119,6 +119,7 @@ def origin_of(settings: Settings, seed: int) -> dict[str, Any]:
         "env": settings.env,
         "env_options": dict(settings.env_options),
         "effects": settings.effects,
+        **({} if settings.randomise is None else {"randomise": settings.randomise}),
         "algo": settings.algo,
         "seed": seed,
         "made_by": provenance(),

@@ -6,7 +6,7 @@ import json
 import platform
 import subprocess
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields
+from dataclasses import MISSING, asdict, dataclass, fields
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any, Final
@@ -36,6 +36,8 @@ class Settings:
         evaluation_episodes: of each.
         checkpoint_every: environment steps between checkpoints. At each, the environments begin new episodes, drawn
             from the seed and the step count; so a run that goes on from a checkpoint is the run that never stopped.
+        randomise: ranges of effects from which every episode draws its own, as
+            :func:`tiago_mj.learn.randomise.read_ranges` gives them; None: nothing is drawn.
     """
 
     env: str
@@ -48,6 +50,7 @@ class Settings:
     evaluate_every: int = 10_000
     evaluation_episodes: int = 10
     checkpoint_every: int = 12_000
+    randomise: Mapping[str, Any] | None = None
 
     @property
     def episode_steps(self) -> int:
@@ -69,7 +72,8 @@ def from_data(data: Mapping[str, Any]) -> Settings:
         ValueError: something is missing or unknown.
     """
     try:
-        return Settings(**{field.name: data[field.name] for field in fields(Settings)})
+        needed = [field.name for field in fields(Settings) if field.name in data or field.default is MISSING]
+        return Settings(**{name: data[name] for name in needed})
     except KeyError as missing:
         raise ValueError(f"settings lack {missing}") from missing
 
