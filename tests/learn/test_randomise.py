@@ -48,7 +48,7 @@ def test_factors_are_drawn_by_ratio_and_times_evenly():
 
 
 def test_every_episode_has_another_simulator():
-    env = made({"velocity_limit": {"velocity": [0.01, 0.08]}})
+    env = made({"velocity_limit": {"velocity": [0.005, 0.03]}})
     way = played(env, 3, steps=36)[:, :, 0]
     ends = way[[11, 23, 35]] - way[[0, 12, 24]]
     assert len(np.unique(np.round(ends, 5))) == 9
