@@ -142,6 +142,7 @@ def test_every_algorithm_trains_stops_and_goes_on(algo, tmp_path, monkeypatch):
         entry = "n_envs: 2, n_steps: 20, normalize: true"
     else:
         entry = "n_envs: 2, batch_size: 16, train_freq: 20, gradient_steps: 10, learning_starts: 50"
+        entry += ", noise_type: ornstein-uhlenbeck, noise_std: lin_0.3"
     path = tmp_path / "h.yml"
     path.write_text(f"default: {{{entry}, policy_kwargs: {{net_arch: [8]}}}}\n")
     common = [
@@ -257,6 +258,7 @@ def entry(text):
         ((), entry("train_freq: [1, day]"), "train_freq is [1, 'day']"),
         ((), entry("noise_type: pink"), "noise_type is 'pink'"),
         ((), entry("noise_std: -1"), "noise_std is -1"),
+        ((), entry("noise_std: lin_-1"), "noise_std is 'lin_-1'"),
         ((), entry("policy_kwargs: \"__import__('os').system('true')\""), "policy_kwargs is"),
         ((), entry("policy_kwargs: {net: [3]}"), "policy_kwargs has 'net'"),
         ((), entry("normalize: {speed: 3}"), "normalize has 'speed'"),

@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 import gymnasium
-import numpy as np
 
 from tiago_mj.learn.settings import Settings
 from tiago_mj.learn.zoo_form import OWN_KEYS, sb3_class
@@ -84,8 +83,10 @@ def make_model(settings: Settings, env: Any, seed: int, *, fast: bool = True, fu
     arguments = {k: _value(k, v) for k, v in given.items() if k not in OWN_KEYS}
     arguments["policy_kwargs"] = _policy_arguments(algo, given["policy_kwargs"], fused)
     if "train_freq" in arguments:
+        from tiago_mj.learn.noise import noise_of
+
         arguments.update(_rollout(settings, env.num_envs))
-        arguments["action_noise"] = _noise(given, env.action_space.shape)
+        arguments["action_noise"] = noise_of(given, env.action_space.shape)
     if algo == "her-td3":
         from tiago_mj.learn.replay import HindsightBuffer
 
@@ -146,12 +147,3 @@ def _rollout(settings: Settings, envs: int) -> dict[str, Any]:
         "gradient_steps": int(updates),
         "buffer_size": min(int(given.get("buffer_size", 1_000_000)), most),
     }
-
-
-def _noise(given: Any, shape: tuple[int, ...]) -> Any:
-    from stable_baselines3.common.noise import NormalActionNoise, OrnsteinUhlenbeckActionNoise
-
-    if given.get("noise_type") is None:
-        return None
-    kind = NormalActionNoise if given["noise_type"] == "normal" else OrnsteinUhlenbeckActionNoise
-    return kind(np.zeros(shape), np.full(shape, float(given.get("noise_std", 0.0))))

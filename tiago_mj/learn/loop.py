@@ -62,6 +62,7 @@ def _train(task: Task, folder: Path) -> dict[str, Any]:
     from tiago_mj.learn.callbacks import Checkpoints, Episodes, Evaluations, Progress, begin_episodes
     from tiago_mj.learn.evaluation import Evaluator
     from tiago_mj.learn.export import agent_of
+    from tiago_mj.learn.noise import Fall
 
     settings = task.settings
     env = make_env(settings, settings.hyperparameters["n_envs"])
@@ -86,7 +87,7 @@ def _train(task: Task, folder: Path) -> dict[str, Any]:
         progress = Progress(folder, settings.steps, episodes, alive)
         model.learn(
             settings.steps - before,
-            callback=[episodes, evaluations, saving, progress],
+            callback=[episodes, evaluations, saving, Fall(settings.steps), progress],
             reset_num_timesteps=before == 0,
             log_interval=10,
         )

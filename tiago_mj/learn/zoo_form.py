@@ -126,8 +126,11 @@ def checked(algo: str, entry: Mapping[str, Any], where: str) -> dict[str, Any]:
     for key in set(values) - {*OWN_KEYS, "policy_kwargs", "replay_buffer_kwargs", "train_freq"} | {"noise_std"}:
         if key in values:
             values[key] = _number(where, key, values[key])
-    if not isinstance(values.get("noise_std", 0.0), (int, float)) or values.get("noise_std", 0.0) < 0:
-        raise ValueError(f"{where}: noise_std is {values['noise_std']!r}: give a number, 0 or more")
+    deviation = values.get("noise_std", 0.0)
+    start = deviation.removeprefix("lin_") if isinstance(deviation, str) else deviation
+    usable = isinstance(deviation, (int, float, str)) and not str(start).startswith("auto")
+    if not usable or not 0 <= float(start) < math.inf:
+        raise ValueError(f"{where}: noise_std is {deviation!r}: give a number, 0 or more, or 'lin_NUMBER' to fall to 0")
     return values
 
 
