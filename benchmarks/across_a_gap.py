@@ -1,0 +1,215 @@
+"""What a diagnosis is worth: policies across a gap whose cause is withheld from them.
+
+    python benchmarks/across_a_gap.py DIR [--jobs 2]
+
+A withheld effect acts on the "real" gripper. Four policies are trained by the same recipe (steady task, one object):
+
+    A  on the nominal simulator
+    B  on the simulator that ``tiago-mj diagnose`` calibrates with ten recorded grasps of the real gripper
+    C  under domain randomisation: every episode draws its simulator from wide ranges (RANGES)
+    D  on the true effect
+
+and all are played on the real one. The diagnosis is a process of its own and is given the recordings, nothing else.
+DIR keeps recordings, diagnoses and trainings; the same command goes on where it stopped. Writes
+``results/across_a_gap.json`` and ``results/across_a_gap.png``.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import yaml
+from learning_figures import Panel, dots
+from machine import RESULTS, save
+
+from tiago_mj import atomic, figures
+from tiago_mj.evaluate.metrics import summarise
+from tiago_mj.evaluate.play import play_policy
+from tiago_mj.rollout.options import make_env
+
+ENV: Final = "GripperTactileSteady-v0"
+#: One object in the middle and the paper's goal, so that returns differ by the effect alone.
+TASK: Final[Mapping[str, Any]] = {
+    "goal": 1.0,
+    "object": "cylinder",
+    "object_width": None,
+    "object_mass": None,
+    "object_stiffness": None,
+    "object_offset": 0.0,
+}
+#: What is withheld: of command, transmission and force sensor, each so large that the nominal policy suffers.
+WITHHELD: Final[Mapping[str, Mapping[str, Mapping[str, float]]]] = {
+    "command_delay": {"command_delay": {"seconds": 0.03}},
+    "velocity_limit": {"velocity_limit": {"velocity": 0.06}},
+    "force_gain": {"force_gain": {"factor": 2.5}},
+}
+#: For C: what a person might vary who does not know which number is wrong.
+RANGES: Final[Mapping[str, Mapping[str, Sequence[float]]]] = {
+    "command_delay": {"seconds": [0.0, 0.04]},
+    "servo_stiffness": {"factor": [0.5, 2.0]},
+    "servo_damping": {"factor": [0.5, 2.0]},
+    "velocity_limit": {"velocity": [0.05, 0.08]},
+    "coulomb_friction": {"force": [0.0, 2.0]},
+    "contact_stiffness": {"factor": [0.5, 2.0]},
+    "contact_damping": {"factor": [0.5, 2.0]},
+    "force_gain": {"factor": [0.4, 2.5]},
+}
+#: Grasps of the real gripper that the diagnosis is given, with the object off the middle by the environment's default.
+RECORDINGS: Final = 10
+#: First seed of the episodes that are compared: no training or recording has used it.
+FIRST_SEED: Final = 900_000
+SEEDS: Final = 2
+
+
+def steps_of(folder: Path, steps: int) -> list[tuple[str, list[str]]]:
+    """Name and command of every training, in the order in which they are worth most."""
+    jobs = []
+    for name, effect in WITHHELD.items():
+        jobs.append((f"D-{name}", ["--effects", str(_calibration(folder / name / "true.yaml", effect))]))
+        jobs.append((f"B-{name}", ["--effects", str(folder / name / "diagnosis" / "calibration.yaml")]))
+    ranges = folder / "ranges.yaml"
+    atomic.write_text(ranges, yaml.safe_dump({k: {p: list(v) for p, v in one.items()} for k, one in RANGES.items()}))
+    jobs = [("A", []), ("C", ["--randomise", str(ranges)]), *jobs]
+    options = [word for key, value in TASK.items() for word in ("--env-option", f"{key}={json.dumps(value)}")]
+    common = ["train", "--env", ENV, "--steps", str(steps), "--seeds", str(SEEDS), "--jobs", "1", "--quiet", *options]
+    return [(name, [*common, *more, "--out", str(folder / name)]) for name, more in jobs]
+
+
+def prepare(folder: Path, jobs: int) -> None:
+    """Record the real grippers and diagnose them, where that is not done."""
+    for name, effect in WITHHELD.items():
+        here = folder / name
+        if not any((here / "recordings").glob("*.parquet")):
+            command = ["record", "--env", "GripperTactile-v0", "--policy", "pi", "--episodes", str(RECORDINGS)]
+            tiago_mj(*command, "--effects", json.dumps(effect), "--out", str(here / "recordings"))
+        if not (here / "diagnosis" / "calibration.yaml").exists():
+            tiago_mj("diagnose", str(here / "recordings"), "--out", str(here / "diagnosis"), "--jobs", str(jobs))
+
+
+def played(folder: Path, episodes: int) -> dict[str, Any]:
+    """Every policy on every real gripper, and on the nominal one."""
+    results: dict[str, Any] = {}
+    for name, effect in {"nominal": {}, **WITHHELD}.items():
+        env = make_env(f"tiago_mj/{ENV}", {**TASK, "effects": effect})
+        try:
+            rows = {}
+            for letter in "ABCD":
+                training = folder / (letter if letter in "AC" else f"{letter}-{name}")
+                if training.exists():
+                    rows[letter] = [
+                        one_policy(env, str(training / f"seed-{seed}" / "last.npz"), episodes) for seed in range(SEEDS)
+                    ]
+            rows["pi"] = [one_policy(env, "pi", episodes)]
+        finally:
+            env.close()
+        results[name] = {"effect": effect, "policies": rows}
+        if "D" in rows:
+            results[name] |= {"recovered": {x: recovered(rows, x) for x in "BC"}, "diagnosis": verdict(folder / name)}
+    return results
+
+
+def one_policy(env: Any, policy: str, episodes: int) -> dict[str, Any]:
+    """Mean and standard deviation of the metrics that are told."""
+    metrics = play_policy(env, policy, name=policy, seeds=range(FIRST_SEED, FIRST_SEED + episodes)).metrics
+    wanted = ("reward", "paper_reward", "contact_share", "bounces", "rest_error")
+    return {name: asdict(spread) for name, spread in summarise(metrics).items() if name in wanted}
+
+
+def recovered(rows: Mapping[str, Sequence[Mapping[str, Any]]], letter: str) -> float:
+    """Share of the way from A to D, in means of the seeds' returns."""
+    means = {x: float(np.mean([row["reward"]["mean"] for row in rows[x]])) for x in ("A", letter, "D")}
+    return (means[letter] - means["A"]) / (means["D"] - means["A"])
+
+
+def verdict(folder: Path) -> dict[str, Any]:
+    """What the diagnosis said: its word, and the effects of its calibration."""
+    diagnosis = json.loads((folder / "diagnosis" / "diagnosis.json").read_text())
+    calibration = yaml.safe_load((folder / "diagnosis" / "calibration.yaml").read_text())
+    return {"verdict": diagnosis["verdict"], "calibration": calibration["effects"]}
+
+
+def tiago_mj(*words: str) -> None:
+    """Run a command of the package in a process of its own.
+
+    Raises:
+        SystemExit: it failed.
+    """
+    done = subprocess.run(
+        [sys.executable, "-m", "tiago_mj.cli", *words],
+        capture_output=True, text=True, check=False, env={**os.environ, "OMP_NUM_THREADS": "1"},
+    )  # fmt: skip
+    if done.returncode:
+        raise SystemExit(f"tiago-mj {' '.join(words)} failed:\n{done.stderr[-2000:]}")
+
+
+def _calibration(path: Path, effect: Mapping[str, Mapping[str, float]]) -> Path:
+    effects = [{"name": name, "parameters": dict(parameters)} for name, parameters in effect.items()]
+    atomic.write_text(path, yaml.safe_dump({"schema": "tiago_mj.calibration/1", "effects": effects}))
+    return path
+
+
+def table(results: Mapping[str, Any]) -> str:
+    """One line a real gripper."""
+    lines = [f"{'':16}" + "".join(f"{letter:>20}" for letter in ("A", "B", "C", "D")) + f"{'PI':>10}{'B':>7}{'C':>7}"]
+    for name, one in results.items():
+        cells = []
+        for letter in "ABCD":
+            rows = one["policies"].get(letter, [])
+            cells.append(" / ".join(f"{row['reward']['mean']:.0f}" for row in rows))
+        shares = "".join(f"{100 * one['recovered'][x]:6.0f}%" if "recovered" in one else f"{'':7}" for x in "BC")
+        pi = one["policies"]["pi"][0]["reward"]["mean"]
+        lines.append(f"{name:16}" + "".join(f"{cell:>20}" for cell in cells) + f"{pi:10.0f}{shares}")
+    return "\n".join(lines)
+
+
+def picture(results: Mapping[str, Any]) -> Any:
+    """Returns of every policy on every real gripper."""
+    names = {
+        "A": "A: nominal",
+        "B": "B: calibrated",
+        "C": "C: randomised",
+        "D": "D: true effect",
+        "pi": "PI controller",
+    }
+    panels = []
+    for name, one in results.items():
+        rows = one["policies"]
+        values = {label: [row["reward"]["mean"] for row in rows.get(x, [])] for x, label in names.items()}
+        panels.append(Panel(name.replace("_", " "), values))
+    source = f"Source: benchmarks/across_a_gap.py; {ENV}, one object, two seeds a policy."
+    return dots(panels, "return of an episode", source, columns=2)
+
+
+def main() -> None:
+    """Record, diagnose, train, play, print, write."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folder", type=Path, help="of recordings, diagnoses and trainings; goes on where it stopped")
+    parser.add_argument("--steps", type=int, default=100_000, help="environment steps of a training")
+    parser.add_argument("--episodes", type=int, default=20)
+    parser.add_argument("--jobs", type=int, default=2, help="processes at once")
+    arguments = parser.parse_args()
+    folder = arguments.folder.resolve()
+    prepare(folder, arguments.jobs)
+    with ThreadPoolExecutor(arguments.jobs) as pool:
+        for _ in pool.map(lambda job: tiago_mj(*job[1]), steps_of(folder, arguments.steps)):
+            pass
+    results = played(folder, arguments.episodes)
+    print(table(results))
+    about = {"task": TASK, "steps": arguments.steps, "episodes": arguments.episodes, "ranges": RANGES}
+    command = f"python benchmarks/across_a_gap.py DIR --steps {arguments.steps} --episodes {arguments.episodes}"
+    print(save("across_a_gap", {**about, "real": results}, command).name)
+    atomic.write_bytes(RESULTS / "across_a_gap.png", figures.png(picture(results)))
+
+
+if __name__ == "__main__":
+    main()

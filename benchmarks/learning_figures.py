@@ -1,0 +1,74 @@
+"""Pictures of what trained agents came to: a dot a seed, a row a policy, a panel a setting."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from matplotlib import rc_context
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
+
+from tiago_mj.figures import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, STYLE, VERMILLION
+
+#: Colour and marker of each row, from the top.
+ROWS: Final = ((BLUE, "o"), (VERMILLION, "s"), (GREEN, "D"), (PURPLE, "^"), (ORANGE, "v"), (BLACK, "P"))
+
+
+@dataclass(frozen=True)
+class Panel:
+    """A setting: its title, and the values of each row, one a seed; a row may have none."""
+
+    title: str
+    values: Mapping[str, Sequence[float]]
+
+
+def dots(
+    panels: Sequence[Panel], label: str, source: str, *, columns: int = 3, line: float | None = None, wide: float = 7.6
+) -> Figure:
+    """Panels side by side that share their rows.
+
+    Args:
+        panels: at least one; the rows are the first one's.
+        label: of every horizontal axis.
+        source: line below.
+        columns: panels in a row.
+        line: a vertical line at this value.
+        wide: the figure's width [inch].
+    """
+    rows = list(panels[0].values)
+    deep = -(-len(panels) // columns)
+    with rc_context(STYLE):
+        figure = Figure(
+            figsize=(wide, 0.75 + deep * (0.75 + 0.26 * len(rows))),
+            layout=ConstrainedLayoutEngine(w_pad=0.06, h_pad=0.06),
+        )
+        FigureCanvasAgg(figure)
+        axes = figure.subplots(deep, columns, squeeze=False, sharey=True)
+        for axis, panel in zip(axes.flat, panels, strict=False):
+            _panel(axis, panel, rows)
+            if line is not None:
+                axis.axvline(line, color=GREY, lw=1.0, ls="--", zorder=1)
+        for axis in axes.flat[len(panels) :]:
+            axis.set_axis_off()
+        for axis in axes[-1]:
+            if axis.axison:
+                axis.set_xlabel(label)
+        figure.supxlabel(source, fontsize=7.5, color=GREY, x=0.01, ha="left")
+    return figure
+
+
+def _panel(axis: Axes, panel: Panel, rows: Sequence[str]) -> None:
+    for k, name in enumerate(rows):
+        color, marker = ROWS[k % len(ROWS)]
+        values = panel.values.get(name, ())
+        if values:
+            axis.plot([min(values), max(values)], [k, k], color=color, lw=1.2, alpha=0.5, solid_capstyle="round")
+            axis.plot(values, [k] * len(values), ls="", marker=marker, ms=5.5, mec="white", mew=0.6, color=color)
+    axis.set_title(panel.title)
+    axis.set_yticks(range(len(rows)), rows)
+    axis.set_ylim(len(rows) - 0.4, -0.6)
+    axis.margins(x=0.12)
