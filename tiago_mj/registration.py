@@ -44,7 +44,7 @@ _FEEL: Final = {"robot": "tiago_ta11", "force_type": "raw"}
 ENVIRONMENTS: Final[Mapping[str, Registered]] = {
     "GripperTactile-v0": Registered(_HOLD, 300, relative=2),
     "GripperTactileGoal-v0": Registered(_HOLD, 300),
-    "GripperTactileSteady-v0": Registered(_STEADY, 300, relative=2),
+    "GripperTactileSteady-v0": Registered(_STEADY, 300, relative=0),
     "TIAGoTactile-v0": Registered(_HOLD, 300, _TIAGO, relative=2),
     "TIAGoTactileGoal-v0": Registered(_HOLD, 300, _TIAGO),
     "TIAGoPALGripper-v0": Registered(_HOLD, 300, _PAL, relative=0),

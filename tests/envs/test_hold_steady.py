@@ -51,7 +51,7 @@ def test_each_term_costs_what_its_description_says(core, state, cost):
         assert value == pytest.approx(-cost.get(name, 0.0), abs=1e-12), name
 
 
-def test_the_agent_sees_positions_velocities_goal_and_force_errors():
+def test_the_agent_sees_velocities_goal_and_force_errors_in_goals():
     env = gymnasium.make(ID)
     observation, info = env.reset(seed=3)
     for _ in range(140):
@@ -59,10 +59,9 @@ def test_the_agent_sees_positions_velocities_goal_and_force_errors():
     joints = [env.unwrapped.data.joint(name) for name in env.unwrapped.joints]
     assert info["in_contact"].all()  # so that every entry is about something
     expected = [
-        *[joint.qpos[0] / 0.045 for joint in joints],
         *[joint.qvel[0] / SPEED for joint in joints],
         *info["goal"],
-        *(info["force_raw"] - info["goal"]),
+        *(info["force_raw"] / info["goal"] - 1),
     ]
     np.testing.assert_allclose(observation, expected, atol=1e-12)
 

@@ -24,6 +24,10 @@ Array = NDArray[np.float64]
 FORCE, TOUCH, VELOCITY, OBJECT_SPEED = slice(0, 2), slice(2, 4), slice(4, 6), 6
 
 
+#: Of the observation space: farther from the goal, in goals, no force is.
+RELATIVE_BOUND: Final = 1e4
+
+
 @dataclass(frozen=True)
 class SteadyWeights:
     """How much each term of the reward counts; each is at most 0 and about 1 a finger and step at its worst.
@@ -89,14 +93,18 @@ class HoldForceSteady(HoldForce):
 
     ## Observation Space
 
-    `Box((8,), float64)`; the paper's observation and the goal:
+    `Box((6,), float64)`:
 
     | entries | meaning | unit |
     |---|---|---|
-    | 0, 1 | finger positions right, left over their travel of 45 mm | 1 |
-    | 2, 3 | finger velocities right, left over `finger_speed` | 1 |
-    | 4, 5 | goal right, left | sensor units |
-    | 6, 7 | force − goal, right, left; force as `force_type` says, absent if `"none"` | sensor units |
+    | 0, 1 | finger velocities right, left over `finger_speed` | 1 |
+    | 2, 3 | goal right, left | sensor units |
+    | 4, 5 | (force − goal) / goal, right, left; force as `force_type` says, absent if `"none"` | 1 |
+
+    The paper's observation has finger positions and force − goal. Where a finger is says where this object lies and how
+    wide it is, but nothing of what to do, and an agent that sees it learns the places that it was trained on. And
+    force − goal is that of no contact in one episode and that of a small lack in another; over the goal, no contact is
+    −1 in all.
 
     ## Rewards
 
@@ -171,25 +179,24 @@ class HoldForceSteady(HoldForce):
         fingers = [self.joints.index(name) for name in names.FINGERS]
         self._fingers = slice(fingers[0], fingers[1] + 1)
         self._speed_unit = float(self.velocity_limit[self._fingers].max())
-        self._travel = float(self._range[self._fingers].max())
 
     # What is observed ------------------------------------------------------------------------------------------------
 
     def observed(self, state: State, goal: Array) -> dict[str, Array]:
         """See the base; the agent sees the goal as well, as it is another one in every episode."""
         forces = self._forces(state)
-        seen = [state.position / self._travel, state.velocity / self._speed_unit, goal]
+        seen = [state.velocity / self._speed_unit, goal]
+        if forces is not None:
+            seen.append((forces - goal) / goal if goal.size else forces)  # while it is being made, there is no goal
         return {
-            "observation": np.concatenate(seen if forces is None else [*seen, forces], axis=-1),
+            "observation": np.concatenate(seen, axis=-1),
             "achieved_goal": self._achieved(state),
             "desired_goal": goal.copy(),
         }
 
     def _observation_bound(self) -> Array:
-        joints = self._joint_bound()
-        count = len(self.joints)
-        scaled = np.concatenate([joints[:count] / self._travel, joints[count:] / self._speed_unit, self._goal_bound()])
-        return scaled if self.force_type == "none" else np.concatenate([scaled, self._goal_bound()])
+        seen = [self._joint_bound()[len(self.joints) :] / self._speed_unit, self._goal_bound()]
+        return np.concatenate(seen if self.force_type == "none" else [*seen, np.full(2, RELATIVE_BOUND)])
 
     def _observation_space(self) -> spaces.Dict:
         space = super()._observation_space()
