@@ -11,7 +11,10 @@ pytest.importorskip("stable_baselines3", reason="needs the extra 'train'")
 
 from stable_baselines3.common.noise import VectorizedActionNoise
 
+from tiago_mj.learn.build import make_env, make_model
 from tiago_mj.learn.noise import Fall, Falling, noise_of
+from tiago_mj.learn.settings import Settings
+from tiago_mj.learn.zoo_form import checked
 
 
 @pytest.mark.parametrize("envs", [1, 3])
@@ -43,3 +46,29 @@ def test_an_episode_begins_without_what_the_one_before_had_wandered():
     noise.reset()
     # A step is 0.1 standard deviations wide; 200 of them wander some 1.3.
     assert np.abs(noise()).max() < 0.5 < np.abs(far).max()
+
+
+def model_of(algo, **entry):
+    given = checked(algo, {"policy_kwargs": {"net_arch": [4]}, "train_freq": 1, "buffer_size": 50, **entry}, "test")
+    settings = Settings("tiago_mj/GripperTactile-v0", algo, 100, {}, None, given)
+    return make_model(settings, make_env(settings, 3), 0)
+
+
+def test_an_action_drawn_before_learning_starts_is_held_and_forgotten_with_its_episode():
+    model = model_of("td3", warm_up_hold=5, learning_starts=100)
+    drawn = np.array([model._sample_action(100, None, 3)[1] for _ in range(13)])
+    assert drawn.shape == (13, 3, 2)
+    kept = (drawn[1:] == drawn[:-1]).all(axis=(1, 2))
+    assert np.flatnonzero(~kept).tolist() == [4, 9]
+    model.begin_episodes()
+    assert (model._sample_action(100, None, 3)[1] != drawn[-1]).all()
+    model.num_timesteps = 100
+    model._last_obs = np.zeros((3, 6))
+    learned = [model._sample_action(100, None, 3)[1] for _ in range(2)]
+    np.testing.assert_array_equal(learned[0], learned[1])
+    np.testing.assert_array_equal(learned[0][0], learned[0][1])
+
+
+def test_who_cannot_hold_an_action_says_so():
+    with pytest.raises(ValueError, match="warm_up_hold is of td3 and her-td3"):
+        model_of("ddpg", warm_up_hold=5)

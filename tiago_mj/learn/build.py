@@ -95,10 +95,15 @@ def make_model(settings: Settings, env: Any, seed: int, *, fast: bool = True, fu
         arguments["learning_starts"] = max(int(arguments.get("learning_starts", 0)), first)
     policy = "MultiInputPolicy" if goal_form else given["policy"]
     try:
-        return kind(policy, _wrapped(env, given), seed=seed, device="cpu", **arguments)
+        model = kind(policy, _wrapped(env, given), seed=seed, device="cpu", **arguments)
     except (TypeError, AssertionError, KeyError) as fault:
         reason = " ".join(str(fault).split())
         raise ValueError(f"{algo} cannot be made of these hyperparameters: {reason}") from fault
+    if "warm_up_hold" in given:
+        if not hasattr(model, "warm_up_hold"):
+            raise ValueError(f"warm_up_hold is of td3 and her-td3: leave it out of the hyperparameters for {algo}")
+        model.warm_up_hold = given["warm_up_hold"]
+    return model
 
 
 def _wrapped(env: Any, given: Mapping[str, Any]) -> Any:

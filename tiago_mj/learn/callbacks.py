@@ -230,3 +230,5 @@ def begin_episodes(model: Any, seed: int) -> None:
         model._last_original_obs = normalised.get_original_obs()
     if getattr(model, "action_noise", None) is not None:
         model.action_noise.reset()
+    if hasattr(model, "begin_episodes"):
+        model.begin_episodes()

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, Final
 
+import numpy as np
 import torch
 from stable_baselines3 import TD3
 from stable_baselines3.common.torch_layers import CombinedExtractor, FlattenExtractor
@@ -25,7 +26,27 @@ MOMENTS: Final = ("exp_avg", "exp_avg_sq")
 
 
 class FastTD3(TD3):  # type: ignore[misc]
-    """stable-baselines3's TD3 with faster updates where its networks are multilayer perceptrons with ReLU."""
+    """stable-baselines3's TD3 with faster updates where its networks are multilayer perceptrons with ReLU.
+
+    Attributes:
+        warm_up_hold: for how many steps an action is held that is drawn before learning starts. Drawn anew in every
+            step, velocities cancel, and a joint hardly moves.
+    """
+
+    warm_up_hold = 1
+
+    def begin_episodes(self) -> None:
+        """Forget what was held in the episodes before."""
+        self._held: Any = None
+        self._held_for = 0
+
+    def _sample_action(self, learning_starts: int, action_noise: Any = None, n_envs: int = 1) -> tuple[Any, Any]:
+        if self.warm_up_hold == 1 or self.num_timesteps >= learning_starts:
+            return super()._sample_action(learning_starts, action_noise, n_envs)
+        if getattr(self, "_held", None) is None or self._held_for == self.warm_up_hold:
+            self._held, self._held_for = np.array([self.action_space.sample() for _ in range(n_envs)]), 0
+        self._held_for += 1
+        return self._held.copy(), self.policy.scale_action(self._held)
 
     def train(self, gradient_steps: int, batch_size: int = 100) -> None:
         """Do a number of updates of the critics, and of actor and targets at every ``policy_delay``-th of them."""

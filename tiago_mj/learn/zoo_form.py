@@ -1,7 +1,8 @@
 """Hyperparameters in rl-zoo3's YAML form: one entry an environment, read and checked before anything starts.
 
-An entry has rl-zoo3's own keys (:data:`OWN_KEYS`) and arguments of the algorithm's class. What rl-zoo3 would run as
-Python (``policy_kwargs: "dict(net_arch=[400, 300])"``) is read as the literal that it is; nothing is evaluated.
+An entry has rl-zoo3's own keys (:data:`OWN_KEYS`; ``warm_up_hold`` is ours) and arguments of the algorithm's class.
+What rl-zoo3 would run as Python (``policy_kwargs: "dict(net_arch=[400, 300])"``) is read as the literal that it is;
+nothing is evaluated.
 """
 
 from __future__ import annotations
@@ -30,7 +31,9 @@ ALGORITHMS: Final[Mapping[str, str]] = {
     "her-td3": "TD3",
 }
 #: Keys of an entry that are not the class's arguments.
-OWN_KEYS: Final = ("n_timesteps", "n_envs", "policy", "env_kwargs", "normalize", "noise_type", "noise_std")
+OWN_KEYS: Final = (
+    "n_timesteps", "n_envs", "policy", "env_kwargs", "normalize", "noise_type", "noise_std", "warm_up_hold",
+)  # fmt: skip
 #: rl-zoo3's keys that name Python to be run, or change what the policy is given in ways that agents cannot record.
 REFUSED: Final = ("env_wrapper", "vec_env_wrapper", "callback", "frame_stack", "monitor_kwargs")
 #: Arguments of the classes that the command sets itself, or that agents and checkpoints do not know of.
@@ -111,6 +114,8 @@ def checked(algo: str, entry: Mapping[str, Any], where: str) -> dict[str, Any]:
     for key in ("n_timesteps", "n_envs"):
         values.setdefault(key, 1 if key == "n_envs" else 400_000)
         values[key] = _whole(where, key, values[key])
+    if "warm_up_hold" in values:
+        values["warm_up_hold"] = _whole(where, "warm_up_hold", values["warm_up_hold"])
     values.setdefault("policy", "MlpPolicy")
     if values["policy"] not in ("MlpPolicy", "MultiInputPolicy"):
         raise ValueError(f"{where}: policy is {values['policy']!r}: use 'MlpPolicy' or 'MultiInputPolicy'")
