@@ -55,7 +55,7 @@ def model_of(algo, **entry):
 
 
 def test_an_action_drawn_before_learning_starts_is_held_and_forgotten_with_its_episode():
-    model = model_of("td3", warm_up_hold=5, learning_starts=100)
+    model = model_of("td3", hold=5, learning_starts=100)
     drawn = np.array([model._sample_action(100, None, 3)[1] for _ in range(13)])
     assert drawn.shape == (13, 3, 2)
     kept = (drawn[1:] == drawn[:-1]).all(axis=(1, 2))
@@ -70,5 +70,5 @@ def test_an_action_drawn_before_learning_starts_is_held_and_forgotten_with_its_e
 
 
 def test_who_cannot_hold_an_action_says_so():
-    with pytest.raises(ValueError, match="warm_up_hold is of td3 and her-td3"):
-        model_of("ddpg", warm_up_hold=5)
+    with pytest.raises(ValueError, match="hold is of td3 and her-td3"):
+        model_of("ddpg", hold=5)

@@ -28,7 +28,7 @@ GripperTactile-v0:
   train_freq: [1, episode]
   gradient_steps: 30
   learning_starts: 50
-  warm_up_hold: 7
+  hold: 7
   noise_type: normal
   noise_std: 0.1
   env_kwargs: {object_offset: 0.0}

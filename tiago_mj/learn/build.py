@@ -9,7 +9,7 @@ from typing import Any, Final
 import gymnasium
 
 from tiago_mj.learn.settings import Settings
-from tiago_mj.learn.zoo_form import OWN_KEYS, sb3_class
+from tiago_mj.learn.zoo_form import HOLD_KEYS, OWN_KEYS, sb3_class
 
 #: Adam in one pass over all parameters. PPO's has the epsilon that stable-baselines3 gives it unless it is told else;
 #: A2C's is RMSprop.
@@ -99,10 +99,11 @@ def make_model(settings: Settings, env: Any, seed: int, *, fast: bool = True, fu
     except (TypeError, AssertionError, KeyError) as fault:
         reason = " ".join(str(fault).split())
         raise ValueError(f"{algo} cannot be made of these hyperparameters: {reason}") from fault
-    if "warm_up_hold" in given:
-        if not hasattr(model, "warm_up_hold"):
-            raise ValueError(f"warm_up_hold is of td3 and her-td3: leave it out of the hyperparameters for {algo}")
-        model.warm_up_hold = given["warm_up_hold"]
+    for key in HOLD_KEYS:
+        if key in given:
+            if not hasattr(model, key):
+                raise ValueError(f"{key} is of td3 and her-td3: leave it out of the hyperparameters for {algo}")
+            setattr(model, key, given[key])
     return model
 
 

@@ -29,11 +29,13 @@ class FastTD3(TD3):  # type: ignore[misc]
     """stable-baselines3's TD3 with faster updates where its networks are multilayer perceptrons with ReLU.
 
     Attributes:
-        warm_up_hold: for how many steps an action is held that is drawn before learning starts. Drawn anew in every
-            step, velocities cancel, and a joint hardly moves.
+        hold: for how many steps a random action is held. Drawn anew in every step, velocities cancel, and a joint
+            hardly moves. Before learning starts all environments explore so.
+        hold_share: share of the environments that go on exploring so afterwards; it falls to 0 over the training.
     """
 
-    warm_up_hold = 1
+    hold = 1
+    hold_share = 0.0
 
     def begin_episodes(self) -> None:
         """Forget what was held in the episodes before."""
@@ -41,12 +43,18 @@ class FastTD3(TD3):  # type: ignore[misc]
         self._held_for = 0
 
     def _sample_action(self, learning_starts: int, action_noise: Any = None, n_envs: int = 1) -> tuple[Any, Any]:
-        if self.warm_up_hold == 1 or self.num_timesteps >= learning_starts:
-            return super()._sample_action(learning_starts, action_noise, n_envs)
-        if getattr(self, "_held", None) is None or self._held_for == self.warm_up_hold:
+        action, scaled = super()._sample_action(learning_starts, action_noise, n_envs)
+        if self.hold == 1:
+            return action, scaled
+        left = 1.0 - self.num_timesteps / max(1, self._total_timesteps)
+        count = n_envs if self.num_timesteps < learning_starts else round(self.hold_share * left * n_envs)
+        if getattr(self, "_held", None) is None or self._held_for == self.hold:
             self._held, self._held_for = np.array([self.action_space.sample() for _ in range(n_envs)]), 0
         self._held_for += 1
-        return self._held.copy(), self.policy.scale_action(self._held)
+        action, scaled = action.copy(), scaled.copy()
+        action[:count] = self._held[:count]
+        scaled[:count] = self.policy.scale_action(self._held[:count])
+        return action, scaled
 
     def train(self, gradient_steps: int, batch_size: int = 100) -> None:
         """Do a number of updates of the critics, and of actor and targets at every ``policy_delay``-th of them."""
