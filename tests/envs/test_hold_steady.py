@@ -9,6 +9,7 @@ import pytest
 import tiago_mj  # noqa: F401
 from tiago_mj.control.force_pi import ForcePI
 from tiago_mj.envs.hold_steady import HoldForceSteady, SteadyWeights
+from tiago_mj.models import names
 
 ID = "tiago_mj/GripperTactileSteady-v0"
 SPEED = 0.08
@@ -64,6 +65,28 @@ def test_the_agent_sees_velocities_goal_and_force_errors_in_goals():
         *(info["force_raw"] / info["goal"] - 1),
     ]
     np.testing.assert_allclose(observation, expected, atol=1e-12)
+
+
+def test_finger_positions_are_seen_where_they_are_asked_for():
+    env = gymnasium.make(ID, observe_fingers=True, force_type="none")
+    env.reset(seed=0)
+    observation, *_ = env.step([-1.0, -0.5])
+    positions = [env.unwrapped.data.joint(name).qpos[0] / 0.045 for name in env.unwrapped.joints]
+    assert observation.shape == (6,)
+    assert env.observation_space.contains(observation)
+    np.testing.assert_allclose(observation[:2], positions, atol=1e-12)
+
+
+def test_the_whole_robot_sees_its_other_joints_first():
+    env = gymnasium.make(ID, robot="tiago_ta11", joints=names.TIAGO_JOINTS, goal=1.0, visual=False)
+    observation, _ = env.reset(seed=0)
+    others = len(names.TIAGO_JOINTS) - 2
+    assert observation.shape == (others + len(names.TIAGO_JOINTS) + 4,)
+    assert env.observation_space.contains(observation)
+    data = env.unwrapped.data
+    np.testing.assert_allclose(observation[:others], [data.joint(n).qpos[0] for n in names.TIAGO_JOINTS[:-2]])
+    _, _, _, _, info = env.step(np.zeros(len(names.TIAGO_JOINTS)))
+    assert info["reward_terms"]["approach"] == pytest.approx(-1.0, abs=1e-6)  # both fingers stand still
 
 
 def test_the_papers_reward_of_the_same_step_is_told():
@@ -157,7 +180,7 @@ def test_the_force_controller_solves_it(servo):
         ({"weights": {"contact": "much"}}, "contact is 'much'"),
         ({"weights": 3}, "weights is 3"),
         ({"reward_type": "sparse"}, "give weights"),
-        ({"joints": ("torso_lift_joint",)}, "commands the fingers alone"),
+        ({"joints": ("torso_lift_joint",)}, "is of the fingers; give them last"),
         ({"goal": 3.0}, "goal 3 is out of range"),
     ],
     ids=str,

@@ -89,7 +89,7 @@ class HoldForceSteady(HoldForce):
     ## Action Space
 
     As :class:`HoldForce`: `Box(-1, 1, (2,), float32)`, desired velocity of the right and left finger over
-    `finger_speed`; negative closes.
+    `finger_speed`; negative closes. Other joints come before the fingers.
 
     ## Observation Space
 
@@ -100,6 +100,9 @@ class HoldForceSteady(HoldForce):
     | 0, 1 | finger velocities right, left over `finger_speed` | 1 |
     | 2, 3 | goal right, left | sensor units |
     | 4, 5 | (force − goal) / goal, right, left; force as `force_type` says, absent if `"none"` | 1 |
+
+    With `robot` and `joints` of TIAGo, whose last two are the fingers, the positions of its other joints [m, rad] come
+    first, and their velocities over their limits before the fingers'.
 
     The paper's observation has finger positions and force − goal. Where a finger is says where this object lies and how
     wide it is, but nothing of what to do, and an agent that sees it learns the places that it was trained on. And
@@ -141,6 +144,7 @@ class HoldForceSteady(HoldForce):
         self,
         *,
         weights: SteadyWeights | Mapping[str, float] | None = None,
+        observe_fingers: bool = False,
         goal: Range | None = GOALS,
         object: str | GraspObject | Sequence[str | GraspObject] = OBJECTS,
         object_width: Range | None = WIDTHS,
@@ -153,14 +157,17 @@ class HoldForceSteady(HoldForce):
 
         Args:
             weights: of the reward's terms; a mapping may give some of them.
+            observe_fingers: whether the fingers' positions over their travel are observed, too, after those of other
+                joints: what an agent that feels nothing goes by.
             goal: [sensor units]; None: 6.06 N per finger.
             object, object_width, object_mass, object_stiffness, object_offset: as :class:`HoldForce` takes them.
             **kwargs: of :class:`HoldForce` and :class:`RobotEnv`, without ``reward_type``: the weights say it.
         """
         if "reward_type" in kwargs:
             raise ValueError("reward_type is not for the steady task: give weights to its terms instead")
-        if tuple(kwargs.get("joints", names.FINGERS)) != names.FINGERS:
-            raise ValueError(f"joints {kwargs['joints']!r}: the steady task commands the fingers alone; leave it out")
+        joints = tuple(kwargs.get("joints", names.FINGERS))
+        if joints[-2:] != names.FINGERS:
+            raise ValueError(f"joints {joints}: the steady task is of the fingers; give them last: {names.FINGERS}")
         arguments: dict[str, Any] = {
             "goal": goal,
             "object": object,
@@ -170,22 +177,27 @@ class HoldForceSteady(HoldForce):
             "object_offset": object_offset,
             **kwargs,
         }
-        self.weights = SteadyWeights.of(weights)
+        self.weights, self.observe_fingers = SteadyWeights.of(weights), observe_fingers
         super().__init__(**arguments)
-        EzPickle.__init__(self, weights=self.weights, **arguments)
+        EzPickle.__init__(self, weights=self.weights, observe_fingers=observe_fingers, **arguments)
 
     def _initialize_simulation(self) -> None:
         super()._initialize_simulation()
         fingers = [self.joints.index(name) for name in names.FINGERS]
         self._fingers = slice(fingers[0], fingers[1] + 1)
         self._speed_unit = float(self.velocity_limit[self._fingers].max())
+        self._seen = slice(0, len(self.joints) if self.observe_fingers else fingers[0])
+        self._position_units = np.ones(len(self.joints))
+        self._position_units[self._fingers] = self._range[self._fingers].max()
+        self._speed_units = self.velocity_limit.copy()
+        self._speed_units[self._fingers] = self._speed_unit
 
     # What is observed ------------------------------------------------------------------------------------------------
 
     def observed(self, state: State, goal: Array) -> dict[str, Array]:
         """See the base; the agent sees the goal as well, as it is another one in every episode."""
         forces = self._forces(state)
-        seen = [state.velocity / self._speed_unit, goal]
+        seen = [(state.position / self._position_units)[..., self._seen], state.velocity / self._speed_units, goal]
         if forces is not None:
             seen.append((forces - goal) / goal if goal.size else forces)  # while it is being made, there is no goal
         return {
@@ -195,7 +207,12 @@ class HoldForceSteady(HoldForce):
         }
 
     def _observation_bound(self) -> Array:
-        seen = [self._joint_bound()[len(self.joints) :] / self._speed_unit, self._goal_bound()]
+        joints, count = self._joint_bound(), len(self.joints)
+        seen = [
+            (joints[:count] / self._position_units)[self._seen],
+            joints[count:] / self._speed_units,
+            self._goal_bound(),
+        ]
         return np.concatenate(seen if self.force_type == "none" else [*seen, np.full(2, RELATIVE_BOUND)])
 
     def _observation_space(self) -> spaces.Dict:
