@@ -40,8 +40,7 @@ SETTINGS: Final[Mapping[str, Mapping[str, Any]]] = {
     "farther to the left": {"object_offset": [0.008, 0.013]},
     "softer": {"object_stiffness": [2000.0, 5000.0]},  # (5 to 15 kN/m)
     "stiffer": {"object_stiffness": [15000.0, 30000.0]},
-    "lighter": {"object_mass": [0.05, 0.2]},  # (0.2 to 0.6 kg)
-    "heavier": {"object_mass": [0.6, 1.2]},
+    "heavier": {"object_mass": [0.6, 1.2]},  # (0.2 to 0.6 kg)
     "all of it": {
         "goal": [1.5, 2.0],
         "object_width": [0.05, 0.06],
