@@ -48,6 +48,8 @@ VARIANTS: Final[Mapping[str, Mapping[str, Any]]] = {
     "none": {"force_type": "none"},
     "whole robot": {"robot": "tiago_ta11", "joints": list(names.TIAGO_JOINTS)},
 }
+#: Updates per environment step: with one, returns on a single object fall again in the middle of a training.
+UPDATES: Final = 0.5
 #: First seed of the episodes that are compared: no training has used it.
 FIRST_SEED: Final = 900_000
 #: A training is there when its evaluations stay this close to the best one of all variants, as a share of it.
@@ -63,6 +65,7 @@ def train(folder: Path, name: str, steps: int, seeds: int) -> None:
     """
     options = [f"{key}={json.dumps(value)}" for key, value in {**TASK, **VARIANTS[name]}.items()]
     words = ["--env", ENV, "--steps", str(steps), "--seeds", str(seeds), "--jobs", "1", "--quiet"]
+    words += ["--gradient-steps", str(UPDATES)]
     words += [word for option in options for word in ("--env-option", option)]
     words += ["--out", str(folder / name.replace(" ", "-"))]
     done = subprocess.run(
@@ -151,7 +154,7 @@ def main() -> None:
     results = {name: measured(folder, name, arguments.episodes) for name in VARIANTS}
     add_arrival(results)
     print(table(results))
-    about = {"task": TASK, "steps": arguments.steps, "episodes": arguments.episodes}
+    about = {"task": TASK, "updates_per_step": UPDATES, "steps": arguments.steps, "episodes": arguments.episodes}
     command = f"python benchmarks/claims.py DIR --steps {arguments.steps} --seeds {arguments.seeds}"
     print(save(NAME, {**about, "variants": results}, command).name)
     atomic.write_bytes(RESULTS / f"{NAME}.png", figures.png(picture(results)))
