@@ -128,7 +128,6 @@ KINDS: Final[Mapping[str, Kind]] = {
         friction.AsymmetricFriction,
         "joint",
         _r({"force": (SIGNED, 0.3, 5.0)}, {"force": (SIGNED, 0.5, 8.0)}, {"force": (SIGNED, 0.02, 0.5)}),
-        "friction",
     ),
     "backlash": Kind(
         gears.Backlash,

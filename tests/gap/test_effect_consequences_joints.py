@@ -132,8 +132,8 @@ def test_a_velocity_limit_holds_the_joint_back_while_the_servos_error_grows():
     servo = free({"rate_limit": {"velocity": limit}}, (-0.06, 0.5))
     for r in (joint, servo):
         np.testing.assert_allclose(-r.true_velocity[-1], limit, rtol=1e-3)
-    # The limit of a joint without a load is exceeded by 0.1 % at most.
-    assert -joint.true_velocity.min() < 1.001 * limit
+    # What resists is not known at once: at the start the limit is exceeded by a few per cent.
+    assert -joint.true_velocity.min() < 1.04 * limit
     # Every second 30 mm of the command are missed; the servo's set point stays within its trail of 1.2 mm.
     np.testing.assert_allclose((joint.true_position - joint.set_point)[-1], 0.03 * 0.5, rtol=0.05)
     np.testing.assert_allclose((servo.true_position - servo.set_point)[-1], DAMPING * limit / KP, rtol=1e-3)
@@ -146,7 +146,8 @@ def test_a_velocity_limit_holds_against_the_full_force_of_the_servo():
 
     r = rollout({"velocity_limit": {"velocity": 0.04}}, np.zeros((120, 2)), FREE, prepare=pulled)
     assert np.abs(r.effort).max() < 0.3 * FORCE_LIMIT  # what 0.04 m/s take, 3.2 N, and a start
-    assert -r.true_velocity.min() == pytest.approx(0.04, rel=0.002)
+    assert -r.true_velocity.min() == pytest.approx(0.04, rel=0.04)
+    np.testing.assert_allclose(-r.true_velocity[-1], 0.04, rtol=1e-3)
 
 
 @shows("backlash")

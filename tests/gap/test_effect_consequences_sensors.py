@@ -93,6 +93,16 @@ def test_a_filtered_velocity_arrives_late_by_its_time_constant(time_constant):
     np.testing.assert_allclose(r.velocity[-1], -0.04, rtol=1e-5)
 
 
+@shows("velocity_filter")
+def test_two_low_passes_in_a_row_are_as_late_as_one_but_begin_more_slowly():
+    one, two = (free({"velocity_filter": {"time_constant": 0.08, "poles": n}}, (-0.04, 0.9)) for n in (1, 2))
+    late = area(two.true_velocity, two.velocity) / (two.true_velocity[-1] - two.true_velocity[0])
+    np.testing.assert_allclose(late, 0.08, rtol=0.002)  # the areas of both lags add up
+    early, tail = slice(1, 10), slice(60, 120)
+    assert (np.abs(two.velocity) < np.abs(one.velocity))[early].all()
+    assert (np.abs(two.velocity) > np.abs(one.velocity))[tail].all()
+
+
 # Load cells ----------------------------------------------------------------------------------------------------------
 
 

@@ -46,7 +46,7 @@ CONTRACT = {
     "viscous_friction": ("joint", "damping", {"damping": (DAMPING, 0, (40, 5))}),
     "stribeck_friction": ("joint", "friction", {"static": (FORCE, 0, 3), "velocity": (SPEED, None, 0.01)}),
     "load_dependent_friction": ("joint", "friction", {"coefficient": ("-", 0, 0.15)}),
-    "asymmetric_friction": ("joint", "friction", {"force": (FORCE, 0, 2)}),
+    "asymmetric_friction": ("joint", None, {"force": (FORCE, 0, 2)}),
     "backlash": ("joint", "play", {"width": (LENGTH, 0, 0.001)}),
     "joint_elasticity": ("joint", "gain", {"stiffness": (("N/m", "N·m/rad"), INF, 3000)}),
     "armature": ("joint", None, {"mass": (("kg", "kg·m²"), 0, 0.3)}),

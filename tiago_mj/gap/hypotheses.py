@@ -23,6 +23,8 @@ Array = NDArray[np.float64]
 
 #: Magnitudes tried on either side of the identity in the first pass, as shares of the way to the bound.
 COARSE: Final = (0.01, 0.05, 0.2, 0.6)
+#: Magnitudes below this share of the bound are all as likely.
+LEAST_SHARE: Final = 0.01
 
 
 @dataclass(frozen=True)
@@ -47,23 +49,24 @@ class Nuisance:
 
 
 #: A nominal model's numbers are known to about 5 %; contacts less well; an object is placed to about a millimetre. What
-#: moves is known worse: publications differ by 17 % for a finger with its cell.
+#: moves is known worse: publications differ by 17 % for a finger with its cell, and contacts of one engine carry a
+#: virtual mass that those of another, and of reality, do not.
 NUISANCES: Final = (
     Nuisance("servo_stiffness", "factor", (0.04, 0.04)),
     Nuisance("servo_damping", "damping", (0.04, 0.04), relative="damping"),
     Nuisance("viscous_friction", "damping", (0.04, 0.04), relative="damping"),
-    Nuisance("armature", "mass", (0.1, 0.05), relative="inertia"),
+    Nuisance("armature", "mass", (0.2, 0.05), relative="inertia"),
     Nuisance("force_limit", "limit", (0.04, 0.04), relative="effort"),
     Nuisance("payload", "mass", (0.04, 0.04), relative="tool"),
     Nuisance("contact_stiffness", "factor", (0.06, 0.06)),
     Nuisance("contact_damping", "factor", (0.2, 0.2)),
     Nuisance("contact_friction", "factor", (0.1, 0.1)),
     Nuisance("object_mass", "factor", (0.06, 0.06)),
-    Nuisance("object_size", "radius", (2e-4, 2e-4)),
-    Nuisance("object_offset", "distance", (6e-4, 6e-4), per_trial=True),
+    Nuisance("object_size", "radius", (1.5e-4, 1.5e-4)),
+    Nuisance("object_offset", "distance", (4e-4, 4e-4), per_trial=True),
     Nuisance("force_gain", "factor", (0.04, 0.04)),
     Nuisance("force_bias", "offset", (0.002, 0.002)),
-    Nuisance("encoder_bias", "offset", (3e-5, 5e-4)),
+    Nuisance("encoder_bias", "offset", (2e-5, 5e-4)),
     Nuisance("command_delay", "seconds", (1e-3, 1e-3), each=False),
 )
 
@@ -99,6 +102,20 @@ class Candidate:
     def entry(self, value: float) -> Entry:
         """The effect at a magnitude."""
         return Entry(self.effect, self.target, {self.parameter: value, **dict(self.fixed)})
+
+    def log_prior(self, value: float) -> float:
+        """Log of the prior density of a magnitude, per unit of it.
+
+        Nobody knows an effect's order of magnitude: the density falls as one over the magnitude, down to what the
+        nominal model's own number is uncertain by or a hundredth of the bound, and is flat below. Limits have no
+        magnitude: they may lie anywhere between their bounds.
+        """
+        if not np.isfinite(self.identity):
+            return -float(np.log(self.high - self.low))
+        sides = [abs(bound - self.identity) for bound in (self.low, self.high)]
+        least = max(self.tolerance, max(sides) * LEAST_SHARE)
+        whole = sum(np.log1p(side / least) for side in sides)
+        return -float(np.log(whole * (abs(value - self.identity) + least)))
 
     @property
     def label(self) -> tuple[str, tuple[str, ...] | None]:
@@ -203,6 +220,8 @@ def _of(
         a, b = other.bounds[side]
         values = (other.default[side], float(np.sqrt(a * other.default[side])), float(np.sqrt(b * other.default[side])))
         settings = [(*setting, (other.name, value)) for setting in settings for value in values]
+    for form in declared.forms.values():
+        settings = [(*setting, (form.name, value)) for setting in settings for value in form.values]
     return [
         Candidate(name, target, switch.name, setting, switch.identity, low, high, grid, switch.unit[side])
         for setting in settings

@@ -100,6 +100,10 @@ def named(plant: Plant, fit: Fitted, k: int) -> Named:
     low, high = max(value - reach, part.low), min(value + reach, part.high)
     parameters: dict[str, Value] = {part.parameter: Value(value, low, high, part.unit, sd)}
     for name, fixed in part.fixed:
+        if name in declared.forms:
+            if fixed != declared.forms[name].values[0]:
+                parameters[name] = Value(fixed, None, None, "-")
+            continue
         index = 0 if part.target is None else plant.wiring.targets.names(declared.targets).index(part.target[0])
         side = 0 if plant.wiring.targets.slide(declared.targets, index) else 1
         parameters[name] = Value(fixed, None, None, declared.parameters[name].unit[side])

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from tiago_mj.gap.effects.declare import Array, Effect, effect, parameter
-from tiago_mj.gap.effects.memory import Conveyor, Held, HeldLowPass
+from tiago_mj.gap.effects.declare import Array, Effect, effect, form, parameter
+from tiago_mj.gap.effects.memory import Conveyor, Held, HeldLowPass, InARow
 from tiago_mj.gap.effects.now import Now
 
 LENGTH = ("m", "rad")
@@ -67,7 +67,7 @@ class DroppedCommands(Effect):
 class CommandLag(Effect):
     """A first-order low-pass lies on the command.
 
-    Formula: time_constant · dy/dt = command - y
+    Formula: time_constant · dy/dt = command - y; with poles = 2 two equal ones in a row, each of half of it
 
     In a recording: starts and stops are rounded; at a constant velocity the position is behind by velocity ·
     time_constant.
@@ -81,9 +81,10 @@ class CommandLag(Effect):
     """
 
     time_constant = parameter("s", identity=0.0, default=0.04, bounds=(0.0, 0.3))
+    poles = form(1, 2)
 
     def start(self, now: Now) -> None:
-        self._filter = HeldLowPass(self.time_constant, now.resting)
+        self._filter = InARow(HeldLowPass, self.time_constant, self.poles, now.resting)
 
     def given(self, inputs: Array, now: Now) -> Array:
         step = now.period / now.substeps

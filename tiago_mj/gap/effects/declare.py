@@ -119,6 +119,28 @@ def parameter(
     return Parameter(units, identity, defaults, ranges, nominal)
 
 
+@dataclass(frozen=True)
+class Form:
+    """What kind of an effect it is, where real ones differ: no magnitude, so that nothing is fitted; the diagnosis
+    tries each.
+
+    Attributes:
+        values: that are possible, the usual one first.
+        name: as in the class.
+    """
+
+    values: tuple[float, ...]
+    name: str = ""
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        object.__setattr__(self, "name", name)
+
+
+def form(*values: float) -> Any:
+    """Declare in an effect's body what forms it has, as numbers, the usual one first."""
+    return Form(tuple(float(value) for value in values))
+
+
 class Effect:
     """Base of every effect. A declaration overrides the hooks of its stage and leaves the others.
 
@@ -131,6 +153,10 @@ class Effect:
     targets: ClassVar[str]
     gap_class: ClassVar[str]
     parameters: ClassVar[Mapping[str, Parameter]]
+    forms: ClassVar[Mapping[str, Form]]
+    #: Real effects have not quite the form that is declared of them: they may differ by this share of what they change.
+    #: Without it the rest of a large effect is taken for another one.
+    form_known_to: ClassVar[float] = 0.03
 
     def __init__(self, values: Mapping[str, Array], targets: Sequence[str] = ()) -> None:
         for key, value in values.items():
@@ -258,6 +284,7 @@ def effect(name: str, *, stage: str, targets: str, gap_class: str | None = None)
         inherited = {key: value for cls in reversed(declared.__mro__) for key, value in vars(cls).items()}
         parameters = {key: value for key, value in inherited.items() if isinstance(value, Parameter)}
         _check_parameters(name, parameters)
+        declared.forms = {key: value for key, value in inherited.items() if isinstance(value, Form)}
         _check_hooks(name, declared, stage, targets)
         declared.name, declared.stage, declared.targets = name, stage, targets
         declared.gap_class = gap_class or name

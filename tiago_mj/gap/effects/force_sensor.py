@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from tiago_mj.gap.effects.command import rounded
-from tiago_mj.gap.effects.declare import Array, Effect, effect, parameter
-from tiago_mj.gap.effects.memory import DelayLine, Held, LowPass, Play
+from tiago_mj.gap.effects.declare import Array, Effect, effect, form, parameter
+from tiago_mj.gap.effects.memory import DelayLine, Held, InARow, LowPass, Play
 from tiago_mj.gap.effects.now import Now
 
 UNITS = "sensor units"
@@ -176,7 +176,7 @@ class ForceBias(Effect):
 class ForceLag(Effect):
     """First-order low-pass of the reading.
 
-    Formula: time_constant · dy/dt = x - y
+    Formula: time_constant · dy/dt = x - y; with poles = 2 two equal ones in a row, each of half of it
 
     In a recording: contact onsets are rounded and late, holds are unchanged.
 
@@ -186,9 +186,10 @@ class ForceLag(Effect):
     """
 
     time_constant = parameter("s", identity=0.0, default=0.03, bounds=(0.0, 0.3))
+    poles = form(1, 2)
 
     def start(self, now: Now) -> None:
-        self._filter = LowPass(self.time_constant)
+        self._filter = InARow(LowPass, self.time_constant, self.poles)
 
     def reading(self, reading: Array, now: Now) -> Array:
         return self._filter(reading, now.period)

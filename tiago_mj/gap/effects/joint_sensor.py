@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from tiago_mj.gap.effects.command import rounded
-from tiago_mj.gap.effects.declare import Array, Effect, effect, parameter
-from tiago_mj.gap.effects.memory import LowPass
+from tiago_mj.gap.effects.declare import Array, Effect, effect, form, parameter
+from tiago_mj.gap.effects.memory import InARow, LowPass
 from tiago_mj.gap.effects.now import Now
 
 LENGTH = ("m", "rad")
@@ -80,7 +80,7 @@ class EncoderQuantization(Effect):
 class VelocityFilter(Effect):
     """Reported velocities are low-passed.
 
-    Formula: time_constant · dy/dt = velocity - y
+    Formula: time_constant · dy/dt = velocity - y; with poles = 2 two equal ones in a row, each of half of it
 
     In a recording: velocities trail the derivative of the positions.
 
@@ -90,9 +90,10 @@ class VelocityFilter(Effect):
     """
 
     time_constant = parameter("s", identity=0.0, default=0.04, bounds=(0.0, 0.3))
+    poles = form(1, 2)
 
     def start(self, now: Now) -> None:
-        self._filter = LowPass(self.time_constant)
+        self._filter = InARow(LowPass, self.time_constant, self.poles)
 
     def measure_velocity(self, velocity: Array, now: Now) -> Array:
         return self._filter(velocity, now.period)

@@ -111,6 +111,29 @@ class HeldLowPass:
         return value + (before - value) * missed
 
 
+class InARow:
+    """One low-pass or two equal ones in a row, which are as late together as the one.
+
+    Args:
+        kind: :class:`LowPass` or :class:`HeldLowPass`.
+        time_constant: of all together, (nsim, n) [s].
+        poles: 1 or 2, (nsim, n).
+        before: further arguments of the low-passes.
+    """
+
+    def __init__(
+        self, kind: type[LowPass] | type[HeldLowPass], time_constant: Array, poles: Array, *before: Array
+    ) -> None:
+        self._two = poles > 1
+        self._first = kind(np.where(self._two, time_constant / 2, time_constant), *before)
+        self._second = kind(time_constant / 2, *before)
+
+    def __call__(self, value: Array, period: Array) -> Array:
+        """Take the next value, (nsim, n), and return what comes out."""
+        once = self._first(value, period)
+        return np.where(self._two, self._second(once, period), once) if self._two.any() else once
+
+
 class Held:
     """A value that some updates never reach: the one before stays."""
 

@@ -116,6 +116,7 @@ def arrays(declared: type[Effect], sims: Sequence[Sequence[Entry]], targets: Tar
         key: np.full((len(sims), len(names)), p.default[0] if p.identity is None else p.identity)
         for key, p in declared.parameters.items()
     }
+    values |= {key: np.full((len(sims), len(names)), form.values[0]) for key, form in declared.forms.items()}
     for sim, entries in enumerate(sims):
         for entry in entries:
             if entry.name != declared.name:
@@ -128,6 +129,8 @@ def arrays(declared: type[Effect], sims: Sequence[Sequence[Entry]], targets: Tar
                         default *= targets.nominal(p.nominal, declared.targets, index)
                     value = entry.parameters.get(key, default)
                     values[key][sim, index] = _together(p.identity, values[key][sim, index], value)
+                for key, form in declared.forms.items():
+                    values[key][sim, index] = entry.parameters.get(key, form.values[0])
     return declared(values, names)
 
 
@@ -169,15 +172,19 @@ def _entry(item: Any) -> Entry:
     parameters = item.get("parameters") or {}
     if not isinstance(parameters, Mapping):
         raise ValueError(f"effect {name!r} has parameters {parameters!r}: give a mapping of names to numbers")
-    declared = EFFECTS[name].parameters
+    declared, forms = EFFECTS[name].parameters, EFFECTS[name].forms
     values = {}
     for key, value in parameters.items():
-        if key not in declared:
+        if key not in declared and key not in forms:
             raise ValueError(f"effect {name!r} has no parameter {key!r}: use {', '.join(declared)}")
         number = value.get("value") if isinstance(value, Mapping) else value  # a calibration carries low and high too
         if isinstance(number, bool) or not isinstance(number, (int, float, np.number)) or math.isnan(number):
             raise ValueError(f"effect {name!r}: {key} is {number!r}, give a number")
-        _check_possible(name, declared[key], float(number))
+        if key in declared:
+            _check_possible(name, declared[key], float(number))
+        elif number not in forms[key].values:
+            possible = ", ".join(f"{one:g}" for one in forms[key].values)
+            raise ValueError(f"effect {name!r}: {key} is {number:g}, use one of {possible}")
         values[key] = float(number)
     return Entry(name, None if target is None else tuple(target), values)
 
