@@ -73,12 +73,12 @@ def test_what_a_large_effect_s_form_may_miss_is_no_second_effect_but_costs():
     change[0, 40:, 0] = 200.0  # deviations of the noise
     data = made_up(1.02 * change)  # reality does 2 % more
     plain = Yardstick(data, np.ones(2))
-    wide = plain.with_shape(change)
+    wide = plain.with_shape(change, 0.03)
     assert plain.misfit(change).max() > 5
     assert wide.misfit(change).max() < 1
     assert wide.wider > 0
     # A small one is held to the noise: a tenth of a deviation is within it.
-    assert plain.with_shape(change / 100).wider < 0.002 * wide.wider
+    assert plain.with_shape(change / 100, 0.03).wider < 0.002 * wide.wider
 
 
 def test_a_joint_without_a_gap_of_its_own_has_no_effect_of_its_own(grasps):
@@ -142,3 +142,15 @@ def test_what_nominal_numbers_were_moved_for_is_given_back_to_the_effect(grasps)
     assert not left.any()
     # Both ways the same simulation: 2 deviations of 4 % of a gain, 3 of 0.002 of a bias.
     assert values == pytest.approx([1.1 * 1.08, 0.01 + 0.006])
+
+
+@pytest.mark.parametrize("effect", ["encoder_bias", "force_gain", "coulomb_friction", "rate_limit", "command_delay"])
+def test_the_prior_of_a_magnitude_is_a_density_that_favours_no_order_of_magnitude(grasps, effect):
+    part = next(c for c in hypotheses.candidates(grasps[0], [effect]) if c.target is None)
+    values = np.linspace(part.low, part.high, 200_001)
+    density = np.exp([part.log_prior(float(v)) for v in values])
+    assert np.trapezoid(density, values) == pytest.approx(1, rel=0.01)
+    if np.isfinite(part.identity):
+        reach = part.high - part.identity
+        small, large = (np.exp(part.log_prior(part.identity + share * reach)) * share for share in (0.3, 0.9))
+        assert small == pytest.approx(large, rel=0.2)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tiago_mj.gap.traces import tone
+from tiago_mj.gap.traces import LEAST_BIAS, tone, trace
 
 PERIOD, NOISE = 1 / 240, 0.0077
 ROWS = np.arange(200)
@@ -40,3 +40,27 @@ def test_a_hum_far_below_the_noise_is_left_to_it():
 def test_only_what_is_read_while_nothing_is_touched_counts():
     values = readings(0.03)
     assert found(values, np.zeros(values.shape, dtype=bool)) is None
+
+
+# Offsets of load cells ----------------------------------------------------------------------------------------------
+
+
+def rest(values):
+    everywhere = np.ones(values.shape, dtype=bool)
+    return trace("force.left", values, everywhere, NOISE, everywhere).rest
+
+
+@pytest.mark.parametrize("offset", [0.0, 0.012, -0.3])
+def test_an_offset_is_read_off_before_anything_is_touched(offset):
+    value, deviation = rest(readings() + offset)
+    assert deviation == pytest.approx(NOISE / np.sqrt(4 * len(ROWS)), rel=0.1)  # the median deviation of 800 is 4 % off
+    assert abs(value - offset) < 4 * deviation
+    assert 4 * deviation < LEAST_BIAS
+
+
+@pytest.mark.parametrize("name", ["drift", "another offset in one trial"])
+def test_what_changes_from_row_to_row_or_trial_to_trial_is_no_offset(name):
+    values = readings(drift=0.01 if name == "drift" else 0.0) + 0.02
+    if name != "drift":
+        values[1] += 0.02
+    assert rest(values) is None

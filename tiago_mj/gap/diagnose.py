@@ -18,6 +18,7 @@ from tiago_mj.gap import (
     locate,
     phases,
     replay,
+    ripples,
     score,
     select,
     set_points,
@@ -124,6 +125,8 @@ def diagnose(
         on, pool = set_points.with_lost(plant, on, seen, pool)
     predict = Predictor(plant, on, data, threads, seed, None if same else off)
     base = predict.all_trials([()], everything, keep=True)[0]
+    untouched = set_points.untouched(data, nominal, data.value.shape[1])
+    pool = ripples.with_periods(plant, floor.part(data, fitted_on), base[fitted_on], untouched[fitted_on], pool)
     phase = phases.phases(plant, on, nominal)[:, : data.value.shape[1]]
     part = floor.part(data, fitted_on)
     tones = traces.tones(plant, data, base)

@@ -1,7 +1,7 @@
 """Fit an explanation: its magnitudes jointly with the nominal model's own numbers, and the evidence for it.
 
 Gauss-Newton on whitened residuals with a normal prior on the nuisance parameters, then Laplace's approximation: the
-evidence integrates over magnitudes (uniform within their bounds) and nuisances, so that an effect pays for its
+evidence integrates over magnitudes (with :meth:`Candidate.log_prior`) and nuisances, so that an effect pays for its
 freedom.
 """
 
@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tiago_mj.gap import floor, score
+from tiago_mj.gap.effects import EFFECTS
 from tiago_mj.gap.effects.spec import Entry
 from tiago_mj.gap.floor import Data
 from tiago_mj.gap.hypotheses import Candidate, Term
@@ -34,9 +35,6 @@ REFUSALS: Final = 1
 TOLERATED: Final = 6.0
 #: Deviations by which a nuisance is moved to see what it does: contacts do not answer in straight lines.
 NUDGE: Final = 0.3
-#: Real effects have not quite the form that is declared of them: they may differ by this share of what they change.
-#: Without it the rest of a large effect is taken for another one.
-SHAPE: Final = 0.03
 #: A magnitude is moved by at least this share of its range to see what it does.
 REACH: Final = 5e-3
 
@@ -118,10 +116,11 @@ class Yardstick:
     weight: Array
     wider: float = 0.0
 
-    def with_shape(self, change: Array) -> Yardstick:
-        """With a tolerance for the form of effects that change the predictions so, (ntrials, T, C)."""
+    def with_shape(self, change: Array, share: float) -> Yardstick:
+        """With a tolerance for the form of effects that change the predictions so, (ntrials, T, C), and whose form is
+        known to a share of that."""
         own = self.data.sigma**2 - self.data.common**2
-        form = (SHAPE * change) ** 2
+        form = (share * change) ** 2
         cost = np.where(np.isfinite(self.data.value), 0.5 * np.log1p(form / own), 0.0) * self.weight**2
         return Yardstick(replace(self.data, sigma=np.sqrt(self.data.sigma**2 + form)), self.weight, float(cost.sum()))
 
@@ -257,7 +256,8 @@ class Fitter:
         best = int(np.argmin([on.cost(one, point.nuisance) for one, point in zip(tried, points, strict=True)]))
         at, base = points[best], tried[best]
         if at.parts:
-            on = on.with_shape(base - (yield [Point((), np.zeros(0), at.nuisance)])[0])
+            without = (yield [Point((), np.zeros(0), at.nuisance)])[0]
+            on = on.with_shape(base - without, max(EFFECTS[part.effect].form_known_to for part in at.parts))
         columns = on.columns(self.responses, self.per_trial)
         jacobian = yield from self._value_columns(on, at, base)
         refused = 0
@@ -354,7 +354,7 @@ class Fitter:
         plain = Yardstick(self.data, self.weight)
         evidence = -min(on.cost(base, np.zeros(0)) + on.wider, plain.cost(base, np.zeros(0)))
         for part, value in zip(parts, at.values, strict=True):
-            prior += 0.5 * np.log(2 * np.pi) - np.log(part.high - part.low)
+            prior += 0.5 * np.log(2 * np.pi) + part.log_prior(float(value))
             evidence -= TOLERATED * max(0.0, 1 - abs(value - part.identity) / part.tolerance) if part.tolerance else 0.0
         deviations = np.sqrt(np.diag(np.linalg.inv(curvature))[: len(parts)])
         return Fitted(

@@ -9,14 +9,14 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from tiago_mj.gap import extend, floor, score, starts
+from tiago_mj.gap import extend, floor, score, secondary, starts
 from tiago_mj.gap.effects import EFFECTS
 from tiago_mj.gap.fit import NUDGE, Fitted, Fitter, Point, Start, Yardstick
 from tiago_mj.gap.floor import Data
 from tiago_mj.gap.hypotheses import Candidate, Term
 from tiago_mj.gap.predict import Predictor
 from tiago_mj.gap.screen import Screened, screen
-from tiago_mj.gap.traces import MEASURES, Known
+from tiago_mj.gap.traces import ONLY_READ_OFF, Known
 
 Array = NDArray[np.float64]
 
@@ -129,7 +129,8 @@ def select(
         out_of_time: asked between stages.
         tick: told what begins.
     """
-    pool = _with_something_to_explain([c for c in pool if c.effect not in MEASURES], data, base)
+    read_off = {*ONLY_READ_OFF, *(k.candidate.effect for k in known)}
+    pool = _with_something_to_explain([c for c in pool if c.effect not in read_off], data, base)
     tick("fitting the nominal model", NOMINAL_ROUNDS)
     weight = _weight(data, base)
     chosen = extend.spread(base, data, max(FIT_STEPS // max(steps, 1), FIT_TRIALS))
@@ -176,7 +177,8 @@ def select(
     fits += everywhere.fit_all(leaders)
     if not out_of_time():
         fits = _renewed(everywhere, fits, fits)
-        fits += everywhere.fit_all(starts.absorbed(fits, everywhere))
+        fits += secondary.refined(everywhere, fits, _order(fits)[0].evidence)
+        fits += everywhere.fit_all([*starts.absorbed(fits, everywhere), *starts.without(fits)])
     complete = not out_of_time()
     for size in range(2, MOST + 1):
         best = _order(fits)[0]
@@ -200,6 +202,8 @@ def select(
         found = everywhere.fit_all(extended)
         found += everywhere.fit_all(starts.fewer(found))
         fits += found if out_of_time() else _renewed(everywhere, found, fits)
+        if not out_of_time():
+            fits += secondary.refined(everywhere, [f for f in fits if len(f.parts) == size], _order(fits)[0].evidence)
         fits += everywhere.fit_all([] if out_of_time() else starts.absorbed(fits, everywhere))
         complete = not out_of_time()
     fits = [_with(fit, known, shared) for fit in _worth(_once(_order(fits)))]

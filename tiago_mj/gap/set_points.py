@@ -75,7 +75,7 @@ def told(plant: Plant, on: Grid, data: Data, nominal: Signals) -> Told | None:
     rows = wanted.shape[1] + 1
     lead = _slewed(plant, on, start, wanted) - nominal.position[:, :rows][:, :, joints]
     speed = nominal.velocity[:, :rows][:, :, joints]
-    free = _free(data, nominal, rows)
+    free = untouched(data, nominal, rows)
     ahead, deviation = np.zeros(lead.shape), np.full(lead.shape, np.inf)
     share = np.ones(len(joints))
     columns = {name: c for c, name in enumerate(data.channels)}
@@ -93,7 +93,7 @@ def told(plant: Plant, on: Grid, data: Data, nominal: Signals) -> Told | None:
     return Told(start, wanted, ahead, deviation, share)
 
 
-def _free(data: Data, nominal: Signals, rows: int) -> NDArray[np.bool_]:
+def untouched(data: Data, nominal: Signals, rows: int) -> NDArray[np.bool_]:
     """Rows in which nothing is touched, (ntrials, T)."""
     touching = np.zeros((nominal.position.shape[0], rows), dtype=bool)
     if nominal.newtons.shape[2]:

@@ -17,6 +17,8 @@ Array = NDArray[np.float64]
 
 #: Explanations this near to the best are looked at again [nats].
 NEAR: Final = 15.0
+#: Explanations whose nominal numbers the nominal model tries, too.
+LED: Final = 2
 
 
 def point(there: Fitted | Start) -> Point:
@@ -90,6 +92,13 @@ def away(fit: Fitted, part: int) -> bool:
     if not np.isfinite(identity):
         return bool(fit.values[part] < fit.parts[part].high - 1e-6 * abs(fit.parts[part].high))
     return bool(abs(fit.values[part] - identity) > 1.645 * fit.deviations[part])
+
+
+def without(fits: Sequence[Fitted]) -> list[Start]:
+    """Starts of the nominal model where effects led its numbers, of those that hardly explain more than it does."""
+    nominal = max(f.evidence for f in fits if not f.parts)
+    found = sorted((f for f in fits if f.parts and abs(f.evidence - nominal) < NEAR), key=lambda f: -f.evidence)
+    return [Start((), np.zeros(0), f.nuisance) for f in found[:LED]]
 
 
 def absorbed(fits: Sequence[Fitted], fitter: Fitter) -> list[Start]:

@@ -1,7 +1,8 @@
-"""What the readings themselves betray, whatever the motion: repeats, a grid, the size of the noise.
+"""What the readings themselves betray, whatever the motion: repeats, a grid, the size of the noise, an offset.
 
 A dropped reading repeats the one before exactly, a quantised one lies on a grid, and more noise is more scatter.
-Predicted means are blind to all three, so they are read off here, beside whatever else explains the recordings.
+Predicted means are blind to all three, so they are read off here, beside whatever else explains the recordings; and so
+is what a load cell reads before anything is touched, where no simulator can be wrong.
 """
 
 from __future__ import annotations
@@ -35,6 +36,10 @@ ACCIDENT: Final = 1e-6
 LOUD: Final = 0.5
 #: It swings at least so often in a stretch: what is slower may be drift.
 SLOW: Final = 3
+#: Share of the time until a load cell should feel something in which it surely does not, wherever the object stands.
+UNTOUCHED: Final = 0.6
+#: Offset of a load cell that is one, three deviations of what every cell may have [sensor units].
+LEAST_BIAS: Final = 0.006
 
 
 @dataclass(frozen=True)
@@ -56,6 +61,8 @@ class Trace:
         repeats: number of readings that equal the one before exactly, of ``samples``.
         grid: step of the grid that all readings lie on, 0 if they lie on none.
         expected: the noise that the nominal sensor has; 0 for one without.
+        rest: what it reads before anything is touched, with one standard deviation, where that is the same from
+            beginning to end; None where it is not, or unknown.
     """
 
     channel: str
@@ -65,6 +72,7 @@ class Trace:
     samples: int
     grid: float
     expected: float
+    rest: tuple[float, float] | None = None
 
 
 def of_channels(plant: Plant, data: Data, base: Array) -> list[Trace]:
@@ -77,18 +85,60 @@ def of_channels(plant: Plant, data: Data, base: Array) -> list[Trace]:
     """
     cell = plant.cell
     noises = cell.noises if cell is not None and cell.average == 1 else np.zeros(2)
+    before = _before_touch(plant, data, base)
     return [
         trace(
             name,
             data.value[:, :, c],
             still(base[:, :, c]),
             float(noises[data.part[c]]) if name.startswith("force") else 0.0,
+            before if name.startswith("force") else None,
         )
         for c, name in enumerate(data.channels)
     ]
 
 
-def trace(channel: str, values: Array, quiet: NDArray[np.bool_], expected: float) -> Trace:
+def _before_touch(plant: Plant, data: Data, base: Array) -> NDArray[np.bool_] | None:
+    """The first rows of every trial, well before a load cell is predicted to feel anything, (ntrials, T)."""
+    cells = [c for c, kind in enumerate(data.kinds) if kind == "force"]
+    if plant.cell is None or not cells:
+        return None
+    nothing = plant.cell.signal(np.zeros(2))[data.part[cells]]
+    touched = (base[:, :, cells] != nothing).any(axis=2)
+    first = np.where(touched.any(axis=1), touched.argmax(axis=1), touched.shape[1])
+    return np.arange(touched.shape[1]) < UNTOUCHED * first[:, None]
+
+
+def _level(values: Array, counts: NDArray[np.bool_], expected: float) -> tuple[float, float] | None:
+    """Mean of some readings and its standard deviation; None where they are few, or are not the same throughout.
+
+    Args:
+        values: (ntrials, T), NaN where nothing was measured.
+        counts: readings that are looked at, (ntrials, T).
+        expected: noise of one.
+    """
+    counts = counts & np.isfinite(values)
+    rows = np.nonzero(counts)[1]
+    if not expected or len(rows) < 2 * STRETCH:
+        return None
+    read = values[counts]
+    scatter = max(1.4826 * float(np.median(np.abs(read - np.median(read)))), 0.5 * expected)
+    error = scatter / np.sqrt(len(read))
+    trials = [float(values[k, row].mean()) - float(read.mean()) for k, row in enumerate(counts) if row.any()]
+    sizes = [scatter / np.sqrt(row.sum()) for row in counts if row.any()]
+    centred = rows - rows.mean()
+    slope = float(centred @ read) / max(float(centred @ centred), 1e-12) * float(rows.std())
+    same = stats.chi2.sf(float(np.sum(np.square(np.divide(trials, sizes)))), len(trials)) > ACCIDENT
+    return (float(read.mean()), error) if same and abs(slope) < CLEAR * error else None
+
+
+def trace(
+    channel: str,
+    values: Array,
+    quiet: NDArray[np.bool_],
+    expected: float,
+    untouched: NDArray[np.bool_] | None = None,
+) -> Trace:
     """Look at the readings of a channel.
 
     Args:
@@ -96,6 +146,7 @@ def trace(channel: str, values: Array, quiet: NDArray[np.bool_], expected: float
         values: (ntrials, T), NaN where nothing was measured.
         quiet: rows in which the signal is predicted to stand still, (ntrials, T).
         expected: noise that the nominal sensor has.
+        untouched: rows before anything is touched, (ntrials, T); None: not asked.
     """
     steps = np.diff(values, axis=1)
     known = np.isfinite(steps) & ~_at_an_end(values)[:, 1:]
@@ -110,6 +161,7 @@ def trace(channel: str, values: Array, quiet: NDArray[np.bool_], expected: float
         samples=max(int(known.sum()), 1),
         grid=grid_step(values[np.isfinite(values)]),
         expected=expected,
+        rest=None if untouched is None else _level(values, untouched, expected),
     )
 
 
@@ -276,10 +328,20 @@ def _dropout(trace: Trace) -> tuple[float, float] | None:
     return share, float(np.sqrt(share * (1 - share) / trace.samples))
 
 
+def _bias(trace: Trace) -> tuple[float, float] | None:
+    """What a load cell reads where it feels nothing."""
+    if trace.grid or trace.rest is None or abs(trace.rest[0]) < max(CLEAR * trace.rest[1], LEAST_BIAS):
+        return None
+    return trace.rest
+
+
 #: Effects that readings betray, and how: value and one standard deviation, or None.
 MEASURES: Final = {
     "encoder_quantization": _grid,
     "force_quantization": _grid,
     "force_noise": _noise,
     "force_dropout": _dropout,
+    "force_bias": _bias,
 }
+#: And those of them that predicted means are blind to.
+ONLY_READ_OFF: Final = ("encoder_quantization", "force_quantization", "force_noise", "force_dropout")

@@ -1,0 +1,43 @@
+"""Periods of a ripple, read off the error of a position."""
+
+import numpy as np
+import pytest
+
+from tiago_mj.gap.ripples import peaks
+
+NOISE = 2.7e-5
+
+
+def travelled(period, seed=0, trials=3, rows=240):
+    """Strokes of 30 mm, there and back, each from elsewhere, with a ripple of 60 µm and errors that are none."""
+    rng = np.random.default_rng(seed)
+    out = []
+    for _ in range(trials):
+        phase = np.linspace(0, 2 * np.pi, rows)
+        position = rng.uniform(0, 0.01) + 0.015 * (1 - np.cos(phase))
+        ripple = 6e-5 * np.sin(2 * np.pi * position / period) if period else 0.0
+        smooth = 2e-4 + 5e-3 * position + 0.1 * np.gradient(position)
+        error = ripple + smooth + NOISE * rng.standard_normal(rows)
+        out.append((position, error, np.ones(rows, dtype=bool)))
+    return out
+
+
+@pytest.mark.parametrize("period", [0.0033, 0.0071, 0.012])
+def test_the_period_is_found_among_errors_that_grow_with_position_and_speed(period):
+    first, *_ = peaks(travelled(period), 0.001, 0.02)
+    # Over 40 mm of travel a period is out of step by a quarter of a turn where it is off by this much.
+    assert first == pytest.approx(period, rel=0.25 * period / 0.04)
+
+
+def test_onsets_and_what_is_not_counted_hide_no_ripple():
+    traces = travelled(0.0071)
+    for position, error, counts in traces:
+        error[100:104] += 2e-3
+        error[150:] += 1e-3 * np.sin(position[150:] / 0.0004)
+        counts[150:] = False
+    assert peaks(traces, 0.001, 0.02)[0] == pytest.approx(0.0071, rel=0.05)
+
+
+def test_a_joint_that_hardly_moves_tells_no_period():
+    position = np.full(100, 0.03)
+    assert peaks([(position, np.zeros(100), np.ones(100, dtype=bool))], 0.001, 0.02) == []

@@ -1,0 +1,107 @@
+"""Periods of a force that repeats over position, read off what the nominal model leaves.
+
+No gradient leads from one period to another: a few per cent off, a ripple is out of step after some turns. But a servo
+gives way to such a force by what it is stiff, so that the error of the position has the same period over position.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tiago_mj.gap.effects import EFFECTS
+from tiago_mj.gap.floor import Data
+from tiago_mj.gap.hypotheses import Candidate
+from tiago_mj.gap.plant import Plant
+
+Array = NDArray[np.float64]
+
+RIPPLE: Final = "motor_cogging"
+#: Periods that are looked at, evenly in what a travel holds of them, so many to one more; those that are simulated.
+OVERSAMPLING: Final = 6
+MOST: Final = 1000
+BEST: Final = 3
+#: Peaks closer than this share of a period per travel are one.
+APART: Final = 1.0
+#: A squared error counts no more than so many times the median one: onsets say nothing of ripples.
+FAR: Final = 9.0
+
+
+def with_periods(
+    plant: Plant, data: Data, base: Array, free: NDArray[np.bool_], pool: Sequence[Candidate]
+) -> tuple[Candidate, ...]:
+    """The pool, in which ripples have the periods that the error of the position shows.
+
+    Args:
+        plant: the nominal simulator.
+        data: measured.
+        base: nominal predictions, (ntrials, T, C).
+        free: rows in which nothing is touched, (ntrials, T).
+        pool: candidates.
+    """
+    if not any(c.effect == RIPPLE for c in pool):
+        return tuple(pool)
+    declared = EFFECTS[RIPPLE]
+    names = plant.wiring.targets.names("joint")
+    columns = {data.part[c]: c for c, kind in enumerate(data.kinds) if kind == "position"}
+    out = [c for c in pool if c.effect != RIPPLE]
+    found: dict[object, Candidate] = {c.label: c for c in pool if c.effect == RIPPLE}
+    for candidate in found.values():
+        joints = [names.index(name) for name in candidate.target or names]
+        side = 0 if plant.wiring.targets.slides[joints[0]] else 1
+        low, high = declared.parameters["period"].bounds[side]
+        traces = [
+            (data.value[t, :, columns[j]], (data.value - base)[t, :, columns[j]], free[t])
+            for j in joints
+            if j in columns
+            for t in range(len(data.value))
+        ]
+        settings = peaks(traces, low, high) or [dict(candidate.fixed)["period"]]
+        out += [replace(candidate, fixed=(("period", period),)) for period in settings]
+    return tuple(out)
+
+
+def peaks(traces: Sequence[tuple[Array, Array, NDArray[np.bool_]]], low: float, high: float) -> list[float]:
+    """Periods of the strongest ripples, strongest first.
+
+    Args:
+        traces: position, its error and which rows count, each (T,).
+        low, high: of the period, in the unit of the position.
+    """
+    used = []
+    for position, error, counts in traces:
+        known = counts & np.isfinite(position) & np.isfinite(error)
+        if known.sum() > 16 and np.ptp(position[known]) > low:
+            used.append((position[known], _rest(position[known], error[known])))
+    if not used:
+        return []
+    travel = max(float(np.ptp(position)) for position, _ in used)
+    count = int(np.clip(OVERSAMPLING * travel / low, 2 * OVERSAMPLING, MOST))
+    waves = np.linspace(1 / high, 1 / low, count)
+    power, size = np.zeros(count), np.zeros(count)
+    for position, error in used:
+        sine = np.sin(2 * np.pi * waves[:, None] * position)
+        power += sine @ error
+        size += (sine * sine).sum(axis=1)
+    strength = power**2 / np.maximum(size, 1e-12)
+    order = np.argsort(-strength)
+    out: list[float] = []
+    for k in order:
+        if all(abs(waves[k] - 1 / other) * travel > APART for other in out):
+            out.append(float(1 / waves[k]))
+            if len(out) == BEST:
+                break
+    return out
+
+
+def _rest(position: Array, error: Array) -> Array:
+    """The error without what is constant or grows with the position or the speed, bounded."""
+    smooth = np.stack([np.ones_like(position), position, np.gradient(position)], axis=1)
+    rest = error - smooth @ np.linalg.lstsq(smooth, error, rcond=None)[0]
+    limit = np.sqrt(FAR * np.median(rest**2))
+    bounded: Array = np.clip(rest, -limit, limit)
+    return bounded

@@ -1,0 +1,68 @@
+"""The second number of an effect (a time constant, a speed at which it fades), fitted by turns with the first.
+
+The first pass and the first fits know it at a few values only. Where such an explanation is near the best, the second
+number is fitted with the first held, and then the first with the second held.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from tiago_mj.gap import starts
+from tiago_mj.gap.effects import EFFECTS
+from tiago_mj.gap.fit import Fitted, Fitter, Start
+from tiago_mj.gap.hypotheses import Candidate
+
+#: Explanations whose second numbers are fitted, the best first.
+MOST: Final = 2
+
+
+def refined(fitter: Fitter, fits: Sequence[Fitted], best: float) -> list[Fitted]:
+    """Further fits, with better second numbers.
+
+    Args:
+        fitter: of all trials.
+        fits: explanations.
+        best: evidence of the best of all [nats].
+    """
+    near = [f for f in sorted(fits, key=lambda f: -f.evidence) if f.evidence > best - starts.NEAR]
+    turned = [(f, k, name) for f in near for k, part in enumerate(f.parts) for name in _seconds(part)][:MOST]
+    held = [_turned(fitter, f, k, name) for f, k, name in turned]
+    back = []
+    for (f, k, name), second in zip(turned, fitter.fit_all(held), strict=True):
+        fixed = tuple((key, float(second.values[k]) if key == name else v) for key, v in f.parts[k].fixed)
+        parts = tuple(replace(part, fixed=fixed) if i == k else part for i, part in enumerate(f.parts))
+        values = np.array([f.values[k] if i == k else v for i, v in enumerate(second.values)])
+        back.append(Start(parts, values, second.nuisance))
+    return fitter.fit_all(back)
+
+
+def _seconds(part: Candidate) -> list[str]:
+    """Names of the numbers that are held, apart from those of the form."""
+    return [name for name, _ in part.fixed if name not in EFFECTS[part.effect].forms]
+
+
+def _turned(fitter: Fitter, fit: Fitted, k: int, name: str) -> Start:
+    """The same explanation, in which a second number is fitted and the first held."""
+    part, targets = fit.parts[k], fitter.predict.plant.wiring.targets
+    declared = EFFECTS[part.effect]
+    index = 0 if part.target is None else targets.names(declared.targets).index(part.target[0])
+    low, high = declared.parameters[name].bounds[0 if targets.slide(declared.targets, index) else 1]
+    value = dict(part.fixed)[name]
+    others = tuple((key, v) for key, v in part.fixed if key != name)
+    # Within a few times of where it was: the number has no identity, and a first step from afar may go anywhere.
+    turned = replace(
+        part,
+        parameter=name,
+        fixed=(*others, (part.parameter, float(fit.values[k]))),
+        identity=np.inf,
+        low=max(low, value / 4),
+        high=min(high, value * 4),
+        tolerance=0.0,
+    )
+    values = np.array([value if i == k else v for i, v in enumerate(fit.values)])
+    return Start(tuple(turned if i == k else p for i, p in enumerate(fit.parts)), values, fit.nuisance)
