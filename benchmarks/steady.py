@@ -3,7 +3,7 @@
     tiago-mj train --env GripperTactileSteady-v0 --algo td3 --seeds 5 --out runs/steady
     python benchmarks/steady.py runs/steady [--episodes 50]
 
-Every seed's last agent and both PI controllers play the same episodes, of seeds that no training used, in each of
+Every seed's last agent, its observations cut at those of its training, and both PI controllers play the same episodes, of seeds that no training used, in each of
 SETTINGS. Writes ``results/learning_steady.json`` and ``results/learning_steady.png``.
 """
 
@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -23,6 +24,8 @@ from tiago_mj import atomic, figures
 from tiago_mj.evaluate.metrics import Metrics, summarise
 from tiago_mj.evaluate.play import play_policy
 from tiago_mj.learn import plots
+from tiago_mj.learn.agent_file import load_agent
+from tiago_mj.learn.cut import cut, met
 from tiago_mj.rollout.options import make_env
 
 NAME: Final = "learning_steady"
@@ -52,11 +55,23 @@ SETTINGS: Final[Mapping[str, Mapping[str, Any]]] = {
 KEPT: Final = ("reward", "paper_reward", "contact_share", "bounces", "rest_error", "overshoot", "object_shift")
 
 
-def measured(card: Mapping[str, Any], folder: Path, episodes: int, agent: str) -> dict[str, Any]:
+def agent_files(card: Mapping[str, Any], folder: Path, kind: str, to: Path) -> dict[str, str]:
+    """Name and file of every seed's agent; those that are cut are written to a folder."""
+    files = {}
+    for one in card["seeds"]:
+        path = folder / f"seed-{one['seed']}" / f"{'last' if kind == 'cut' else kind}.npz"
+        if kind == "cut":
+            agent = load_agent(path)
+            path = to / f"seed-{one['seed']}.npz"
+            cut(agent, *met(folder / f"seed-{one['seed']}" / "checkpoint.zip", agent)).save(path)
+        files[f"seed {one['seed']}"] = str(path)
+    return files
+
+
+def measured(card: Mapping[str, Any], agents: Mapping[str, str], episodes: int) -> dict[str, Any]:
     """Every agent and controller in every setting."""
     settings, seeds = card["settings"], range(FIRST_SEED, FIRST_SEED + episodes)
-    policies = {name: name for name in CONTROLLERS}
-    policies |= {f"seed {one['seed']}": str(folder / f"seed-{one['seed']}" / f"{agent}.npz") for one in card["seeds"]}
+    policies = {**{name: name for name in CONTROLLERS}, **agents}
     results = {}
     for name, options in SETTINGS.items():
         env = make_env(settings["env"], {**settings["env_options"], **options})
@@ -115,10 +130,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path, help="of a finished training")
     parser.add_argument("--episodes", type=int, default=50, help="in each setting")
-    parser.add_argument("--agent", choices=("last", "best"), default="last")
+    parser.add_argument("--agent", choices=("cut", "last", "best"), default="cut")
     arguments = parser.parse_args()
     card = json.loads((arguments.folder / "card.json").read_text())
-    settings = measured(card, arguments.folder, arguments.episodes, arguments.agent)
+    with tempfile.TemporaryDirectory() as scratch:
+        agents = agent_files(card, arguments.folder, arguments.agent, Path(scratch))
+        settings = measured(card, agents, arguments.episodes)
     results = {
         "training": {name: card[name] for name in ("command", "made_by", "settings", "seeds")},
         "curves": json.loads((arguments.folder / "curves.json").read_text()),

@@ -85,8 +85,7 @@ def markdown(data: Mapping[str, Any], name: str | None = None) -> str:
     lines += [
         "",
         f"Training episodes have exploration noise, the {settings['evaluation_episodes']} evaluation episodes at the "
-        f"end of training have none. Best seed: {data['best_seed']}."
-        + (f" This agent: the best of seed {data['agent_seed']}." if "agent_seed" in data else ""),
+        f"end of training have none. Best seed: {data['best_seed']}." + _which(data),
         "",
         "| setting | value |",
         "|---|---|",
@@ -103,6 +102,14 @@ def markdown(data: Mapping[str, Any], name: str | None = None) -> str:
         "",
     ]
     return "\n".join(lines)
+
+
+def _which(data: Mapping[str, Any]) -> str:
+    """Which agent of the training a page is about."""
+    if "agent_seed" not in data:
+        return ""
+    cut = "; its observations are cut at those of its training" if data.get("agent_is_cut") else ""
+    return f" This agent: the {data.get('agent', 'best')} of seed {data['agent_seed']}{cut}."
 
 
 def _cell(value: Any) -> str:

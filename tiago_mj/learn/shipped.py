@@ -32,6 +32,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--export", type=Path, metavar="DIR", help="of tiago-mj train: export its best agent")
     parser.add_argument("--name", metavar="NAME", help="of the exported agent")
     parser.add_argument("--seed", type=int, metavar="N", help="of the training whose agent it is (the best one's)")
+    parser.add_argument("--last", action="store_true", help="the training's last agent, not its best")
+    parser.add_argument(
+        "--cut", action="store_true", help="take observations beyond those of the training for the nearest of them"
+    )
     parser.add_argument("--to", type=Path, default=Path(), metavar="FOLDER", help="where it goes (here)")
     parser.add_argument("--json", action="store_true", help="print the same as data")
 
@@ -43,7 +47,8 @@ def run(arguments: argparse.Namespace) -> int:
         ValueError: the folder holds no finished training, or the name is unusable.
     """
     if arguments.export is not None:
-        path = export(arguments.export, arguments.name, arguments.to, seed=arguments.seed)
+        which = {"last": arguments.last, "cut": arguments.cut}
+        path = export(arguments.export, arguments.name, arguments.to, seed=arguments.seed, **which)
         print(f"agent {path}, card {path.with_suffix('.md')}")
         return 0
     listed: list[dict[str, Any]] = []
@@ -62,14 +67,18 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def export(training: Path, name: str | None, to: Path, *, seed: int | None = None) -> Path:
+def export(
+    training: Path, name: str | None, to: Path, *, seed: int | None = None, last: bool = False, cut: bool = False
+) -> Path:
     """Copy an agent of a training and its card under a name.
 
     Args:
         training: folder that ``tiago-mj train`` has written.
         name: of the agent: small letters, digits and hyphens.
         to: folder of ``NAME.npz``, ``NAME.json`` and ``NAME.md``.
-        seed: whose best agent; None: of the best seed.
+        seed: whose agent; None: the best seed's.
+        last: whether it is the last one, not the best.
+        cut: whether its observations are cut at those of its training (:mod:`tiago_mj.learn.cut`).
 
     Returns:
         The npz.
@@ -78,7 +87,7 @@ def export(training: Path, name: str | None, to: Path, *, seed: int | None = Non
         ValueError: no finished training, no such seed in it, or an unusable name; one line.
     """
     from tiago_mj.learn.card import markdown
-    from tiago_mj.learn.loop import BEST
+    from tiago_mj.learn.loop import BEST, LAST
 
     if name is None or not NAME.fullmatch(name):
         raise ValueError(f"--name is {name!r}: give 3 to 41 small letters, digits and hyphens")
@@ -92,7 +101,14 @@ def export(training: Path, name: str | None, to: Path, *, seed: int | None = Non
         raise ValueError(f"--export {training} holds no finished training: card.json: {fault}") from fault
     if card["agent_seed"] not in trained:
         raise ValueError(f"--seed is {seed}: the training has {', '.join(str(one) for one in trained)}")
-    agent = load_agent(training / f"seed-{card['agent_seed']}" / BEST)
+    card |= {"agent": "last" if last else "best", "agent_is_cut": cut}
+    folder = training / f"seed-{card['agent_seed']}"
+    agent = load_agent(folder / (LAST if last else BEST))
+    if cut:
+        from tiago_mj.learn import cut as cutting
+        from tiago_mj.learn.checkpoint import FILE
+
+        agent = cutting.cut(agent, *cutting.met(folder / FILE, agent))
     path = to / f"{name}{SUFFIX}"
     agent.save(path)
     atomic.write_text(path.with_suffix(".json"), json.dumps({"name": name, **card}, indent=1) + "\n")

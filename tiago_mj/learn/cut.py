@@ -1,0 +1,63 @@
+"""Agents that take what lies beyond their training for the edge of it.
+
+A network of ReLUs goes on in straight lines where it has met nothing: asked for twice the force it was trained on, it
+answers with whatever the slopes at the edge come to. Cutting every entry of the observation at the least and the
+greatest value of the training's own memory keeps it where it has learned; nothing else of the agent changes.
+"""
+
+from __future__ import annotations
+
+import zipfile
+import zlib
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tiago_mj.learn.agent_file import Agent
+
+Array = NDArray[np.float64]
+
+
+def met(checkpoint: Path, agent: Agent) -> tuple[Array, Array]:
+    """The least and the greatest of every entry of the observations that a training remembers, each (inputs,).
+
+    Args:
+        checkpoint: of the seed, with a replay buffer.
+        agent: of that training.
+
+    Raises:
+        ValueError: the file is damaged, or holds no observations of this agent; one line.
+    """
+    ends: list[tuple[Array, Array]] = []
+    try:
+        with zipfile.ZipFile(checkpoint) as archive:
+            for key, size in agent.inputs:
+                with archive.open(f"replay/observations/{key}.npy") as file:
+                    seen = np.lib.format.read_array(file, allow_pickle=False).reshape(-1, size)
+                ends.append((seen.min(axis=0).astype(np.float64), seen.max(axis=0).astype(np.float64)))
+    except (OSError, zipfile.BadZipFile, zlib.error, EOFError, KeyError, ValueError) as fault:
+        reason = " ".join(str(fault).split())
+        raise ValueError(f"{checkpoint} holds no observations of that agent's training: {reason}") from fault
+    low, high = (np.concatenate(parts) for parts in zip(*ends, strict=True))
+    return low, high
+
+
+def cut(agent: Agent, low: Array, high: Array) -> Agent:
+    """The same agent for observations within these bounds, and outside of them as at the bounds.
+
+    Args:
+        agent: without normalisation.
+        low, high: of every entry, (inputs,).
+
+    Raises:
+        ValueError: the agent normalises its observations, which cuts them in its own way.
+    """
+    if agent.mean is not None:
+        raise ValueError("the agent normalises its observations: those are cut already")
+    middle, half = (low + high) / 2, (high - low) / 2
+    (weight, bias), *others = agent.layers
+    first = ((weight * half).astype(np.float32), (bias + weight @ middle).astype(np.float32))
+    deviation = np.where(half > 0, half, 1.0)  # of what never varied the weight is 0
+    return replace(agent, layers=(first, *others), mean=middle, deviation=deviation, limit=1.0)
