@@ -3,8 +3,8 @@
     tiago-mj train --env GripperTactileSteady-v0 --algo td3 --seeds 5 --out runs/steady
     python benchmarks/steady.py runs/steady [--episodes 50]
 
-Every seed's last agent, its observations cut at those of its training, and both PI controllers play the same episodes, of seeds that no training used, in each of
-SETTINGS. Writes ``results/learning_steady.json`` and ``results/learning_steady.png``.
+Every seed's last agent, its observations cut at those of its training, and both PI controllers play the same episodes,
+of seeds that no training used, in each of SETTINGS. Writes ``results/learning_steady.json`` and two pictures beside it.
 """
 
 from __future__ import annotations
