@@ -3,8 +3,9 @@
     python benchmarks/claims.py DIR [--jobs 2]
 
 trains VARIANTS by one recipe (the steady task's) and plays their last agents. The task is the steady one, which draws
-goals and objects, its observation with finger positions, as the paper's has them. Compared is the paper's reward. DIR keeps the trainings; the same command goes on where it
-stopped. Writes ``results/learning_claims.json`` and ``results/learning_claims.png``.
+goals and objects, its observation with finger positions, as the paper's has them. Compared is the paper's reward. DIR
+keeps the trainings; the same command goes on where it stopped. Writes ``results/learning_claims.json`` and
+``results/learning_claims.png``.
 """
 
 from __future__ import annotations
