@@ -1,0 +1,74 @@
+"""What the learning benchmarks compute from their trainings."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("yaml")
+
+BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _on_the_path():
+    sys.path.insert(0, str(BENCHMARKS))
+    yield
+    sys.path.remove(str(BENCHMARKS))
+
+
+def returns(*values):
+    return [{"reward": {"mean": value}} for value in values]
+
+
+def test_what_a_calibration_recovers_is_the_share_of_the_way_from_the_nominal_policy_to_the_true_one():
+    gap = importlib.import_module("across_a_gap")
+    rows = {"A": returns(-500, -300), "B": returns(-230, -210), "C": returns(-420, -420), "D": returns(-190, -210)}
+    assert gap.recovered(rows, "B") == pytest.approx(0.9)
+    assert gap.recovered(rows, "C") == pytest.approx(-0.1)
+
+
+def test_what_is_withheld_is_an_effect_and_c_draws_it_among_others():
+    from tiago_mj.gap.effects import read_effects
+    from tiago_mj.learn.randomise import read_ranges
+
+    gap = importlib.import_module("across_a_gap")
+    assert len(gap.WITHHELD) == 3
+    ranges = read_ranges({k: {p: list(v) for p, v in one.items()} for k, one in gap.RANGES.items()}, "RANGES")
+    for effect in gap.WITHHELD.values():
+        ((name, parameters),) = ((entry.name, entry.parameters) for entry in read_effects(effect))
+        for key, value in parameters.items():
+            low, high = ranges[name][key]
+            assert low <= value <= high
+
+
+def test_a_variant_is_there_when_its_evaluations_stay_near_the_best_of_all():
+    claims = importlib.import_module("claims")
+    steps = [10, 20, 30, 40]
+    rows = {
+        "early": [{"evaluations": {"steps": steps, "return": [-400, -105, -100, -109]}}],
+        "late": [{"evaluations": {"steps": steps, "return": [-105, -300, -120, -108]}}],
+        "never": [{"evaluations": {"steps": steps, "return": [-200, -120, -120, -111]}}],
+    }
+    claims.add_arrival(rows)
+    assert [rows[name][0]["there_from"] for name in rows] == [20, 40, None]
+
+
+def test_settings_that_are_not_trained_on_lie_outside_of_what_the_steady_task_draws():
+    from tiago_mj.envs.hold_steady import HoldForceSteady
+
+    drawn = {
+        "goal": HoldForceSteady.GOALS,
+        "object_width": HoldForceSteady.WIDTHS,
+        "object_offset": HoldForceSteady.OFFSETS,
+        "object_stiffness": HoldForceSteady.STIFFNESSES,
+        "object_mass": HoldForceSteady.MASSES,
+    }
+    steady = importlib.import_module("steady")
+    for name, options in steady.SETTINGS.items():
+        assert name == "as trained" or options
+        for key, (low, high) in options.items():
+            assert high <= drawn[key][0] or low >= drawn[key][1], name
