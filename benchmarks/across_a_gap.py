@@ -48,11 +48,11 @@ WITHHELD: Final[Mapping[str, Mapping[str, Mapping[str, float]]]] = {
 RANGES: Final[Mapping[str, Mapping[str, Sequence[float]]]] = {
     "command_delay": {"seconds": [0.0, 0.04]},
     "servo_stiffness": {"factor": [0.5, 2.0]},
-    "servo_damping": {"factor": [0.5, 2.0]},
+    "servo_damping": {"damping": [0.0, 80.0]},
     "velocity_limit": {"velocity": [0.05, 0.08]},
     "coulomb_friction": {"force": [0.0, 2.0]},
     "contact_stiffness": {"factor": [0.5, 2.0]},
-    "contact_damping": {"factor": [0.5, 2.0]},
+    "contact_damping": {"factor": [0.5, 1.5]},
     "force_gain": {"factor": [0.4, 2.5]},
 }
 #: Grasps of the real gripper that the diagnosis is given, with the object off the middle by the environment's default.
