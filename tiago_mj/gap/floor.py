@@ -26,13 +26,18 @@ Array = NDArray[np.float64]
 LEAST: Final = {"position": (2.7e-5, 1e-4), "velocity": (5e-4, 2e-3), "force": (2e-3, 2e-3)}
 #: Two correct simulators agree on when something happens to within this [s]: about one physics step.
 TIMING: Final = 2e-3
-#: And on how large it is, to within this share of the signal's range over the trial.
+#: And on how large it is, to within this share of the signal's range over the trial; of a force, which is nought where
+#: nothing is touched, of what it is.
 SHARE: Final = {"position": 0.0005, "velocity": 0.002, "force": 0.005}
+#: What two simulators make of a contact differs from instant to instant, too: share of the force.
+INSTANT: Final = 0.01
 #: What is wrong stays wrong for about so long [s].
 BLOCK: Final = 0.25
 #: An event is a jump of the slope within this time [s], and counts for so many rows around it.
 EVENT: Final = 0.02
 EVENT_ROWS: Final = 2
+#: Readings of a load cell that are no noise, in deviations of it.
+TOUCHED: Final = 4.0
 #: The nominal simulator is run with steps so many times shorter, too.
 FINER: Final = 4
 
@@ -169,9 +174,13 @@ def sigma(value: Array, noise: Array, channels: Sequence[str], period: float) ->
     span = np.nanmax(np.where(np.isfinite(value), value, np.nan), axis=1) - np.nanmin(
         np.where(np.isfinite(value), value, np.nan), axis=1
     )
-    share = np.array([SHARE[name.partition(".")[0]] for name in channels])
-    common = np.broadcast_to(share * np.nan_to_num(span)[:, None, :], value.shape).copy()
-    return np.sqrt(noise**2 + (TIMING * steepest) ** 2 + common**2), common
+    kinds = [name.partition(".")[0] for name in channels]
+    force = np.array([kind == "force" for kind in kinds])
+    pressed = np.where(np.abs(filled) > TOUCHED * noise, np.abs(filled), 0.0)
+    size = np.where(force, pressed, np.nan_to_num(span)[:, None, :])
+    common = np.array([SHARE[kind] for kind in kinds]) * size
+    instant = np.where(force, INSTANT * pressed, 0.0)
+    return np.sqrt(noise**2 + (TIMING * steepest) ** 2 + instant**2 + common**2), common
 
 
 def with_numerics(data: Data, predicted: Array, finer: Array) -> Data:

@@ -25,6 +25,8 @@ Array = NDArray[np.float64]
 COARSE: Final = (0.01, 0.05, 0.2, 0.6)
 #: Magnitudes below this share of the bound are all as likely.
 LEAST_SHARE: Final = 0.01
+#: Values of a second number that recordings can tell apart.
+SECOND: Final = 10
 
 
 @dataclass(frozen=True)
@@ -55,7 +57,7 @@ NUISANCES: Final = (
     Nuisance("servo_stiffness", "factor", (0.04, 0.04)),
     Nuisance("servo_damping", "damping", (0.04, 0.04), relative="damping"),
     Nuisance("viscous_friction", "damping", (0.04, 0.04), relative="damping"),
-    Nuisance("armature", "mass", (0.2, 0.05), relative="inertia"),
+    Nuisance("armature", "mass", (0.35, 0.05), relative="inertia"),
     Nuisance("force_limit", "limit", (0.04, 0.04), relative="effort"),
     Nuisance("payload", "mass", (0.04, 0.04), relative="tool"),
     Nuisance("contact_stiffness", "factor", (0.06, 0.06)),
@@ -108,14 +110,17 @@ class Candidate:
 
         Nobody knows an effect's order of magnitude: the density falls as one over the magnitude, down to what the
         nominal model's own number is uncertain by or a hundredth of the bound, and is flat below. Limits have no
-        magnitude: they may lie anywhere between their bounds.
+        magnitude: they may lie anywhere between their bounds. A second number, or a form, that was chosen among
+        others has its share.
         """
+        forms = EFFECTS[self.effect].forms
+        chosen = sum(np.log(len(forms[name].values) if name in forms else SECOND) for name, _ in self.fixed)
         if not np.isfinite(self.identity):
-            return -float(np.log(self.high - self.low))
+            return -float(np.log(self.high - self.low) + chosen)
         sides = [abs(bound - self.identity) for bound in (self.low, self.high)]
         least = max(self.tolerance, max(sides) * LEAST_SHARE)
         whole = sum(np.log1p(side / least) for side in sides)
-        return -float(np.log(whole * (abs(value - self.identity) + least)))
+        return -float(np.log(whole * (abs(value - self.identity) + least)) + chosen)
 
     @property
     def label(self) -> tuple[str, tuple[str, ...] | None]:

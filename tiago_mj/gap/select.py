@@ -184,17 +184,18 @@ def select(
         best = _order(fits)[0]
         if not complete or best.evidence - _nominal(fits).evidence < extend.PROMISES:
             break  # where one effect hardly explains more than none, two would not be believed
-        if best.parts and best.misfit < DONE and best.lasting < DONE and best.prior > STRAINED:
+        done = best.parts and best.misfit < DONE and best.lasting < DONE and best.prior > STRAINED
+        if done and size > 2:
             break
         if size > 2 and (best.misfit < GAP or len(best.parts) < size - 1):
             break
         tick("pairs" if size == 2 else "triples", extend.EXTENSIONS)
         seeds = _distinct([f for f in _order(fits) if len(f.parts) == size - 1])[:SEEDS]
         tried = extend.extensions(few, frame, seeds, promising)
-        if size == 2:
+        if size == 2 and not done:
             tried = extend.once_each([*extend.superposed(frame, base[first], promising), *tried])
         extended = [starts.carried(f, everywhere, at) for f in _order(few.fit_all(tried))[:EXTENSIONS_AGAIN]]
-        if seeds and seeds[0].misfit > BESIDE:
+        if seeds and seeds[0].misfit > BESIDE and not done:
             beside = extend.beside(everywhere, seeds[0], [s.candidate for s in promising], at)
             extended = extend.once_each([*beside, *extended])
         if not extended:
