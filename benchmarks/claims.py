@@ -21,7 +21,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final
 
-from learning_figures import Panel, dots
+from learning_figures import courses
 from machine import RESULTS, save
 
 from tiago_mj import atomic, figures
@@ -121,11 +121,14 @@ def table(results: Mapping[str, Sequence[Mapping[str, Any]]]) -> str:
 
 
 def picture(results: Mapping[str, Sequence[Mapping[str, Any]]]) -> Any:
-    """The paper's reward and when it was learned."""
-    paper = {name: [one["paper_reward"]["mean"] for one in rows] for name, rows in results.items()}
-    when = {name: [one["there_from"] / 1000 for one in rows if one["there_from"]] for name, rows in results.items()}
-    panels = [Panel("the paper's reward", paper), Panel("within 10 % of the best from [1000 steps]", when)]
-    return dots(panels, "", "Source: benchmarks/claims.py; one recipe, a dot a seed.", columns=2)
+    """Evaluations during the trainings."""
+    groups = {
+        name: [(one["evaluations"]["steps"], one["evaluations"]["return"]) for one in rows]
+        for name, rows in results.items()
+    }
+    return courses(
+        groups, "return of an evaluation", f"Source: benchmarks/claims.py; {ENV}, one recipe, a line a seed."
+    )
 
 
 def main() -> None:

@@ -72,3 +72,25 @@ def _panel(axis: Axes, panel: Panel, rows: Sequence[str]) -> None:
     axis.set_yticks(range(len(rows)), rows)
     axis.set_ylim(len(rows) - 0.4, -0.6)
     axis.margins(x=0.12)
+
+
+def courses(groups: Mapping[str, Sequence[tuple[Sequence[float], Sequence[float]]]], label: str, source: str) -> Figure:
+    """Lines over environment steps, one a seed, in the colour and with the marker of their group.
+
+    Args:
+        groups: name to steps and values of every seed.
+        label: of the values.
+        source: line below.
+    """
+    with rc_context(STYLE):
+        figure = Figure(figsize=(6.6, 3.8), layout=ConstrainedLayoutEngine(w_pad=0.06, h_pad=0.06))
+        FigureCanvasAgg(figure)
+        axis = figure.subplots()
+        for (name, lines), (color, marker) in zip(groups.items(), ROWS, strict=False):
+            for k, (steps, values) in enumerate(lines):
+                thousands = [step / 1000 for step in steps]
+                axis.plot(thousands, values, color=color, marker=marker, ms=4, lw=1.3, label=None if k else name)
+        axis.set(xlabel="environment steps [thousands]", ylabel=label)
+        figure.legend(*axis.get_legend_handles_labels(), loc="outside upper left", ncols=4)
+        figure.supxlabel(source, fontsize=7.5, color=GREY, x=0.01, ha="left")
+    return figure
