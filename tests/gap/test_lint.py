@@ -298,6 +298,31 @@ def test_a_late_velocity_is_said_and_used():
     assert late.channel in usable(swing, findings)
 
 
+def test_a_filter_that_leaves_little_of_one_trial_is_the_same_one_in_all():
+    trials = recorded("TIAGoReach-v0", "random", episodes=1)
+    joint, time = "arm_1_joint", np.arange(0, 10, 0.01)
+
+    def swing(frequency, late):
+        velocity = 2 * np.cos(frequency * (time - late))
+        sidecar = replace(trials[0].sidecar, rate_hz=100.0, interface=None, initial=None)
+        return replace(
+            trials[0],
+            time=time,
+            commands={},
+            positions={joint: np.sin(frequency * time) * 2 / frequency},
+            velocities={joint: velocity},
+            efforts={},
+            sidecar=sidecar,
+            source=f"{frequency}.parquet",
+        )
+
+    slow, slower, fast = swing(2, 0.15), swing(2.2, 0.15), swing(11, 0.15)  # a quarter of a turn late, where it is fast
+    channel = f"velocity.{joint}"
+    assert channel not in usable(fast, inspect([fast]))
+    findings = inspect([slow, slower, fast])
+    assert all(channel in usable(trial, findings) for trial in (slow, slower, fast))
+
+
 def test_one_recording_alone_leaves_nothing_to_predict(grasps):
     assert [f.code for f in inspect(grasps[:1])] == ["single_trial"]
     assert inspect(grasps) == ()

@@ -28,8 +28,11 @@ MAGNITUDES: Final = 7
 PROMISES: Final = 5.0
 
 
-def extensions(fitter: Fitter, on: score.Frame, seeds: Sequence[Fitted], promising: Sequence[Screened]) -> list[Start]:
-    """The best explanations with another effect, found by adding its change to the prediction of the first."""
+def extensions(
+    fitter: Fitter, on: score.Frame, seeds: Sequence[Fitted], promising: Sequence[Screened], least: float = PROMISES
+) -> list[Start]:
+    """The best explanations with another effect, found by adding its change to the prediction of the first; it must
+    add so much evidence at least [nats]."""
     starts: dict[object, Start] = {}
     for seed in seeds:
         # Without its own nuisances: they may have absorbed what the other effect is to explain.
@@ -44,7 +47,7 @@ def extensions(fitter: Fitter, on: score.Frame, seeds: Sequence[Fitted], promisi
                 found.append((float(gains[best]), s, s.values[best]))
         kinds: set[object] = set()
         for gain, s, value in sorted(found, key=lambda item: -item[0]):
-            if gain < PROMISES or len(kinds) == EXTENSIONS:
+            if gain < least or len(kinds) == EXTENSIONS:
                 break
             if _kind(s.candidate) not in kinds:
                 kinds.add(_kind(s.candidate))

@@ -24,9 +24,9 @@ RIPPLE: Final = "motor_cogging"
 #: Periods that are looked at, evenly in what a travel holds of them, so many to one more; those that are simulated.
 OVERSAMPLING: Final = 6
 MOST: Final = 1000
-BEST: Final = 3
+BEST: Final = 4
 #: Peaks closer than this share of a period per travel are one.
-APART: Final = 1.0
+APART: Final = 0.4
 #: A squared error counts no more than so many times the median one: onsets say nothing of ripples.
 FAR: Final = 9.0
 

@@ -28,7 +28,7 @@ REPEATED: Final = 10.0
 FIT_STEPS: Final = 12_000
 FIRST_STEPS: Final = 6_000
 FIT_TRIALS: Final = 3
-FIRST_TRIALS: Final = 2
+FIRST_TRIALS: Final = 1
 #: Trials of the first pass at most, singles that are fitted to them (where the time is over), and to all trials.
 SCREEN_TRIALS: Final = 3
 SINGLES: Final = 10
@@ -58,6 +58,10 @@ MOST: Final = 3
 GAP: Final = 4.0
 #: And that is worth a look at every other effect beside the best, each simulated.
 BESIDE: Final = 1.5
+#: Where an explanation leaves nothing to explain, another effect beside it must promise so much more [nats].
+PLENTY: Final = 15.0
+#: Explanations that get responses around themselves, the best first.
+RENEWED: Final = 3
 #: What is left by an explanation that leaves nothing to explain, by samples and over blocks (1 is expected; the right
 #: ones leave 0.7 to 3, where nominal numbers are 3 to 5 % off).
 DONE: Final = 1.2
@@ -191,7 +195,7 @@ def select(
             break
         tick("pairs" if size == 2 else "triples", extend.EXTENSIONS)
         seeds = _distinct([f for f in _order(fits) if len(f.parts) == size - 1])[:SEEDS]
-        tried = extend.extensions(few, frame, seeds, promising)
+        tried = extend.extensions(few, frame, seeds, promising, PLENTY if done else extend.PROMISES)
         if size == 2 and not done:
             tried = extend.once_each([*extend.superposed(frame, base[first], promising), *tried])
         extended = [starts.carried(f, everywhere, at) for f in _order(few.fit_all(tried))[:EXTENSIONS_AGAIN]]
@@ -272,7 +276,7 @@ def _renewed(everywhere: Fitter, fits: Sequence[Fitted], others: Sequence[Fitted
     best = max((f.evidence for f in (*fits, *others)), default=0.0)
     if best - _nominal(others).evidence < extend.PROMISES:
         return list(fits)
-    near = _order([f for f in fits if f.parts and f.evidence > best - starts.NEAR])
+    near = _order([f for f in fits if f.parts and f.evidence > best - starts.NEAR])[:RENEWED]
     begin = [starts.again(f) for f in near]
     # What the nominal model's numbers were moved for without the effect, they may be stuck at.
     begin += [Start(f.parts, f.values, np.zeros(everywhere.size)) for f in near[:1]]

@@ -47,6 +47,10 @@ def _joint(joint: str, trials: Sequence[Trial]) -> Iterator[Finding]:
     factor = next((found for found in against.values() if found[0] == "factor"), None)
     if factor is not None:  # the unit is the log's, whether the joint moved in this trial or not
         against = {key: factor if found[0] == "still" else found for key, found in against.items()}
+    late = [found for found in against.values() if found[0] == "lag"]
+    if len(late) > sum(found[0] == "unrelated" for found in against.values()):
+        # A slow filter leaves little of short motions: it is the same one in all trials.
+        against = {key: late[0] if found[0] == "unrelated" else found for key, found in against.items()}
     reversed_velocity = any(verdict == "sign" for verdict, _ in against.values())
     command = _command_and_motion(joint, trials, "position")
     for trial in trials:
