@@ -38,10 +38,11 @@ from tiago_mj.evaluate.play import play_policy
 from tiago_mj.rollout.options import make_env
 
 ENV: Final = "GripperTactileSteady-v0"
-#: What is withheld: of the stages command and actuator, each such that the nominal policy loses some of its return.
+#: What is withheld: of the stages command, actuator and force sensor.
 WITHHELD: Final[Mapping[str, Mapping[str, Mapping[str, float]]]] = {
     "servo_stiffness": {"servo_stiffness": {"factor": 4.0}},
     "command_delay": {"command_delay": {"seconds": 0.0125}},
+    "force_gain": {"force_gain": {"factor": 2.5}},
     "rate_limit": {"rate_limit": {"velocity": 0.06}},
 }
 #: For C: what a person might vary who does not know which number is wrong.

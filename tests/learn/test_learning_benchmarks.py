@@ -36,7 +36,7 @@ def test_what_is_withheld_and_what_is_drawn_are_effects():
     from tiago_mj.learn.randomise import read_ranges
 
     gap = importlib.import_module("across_a_gap")
-    assert len(gap.WITHHELD) == 3
+    assert len(gap.WITHHELD) >= 3
     for name, effect in gap.WITHHELD.items():
         assert [entry.name for entry in read_effects(effect)] == [name]
     read_ranges({k: {p: list(v) for p, v in one.items()} for k, one in gap.RANGES.items()}, "RANGES")
