@@ -3,9 +3,9 @@
     python benchmarks/near_the_bound.py DIR [--jobs 2]
 
 The paper's training misses the object in one seed of five, because on one object that never touches tells nothing.
-These are trained on the steady task with only its terms that ask for force and touch (TRAINED), with either servo, and
-their last agents, cut at what they have met, play the paper's episodes: the paper's object in the middle, goal 1. DIR
-keeps the trainings; the same command goes on where it stopped. Writes ``results/learning_near_the_bound.json``.
+These are trained on the steady task with only its terms that ask for force and touch (TRAINED). Their last agents, cut
+at what they have met, play the paper's episodes: the paper's object in the middle, goal 1. DIR keeps the trainings; the
+same command goes on where it stopped. Writes ``results/learning_near_the_bound.json``.
 """
 
 from __future__ import annotations
@@ -98,15 +98,16 @@ def main() -> None:
     """Train, play, print, write."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path, help="of the trainings; goes on where it stopped")
-    parser.add_argument("--steps", type=int, default=160_000, help="environment steps of a training")
+    parser.add_argument("--servo", nargs="+", choices=SERVOS, default=["pal"])
+    parser.add_argument("--steps", type=int, default=100_000, help="environment steps of a training")
     parser.add_argument("--seeds", type=int, default=2)
     parser.add_argument("--episodes", type=int, default=20)
     parser.add_argument("--jobs", type=int, default=2, help="trainings at once")
     arguments = parser.parse_args()
     folder = arguments.folder.resolve()
     with ThreadPoolExecutor(arguments.jobs) as pool:
-        list(pool.map(lambda servo: train(folder, servo, arguments.steps, arguments.seeds), SERVOS))
-    results = {servo: measured(folder / servo, servo, arguments.episodes) for servo in SERVOS}
+        list(pool.map(lambda servo: train(folder, servo, arguments.steps, arguments.seeds), arguments.servo))
+    results = {servo: measured(folder / servo, servo, arguments.episodes) for servo in arguments.servo}
     for servo, one in results.items():
         print(f"{servo}: bound {one['bound']:.2f}")
         for name, row in one["rows"].items():
@@ -116,6 +117,7 @@ def main() -> None:
             )
     about = {"trained": TRAINED, "played": PLAYED, "steps": arguments.steps, "episodes": arguments.episodes}
     command = f"python benchmarks/near_the_bound.py DIR --steps {arguments.steps} --seeds {arguments.seeds}"
+    command += f" --servo {' '.join(arguments.servo)}"
     print(save(NAME, {**about, "servos": results}, command).name)
 
 
