@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -11,6 +13,8 @@ from tiago_mj.gap.effects.now import Now
 
 LENGTH = ("m", "rad")
 SPEED = ("m/s", "rad/s")
+#: Speed at which a set point may jump [m/s, rad/s].
+AT_ONCE: Final = 1e6
 
 
 @effect("command_delay", stage="command", targets="command", gap_class="delay")
@@ -160,7 +164,8 @@ class CommandDeadband(Effect):
 class CommandQuantization(Effect):
     """The set point is rounded to a grid.
 
-    Formula: taken = step · round(set point / step)
+    Formula: taken = step · round(set point / step): of each command, or with each_step = 1 in every physics step of what
+    the servo is given, which follows the commands no faster than the joint's limit; it then jumps
 
     In a recording: slow motion goes in equal steps on a fixed grid.
 
@@ -171,8 +176,33 @@ class CommandQuantization(Effect):
 
     step = parameter(LENGTH, identity=0.0, default=0.0005, bounds=((0.0, 0.003), (0.0, 0.03)))
 
+    each_step = form(0, 1)
+
+    def change(self, now: Now) -> None:
+        # What jumps has no speed: the limit of it lies before.
+        jumping = (self.present & (self.each_step > 0))[:, now.wiring.act >= 0]
+        limits, actuators = now.host.field("actuator_ctrlrange"), now.wiring.actuators[now.wiring.act >= 0]
+        limits[:, actuators] = np.where(jumping[..., None], (-AT_ONCE, AT_ONCE), limits[:, actuators])
+
+    def start(self, now: Now) -> None:
+        self._wanted, self._taken = now.set_point.copy(), now.set_point.copy()
+
     def set_point(self, target: Array, now: Now) -> Array:
-        return rounded(target, self.step)
+        return np.where(self.each_step > 0, target, rounded(target, self.step))
+
+    def given(self, inputs: Array, now: Now) -> Array:
+        if not (self.each_step > 0).any():
+            return inputs
+        seconds, speeds = now.period / now.substeps, ~now.takes_set_points
+        out = inputs.copy()
+        for k in range(inputs.shape[1]):
+            moved = np.clip(self._wanted + inputs[:, k] * seconds, *now.wiring.span.T)
+            self._wanted = np.where(speeds, moved, inputs[:, k])
+            taken = rounded(self._wanted, self.step)
+            jumps = np.where(speeds, (taken - self._taken) / seconds, taken)
+            out[:, k] = np.where(self.each_step > 0, jumps, inputs[:, k])
+            self._taken = taken
+        return out
 
 
 def rounded(value: Array, step: Array) -> Array:
