@@ -116,17 +116,18 @@ def one_policy(env: Any, policy: str, episodes: int) -> dict[str, Any]:
     return {name: asdict(spread) for name, spread in summarise(metrics).items() if name in wanted}
 
 
-def recovered(rows: Mapping[str, Sequence[Mapping[str, Any]]], letter: str) -> float:
-    """Share of the way from A to D, in means of the seeds' returns."""
+def recovered(rows: Mapping[str, Sequence[Mapping[str, Any]]], letter: str) -> float | None:
+    """Share of the way from A to D, in means of the seeds' returns; None where D is no better than A."""
     means = {x: float(np.mean([row["reward"]["mean"] for row in rows[x]])) for x in ("A", letter, "D")}
-    return (means[letter] - means["A"]) / (means["D"] - means["A"])
+    return (means[letter] - means["A"]) / (means["D"] - means["A"]) if means["D"] > means["A"] else None
 
 
 def verdict(folder: Path) -> dict[str, Any]:
     """What the diagnosis said: its word, and the effects of its calibration."""
     diagnosis = json.loads((folder / "diagnosis" / "diagnosis.json").read_text())
     calibration = yaml.safe_load((folder / "diagnosis" / "calibration.yaml").read_text())
-    return {"verdict": diagnosis["verdict"], "calibration": calibration["effects"]}
+    said = {key: diagnosis["verdict"][key] for key in ("kind", "effects", "probability")}
+    return {"verdict": said, "calibration": calibration["effects"]}
 
 
 def tiago_mj(*words: str) -> None:
@@ -157,7 +158,10 @@ def table(results: Mapping[str, Any]) -> str:
         for letter in "ABCD":
             rows = one["policies"].get(letter, [])
             cells.append(" / ".join(f"{row['reward']['mean']:.0f}" for row in rows))
-        shares = "".join(f"{100 * one['recovered'][x]:6.0f}%" if "recovered" in one else f"{'':7}" for x in "BC")
+        shares = ""
+        for x in "BC":
+            share = one.get("recovered", {}).get(x)
+            shares += f"{'-':>7}" if share is None else f"{100 * share:6.0f}%"
         pi = one["policies"]["pi"][0]["reward"]["mean"]
         lines.append(f"{name:16}" + "".join(f"{cell:>20}" for cell in cells) + f"{pi:10.0f}{shares}")
     return "\n".join(lines)
