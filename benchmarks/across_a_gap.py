@@ -117,9 +117,12 @@ def one_policy(env: Any, policy: str, episodes: int) -> dict[str, Any]:
 
 
 def recovered(rows: Mapping[str, Sequence[Mapping[str, Any]]], letter: str) -> float | None:
-    """Share of the way from A to D, in means of the seeds' returns; None where D is no better than A."""
-    means = {x: float(np.mean([row["reward"]["mean"] for row in rows[x]])) for x in ("A", letter, "D")}
-    return (means[letter] - means["A"]) / (means["D"] - means["A"]) if means["D"] > means["A"] else None
+    """Share of the way from A to D, in means of the seeds; None unless every seed of D is better than all of A."""
+    returns = {x: [row["reward"]["mean"] for row in rows[x]] for x in ("A", letter, "D")}
+    if min(returns["D"]) <= max(returns["A"]):
+        return None
+    means = {x: float(np.mean(values)) for x, values in returns.items()}
+    return (means[letter] - means["A"]) / (means["D"] - means["A"])
 
 
 def verdict(folder: Path) -> dict[str, Any]:

@@ -29,7 +29,7 @@ def test_what_a_calibration_recovers_is_the_share_of_the_way_from_the_nominal_po
     rows = {"A": returns(-500, -300), "B": returns(-230, -210), "C": returns(-420, -420), "D": returns(-190, -210)}
     assert gap.recovered(rows, "B") == pytest.approx(0.9)
     assert gap.recovered(rows, "C") == pytest.approx(-0.1)
-    assert gap.recovered({**rows, "D": rows["A"]}, "B") is None
+    assert gap.recovered({**rows, "D": returns(-190, -310)}, "B") is None
 
 
 def test_what_is_withheld_and_what_is_drawn_are_effects():
