@@ -1,7 +1,9 @@
-"""The second number of an effect (a time constant, a speed at which it fades), fitted by turns with the first.
+"""The second number of an effect (a time constant, a speed at which it fades), fitted by turns with the first, and its
+other forms.
 
-The first pass and the first fits know it at a few values only. Where such an explanation is near the best, the second
-number is fitted with the first held, and then the first with the second held.
+The first pass and the first fits know a second number at a few values only. Where such an explanation is near the best,
+the second number is fitted with the first held, and then the first with the second held. Which form is the better one
+may only show once each is fitted.
 """
 
 from __future__ import annotations
@@ -17,12 +19,12 @@ from tiago_mj.gap.effects import EFFECTS
 from tiago_mj.gap.fit import Fitted, Fitter, Start
 from tiago_mj.gap.hypotheses import Candidate
 
-#: Explanations whose second numbers are fitted, the best first.
+#: Explanations whose second numbers and forms are tried, the best first.
 MOST: Final = 2
 
 
 def refined(fitter: Fitter, fits: Sequence[Fitted], best: float) -> list[Fitted]:
-    """Further fits, with better second numbers.
+    """Further fits, with better second numbers, or of another form.
 
     Args:
         fitter: of all trials.
@@ -38,7 +40,21 @@ def refined(fitter: Fitter, fits: Sequence[Fitted], best: float) -> list[Fitted]
         parts = tuple(replace(part, fixed=fixed) if i == k else part for i, part in enumerate(f.parts))
         values = np.array([f.values[k] if i == k else v for i, v in enumerate(second.values)])
         back.append(Start(parts, values, second.nuisance))
-    return fitter.fit_all(back)
+    return fitter.fit_all([*back, *(start for f in near[:MOST] for start in _other_forms(f))])
+
+
+def _other_forms(fit: Fitted) -> list[Start]:
+    """The same explanation with another form of one of its effects."""
+    out = []
+    for k, part in enumerate(fit.parts):
+        for name, form in EFFECTS[part.effect].forms.items():
+            for value in form.values:
+                fixed = tuple((key, value if key == name else v) for key, v in part.fixed)
+                if fixed != part.fixed:
+                    other = replace(part, fixed=fixed)
+                    parts = tuple(other if i == k else p for i, p in enumerate(fit.parts))
+                    out.append(Start(parts, fit.values, fit.nuisance))
+    return out
 
 
 def _seconds(part: Candidate) -> list[str]:

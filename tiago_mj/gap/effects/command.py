@@ -164,8 +164,8 @@ class CommandDeadband(Effect):
 class CommandQuantization(Effect):
     """The set point is rounded to a grid.
 
-    Formula: taken = step · round(set point / step): of each command, or with each_step = 1 in every physics step of what
-    the servo is given, which follows the commands no faster than the joint's limit; it then jumps
+    Formula: taken = step · round(set point / step): of each command, or with each_step = 1 in every physics step of
+    what the servo is given, which follows the commands no faster than the joint's limit; it then jumps
 
     In a recording: slow motion goes in equal steps on a fixed grid.
 
