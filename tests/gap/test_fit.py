@@ -73,12 +73,12 @@ def test_what_a_large_effect_s_form_may_miss_is_no_second_effect_but_costs():
     change[0, 40:, 0] = 200.0  # deviations of the noise
     data = made_up(1.02 * change)  # reality does 2 % more
     plain = Yardstick(data, np.ones(2))
-    wide = plain.with_shape(change, 0.03)
+    wide = plain.with_shape(0.03 * change)
     assert plain.misfit(change).max() > 5
     assert wide.misfit(change).max() < 1
     assert wide.wider > 0
     # A small one is held to the noise: a tenth of a deviation is within it.
-    assert plain.with_shape(change / 100, 0.03).wider < 0.002 * wide.wider
+    assert plain.with_shape(0.03 * change / 100).wider < 0.002 * wide.wider
 
 
 def test_a_joint_without_a_gap_of_its_own_has_no_effect_of_its_own(grasps):

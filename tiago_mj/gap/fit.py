@@ -95,6 +95,11 @@ class Point:
         """With another candidate."""
         return Point((*self.parts, part), np.append(self.values, value), self.nuisance)
 
+    def less(self, part: int) -> Point:
+        """Without one of its candidates."""
+        rest = [k for k in range(len(self.parts)) if k != part]
+        return Point(tuple(self.parts[k] for k in rest), self.values[rest], self.nuisance)
+
     def moved(self, which: slice) -> Point:
         """A little further in some nuisances."""
         nuisance = self.nuisance.copy()
@@ -116,11 +121,10 @@ class Yardstick:
     weight: Array
     wider: float = 0.0
 
-    def with_shape(self, change: Array, share: float) -> Yardstick:
-        """With a tolerance for the form of effects that change the predictions so, (ntrials, T, C), and whose form is
-        known to a share of that."""
+    def with_shape(self, missed: Array) -> Yardstick:
+        """With a tolerance for the form of effects, which may miss so much of the predictions, (ntrials, T, C)."""
         own = self.data.sigma**2 - self.data.common**2
-        form = (share * change) ** 2
+        form = missed**2
         cost = np.where(np.isfinite(self.data.value), 0.5 * np.log1p(form / own), 0.0) * self.weight**2
         return Yardstick(replace(self.data, sigma=np.sqrt(self.data.sigma**2 + form)), self.weight, float(cost.sum()))
 
@@ -256,8 +260,10 @@ class Fitter:
         best = int(np.argmin([on.cost(one, point.nuisance) for one, point in zip(tried, points, strict=True)]))
         at, base = points[best], tried[best]
         if at.parts:
-            without = (yield [Point((), np.zeros(0), at.nuisance)])[0]
-            on = on.with_shape(base - without, max(EFFECTS[part.effect].form_known_to for part in at.parts))
+            without = yield [at.less(k) for k in range(len(at.parts))]
+            shares = [EFFECTS[part.effect].form_known_to for part in at.parts]
+            missed = [np.square(share * (base - one)) for share, one in zip(shares, without, strict=True)]
+            on = on.with_shape(np.sqrt(sum(missed)))
         columns = on.columns(self.responses, self.per_trial)
         jacobian = yield from self._value_columns(on, at, base)
         refused = 0
@@ -343,8 +349,7 @@ class Fitter:
         parts = at.parts
         _, weighted = on.weighted(base, columns)
         curvature = weighted.T @ weighted + np.diag(np.concatenate([np.full(len(parts), 1e-9), np.ones(self.size)]))
-        # A magnitude that the data do not bind is bound by its bounds.
-        for k, part in enumerate(parts):
+        for k, part in enumerate(parts):  # a magnitude that the data do not bind is bound by its bounds
             curvature[k, k] += 12 / (part.high - part.low) ** 2
         # Of the magnitudes, whatever the nuisances are: what these are known to is the same for all explanations.
         _, logdet = np.linalg.slogdet(curvature)
