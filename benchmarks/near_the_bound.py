@@ -99,6 +99,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path, help="of the trainings; goes on where it stopped")
     parser.add_argument("--servo", nargs="+", choices=SERVOS, default=["pal"])
+    parser.add_argument("--steady", type=Path, help="a finished training of the steady task as it is, to compare with")
     parser.add_argument("--steps", type=int, default=100_000, help="environment steps of a training")
     parser.add_argument("--seeds", type=int, default=2)
     parser.add_argument("--episodes", type=int, default=20)
@@ -108,6 +109,8 @@ def main() -> None:
     with ThreadPoolExecutor(arguments.jobs) as pool:
         list(pool.map(lambda servo: train(folder, servo, arguments.steps, arguments.seeds), arguments.servo))
     results = {servo: measured(folder / servo, servo, arguments.episodes) for servo in arguments.servo}
+    if arguments.steady is not None:
+        results["pal, trained on the steady task"] = measured(arguments.steady, "pal", arguments.episodes)
     for servo, one in results.items():
         print(f"{servo}: bound {one['bound']:.2f}")
         for name, row in one["rows"].items():
@@ -117,7 +120,7 @@ def main() -> None:
             )
     about = {"trained": TRAINED, "played": PLAYED, "steps": arguments.steps, "episodes": arguments.episodes}
     command = f"python benchmarks/near_the_bound.py DIR --steps {arguments.steps} --seeds {arguments.seeds}"
-    command += f" --servo {' '.join(arguments.servo)}"
+    command += f" --servo {' '.join(arguments.servo)}" + (" --steady RUN" if arguments.steady else "")
     print(save(NAME, {**about, "servos": results}, command).name)
 
 
