@@ -52,7 +52,9 @@ def main() -> None:
     results = {}
     for folder in arguments.folders:
         one = measured(folder, arguments.episodes)
-        results[one["settings"]["env"]] = one
+        results[
+            f"{one['settings']['env']}{', normalised' if one['settings']['hyperparameters']['normalize'] else ''}"
+        ] = one
         for row in one["seeds"]:
             course = ", ".join(f"{steps}: {100 * rate:.0f} %" for steps, rate in row["evaluations"])
             print(
