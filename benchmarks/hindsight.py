@@ -52,9 +52,8 @@ def main() -> None:
     results = {}
     for folder in arguments.folders:
         one = measured(folder, arguments.episodes)
-        results[
-            f"{one['settings']['env']}{', normalised' if one['settings']['hyperparameters']['normalize'] else ''}"
-        ] = one
+        normalised = ", normalised" if one["settings"]["hyperparameters"]["normalize"] else ""
+        results[one["settings"]["env"] + normalised] = one
         for row in one["seeds"]:
             course = ", ".join(f"{steps}: {100 * rate:.0f} %" for steps, rate in row["evaluations"])
             print(
