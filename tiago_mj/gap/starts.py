@@ -19,6 +19,8 @@ Array = NDArray[np.float64]
 NEAR: Final = 15.0
 #: Explanations whose nominal numbers the nominal model tries, too.
 LED: Final = 2
+#: Evidence that another valley of the nominal numbers may be worth [nats].
+VALLEY: Final = 60.0
 
 
 def point(there: Fitted | Start) -> Point:
@@ -95,9 +97,10 @@ def away(fit: Fitted, part: int) -> bool:
 
 
 def without(fits: Sequence[Fitted]) -> list[Start]:
-    """Starts of the nominal model where effects led its numbers, of those that hardly explain more than it does."""
+    """Starts of the nominal model where effects led its numbers, of those that do not explain far more than it does:
+    it may have ended in another valley."""
     nominal = max(f.evidence for f in fits if not f.parts)
-    found = sorted((f for f in fits if f.parts and abs(f.evidence - nominal) < NEAR), key=lambda f: -f.evidence)
+    found = sorted((f for f in fits if f.parts and abs(f.evidence - nominal) < VALLEY), key=lambda f: -f.evidence)
     return [Start((), np.zeros(0), f.nuisance) for f in found[:LED]]
 
 
