@@ -25,7 +25,7 @@ from tiago_mj.gap.hypotheses import Candidate
 from tiago_mj.gap.plant import Plant
 from tiago_mj.gap.predict import Predictor
 from tiago_mj.gap.recording import RecordingError, Trial
-from tiago_mj.gap.traces import MEASURES
+from tiago_mj.gap.traces import ONLY_READ_OFF
 
 Array = NDArray[np.float64]
 
@@ -123,7 +123,7 @@ def preflight(
     for candidate in pool:
         if candidate.effect in found:
             continue
-        if candidate.effect in MEASURES:
+        if candidate.effect in ONLY_READ_OFF:
             found[candidate.effect] = Excited(
                 candidate.effect, candidate.parameter, candidate.unit, None, 0.0, by_readings=True
             )
