@@ -190,4 +190,6 @@ def test_the_best_agent_of_a_training_is_exported_with_its_card(tmp_path, capsys
     again = ["agents", "--export", str(out), "--name", "another", "--to", str(to), "--seed"]
     assert cli.main([*again, "0"]) == 0
     assert (to / "another.npz").read_bytes() == (to / "my-agent.npz").read_bytes()
+    assert cli.main([*again, "0", "--evaluated"]) == 0
+    assert "This agent: the best evaluated of seed 0." in (to / "another.md").read_text()
     assert "--seed is 7: the training has 0" in complaint(capsys, *again, "7")

@@ -64,7 +64,7 @@ def numbers(out, seed):
 
 def test_the_folder_holds_agents_curves_and_a_card(trained):
     seed = trained / "seed-1"
-    kept = {"best.npz", "last.npz", "model.zip", "checkpoint.zip", "episodes.csv", "evaluations.csv"}
+    kept = {"best.npz", "evaluated.npz", "last.npz", "model.zip", "checkpoint.zip", "episodes.csv", "evaluations.csv"}
     assert kept <= {path.name for path in seed.iterdir()}
     steps, means = curves.read_episodes(seed)
     np.testing.assert_array_equal(steps, np.arange(40, 1201, 40))
@@ -84,6 +84,13 @@ def test_the_folder_holds_agents_curves_and_a_card(trained):
         assert len(part["steps"]) == len(part["median"]) == curves.POINTS
         assert all(low <= mid <= high for low, mid, high in zip(part["lowest"], part["median"], part["highest"]))  # noqa: B905
     assert (trained / "curves.png").read_bytes()[1:4] == b"PNG"
+
+
+def test_the_best_evaluated_agent_is_that_of_the_best_evaluation(trained):
+    for seed in (trained / "seed-0", trained / "seed-1"):
+        evaluations = [line.split(",") for line in (seed / "evaluations.csv").read_text().splitlines()[1:]]
+        best = max(evaluations, key=lambda line: float(line[1]))
+        assert load_agent(seed / "evaluated.npz").origin["steps"] == int(best[0])
 
 
 def test_seeds_differ_and_the_same_seed_does_not(trained, small, tmp_path):
@@ -112,7 +119,7 @@ def test_a_killed_training_goes_on_to_the_same_agent(trained, small, tmp_path):
     whole = trained / "seed-0"
     assert (out / "seed-0" / "episodes.csv").read_text() == (whole / "episodes.csv").read_text()
     assert (out / "seed-0" / "evaluations.csv").read_text() == (whole / "evaluations.csv").read_text()
-    for which in ("best.npz", "last.npz"):
+    for which in ("best.npz", "evaluated.npz", "last.npz"):
         ours, theirs = (load_agent(folder / which).arrays() for folder in (out / "seed-0", whole))
         for name, value in theirs.items():
             np.testing.assert_array_equal(ours[name], value, err_msg=f"{which}: {name}")

@@ -26,6 +26,40 @@ BEST_OF: Final = 20
 BEAT: Final = 1.0
 
 
+class Best:
+    """The best policy so far, by a mean return.
+
+    Attributes:
+        agent: None as long as there is none.
+        mean, steps: its mean return, and the environment steps of its training.
+    """
+
+    def __init__(self, origin: Mapping[str, Any], name: str) -> None:
+        self._origin, self._prefix = dict(origin), f"{name}_"
+        self.agent: Agent | None = None
+        self.mean, self.steps = -np.inf, 0
+
+    def offer(self, model: Any, mean: float) -> None:
+        """Take a model's present policy if it is better."""
+        if mean > self.mean:
+            self.mean, self.steps = mean, model.num_timesteps
+            self.agent = agent_of(model, {**self._origin, "steps": self.steps})
+
+    def state(self) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+        """What is to be kept in a checkpoint: JSON and arrays."""
+        if self.agent is None:
+            return {}, {}
+        data = {"mean": self.mean, "steps": self.steps, "header": self.agent.header()}
+        return data, {f"{self._prefix}{key}": value for key, value in self.agent.arrays().items()}
+
+    def restore(self, data: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> None:
+        """What a checkpoint kept."""
+        if data:
+            parts = {k.removeprefix(self._prefix): v for k, v in arrays.items() if k.startswith(self._prefix)}
+            self.agent = from_arrays(data["header"], parts)
+            self.mean, self.steps = float(data["mean"]), int(data["steps"])
+
+
 class Episodes(BaseCallback):  # type: ignore[misc]
     """Logs training episodes and keeps the best policy: that with the best mean return of the last 20 of them.
 
@@ -35,10 +69,8 @@ class Episodes(BaseCallback):  # type: ignore[misc]
 
     def __init__(self, origin: Mapping[str, Any]) -> None:
         super().__init__()
-        self._origin = dict(origin)
         self.log: list[tuple[int, float, bool]] = []
-        self.best: Agent | None = None
-        self.best_mean, self.best_steps = -np.inf, 0
+        self.best = Best(origin, "best")
         self._last: deque[float] = deque(maxlen=BEST_OF)
 
     def _on_step(self) -> bool:
@@ -49,9 +81,8 @@ class Episodes(BaseCallback):  # type: ignore[misc]
                 total = float(info["episode"]["r"])
                 self._last.append(total)
                 self.log.append((self.num_timesteps, total, bool(info["is_success"])))
-        if len(self._last) == BEST_OF and (mean := float(np.mean(self._last))) > self.best_mean:
-            self.best_mean, self.best_steps = mean, self.num_timesteps
-            self.best = agent_of(self.model, {**self._origin, "steps": self.num_timesteps})
+        if len(self._last) == BEST_OF:
+            self.best.offer(self.model, float(np.mean(self._last)))
         return True
 
     @property
@@ -66,37 +97,30 @@ class Episodes(BaseCallback):  # type: ignore[misc]
 
     def state(self) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
         """What is to be kept in a checkpoint: JSON and arrays."""
-        best = self.best
-        data = {
-            "best_mean": self.best_mean if best is not None else None,
-            "best_steps": self.best_steps,
-            "header": None if best is None else best.header(),
-        }
-        log = np.array(self.log, dtype=np.float64).reshape(-1, 3)
-        return data, {"log": log, **({} if best is None else {f"best_{k}": v for k, v in best.arrays().items()})}
+        data, arrays = self.best.state()
+        return data, {**arrays, "log": np.array(self.log, dtype=np.float64).reshape(-1, 3)}
 
     def restore(self, data: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> None:
         """What a checkpoint kept."""
         self.log = [(int(steps), float(total), bool(success)) for steps, total, success in arrays["log"]]
         self._last.extend(total for _, total, _ in self.log[-BEST_OF:])
-        if data["header"] is not None:
-            parts = {k.removeprefix("best_"): v for k, v in arrays.items() if k.startswith("best_")}
-            self.best = from_arrays(data["header"], parts)
-            self.best_mean, self.best_steps = float(data["best_mean"]), int(data["best_steps"])
+        self.best.restore(data, arrays)
 
 
 class Evaluations(BaseCallback):  # type: ignore[misc]
-    """Evaluates the policy, without exploration and on the same episodes every time, between rollouts.
+    """Evaluates the policy, without exploration and on the same episodes every time, between rollouts; keeps the best.
 
     Args:
         evaluator: plays the episodes.
         every: environment steps between evaluations.
+        origin: where agents come from, kept with them.
     """
 
-    def __init__(self, evaluator: Evaluator, every: int) -> None:
+    def __init__(self, evaluator: Evaluator, every: int, origin: Mapping[str, Any]) -> None:
         super().__init__()
         self._evaluator, self._every = evaluator, every
         self.log: list[dict[str, float]] = []
+        self.best = Best(origin, "evaluated")
 
     def _on_step(self) -> bool:
         return True
@@ -113,6 +137,7 @@ class Evaluations(BaseCallback):  # type: ignore[misc]
     def evaluate(self) -> None:
         """Add an evaluation of the present policy to the log."""
         self.log.append({"steps": self.model.num_timesteps, **self._evaluator(agent_of(self.model))})
+        self.best.offer(self.model, self.log[-1]["mean_return"])
 
 
 class Checkpoints(BaseCallback):  # type: ignore[misc]
@@ -143,6 +168,7 @@ class Checkpoints(BaseCallback):  # type: ignore[misc]
         self._saved_at = found.steps
         self._episodes.restore(found.callbacks["episodes"], found.arrays)
         self._evaluations.log = [dict(entry) for entry in found.callbacks["evaluations"]]
+        self._evaluations.best.restore(found.callbacks.get("evaluated", {}), found.arrays)
 
     def _on_training_start(self) -> None:
         checkpoint.restore_generators(self.model)
@@ -164,15 +190,17 @@ class Checkpoints(BaseCallback):  # type: ignore[misc]
     def save(self, *, finished: bool) -> None:
         """Write the checkpoint, the curves, and the best policy so far."""
         data, arrays = self._episodes.state()
-        callbacks = {"episodes": data, "evaluations": self._evaluations.log}
+        evaluated, more = self._evaluations.best.state()
+        callbacks = {"episodes": data, "evaluations": self._evaluations.log, "evaluated": evaluated}
         if not finished:
             _break_off(self.model)
         path = self._folder / checkpoint.FILE
-        checkpoint.write(path, self.model, callbacks=callbacks, arrays=arrays, finished=finished)
+        checkpoint.write(path, self.model, callbacks=callbacks, arrays=arrays | more, finished=finished)
         self._saved_at = self.model.num_timesteps
         curves.write_seed(self._folder, self._episodes.log, self._evaluations.log)
-        if self._episodes.best is not None:
-            self._episodes.best.save(self._folder / "best.npz")
+        for name, best in (("best", self._episodes.best), ("evaluated", self._evaluations.best)):
+            if best.agent is not None:
+                best.agent.save(self._folder / f"{name}.npz")
 
 
 class Progress(BaseCallback):  # type: ignore[misc]

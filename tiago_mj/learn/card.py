@@ -109,7 +109,8 @@ def _which(data: Mapping[str, Any]) -> str:
     if "agent_seed" not in data:
         return ""
     cut = "; its observations are cut at those of its training" if data.get("agent_is_cut") else ""
-    return f" This agent: the {data.get('agent', 'best')} of seed {data['agent_seed']}{cut}."
+    which = {"evaluated": "best evaluated"}.get(data.get("agent", "best"), data.get("agent", "best"))
+    return f" This agent: the {which} of seed {data['agent_seed']}{cut}."
 
 
 def _cell(value: Any) -> str:

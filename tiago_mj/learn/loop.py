@@ -71,7 +71,7 @@ def _train(task: Task, folder: Path) -> dict[str, Any]:
     model.set_logger(_logger(folder, task.tensorboard))
     origin = origin_of(settings, task.seed)
     episodes = Episodes(origin)
-    evaluations = Evaluations(Evaluator(examiner), settings.evaluate_every)
+    evaluations = Evaluations(Evaluator(examiner), settings.evaluate_every, origin)
     saving = Checkpoints(folder, task.seed, settings.checkpoint_every, settings.episode_steps, episodes, evaluations)
     starter = task.starter
     alive = None if starter is None or starter == os.getpid() else _parent_is_there()
@@ -93,7 +93,7 @@ def _train(task: Task, folder: Path) -> dict[str, Any]:
         )
         last = agent_of(model, {**origin, "steps": model.num_timesteps})
         last.save(folder / LAST)
-        if episodes.best is None:  # fewer than 20 episodes
+        if episodes.best.agent is None:  # fewer than 20 episodes
             last.save(folder / BEST)
         _save_model(model, folder / MODEL)
         saving.save(finished=True)  # last: what it calls finished is all there
@@ -106,8 +106,8 @@ def _train(task: Task, folder: Path) -> dict[str, Any]:
         "steps": steps,
         "seconds": None if finished else round(seconds, 1),
         "steps_per_second": None if finished else round((steps - before) / seconds, 1),
-        "best_mean": None if episodes.best is None else round(episodes.best_mean, 4),
-        "best_steps": steps if episodes.best is None else episodes.best_steps,
+        "best_mean": None if episodes.best.agent is None else round(episodes.best.mean, 4),
+        "best_steps": steps if episodes.best.agent is None else episodes.best.steps,
         **{key: round(value, 4) for key, value in evaluations.log[-1].items() if key != "steps"},
     }
 

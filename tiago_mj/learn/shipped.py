@@ -32,7 +32,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--export", type=Path, metavar="DIR", help="of tiago-mj train: export its best agent")
     parser.add_argument("--name", metavar="NAME", help="of the exported agent")
     parser.add_argument("--seed", type=int, metavar="N", help="of the training whose agent it is (the best one's)")
-    parser.add_argument("--last", action="store_true", help="the training's last agent, not its best")
+    which = parser.add_mutually_exclusive_group()
+    which.add_argument("--last", action="store_true", help="the training's last agent, not its best")
+    which.add_argument("--evaluated", action="store_true", help="the one with the best evaluation without exploration")
     parser.add_argument(
         "--cut", action="store_true", help="take observations beyond those of the training for the nearest of them"
     )
@@ -47,8 +49,10 @@ def run(arguments: argparse.Namespace) -> int:
         ValueError: the folder holds no finished training, or the name is unusable.
     """
     if arguments.export is not None:
-        which = {"last": arguments.last, "cut": arguments.cut}
-        path = export(arguments.export, arguments.name, arguments.to, seed=arguments.seed, **which)
+        which = "last" if arguments.last else "evaluated" if arguments.evaluated else "best"
+        path = export(
+            arguments.export, arguments.name, arguments.to, seed=arguments.seed, which=which, cut=arguments.cut
+        )
         print(f"agent {path}, card {path.with_suffix('.md')}")
         return 0
     listed: list[dict[str, Any]] = []
@@ -68,7 +72,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def export(
-    training: Path, name: str | None, to: Path, *, seed: int | None = None, last: bool = False, cut: bool = False
+    training: Path, name: str | None, to: Path, *, seed: int | None = None, which: str = "best", cut: bool = False
 ) -> Path:
     """Copy an agent of a training and its card under a name.
 
@@ -77,7 +81,7 @@ def export(
         name: of the agent: small letters, digits and hyphens.
         to: folder of ``NAME.npz``, ``NAME.json`` and ``NAME.md``.
         seed: whose agent; None: the best seed's.
-        last: whether it is the last one, not the best.
+        which: ``best`` by 20 training episodes, best ``evaluated`` without exploration, or ``last``.
         cut: whether its observations are cut at those of its training (:mod:`tiago_mj.learn.cut`).
 
     Returns:
@@ -87,7 +91,6 @@ def export(
         ValueError: no finished training, no such seed in it, or an unusable name; one line.
     """
     from tiago_mj.learn.card import markdown
-    from tiago_mj.learn.loop import BEST, LAST
 
     if name is None or not NAME.fullmatch(name):
         raise ValueError(f"--name is {name!r}: give 3 to 41 small letters, digits and hyphens")
@@ -101,9 +104,9 @@ def export(
         raise ValueError(f"--export {training} holds no finished training: card.json: {fault}") from fault
     if card["agent_seed"] not in trained:
         raise ValueError(f"--seed is {seed}: the training has {', '.join(str(one) for one in trained)}")
-    card |= {"agent": "last" if last else "best", "agent_is_cut": cut}
+    card |= {"agent": which, "agent_is_cut": cut}
     folder = training / f"seed-{card['agent_seed']}"
-    agent = load_agent(folder / (LAST if last else BEST))
+    agent = load_agent(folder / f"{which}{SUFFIX}")
     if cut:
         from tiago_mj.learn import cut as cutting
         from tiago_mj.learn.checkpoint import FILE
