@@ -16,18 +16,14 @@ DIR keeps recordings, diagnoses and trainings; the same command goes on where it
 
 from __future__ import annotations
 
-import argparse
 import json
-import os
-import subprocess
-import sys
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+import trainings
 import yaml
 from learning_figures import Panel, dots
 from machine import RESULTS, save
@@ -60,20 +56,17 @@ RANGES: Final[Mapping[str, Mapping[str, Sequence[float]]]] = {
 RECORDINGS: Final = 10
 #: First seed of the episodes that are compared: no training or recording has used it.
 FIRST_SEED: Final = 900_000
-SEEDS: Final = 2
 
 
-def steps_of(folder: Path, steps: int) -> list[tuple[str, list[str]]]:
-    """Name and command of every training, in the order in which they are worth most."""
-    jobs = []
+def trained(folder: Path) -> dict[str, list[str]]:
+    """Of every training its name and options, in the order in which they are worth most."""
+    jobs = {}
     for name, effect in WITHHELD.items():
-        jobs.append((f"D-{name}", ["--effects", str(_calibration(folder / name / "true.yaml", effect))]))
-        jobs.append((f"B-{name}", ["--effects", str(folder / name / "diagnosis" / "calibration.yaml")]))
+        jobs[f"D-{name}"] = ["--effects", str(_calibration(folder / name / "true.yaml", effect))]
+        jobs[f"B-{name}"] = ["--effects", str(folder / name / "diagnosis" / "calibration.yaml")]
     ranges = folder / "ranges.yaml"
     atomic.write_text(ranges, yaml.safe_dump({k: {p: list(v) for p, v in one.items()} for k, one in RANGES.items()}))
-    jobs = [("A", []), ("C", ["--randomise", str(ranges)]), *jobs]
-    common = ["train", "--env", ENV, "--steps", str(steps), "--seeds", str(SEEDS), "--jobs", "1", "--quiet"]
-    return [(name, [*common, *more, "--out", str(folder / name)]) for name, more in jobs]
+    return {"A": [], "C": ["--randomise", str(ranges)], **jobs}
 
 
 def prepare(folder: Path, jobs: int) -> None:
@@ -82,12 +75,13 @@ def prepare(folder: Path, jobs: int) -> None:
         here = folder / name
         if not any((here / "recordings").glob("*.parquet")):
             command = ["record", "--env", "GripperTactile-v0", "--policy", "pi", "--episodes", str(RECORDINGS)]
-            tiago_mj(*command, "--effects", json.dumps(effect), "--out", str(here / "recordings"))
-        if not (here / "diagnosis" / "calibration.yaml").exists():
-            tiago_mj("diagnose", str(here / "recordings"), "--out", str(here / "diagnosis"), "--jobs", str(jobs))
+            trainings.tiago_mj(*command, "--effects", json.dumps(effect), "--out", str(here / "recordings"))
+        diagnosis = here / "diagnosis"
+        if not (diagnosis / "calibration.yaml").exists():
+            trainings.tiago_mj("diagnose", str(here / "recordings"), "--out", str(diagnosis), "--jobs", str(jobs))
 
 
-def played(folder: Path, episodes: int) -> dict[str, Any]:
+def played(folder: Path, episodes: int, seeds: int) -> dict[str, Any]:
     """Every policy on every real gripper, and on the nominal one."""
     results: dict[str, Any] = {}
     for name, effect in {"nominal": {}, **WITHHELD}.items():
@@ -98,7 +92,7 @@ def played(folder: Path, episodes: int) -> dict[str, Any]:
                 training = folder / (letter if letter in "AC" else f"{letter}-{name}")
                 if training.exists():
                     rows[letter] = [
-                        one_policy(env, str(training / f"seed-{seed}" / "last.npz"), episodes) for seed in range(SEEDS)
+                        one_policy(env, str(training / f"seed-{seed}" / "last.npz"), episodes) for seed in range(seeds)
                     ]
             rows["pi"] = [one_policy(env, "pi", episodes)]
         finally:
@@ -131,20 +125,6 @@ def verdict(folder: Path) -> dict[str, Any]:
     calibration = yaml.safe_load((folder / "diagnosis" / "calibration.yaml").read_text())
     said = {key: diagnosis["verdict"][key] for key in ("kind", "effects", "probability")}
     return {"verdict": said, "calibration": calibration["effects"]}
-
-
-def tiago_mj(*words: str) -> None:
-    """Run a command of the package in a process of its own.
-
-    Raises:
-        SystemExit: it failed.
-    """
-    done = subprocess.run(
-        [sys.executable, "-m", "tiago_mj.cli", *words],
-        capture_output=True, text=True, check=False, env={**os.environ, "OMP_NUM_THREADS": "1"},
-    )  # fmt: skip
-    if done.returncode:
-        raise SystemExit(f"tiago-mj {' '.join(words)} failed:\n{done.stderr[-2000:]}")
 
 
 def _calibration(path: Path, effect: Mapping[str, Mapping[str, float]]) -> Path:
@@ -184,24 +164,17 @@ def picture(results: Mapping[str, Any]) -> Any:
         rows = one["policies"]
         values = {label: [row["reward"]["mean"] for row in rows.get(x, [])] for x, label in names.items()}
         panels.append(Panel(name.replace("_", " "), values))
-    source = f"Source: benchmarks/across_a_gap.py; {ENV}, two seeds a policy."
+    source = f"Source: benchmarks/across_a_gap.py; {ENV}, a dot a seed."
     return dots(panels, "return of an episode", source, columns=2)
 
 
 def main() -> None:
     """Record, diagnose, train, play, print, write."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("folder", type=Path, help="of recordings, diagnoses and trainings; goes on where it stopped")
-    parser.add_argument("--steps", type=int, default=100_000, help="environment steps of a training")
-    parser.add_argument("--episodes", type=int, default=20)
-    parser.add_argument("--jobs", type=int, default=2, help="processes at once")
-    arguments = parser.parse_args()
-    folder = arguments.folder.resolve()
-    prepare(folder, arguments.jobs)
-    with ThreadPoolExecutor(arguments.jobs) as pool:
-        for _ in pool.map(lambda job: tiago_mj(*job[1]), steps_of(folder, arguments.steps)):
-            pass
-    results = played(folder, arguments.episodes)
+    arguments = trainings.parser(__doc__, steps=100_000, seeds=2).parse_args()
+    arguments.folder = arguments.folder.resolve()
+    prepare(arguments.folder, arguments.jobs)
+    trainings.train(ENV, trained(arguments.folder), arguments)
+    results = played(arguments.folder, arguments.episodes, arguments.seeds)
     print(table(results))
     about = {"env": ENV, "steps": arguments.steps, "episodes": arguments.episodes, "ranges": RANGES}
     command = f"python benchmarks/across_a_gap.py DIR --steps {arguments.steps} --episodes {arguments.episodes}"

@@ -10,17 +10,13 @@ keeps the trainings; the same command goes on where it stopped. Writes ``results
 
 from __future__ import annotations
 
-import argparse
 import json
-import os
-import subprocess
-import sys
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final
 
+import trainings
 from learning_figures import courses
 from machine import RESULTS, save
 
@@ -47,27 +43,14 @@ NEAR: Final = 0.1
 KEPT: Final = ("reward", "paper_reward", "contact_share", "bounces", "rest_error", "overshoot", "object_shift")
 
 
-def train(folder: Path, name: str, steps: int, seeds: int) -> None:
-    """Train a variant, or go on with it.
-
-    Raises:
-        SystemExit: it failed.
-    """
-    options = [f"{key}={json.dumps(value)}" for key, value in {**TASK, **VARIANTS[name]}.items()]
-    words = ["--env", ENV, "--steps", str(steps), "--seeds", str(seeds), "--jobs", "1", "--quiet"]
-    words += [word for option in options for word in ("--env-option", option)]
-    words += ["--out", str(folder / name.replace(" ", "-"))]
-    done = subprocess.run(
-        [sys.executable, "-m", "tiago_mj.cli", "train", *words],
-        capture_output=True, text=True, check=False, env={**os.environ, "OMP_NUM_THREADS": "1"},
-    )  # fmt: skip
-    if done.returncode:
-        raise SystemExit(f"training {name} failed:\n{done.stderr[-2000:]}")
+def folder_of(name: str) -> str:
+    """Of a variant's training."""
+    return name.replace(" ", "-")
 
 
 def measured(folder: Path, name: str, episodes: int) -> list[dict[str, Any]]:
     """Every seed's last agent, and how its training went."""
-    training = folder / name.replace(" ", "-")
+    training = folder / folder_of(name)
     card = json.loads((training / "card.json").read_text())
     env = make_env(f"tiago_mj/{ENV}", {**TASK, **VARIANTS[name]})
     rows = []
@@ -133,17 +116,10 @@ def picture(results: Mapping[str, Sequence[Mapping[str, Any]]]) -> Any:
 
 def main() -> None:
     """Train, play, print, write."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("folder", type=Path, help="of the trainings; goes on where it stopped")
-    parser.add_argument("--steps", type=int, default=80_000, help="environment steps of a training")
-    parser.add_argument("--seeds", type=int, default=2)
-    parser.add_argument("--episodes", type=int, default=20)
-    parser.add_argument("--jobs", type=int, default=2, help="trainings at once")
-    arguments = parser.parse_args()
-    folder = arguments.folder.resolve()
-    with ThreadPoolExecutor(arguments.jobs) as pool:
-        list(pool.map(lambda name: train(folder, name, arguments.steps, arguments.seeds), VARIANTS))
-    results = {name: measured(folder, name, arguments.episodes) for name in VARIANTS}
+    arguments = trainings.parser(__doc__, steps=80_000, seeds=2).parse_args()
+    words = {folder_of(name): trainings.options({**TASK, **given}) for name, given in VARIANTS.items()}
+    trainings.train(ENV, words, arguments)
+    results = {name: measured(arguments.folder, name, arguments.episodes) for name in VARIANTS}
     add_arrival(results)
     print(table(results))
     about = {"task": TASK, "steps": arguments.steps, "episodes": arguments.episodes}

@@ -10,19 +10,15 @@ same command goes on where it stopped. Writes ``results/learning_near_the_bound.
 
 from __future__ import annotations
 
-import argparse
 import json
-import os
-import subprocess
-import sys
 import tempfile
 from collections.abc import Mapping
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+import trainings
 from machine import save
 from steady import agent_files
 
@@ -57,23 +53,6 @@ FIRST_SEED: Final = 900_000
 KEPT: Final = ("paper_reward", "rest_error", "bounces", "contact_share", "overshoot")
 
 
-def train(folder: Path, servo: str, steps: int, seeds: int) -> None:
-    """Train with a servo, or go on with it.
-
-    Raises:
-        SystemExit: it failed.
-    """
-    options = [f"{key}={json.dumps(value)}" for key, value in {"servo": servo, **TRAINED}.items()]
-    words = ["--env", ENV, "--steps", str(steps), "--seeds", str(seeds), "--jobs", "1", "--quiet"]
-    words += [word for option in options for word in ("--env-option", option)]
-    done = subprocess.run(
-        [sys.executable, "-m", "tiago_mj.cli", "train", *words, "--out", str(folder / servo)],
-        capture_output=True, text=True, check=False, env={**os.environ, "OMP_NUM_THREADS": "1"},
-    )  # fmt: skip
-    if done.returncode:
-        raise SystemExit(f"training with servo {servo} failed:\n{done.stderr[-2000:]}")
-
-
 def measured(training: Path, servo: str, episodes: int) -> dict[str, Any]:
     """Agents and controllers on the paper's episodes, and how far below the bound each is."""
     card = json.loads((training / "card.json").read_text())
@@ -96,19 +75,13 @@ def measured(training: Path, servo: str, episodes: int) -> dict[str, Any]:
 
 def main() -> None:
     """Train, play, print, write."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("folder", type=Path, help="of the trainings; goes on where it stopped")
+    parser = trainings.parser(__doc__, steps=100_000, seeds=2)
     parser.add_argument("--servo", nargs="+", choices=SERVOS, default=["pal"])
     parser.add_argument("--steady", type=Path, help="a finished training of the steady task as it is, to compare with")
-    parser.add_argument("--steps", type=int, default=100_000, help="environment steps of a training")
-    parser.add_argument("--seeds", type=int, default=2)
-    parser.add_argument("--episodes", type=int, default=20)
-    parser.add_argument("--jobs", type=int, default=2, help="trainings at once")
     arguments = parser.parse_args()
-    folder = arguments.folder.resolve()
-    with ThreadPoolExecutor(arguments.jobs) as pool:
-        list(pool.map(lambda servo: train(folder, servo, arguments.steps, arguments.seeds), arguments.servo))
-    results = {servo: measured(folder / servo, servo, arguments.episodes) for servo in arguments.servo}
+    words = {servo: trainings.options({"servo": servo, **TRAINED}) for servo in arguments.servo}
+    trainings.train(ENV, words, arguments)
+    results = {servo: measured(arguments.folder / servo, servo, arguments.episodes) for servo in arguments.servo}
     if arguments.steady is not None:
         results["pal, trained on the steady task"] = measured(arguments.steady, "pal", arguments.episodes)
     for servo, one in results.items():
