@@ -102,6 +102,7 @@ def run_built(robot: Robot, effects: Sequence[Effect], setup: Setup, plan: Plann
         robot=robot,
         h=h,
         period=period,
+        ahead=period if setup.interface == "position" else 0.0,
         q=setup.start.copy(),
         v=np.zeros((ntrials, n)),
         newtons=np.zeros((ntrials, 2 if robot.pads is not None else 0)),

@@ -5,9 +5,13 @@ from pathlib import Path
 
 import pytest
 
+import benchmarks.effect_forms
 from benchmarks.blind import cases, recordings, robots
 from benchmarks.blind.cases import FAST_RATE, Case, EffectChoice
+from tiago_mj.gap import hypotheses, set_points
 from tiago_mj.gap.diagnose import diagnose
+from tiago_mj.gap.plant import plant_of
+from tiago_mj.gap.predict import predictor
 from tiago_mj.gap.read import read_recordings
 
 PLAIN = Case(seed=4242, setting="plain", interface="position", spread=0.04, rate=FAST_RATE, seconds=1.6, trials=4)
@@ -29,3 +33,37 @@ def test_a_lag_of_two_poles_is_one_effect_and_its_time_constant_is_found(
     assert (found.kind, effect.name) == ("effect", name)
     # Of a servo's own lag, some 40 ms, nobody knows more than a few per cent.
     assert effect.parameters["time_constant"].value == pytest.approx(parameters["time_constant"], rel=0.06)
+
+
+@pytest.mark.parametrize("step", [0.00095, 0.0004])
+def test_the_grid_of_fast_set_points_is_found_to_a_tenth_of_a_line(tmp_path: Path, step: float) -> None:
+    """A grid a per cent off fits no better than none: fifty lines away it is half a step off."""
+    choice = EffectChoice("command_quantization", "all", {"step": step})
+    case = Case(seed=4243, effects=(choice,), spread=0.04, rate=FAST_RATE, seconds=2.3, trials=3)
+    recordings.write(cases.simulate(case), tmp_path)
+    trials = read_recordings([tmp_path]).trials
+    plant = plant_of(trials)
+    predict, nominal = predictor(plant, trials, threads=1)
+    seen = set_points.told(plant, predict.on, predict.data, nominal)
+    assert seen is not None
+    pool = hypotheses.candidates(plant, ("command_quantization",))
+    both = [c for c in set_points.magnitudes(plant, predict.on, seen, pool, range(3)) if c.target is None]
+    lines = 0.045 / step  # from closed to open
+    assert min(abs(value / step - 1) for c in both for value in c.grid) < 0.1 / lines
+
+
+@pytest.mark.parametrize(
+    ("name", "rate", "interface"),
+    [
+        ("coupling_error", 25.0, "velocity"),
+        ("command_lag", 25.0, "position"),
+        ("asymmetric_friction", 240.0, "velocity"),
+        ("command_quantization", 240.0, "position"),
+    ],
+)
+def test_an_effect_replayed_at_its_true_parameters_leaves_noise(name: str, rate: float, interface: str) -> None:
+    """Of all effects: benchmarks/results/effect_forms.json. A block's mean scatters by some tenths around 1; dry
+    friction differs where a joint comes to rest."""
+    row = benchmarks.effect_forms.compared(name, rate, interface)
+    assert max(row["without"].values()) > 20
+    assert max(row["with"]["lasting"], row["with"]["misfit"]) < (5 if "friction" in name else 2)

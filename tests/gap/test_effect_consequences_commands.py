@@ -18,6 +18,7 @@ from effects_bench import (
     entry,
     free,
     grasp,
+    make,
     rollout,
     same_motion,
     shows,
@@ -152,6 +153,35 @@ def test_a_change_below_the_dead_band_is_not_executed():
     # It moves when the command is 0.3 mm on, and not for the 0.05 mm that follow; each may come a command of 8 µm late.
     np.testing.assert_allclose(moved(3.5e-4)[-1], 3e-4, atol=9e-6)
     np.testing.assert_allclose(moved(7.0e-4)[-1], 6e-4, atol=18e-6)
+
+
+@shows("command_deadband")
+def test_a_dead_band_that_looks_in_every_physics_step_executes_a_change_at_once():
+    fast, looking = (-0.02, 0.5), {"width": 3e-4, "each_step": 1}
+    r = free({"command_deadband": looking}, fast, (0.0, 0.6), control_hz=25)
+    # The set point is 0.3 mm on after 15 ms of a command of 40; looked at by command it waits for the second one.
+    assert crossing(r.time, OPEN - r.set_point[:, 0], 1e-4) < 0.04
+    late = free({"command_deadband": {"width": 3e-4}}, (-0.005, 0.5), (0.0, 0.6), control_hz=25)
+    assert crossing(late.time, OPEN - late.set_point[:, 0], 1e-4) > 0.04
+
+
+@shows("command_lag")
+@pytest.mark.parametrize("poles", [1, 2])
+def test_a_lagging_position_command_is_approached_no_faster_than_the_joint_may(poles):
+    def reached(way, seconds):
+        """Share of the way that the set points have closed."""
+        core = make({"command_lag": {"time_constant": 0.1, "poles": poles}}, FREE, control="position")
+        core.reset(seed=0)
+        for _ in range(round(seconds / PERIOD)):
+            core.step(np.full(2, 1 - 2 * way / OPEN))  # from closed, -1, to open, 1
+        return (OPEN - core.data.act) / way
+
+    # Half of the time constant on: 1 - e^-½ of the way, with two poles 1 - 2 e^-1; half a physics step short of it.
+    share = 1 - np.exp(-0.5) if poles == 1 else 1 - 2 * np.exp(-1)
+    np.testing.assert_allclose(reached(0.002, 0.05), share, atol=0.01)
+    np.testing.assert_allclose(reached(0.002, 1.2), 1.0, rtol=1e-3)
+    if poles == 1:  # 200 mm/s are asked for
+        np.testing.assert_allclose(reached(0.02, 0.05), SPEED_LIMIT * 0.05 / 0.02, rtol=1e-6)
 
 
 @shows("command_quantization")

@@ -204,6 +204,18 @@ def test_a_coupling_error_moves_the_finger_that_was_not_commanded():
     np.testing.assert_allclose(OPEN - one.true_position[-1], [0.01, 0.0], atol=1e-8)
 
 
+@shows("coupling_error")
+def test_a_finger_coupled_to_the_others_motion_trails_it_once_more():
+    by_motion = free({"coupling_error": {"ratio": 0.1, "of_motion": 1}}, ((-0.02, 0.0), 0.5), (0.0, 0.8))
+    # The finger that moves is drawn on by what it does to the other: 1 / (1 - ratio²).
+    np.testing.assert_allclose(OPEN - by_motion.true_position[-1], np.array([0.01, 0.001]) / 0.99, rtol=1e-6)
+    by_set_point = free({"coupling_error": {"ratio": 0.1}}, ((-0.02, 0.0), 0.5), (0.0, 0.8))
+    moving = slice(40, 110)
+    behind = (by_motion.true_position - by_set_point.true_position)[moving, 1]
+    # By one more lag of the servo, 40 ms at 2 mm/s.
+    np.testing.assert_allclose(behind, 8e-5, rtol=0.15)
+
+
 # Loads ---------------------------------------------------------------------------------------------------------------
 
 

@@ -17,9 +17,7 @@ from tiago_mj.gap import (
     hypotheses,
     locate,
     phases,
-    replay,
     ripples,
-    score,
     select,
     set_points,
     shrink,
@@ -32,7 +30,7 @@ from tiago_mj.gap import (
 from tiago_mj.gap.inverse import diagnose_inverse
 from tiago_mj.gap.next_motion import next_motion
 from tiago_mj.gap.plant import Plant, plant_of
-from tiago_mj.gap.predict import Predictor
+from tiago_mj.gap.predict import predictor
 from tiago_mj.gap.recording import Finding, RecordingError, Trial
 from tiago_mj.gap.result import Diagnosis, Explanation
 from tiago_mj.gap.trials import cut
@@ -99,31 +97,20 @@ def diagnose(
     if not any(trial.commands for trial in trials) or _torques_along_a_motion(trials):
         tick("inverse dynamics", 1)
         return task.told(_along_the_motion(plant, trials, findings, seed, names), asked)
-    on = replay.grid(plant, trials)
-    data = floor.collect(plant, trials, usable)
-    if not data.channels:
-        raise RecordingError(
-            f"{trials[0].source}: no measured column is of this robot ({', '.join(plant.joints)}): give a map file"
-        )
     fitted_on = [k for k, t in enumerate(trials) if t.name not in splits["test"]]
     test = [k for k, t in enumerate(trials) if t.name in splits["test"]]
     validation = [k for k, t in enumerate(trials) if t.name in splits["validation"]]
     tick("replaying", len(trials))
     everything = list(range(len(trials)))
-    nominal = replay.simulate(plant, on, [(k, ()) for k in everything], threads=threads, seed=seed)
-    fine = replace(plant, max_timestep=plant.max_timestep / floor.FINER)
-    finer = replay.simulate(fine, on, [(k, ()) for k in everything], threads=threads, seed=seed)
-    as_simulated, off = floor.predicted(data, nominal), floor.off_by_step(nominal, finer)
-    data = floor.with_numerics(data, as_simulated, floor.predicted(data, finer))
-    # What was recorded in this very simulator is off by the same steps.
-    same = score.distance(data, as_simulated) < score.distance(data, as_simulated - floor.predicted(data, off))
+    predict, nominal = predictor(plant, trials, usable, threads=threads, seed=seed)
+    on, data = predict.on, predict.data
     fastest = np.abs(nominal.velocity).max(axis=(0, 1))
     pool = hypotheses.candidates(plant, names, fastest, sizes.sizes(plant, trials, nominal))
     seen = set_points.told(plant, on, data, nominal)
     if seen is not None:
         pool = set_points.magnitudes(plant, on, seen, pool, fitted_on)
         on, pool = set_points.with_lost(plant, on, seen, pool)
-    predict = Predictor(plant, on, data, threads, seed, None if same else off)
+    predict = replace(predict, on=on)
     base = predict.all_trials([()], everything, keep=True)[0]
     untouched = set_points.untouched(data, nominal, data.value.shape[1])
     pool = ripples.with_periods(plant, floor.part(data, fitted_on), base[fitted_on], untouched[fitted_on], pool)

@@ -7,14 +7,15 @@ once more with shorter steps, and put right in every prediction.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tiago_mj.gap import floor, replay
+from tiago_mj.gap import floor, replay, score
 from tiago_mj.gap.effects.spec import Entry
 from tiago_mj.gap.plant import Plant
+from tiago_mj.gap.recording import RecordingError, Trial
 from tiago_mj.gap.replay import Grid, Signals, sensor_only
 
 Array = NDArray[np.float64]
@@ -116,6 +117,37 @@ class Predictor:
                 if keep:
                     self._kept[_plain(key)] = done[key]
         return done
+
+
+def predictor(
+    plant: Plant, trials: Sequence[Trial], usable: frozenset[str] | None = None, *, threads: int = 0, seed: int = 0
+) -> tuple[Predictor, Signals]:
+    """Everything that trials are compared with, and the nominal replay of each, one row a trial.
+
+    Args:
+        plant: of the trials.
+        trials: recorded.
+        usable: channels that are trusted; None for all.
+        threads, seed: of the simulations.
+
+    Raises:
+        RecordingError: the recordings hold nothing that can be compared; one line.
+    """
+    on = replay.grid(plant, trials)
+    data = floor.collect(plant, trials, usable)
+    if not data.channels:
+        raise RecordingError(
+            f"{trials[0].source}: no measured column is of this robot ({', '.join(plant.joints)}): give a map file"
+        )
+    everything: list[tuple[int, Effects]] = [(k, ()) for k in range(len(trials))]
+    nominal = replay.simulate(plant, on, everything, threads=threads, seed=seed)
+    fine = replace(plant, max_timestep=plant.max_timestep / floor.FINER)
+    finer = replay.simulate(fine, on, everything, threads=threads, seed=seed)
+    as_simulated, off = floor.predicted(data, nominal), floor.off_by_step(nominal, finer)
+    data = floor.with_numerics(data, as_simulated, floor.predicted(data, finer))
+    # What was recorded in this very simulator is off by the same steps.
+    same = score.distance(data, as_simulated) < score.distance(data, as_simulated - floor.predicted(data, off))
+    return Predictor(plant, on, data, threads, seed, None if same else off), nominal
 
 
 def _plain(key: tuple[int, Effects, int]) -> tuple[int, Effects]:

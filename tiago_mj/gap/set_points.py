@@ -28,6 +28,10 @@ Array = NDArray[np.float64]
 DENSE: Final = 400
 FINE: Final = 21
 BEST: Final = 3
+#: Beside them grids of set points, from one to the next of which the lines farthest from the joint's zero move by this
+#: share of a step: between them is nothing to see. No more than so many, the widest steps.
+SHIFT: Final = 0.25
+GRIDS: Final = 8000
 #: Share of the way that a servo is behind by which its position is known worse: what nominal gains are known to.
 LAG_SHARE: Final = 0.1
 #: A change of the command counts where it moves the set point by so many standard deviations.
@@ -122,11 +126,12 @@ def magnitudes(
         wide = pool[mine[0]]
         if declared.stage != "command" or not overrides(declared, "set_point") or not np.isfinite(wide.identity):
             continue  # a limit is reached smoothly
-        values = wide.identity + np.geomspace(0.01, 1.0, DENSE) * (wide.high - wide.identity)
+        values = _dense(wide, float(np.nanmax(np.abs(seen.wanted))))
         cost = _costs(plant, on, seen, wide, values, trials)
         columns = [_columns(pool[k], commands) for k in mine]
         near = sorted({b for column in columns for b in _minima(cost[:, column].sum(axis=1))})
-        fine = np.unique(np.concatenate([values[b] * np.linspace(0.985, 1.015, FINE) for b in near] or [values[:1]]))
+        around = [np.linspace(values[max(b - 1, 0)], values[min(b + 1, len(values) - 1)], FINE) for b in near]
+        fine = np.unique(np.concatenate(around or [values[:1]]))
         cost = _costs(plant, on, seen, wide, fine, trials)
         for k, column in zip(mine, columns, strict=True):
             total = cost[:, column].sum(axis=1)
@@ -153,6 +158,15 @@ def with_lost(plant: Plant, on: Grid, seen: Told, pool: Sequence[Candidate]) -> 
         value = float(np.clip(share[index] @ informative[index] / count, 1e-3, candidate.high))
         out[k] = replace(candidate, grid=(value,), spread=float(np.sqrt(value * (1 - value) / count)))
     return replace(on, luck=luck), tuple(out)
+
+
+def _dense(wide: Candidate, farthest: float) -> Array:
+    """Magnitudes to look at, rising; set points are as far as that from the joint's zero [m, rad]."""
+    even = wide.identity + np.geomspace(0.01, 1.0, DENSE) * (wide.high - wide.identity)
+    if wide.parameter != "step":
+        return even
+    lines = np.arange(1 / even[-1], 1 / even[0], SHIFT / max(farthest, even[-1]))[:GRIDS]
+    return np.unique(np.concatenate([even, 1 / lines]))
 
 
 def _columns(candidate: Candidate, commands: tuple[str, ...]) -> list[int]:

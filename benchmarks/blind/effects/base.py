@@ -29,6 +29,7 @@ class World:
         t: true time [s].
         row: of the log.
         idle: command that is in force before the first.
+        ahead: how long after it arrives a command is to be reached [s].
         rng: for what reality draws, apart from sensor noise.
     """
 
@@ -40,6 +41,7 @@ class World:
     newtons: Array
     idle: Array
     rng: np.random.Generator
+    ahead: float = 0.0
     t: float = 0.0
     row: int = 0
     force: Array = field(default_factory=lambda: np.zeros(1))

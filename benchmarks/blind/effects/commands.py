@@ -30,17 +30,23 @@ class DroppedCommands(Effect):
 
 
 class CommandLag(Effect):
-    """Two equal poles in a row, each half the time constant: the same delay at low frequency as one."""
+    """Two equal poles in a row, each half the time constant: the same delay at low frequency as one.
+
+    A position is commanded for the end of a control period: the set point goes to what the lag makes of it by then.
+    """
 
     def start(self, world: World) -> None:
         self._a, self._b = world.idle.copy(), world.idle.copy()
 
     def shaped(self, command: Array, world: World) -> Array:
-        share = 1 - np.exp(-world.h / (self.values["time_constant"] / 2))
+        pole = self.values["time_constant"] / 2
+        share = 1 - np.exp(-world.h / pole)
         self._a = self._a + share * (command - self._a)
         self._b = self._b + share * (self._a - self._b)
+        left, ahead = np.exp(-world.ahead / pole), world.ahead / pole
+        then = command + left * (self._b - command + ahead * (self._a - command))
         out = command.copy()
-        out[:, self.targets] = self._b[:, self.targets]
+        out[:, self.targets] = then[:, self.targets]
         return out
 
 
@@ -111,8 +117,9 @@ class ServoDamping(Effect):
         self._slow = world.q.copy()
 
     def control(self, force: Array, world: World) -> Array:
-        rate = (world.q - self._slow) / 0.002
-        self._slow += (1 - np.exp(-world.h / 0.002)) * (world.q - self._slow)
+        share = 1 - np.exp(-world.h / 0.002)
+        rate = (world.q - self._slow) * share / world.h  # at a constant velocity that velocity
+        self._slow += share * (world.q - self._slow)
         return force - self.on(world, self.values["damping"]) * rate
 
 

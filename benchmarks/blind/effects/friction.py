@@ -78,9 +78,8 @@ class AsymmetricFriction(Bristles):
             robot.model.dof_frictionloss[dof] = 0.0
 
     def level(self, world: World) -> Array:
-        # At rest the bristle's own bend says which way the joint is pushed.
-        going = np.where(np.abs(world.v) > 1e-5, np.sign(world.v), np.sign(self._z))
-        return np.maximum(self._base + going * self.values["force"], 0.0)
+        # The bristle's own bend says which way the joint is pushed; a trembling one does not let go of it.
+        return np.maximum(self._base + np.sign(self._z) * self.values["force"], 0.0)
 
 
 class ViscousFriction(Effect):

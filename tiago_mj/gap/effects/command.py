@@ -71,7 +71,8 @@ class DroppedCommands(Effect):
 class CommandLag(Effect):
     """A first-order low-pass lies on the command.
 
-    Formula: time_constant · dy/dt = command - y; with poles = 2 two equal ones in a row, each of half of it
+    Formula: time_constant · dy/dt = command - y; with poles = 2 two equal ones in a row, each of half of it. A position
+    is commanded for the end of a control period: the set point goes to what y is by then, no faster than its limit.
 
     In a recording: starts and stops are rounded; at a constant velocity the position is behind by velocity ·
     time_constant.
@@ -89,10 +90,24 @@ class CommandLag(Effect):
 
     def start(self, now: Now) -> None:
         self._filter = InARow(HeldLowPass, self.time_constant, self.poles, now.resting)
+        self._positions = InARow(HeldLowPass, self.time_constant, self.poles, now.idle)
+        # Servos whose set points slew have a position slew to it; plain ones are given it.
+        slews = ~now.takes_set_points & (now.wiring.interface == "position")
+        self._slewing = np.broadcast_to(slews, self.time_constant.shape)
+
+    def command(self, command: Array, now: Now) -> Array:
+        if not self._slewing.any():
+            return command
+        for _ in range(now.substeps):
+            reached = self._positions(command, now.period / now.substeps)
+        return np.where(self._slewing, reached, command)
 
     def given(self, inputs: Array, now: Now) -> Array:
+        if self._slewing.all():
+            return inputs
         step = now.period / now.substeps
-        return np.stack([self._filter(inputs[:, k], step) for k in range(inputs.shape[1])], axis=1)
+        lagging = np.stack([self._filter(inputs[:, k], step) for k in range(inputs.shape[1])], axis=1)
+        return np.where(self._slewing[:, None], inputs, lagging)
 
 
 @effect("rate_limit", stage="command", targets="command")
@@ -134,13 +149,55 @@ class RateLimit(Effect):
         return np.where(where, slewed, target)
 
 
+class Stepping(Effect):
+    """What passes a servo's set point on in steps: of each command, or, with ``each_step`` = 1, in every physics step
+    of what the servo is given, which follows the commands no faster than the joint's limit; it then jumps."""
+
+    each_step = form(0, 1)
+
+    def took(self, wanted: Array) -> Array:
+        """The set point that is passed on, (nsim, nactuators) [m, rad]; ``self.taken`` is the one before."""
+        raise NotImplementedError
+
+    def change(self, now: Now) -> None:
+        # What jumps has no speed: the limit of it lies before.
+        jumping = (self.present & (self.each_step > 0))[:, now.wiring.act >= 0]
+        limits, actuators = now.host.field("actuator_ctrlrange"), now.wiring.actuators[now.wiring.act >= 0]
+        limits[:, actuators] = np.where(jumping[..., None], (-AT_ONCE, AT_ONCE), limits[:, actuators])
+
+    def start(self, now: Now) -> None:
+        self._wanted, self.taken = now.set_point.copy(), now.set_point.copy()
+
+    def set_point(self, target: Array, now: Now) -> Array:
+        each = self.each_step > 0
+        self.taken = np.where(each, self.taken, self.took(target))
+        return np.where(each, target, self.taken)
+
+    def given(self, inputs: Array, now: Now) -> Array:
+        each = self.each_step > 0
+        if not each.any():
+            return inputs
+        seconds, speeds = now.period / now.substeps, ~now.takes_set_points
+        out = inputs.copy()
+        for k in range(inputs.shape[1]):
+            moved = np.clip(self._wanted + inputs[:, k] * seconds, *now.wiring.span.T)
+            self._wanted = np.where(speeds, moved, inputs[:, k])
+            taken = self.took(self._wanted)
+            jumps = np.where(speeds, (taken - self.taken) / seconds, taken)
+            out[:, k] = np.where(each, jumps, inputs[:, k])
+            self.taken = np.where(each, taken, self.taken)
+        return out
+
+
 @effect("command_deadband", stage="command", targets="command")
-class CommandDeadband(Effect):
+class CommandDeadband(Stepping):
     """A change of the set point smaller than a width is not executed.
 
     The servo takes a new set point only when it is at least the width from the one that it has.
 
-    Formula: taken(k) = set point(k) if |set point(k) - taken(k - 1)| ≥ width, else taken(k - 1)
+    Formula: taken(k) = set point(k) if |set point(k) - taken(k - 1)| ≥ width, else taken(k - 1): of each command, or
+    with each_step = 1 in every physics step of what the servo is given, which follows the commands no faster than the
+    joint's limit; it then jumps
 
     In a recording: slow motion goes in steps, small corrections have no effect, and forces held by small corrections
     are off.
@@ -152,16 +209,12 @@ class CommandDeadband(Effect):
 
     width = parameter(LENGTH, identity=0.0, default=0.0003, bounds=((0.0, 0.003), (0.0, 0.03)))
 
-    def start(self, now: Now) -> None:
-        self._value = now.set_point.copy()
-
-    def set_point(self, target: Array, now: Now) -> Array:
-        self._value = np.where(np.abs(target - self._value) >= self.width, target, self._value)
-        return self._value
+    def took(self, wanted: Array) -> Array:
+        return np.where(np.abs(wanted - self.taken) >= self.width, wanted, self.taken)
 
 
 @effect("command_quantization", stage="command", targets="command")
-class CommandQuantization(Effect):
+class CommandQuantization(Stepping):
     """The set point is rounded to a grid.
 
     Formula: taken = step · round(set point / step): of each command, or with each_step = 1 in every physics step of
@@ -176,33 +229,8 @@ class CommandQuantization(Effect):
 
     step = parameter(LENGTH, identity=0.0, default=0.0005, bounds=((0.0, 0.003), (0.0, 0.03)))
 
-    each_step = form(0, 1)
-
-    def change(self, now: Now) -> None:
-        # What jumps has no speed: the limit of it lies before.
-        jumping = (self.present & (self.each_step > 0))[:, now.wiring.act >= 0]
-        limits, actuators = now.host.field("actuator_ctrlrange"), now.wiring.actuators[now.wiring.act >= 0]
-        limits[:, actuators] = np.where(jumping[..., None], (-AT_ONCE, AT_ONCE), limits[:, actuators])
-
-    def start(self, now: Now) -> None:
-        self._wanted, self._taken = now.set_point.copy(), now.set_point.copy()
-
-    def set_point(self, target: Array, now: Now) -> Array:
-        return np.where(self.each_step > 0, target, rounded(target, self.step))
-
-    def given(self, inputs: Array, now: Now) -> Array:
-        if not (self.each_step > 0).any():
-            return inputs
-        seconds, speeds = now.period / now.substeps, ~now.takes_set_points
-        out = inputs.copy()
-        for k in range(inputs.shape[1]):
-            moved = np.clip(self._wanted + inputs[:, k] * seconds, *now.wiring.span.T)
-            self._wanted = np.where(speeds, moved, inputs[:, k])
-            taken = rounded(self._wanted, self.step)
-            jumps = np.where(speeds, (taken - self._taken) / seconds, taken)
-            out[:, k] = np.where(self.each_step > 0, jumps, inputs[:, k])
-            self._taken = taken
-        return out
+    def took(self, wanted: Array) -> Array:
+        return rounded(wanted, self.step)
 
 
 def rounded(value: Array, step: Array) -> Array:

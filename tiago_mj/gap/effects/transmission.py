@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from tiago_mj.gap.effects.actuator import DAMPING, FORCE, limit_forces
-from tiago_mj.gap.effects.declare import Array, Effect, effect, parameter
+from tiago_mj.gap.effects.declare import Array, Effect, effect, form, parameter
 from tiago_mj.gap.effects.inertia import removable_inertia
 from tiago_mj.gap.effects.now import Now
 from tiago_mj.gap.effects.servo import Servo
@@ -353,7 +353,8 @@ class Armature(Effect):
 class CouplingError(Effect):
     """Part of one joint's motion appears on its neighbour (of one finger's on the other).
 
-    Formula: set point += ratio · (the partner's set point - where that began)
+    Formula: set point += ratio · (the partner's set point - where that began); with of_motion = 1 of the partner's
+    position instead of its set point
 
     In a recording: a joint moves that was not commanded.
 
@@ -365,8 +366,17 @@ class CouplingError(Effect):
     """
 
     ratio = parameter("-", identity=0.0, default=0.1, bounds=(-0.6, 0.6))
+    of_motion = form(0, 1)
+
+    def start(self, now: Now) -> None:
+        joints = list(now.wiring.targets.actuated)
+        self._servo, self._home = Servo(now), now.joint_position[:, joints]
+        self._ratio, self._moving = self.ratio[:, joints], self.of_motion[:, joints] > 0
 
     def set_point(self, target: Array, now: Now) -> Array:
         partner = now.wiring.partner
-        ratio = self.ratio[:, list(now.wiring.targets.actuated)]
-        return target + ratio * (target[:, partner] - now.set_point[:, partner])
+        return target + np.where(self._moving, 0.0, self._ratio * (target - now.set_point)[:, partner])
+
+    def servo_force(self, now: Now) -> Array:
+        moved = (now.joint_position[:, self._servo.joints] - self._home)[:, now.wiring.partner]
+        return np.where(self._moving, self._servo.kp * self._servo.ratio * self._ratio * moved, 0.0)
