@@ -17,7 +17,7 @@ from tiago_mj.models import names
 Array = NDArray[np.float64]
 
 #: Version of generator and drawing; a case of another version is another case.
-VERSION: Final = 5
+VERSION: Final = 6
 TRIALS: Final = 10
 #: Control rates [Hz]: of the real robot's controllers, and of the environments.
 RATE: Final = 25.0

@@ -1,16 +1,11 @@
-"""Importers of public recordings: units, signs and traps of the real data, and imports that cannot be used.
-
-The data are not part of this package: these tests read them from the folder that TIAGO_MJ_REALDATA names, or from
-``shared/realdata`` beside the repository.
-"""
+"""Importers of public recordings: units, signs and traps of the real data, and imports that cannot be used."""
 
 import json
-import os
-from pathlib import Path
 
 import mujoco
 import numpy as np
 import pytest
+from real_recordings import real
 
 from tiago_mj.cli import main
 from tiago_mj.gap.imports import public, so101, tiago_arm, xl330
@@ -18,15 +13,6 @@ from tiago_mj.gap.lint import inspect, refuse, usable
 from tiago_mj.gap.read import read_recordings
 from tiago_mj.gap.recording import RecordingError
 from tiago_mj.models import names
-
-REALDATA = Path(os.environ.get("TIAGO_MJ_REALDATA", Path(__file__).parents[3] / "shared" / "realdata"))
-
-
-def real(folder):
-    path = REALDATA / folder
-    if not path.is_dir():
-        pytest.skip(f"the real recordings {folder} are not here: set TIAGO_MJ_REALDATA to their folder")
-    return path
 
 
 def codes(findings):

@@ -1,21 +1,18 @@
 """Diagnosis along a measured motion: simulated arms with and without something unmodelled, and the real TIAGo arm."""
 
-import os
 from dataclasses import replace
-from pathlib import Path
 
 import mujoco
 import numpy as np
 import pytest
 from made_motions import ARM, diagnosed, holds, named, pendulum, record, robot, trial, value
+from real_recordings import real
 
 from tiago_mj.gap.effects import EFFECTS
 from tiago_mj.gap.imports import tiago_arm
 from tiago_mj.gap.recording import Trial
 from tiago_mj.gap.result import Diagnosis
 
-ROOT = Path(__file__).parents[2]
-REAL = Path(os.environ.get("TIAGO_MJ_REALDATA", ROOT.parent / "shared" / "realdata")) / "tiago_arm"
 FRICTION = np.array([2.0, 4.0, 1.5, 1.0])
 DAMPING = np.array([10.0, 8.0, 4.0, 3.0])
 
@@ -190,16 +187,14 @@ def test_efforts_of_other_joints_or_of_other_times_give_no_friction(rubbing: Tri
 
 
 @pytest.fixture(scope="module")
-def real() -> Trial:
-    if not REAL.is_dir():
-        pytest.skip(f"{REAL} is absent: set TIAGO_MJ_REALDATA to the folder of the public recordings")
-    (one,) = tiago_arm.trials(str(REAL))
+def arm() -> Trial:
+    (one,) = tiago_arm.trials(str(real("tiago_arm")))
     return one
 
 
 @pytest.fixture(scope="module")
-def found(real: Trial) -> Diagnosis:
-    return diagnosed(real, robot())
+def found(arm: Trial) -> Diagnosis:
+    return diagnosed(arm, robot())
 
 
 def test_the_real_arm_rubs_in_all_four_joints_whatever_else_may_be(found: Diagnosis) -> None:
@@ -226,9 +221,9 @@ def test_the_real_arms_wrist_and_torso_efforts_are_left_out_and_why(found: Diagn
     assert any("velocities trail" in note for note in found.notes)
 
 
-def test_the_real_arm_with_its_joints_exchanged_is_another_story(real: Trial, found: Diagnosis) -> None:
-    efforts = dict(real.efforts)
+def test_the_real_arm_with_its_joints_exchanged_is_another_story(arm: Trial, found: Diagnosis) -> None:
+    efforts = dict(arm.efforts)
     efforts["arm_2_joint"], efforts["arm_4_joint"] = efforts["arm_4_joint"], -efforts["arm_2_joint"]
-    wrong = diagnosed(replace(real, efforts=efforts), robot())
+    wrong = diagnosed(replace(arm, efforts=efforts), robot())
     assert wrong.shrink.closed is None or found.shrink.closed is None or wrong.shrink.closed < found.shrink.closed
     assert wrong.kind == "unknown" or named(wrong.best) != named(found.best)

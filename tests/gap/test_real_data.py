@@ -1,17 +1,15 @@
 """Public recordings of real servos, diagnosed: what is named, and that it is named for a reason.
 
-The data are not part of this package: these tests read them from the folder that TIAGO_MJ_REALDATA names, or from
-``shared/realdata`` beside the repository. TIAGo's arm is in test_inverse_diagnosis.py, the fingertip in
+TIAGo's arm is in test_inverse_diagnosis.py, the fingertip in
 test_ta11_story.py.
 """
 
 import dataclasses
 import itertools
-import os
-from pathlib import Path
 
 import numpy as np
 import pytest
+from real_recordings import real
 
 from tiago_mj.cli import main
 from tiago_mj.gap import lint
@@ -23,18 +21,10 @@ from tiago_mj.gap.recording import RecordingError, Sidecar, Trial
 from tiago_mj.gap.stated import known_to
 from tiago_mj.gap.trials import correlation_time, cut, repeatability
 
-REALDATA = Path(os.environ.get("TIAGO_MJ_REALDATA", Path(__file__).parents[3] / "shared" / "realdata"))
 #: Rhoban/bam, bam/params/xl330/m1.json: reflected inertia [kg·m²] that its authors fitted to their own runs.
 PUBLISHED_ARMATURE = 0.0018
 #: Enough effects to be wrong with, few enough to be quick.
 SOME = ("coulomb_friction", "load_dependent_friction", "viscous_friction", "armature", "payload", "encoder_bias")
-
-
-def real(folder):
-    path = REALDATA / folder
-    if not path.is_dir():
-        pytest.skip(f"the real recordings {folder} are not here: set TIAGO_MJ_REALDATA to their folder")
-    return path
 
 
 @pytest.fixture(scope="module")

@@ -1,11 +1,10 @@
 """The real fingertip's force curve, through the diagnosis: a dead band is named, and never the objects' stiffness."""
 
 import dataclasses
-import os
-from pathlib import Path
 
 import numpy as np
 import pytest
+from real_recordings import real
 
 from tiago_mj.cli import main
 from tiago_mj.gap import floor, lint, replay
@@ -16,8 +15,6 @@ from tiago_mj.gap.plant import plant_of
 from tiago_mj.gap.read import read_recordings
 from tiago_mj.gap.recording import RecordingError
 from tiago_mj.sensing.ta11_curve import MEASURED, fit_line, replay_object
-
-REALDATA = Path(os.environ.get("TIAGO_MJ_REALDATA", Path(__file__).parents[3] / "shared" / "realdata"))
 
 
 def squeezes(name, *, slope=330.0, every=1):
@@ -36,9 +33,7 @@ def held(trials):
 
 
 def test_the_csv_is_imported_squeeze_by_squeeze(tmp_path, capsys):
-    source = REALDATA / "force_vs_displacement.csv"
-    if not source.is_file():
-        pytest.skip("the real force curve is not here: set TIAGO_MJ_REALDATA to its folder")
+    source = real("force_vs_displacement.csv")
     assert main(["import", "ta11-curve", str(source), "--out", str(tmp_path)]) == 0
     assert "66 recordings" in capsys.readouterr().out  # 68 numbers, of which two at 0.3 mm, where nothing is sent
     assert {folder.name for folder in tmp_path.iterdir()} == {f"{s.session}-{s.object}" for s in MEASURED}
