@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tiago_mj.gap.ripples import peaks
+from tiago_mj.gap.ripples import Trace, peaks
 
 NOISE = 2.7e-5
 
@@ -18,7 +18,7 @@ def travelled(period, seed=0, trials=3, rows=240):
         ripple = 6e-5 * np.sin(2 * np.pi * position / period) if period else 0.0
         smooth = 2e-4 + 5e-3 * position + 0.1 * np.gradient(position)
         error = ripple + smooth + NOISE * rng.standard_normal(rows)
-        out.append((position, error, np.ones(rows, dtype=bool)))
+        out.append(Trace(position, error, np.ones(rows, dtype=bool)))
     return out
 
 
@@ -31,13 +31,27 @@ def test_the_period_is_found_among_errors_that_grow_with_position_and_speed(peri
 
 def test_onsets_and_what_is_not_counted_hide_no_ripple():
     traces = travelled(0.0071)
-    for position, error, counts in traces:
-        error[100:104] += 2e-3
-        error[150:] += 1e-3 * np.sin(position[150:] / 0.0004)
-        counts[150:] = False
+    for trace in traces:
+        trace.error[100:104] += 2e-3
+        trace.error[150:] += 1e-3 * np.sin(trace.position[150:] / 0.0004)
+        trace.counts[150:] = False
     assert peaks(traces, 0.001, 0.02)[0] == pytest.approx(0.0071, rel=0.05)
 
 
 def test_a_joint_that_hardly_moves_tells_no_period():
     position = np.full(100, 0.03)
-    assert peaks([(position, np.zeros(100), np.ones(100, dtype=bool))], 0.001, 0.02) == []
+    assert peaks([Trace(position, np.zeros(100), np.ones(100, dtype=bool))], 0.001, 0.02) == []
+
+
+@pytest.mark.parametrize("period", [0.0043, 0.006])
+def test_a_servo_that_trails_a_ripple_by_a_quarter_of_it_and_more_does_not_move_its_period(period):
+    """Strokes of 15 mm in 0.3 s each way at 240 Hz, through a servo of 40 ms."""
+    share, traces = 1 - np.exp(-1 / 240 / 0.04), []
+    for start in (0.011, 0.02, 0.026):
+        position = start + 0.0075 * (1 - np.cos(np.linspace(0, 2 * np.pi, 145)))
+        force, error = np.sin(2 * np.pi * position / period), np.zeros(145)
+        for k in range(144):
+            error[k + 1] = error[k] + share * (4e-4 * force[k] - error[k])
+        noisy = error + NOISE * np.random.default_rng(1).standard_normal(145)
+        traces.append(Trace(position, noisy, np.ones(145, dtype=bool), share))
+    assert peaks(traces, 0.001, 0.02)[0] == pytest.approx(period, rel=0.25 * period / 0.04)

@@ -113,7 +113,8 @@ def diagnose(
     predict = replace(predict, on=on)
     base = predict.all_trials([()], everything, keep=True)[0]
     untouched = set_points.untouched(data, nominal, data.value.shape[1])
-    pool = ripples.with_periods(plant, floor.part(data, fitted_on), base[fitted_on], untouched[fitted_on], pool)
+    share = set_points.shares(plant, seen)
+    pool = ripples.with_periods(plant, floor.part(data, fitted_on), base[fitted_on], untouched[fitted_on], share, pool)
     phase = phases.phases(plant, on, nominal)[:, : data.value.shape[1]]
     part = floor.part(data, fitted_on)
     tones = traces.tones(plant, data, base)

@@ -7,7 +7,7 @@ gives way to such a force by what it is stiff, so that the error of the position
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -32,7 +32,7 @@ FAR: Final = 9.0
 
 
 def with_periods(
-    plant: Plant, data: Data, base: Array, free: NDArray[np.bool_], pool: Sequence[Candidate]
+    plant: Plant, data: Data, base: Array, free: NDArray[np.bool_], share: Array, pool: Sequence[Candidate]
 ) -> tuple[Candidate, ...]:
     """The pool, in which ripples have the periods that the error of the position shows.
 
@@ -41,6 +41,7 @@ def with_periods(
         data: measured.
         base: nominal predictions, (ntrials, T, C).
         free: rows in which nothing is touched, (ntrials, T).
+        share: of the way to where a force pushes a joint, that it covers from one row to the next, (njoints,).
         pool: candidates.
     """
     if not any(c.effect == RIPPLE for c in pool):
@@ -55,7 +56,7 @@ def with_periods(
         side = 0 if plant.wiring.targets.slides[joints[0]] else 1
         low, high = declared.parameters["period"].bounds[side]
         traces = [
-            (data.value[t, :, columns[j]], (data.value - base)[t, :, columns[j]], free[t])
+            Trace(data.value[t, :, columns[j]], (data.value - base)[t, :, columns[j]], free[t], float(share[j]))
             for j in joints
             if j in columns
             for t in range(len(data.value))
@@ -65,26 +66,35 @@ def with_periods(
     return tuple(out)
 
 
-def peaks(traces: Sequence[tuple[Array, Array, NDArray[np.bool_]]], low: float, high: float) -> list[float]:
-    """Periods of the strongest ripples, strongest first.
+@dataclass(frozen=True)
+class Trace:
+    """One joint in one trial: its position, the error of that, which rows count, each (T,), and how far it follows a
+    force from one row to the next."""
 
-    Args:
-        traces: position, its error and which rows count, each (T,).
-        low, high: of the period, in the unit of the position.
-    """
-    used = []
-    for position, error, counts in traces:
-        known = counts & np.isfinite(position) & np.isfinite(error)
-        if known.sum() > 16 and np.ptp(position[known]) > low:
-            used.append((position[known], _rest(position[known], error[known])))
+    position: Array
+    error: Array
+    counts: NDArray[np.bool_]
+    share: float = 1.0
+
+    @property
+    def known(self) -> NDArray[np.bool_]:
+        """Rows that count and were measured."""
+        known: NDArray[np.bool_] = self.counts & np.isfinite(self.position) & np.isfinite(self.error)
+        return known
+
+
+def peaks(traces: Sequence[Trace], low: float, high: float) -> list[float]:
+    """Periods of the strongest ripples, strongest first; low and high in the unit of the position."""
+    used = [one for one in traces if one.known.sum() > 16 and np.ptp(one.position[one.known]) > low]
     if not used:
         return []
-    travel = max(float(np.ptp(position)) for position, _ in used)
+    travel = max(float(np.ptp(one.position[one.known])) for one in used)
     count = int(np.clip(OVERSAMPLING * travel / low, 2 * OVERSAMPLING, MOST))
     waves = np.linspace(1 / high, 1 / low, count)
     power, size = np.zeros(count), np.zeros(count)
-    for position, error in used:
-        sine = np.sin(2 * np.pi * waves[:, None] * position)
+    for one in used:
+        error = _rest(one.position[one.known], one.error[one.known])
+        sine = _followed(np.sin(2 * np.pi * waves[:, None] * np.nan_to_num(one.position)), one.share)[:, one.known]
         power += sine @ error
         size += (sine * sine).sum(axis=1)
     strength = power**2 / np.maximum(size, 1e-12)
@@ -95,6 +105,16 @@ def peaks(traces: Sequence[tuple[Array, Array, NDArray[np.bool_]]], low: float, 
             out.append(float(1 / waves[k]))
             if len(out) == BEST:
                 break
+    return out
+
+
+def _followed(force: Array, share: float) -> Array:
+    """Where a joint is that follows a force over the rows, (..., T): in fast motion it is behind a ripple by more than
+    a quarter of it."""
+    out = force.copy()  # it begins at rest
+    for k in range(1, force.shape[-1]):
+        pushed = force[..., k] if share == 1 else (force[..., k - 1] + force[..., k]) / 2
+        out[..., k] = out[..., k - 1] + share * (pushed - out[..., k - 1])
     return out
 
 

@@ -97,6 +97,15 @@ def told(plant: Plant, on: Grid, data: Data, nominal: Signals) -> Told | None:
     return Told(start, wanted, ahead, deviation, share)
 
 
+def shares(plant: Plant, seen: Told | None) -> Array:
+    """Share of the way to where a force pushes it that each joint covers in a row, (njoints,): all, where no servo says
+    otherwise."""
+    out = np.ones(len(plant.joints))
+    if seen is not None:
+        out[list(plant.wiring.targets.actuated)] = seen.share
+    return out
+
+
 def untouched(data: Data, nominal: Signals, rows: int) -> NDArray[np.bool_]:
     """Rows in which nothing is touched, (ntrials, T)."""
     touching = np.zeros((nominal.position.shape[0], rows), dtype=bool)

@@ -22,6 +22,8 @@ STICKING_SOLREF: Final = (0.002, 1.0)
 #: What dry friction does where a joint comes to rest depends on how far it gives before it slides, which no parameter
 #: says: bristles and a rigid contact differ there by about this share.
 DRY: Final = 0.1
+#: Where friction falls with speed, more: a joint that slows down stops all at once, somewhere.
+FALLING: Final = 0.2
 #: Shares of what a new estimate of the load is off by that go into the running one and, while the limit holds, into how
 #: fast it grows. Pressed into an object, the load grows by some 100 N/s: without the second share a joint at its limit
 #: fell back to half of it. In a start at full force the limit is exceeded by 4 %, for some milliseconds.
@@ -156,7 +158,7 @@ class StribeckFriction(Effect):
     step.
     """
 
-    form_known_to = DRY
+    form_known_to = FALLING
     static = parameter(FORCE, identity=0.0, default=3.0, bounds=(0.0, 12.0))
     velocity = parameter(SPEED, identity=None, default=0.01, bounds=((0.001, 0.05), (0.001, 0.5)))
 
