@@ -7,6 +7,7 @@ import pytest
 
 torch = pytest.importorskip("torch", reason="needs the extra 'train'")
 from stable_baselines3 import TD3, HerReplayBuffer  # noqa: E402
+from stable_baselines3.common.logger import Logger  # noqa: E402
 
 from tiago_mj.learn.build import make_env, make_model  # noqa: E402
 from tiago_mj.learn.perceptron import stacked  # noqa: E402
@@ -117,3 +118,25 @@ def _transition(buffer):
     seen = {key: value[row].copy() for key, value in buffer.observations.items()}
     done = np.zeros(buffer.n_envs)
     return seen, seen, buffer.actions[row], buffer.rewards[row], done, [{}] * buffer.n_envs
+
+
+@pytest.mark.parametrize(("leak", "comes_back"), [(0.1, True), (0.0, False)])
+def test_an_actor_at_the_end_of_its_range_comes_back_if_its_tanh_leaks(leak, comes_back):
+    chosen = settings("td3", "GripperTactile-v0", policy_kwargs={"net_arch": [16]}, gamma=0.0, leak=leak, learning_rate=0.05)
+    model = make_model(chosen, make_env(chosen, 1), 0)
+    seen, generator = model.observation_space.shape, np.random.default_rng(0)
+    for _ in range(200):  # the less, the better
+        action = generator.uniform(-1, 1, (1, 2)).astype(np.float32)
+        model.replay_buffer.add(np.zeros((1, *seen)), np.zeros((1, *seen)), action, -action.sum(1), np.ones(1), [{}])
+    with torch.no_grad():
+        model.actor.mu[-2].bias.fill_(20.0)
+    model.set_logger(Logger(folder=None, output_formats=[]))
+    model.train(600, 32)
+    action, _ = model.predict(np.zeros(seen, dtype=np.float32), deterministic=True)
+    assert (action < 0).all() if comes_back else (action == 1).all()
+
+
+def test_a_leak_is_for_networks_whose_updates_are_ours():
+    other = settings("td3", "GripperTactile-v0", leak=0.1, policy_kwargs={"net_arch": [8], "activation_fn": "Tanh"})
+    with pytest.raises(ValueError, match="leak is of networks with ReLU"):
+        make_model(other, make_env(other, 1), 0)

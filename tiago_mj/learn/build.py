@@ -9,7 +9,7 @@ from typing import Any, Final
 import gymnasium
 
 from tiago_mj.learn.settings import Settings
-from tiago_mj.learn.zoo_form import HOLD_KEYS, OWN_KEYS, sb3_class
+from tiago_mj.learn.zoo_form import FAST_KEYS, OWN_KEYS, sb3_class
 
 #: Adam in one pass over all parameters. PPO's has the epsilon that stable-baselines3 gives it unless it is told else;
 #: A2C's is RMSprop.
@@ -99,11 +99,16 @@ def make_model(settings: Settings, env: Any, seed: int, *, fast: bool = True, fu
     except (TypeError, AssertionError, KeyError) as fault:
         reason = " ".join(str(fault).split())
         raise ValueError(f"{algo} cannot be made of these hyperparameters: {reason}") from fault
-    for key in HOLD_KEYS:
+    for key in FAST_KEYS:
         if key in given:
             if not hasattr(model, key):
                 raise ValueError(f"{key} is of td3 and her-td3: leave it out of the hyperparameters for {algo}")
             setattr(model, key, given[key])
+    if getattr(model, "leak", 0.0):
+        from tiago_mj.learn.updates import plain
+
+        if not plain(model):
+            raise ValueError("leak is of networks with ReLU that learn with Adam: leave it out, or the activation_fn")
     return model
 
 

@@ -32,10 +32,14 @@ class FastTD3(TD3):  # type: ignore[misc]
         hold: for how many steps a random action is held. Drawn anew in every step, velocities cancel, and a joint
             hardly moves. Before learning starts all environments explore so.
         hold_share: share of the environments that go on exploring so afterwards; it falls to 0 over the training.
+        leak: least slope that the actor's tanh is given where the critic pulls an action inwards. At an action of ±1
+            the slope is 0, so that an actor that went there early would never come back, and little noise explores
+            nothing else.
     """
 
     hold = 1
     hold_share = 0.0
+    leak = 0.0
 
     def begin_episodes(self) -> None:
         """Forget what was held in the episodes before."""
@@ -58,7 +62,7 @@ class FastTD3(TD3):  # type: ignore[misc]
 
     def train(self, gradient_steps: int, batch_size: int = 100) -> None:
         """Do a number of updates of the critics, and of actor and targets at every ``policy_delay``-th of them."""
-        if gradient_steps < FEWEST or not _plain(self):
+        if (gradient_steps < FEWEST and not self.leak) or not plain(self):
             super().train(gradient_steps, batch_size)
             return
         self.policy.set_training_mode(True)
@@ -83,7 +87,7 @@ class Descent:
     """
 
     def __init__(self, model: TD3) -> None:
-        self._model = model
+        self._model, self._leak = model, float(getattr(model, "leak", 0.0))
         self._actor_numbers = [list(model.actor.mu.parameters())]
         self._critic_numbers = [list(network.parameters()) for network in model.critic.q_networks]
         actor_targets = [list(model.actor_target.mu.parameters())]
@@ -139,7 +143,10 @@ class Descent:
         self.actor_loss = -float(judged[-1].mean())
         first = critic.backward(judged, torch.full_like(judged[-1], -1 / len(seen)), None)
         by_action = torch.mm(first, critic.weights[0][:, seen.shape[1] :])
-        self._actor.backward(values, by_action * (1 - action * action), self._actor_gradient)
+        slope = 1 - action * action
+        if self._leak:
+            slope = torch.where(by_action * action > 0, slope.clamp_min(self._leak), slope)
+        self._actor.backward(values, by_action * slope, self._actor_gradient)
         self._actor_adam.step()
 
     def put_back(self) -> None:
@@ -154,7 +161,7 @@ class Descent:
         _put_adam(self._critic_adam, model.critic.optimizer, self._critic_numbers, self._critic_flat)
 
 
-def _plain(model: TD3) -> bool:
+def plain(model: TD3) -> bool:
     """Whether all networks are perceptrons with ReLU on what is observed as it stands, and learn with Adam."""
     *hidden, squash = model.actor.mu
     modules = [*hidden, *(module for network in model.critic.q_networks for module in network)]

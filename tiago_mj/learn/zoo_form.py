@@ -1,6 +1,6 @@
 """Hyperparameters in rl-zoo3's YAML form: one entry an environment, read and checked before anything starts.
 
-An entry has rl-zoo3's own keys (:data:`OWN_KEYS`; ``hold`` and ``hold_share`` are ours) and arguments of the
+An entry has rl-zoo3's own keys (:data:`OWN_KEYS`; ``hold``, ``hold_share`` and ``leak`` are ours) and arguments of the
 algorithm's class. What rl-zoo3 would run as Python (``policy_kwargs: "dict(net_arch=[400, 300])"``) is read as the
 literal that it is; nothing is evaluated.
 """
@@ -31,9 +31,9 @@ ALGORITHMS: Final[Mapping[str, str]] = {
     "her-td3": "TD3",
 }
 #: Of :class:`tiago_mj.learn.updates.FastTD3`, beyond rl-zoo3's.
-HOLD_KEYS: Final = ("hold", "hold_share")
+FAST_KEYS: Final = ("hold", "hold_share", "leak")
 #: Keys of an entry that are not the class's arguments.
-OWN_KEYS: Final = ("n_timesteps", "n_envs", "policy", "env_kwargs", "normalize", "noise_type", "noise_std", *HOLD_KEYS)
+OWN_KEYS: Final = ("n_timesteps", "n_envs", "policy", "env_kwargs", "normalize", "noise_type", "noise_std", *FAST_KEYS)
 #: rl-zoo3's keys that name Python to be run, or change what the policy is given in ways that agents cannot record.
 REFUSED: Final = ("env_wrapper", "vec_env_wrapper", "callback", "frame_stack", "monitor_kwargs")
 #: Arguments of the classes that the command sets itself, or that agents and checkpoints do not know of.
@@ -116,9 +116,10 @@ def checked(algo: str, entry: Mapping[str, Any], where: str) -> dict[str, Any]:
         values[key] = _whole(where, key, values[key])
     if "hold" in values:
         values["hold"] = _whole(where, "hold", values["hold"])
-    share = values.get("hold_share", 0.0)
-    if isinstance(share, bool) or not isinstance(share, (int, float)) or not 0 <= share <= 1:
-        raise ValueError(f"{where}: hold_share is {share!r}: give a share of the environments, 0 to 1")
+    for key, what in (("hold_share", "a share of the environments"), ("leak", "a slope")):
+        share = values.get(key, 0.0)
+        if isinstance(share, bool) or not isinstance(share, (int, float)) or not 0 <= share <= 1:
+            raise ValueError(f"{where}: {key} is {share!r}: give {what}, 0 to 1")
     values.setdefault("policy", "MlpPolicy")
     if values["policy"] not in ("MlpPolicy", "MultiInputPolicy"):
         raise ValueError(f"{where}: policy is {values['policy']!r}: use 'MlpPolicy' or 'MultiInputPolicy'")
