@@ -122,7 +122,8 @@ def _transition(buffer):
 
 @pytest.mark.parametrize(("leak", "comes_back"), [(0.1, True), (0.0, False)])
 def test_an_actor_at_the_end_of_its_range_comes_back_if_its_tanh_leaks(leak, comes_back):
-    chosen = settings("td3", "GripperTactile-v0", policy_kwargs={"net_arch": [16]}, gamma=0.0, leak=leak, learning_rate=0.05)
+    changes = {"policy_kwargs": {"net_arch": [16]}, "gamma": 0.0, "learning_rate": 0.05, "leak": leak}
+    chosen = settings("td3", "GripperTactile-v0", **changes)
     model = make_model(chosen, make_env(chosen, 1), 0)
     seen, generator = model.observation_space.shape, np.random.default_rng(0)
     for _ in range(200):  # the less, the better
