@@ -1,6 +1,6 @@
 """What a diagnosis is worth: policies across a gap whose cause is withheld from them.
 
-    python benchmarks/across_a_gap.py DIR [--jobs 2]
+    python benchmarks/across_a_gap.py DIR [--withheld EFFECT ...] [--hyperparameters FILE] [--agent last] [--jobs 2]
 
 A withheld effect acts on the "real" gripper. Four policies are trained by the same recipe, on the steady task:
 
@@ -10,8 +10,8 @@ A withheld effect acts on the "real" gripper. Four policies are trained by the s
     D  on the true effect
 
 and all are played on the real one. The diagnosis is a process of its own and is given the recordings, nothing else.
-DIR keeps recordings, diagnoses and trainings; the same command goes on where it stopped. Writes
-``results/across_a_gap.json`` and ``results/across_a_gap.png``.
+DIR keeps recordings, diagnoses and trainings; the same command goes on where it stopped. Writes ``results/NAME.json``
+and ``results/NAME.png``.
 """
 
 from __future__ import annotations
@@ -40,6 +40,10 @@ WITHHELD: Final[Mapping[str, Mapping[str, Mapping[str, float]]]] = {
     "command_delay": {"command_delay": {"seconds": 0.0125}},
     "force_gain": {"force_gain": {"factor": 2.5}},
     "rate_limit": {"rate_limit": {"velocity": 0.06}},
+    "force_bias": {"force_bias": {"offset": 0.5}},
+    "armature": {"armature": {"mass": 4.0}},
+    "contact_damping": {"contact_damping": {"factor": 0.05}},
+    "force_delay": {"force_delay": {"seconds": 0.03}},
 }
 #: For C: what a person might vary who does not know which number is wrong.
 RANGES: Final[Mapping[str, Mapping[str, Sequence[float]]]] = {
@@ -58,21 +62,23 @@ RECORDINGS: Final = 10
 FIRST_SEED: Final = 900_000
 
 
-def trained(folder: Path) -> dict[str, list[str]]:
+def trained(folder: Path, withheld: Sequence[str], recipe: Sequence[str]) -> dict[str, list[str]]:
     """Of every training its name and options, in the order in which they are worth most."""
     jobs = {}
-    for name, effect in WITHHELD.items():
+    for name in withheld:
+        effect = WITHHELD[name]
         jobs[f"D-{name}"] = ["--effects", str(_calibration(folder / name / "true.yaml", effect))]
         jobs[f"B-{name}"] = ["--effects", str(folder / name / "diagnosis" / "calibration.yaml")]
     ranges = folder / "ranges.yaml"
     atomic.write_text(ranges, yaml.safe_dump({k: {p: list(v) for p, v in one.items()} for k, one in RANGES.items()}))
-    return {"A": [], "C": ["--randomise", str(ranges)], **jobs}
+    jobs = {"A": [], "C": ["--randomise", str(ranges)], **jobs}
+    return {name: [*recipe, *more] for name, more in jobs.items()}
 
 
-def prepare(folder: Path, jobs: int) -> None:
+def prepare(folder: Path, withheld: Sequence[str], jobs: int) -> None:
     """Record the real grippers and diagnose them, where that is not done."""
-    for name, effect in WITHHELD.items():
-        here = folder / name
+    for name in withheld:
+        here, effect = folder / name, WITHHELD[name]
         if not any((here / "recordings").glob("*.parquet")):
             command = ["record", "--env", "GripperTactile-v0", "--policy", "pi", "--episodes", str(RECORDINGS)]
             trainings.tiago_mj(*command, "--effects", json.dumps(effect), "--out", str(here / "recordings"))
@@ -81,19 +87,19 @@ def prepare(folder: Path, jobs: int) -> None:
             trainings.tiago_mj("diagnose", str(here / "recordings"), "--out", str(diagnosis), "--jobs", str(jobs))
 
 
-def played(folder: Path, episodes: int, seeds: int) -> dict[str, Any]:
+def played(folder: Path, withheld: Sequence[str], agent: str, episodes: int, seeds: int) -> dict[str, Any]:
     """Every policy on every real gripper, and on the nominal one."""
     results: dict[str, Any] = {}
-    for name, effect in {"nominal": {}, **WITHHELD}.items():
+    for name in ("nominal", *withheld):
+        effect = WITHHELD.get(name, {})
         env = make_env(f"tiago_mj/{ENV}", {"effects": effect})
         try:
             rows = {}
             for letter in "ABCD":
                 training = folder / (letter if letter in "AC" else f"{letter}-{name}")
                 if training.exists():
-                    rows[letter] = [
-                        one_policy(env, str(training / f"seed-{seed}" / "last.npz"), episodes) for seed in range(seeds)
-                    ]
+                    paths = [str(training / f"seed-{seed}" / f"{agent}.npz") for seed in range(seeds)]
+                    rows[letter] = [one_policy(env, path, episodes) for path in paths]
             rows["pi"] = [one_policy(env, "pi", episodes)]
         finally:
             env.close()
@@ -170,16 +176,28 @@ def picture(results: Mapping[str, Any]) -> Any:
 
 def main() -> None:
     """Record, diagnose, train, play, print, write."""
-    arguments = trainings.parser(__doc__, steps=100_000, seeds=2).parse_args()
-    arguments.folder = arguments.folder.resolve()
-    prepare(arguments.folder, arguments.jobs)
-    trainings.train(ENV, trained(arguments.folder), arguments)
-    results = played(arguments.folder, arguments.episodes, arguments.seeds)
+    parser = trainings.parser(__doc__, steps=100_000, seeds=2)
+    parser.add_argument("--withheld", nargs="+", choices=WITHHELD, default=list(WITHHELD), metavar="EFFECT")
+    parser.add_argument("--hyperparameters", type=Path, help="of all trainings (those that are shipped)")
+    parser.add_argument("--agent", choices=("last", "evaluated"), default="last", help="of each training")
+    parser.add_argument("--name", default="across_a_gap", help="of the results")
+    arguments = parser.parse_args()
+    folder, withheld, agent = arguments.folder.resolve(), arguments.withheld, arguments.agent
+    recipe = ["--evaluate-every", "2000"] if agent == "evaluated" else []
+    if arguments.hyperparameters is not None:
+        recipe += ["--hyperparameters", str(arguments.hyperparameters)]
+    prepare(folder, withheld, arguments.jobs)
+    arguments.folder = folder
+    trainings.train(ENV, trained(folder, withheld, recipe), arguments)
+    results = played(folder, withheld, agent, arguments.episodes, arguments.seeds)
     print(table(results))
-    about = {"env": ENV, "steps": arguments.steps, "episodes": arguments.episodes, "ranges": RANGES}
+    about = {"env": ENV, "steps": arguments.steps, "episodes": arguments.episodes, "agent": agent, "ranges": RANGES}
     command = f"python benchmarks/across_a_gap.py DIR --steps {arguments.steps} --episodes {arguments.episodes}"
-    print(save("across_a_gap", {**about, "real": results}, command).name)
-    atomic.write_bytes(RESULTS / "across_a_gap.png", figures.png(picture(results)))
+    command += f" --withheld {' '.join(withheld)} --agent {agent} --name {arguments.name}"
+    if arguments.hyperparameters is not None:
+        command += f" --hyperparameters benchmarks/{arguments.hyperparameters.name}"
+    print(save(arguments.name, {**about, "real": results}, command).name)
+    atomic.write_bytes(RESULTS / f"{arguments.name}.png", figures.png(picture(results)))
 
 
 if __name__ == "__main__":

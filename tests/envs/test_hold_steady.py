@@ -52,6 +52,14 @@ def test_each_term_costs_what_its_description_says(core, state, cost):
         assert value == pytest.approx(-cost.get(name, 0.0), abs=1e-12), name
 
 
+def test_with_an_exponent_small_errors_of_force_count_for_more():
+    found = terms(HoldForceSteady(visual=False, exponent=0.5), force=(0.75, 1.04))
+    assert found["force"] == pytest.approx(-(0.5 + 0.2))
+    assert found["excess"] == pytest.approx(-0.5 * 0.04)
+    with pytest.raises(ValueError, match="exponent is 0: give a number above 0"):
+        HoldForceSteady(visual=False, exponent=0)
+
+
 def test_the_agent_sees_velocities_goal_and_force_errors_in_goals():
     env = gymnasium.make(ID)
     observation, info = env.reset(seed=3)

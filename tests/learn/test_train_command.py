@@ -359,3 +359,16 @@ def test_without_tensorboard_it_says_what_to_install(small, tmp_path, capsys, mo
     said = complaint(capsys, words(tmp_path / "run", small, "--tensorboard"))
     assert "pip install 'tiago-mj[tensorboard]'" in said
     assert not (tmp_path / "run").exists()
+
+
+def test_the_number_of_steps_may_be_given_in_the_file_or_beside_it(tmp_path):
+    from dataclasses import replace
+
+    from tiago_mj.learn.settings import Settings, claim
+
+    beside = Settings("tiago_mj/GripperTactile-v0", "td3", 500, {}, None, {"n_timesteps": 9, "gamma": 0.9})
+    in_the_file = replace(beside, hyperparameters={"n_timesteps": 500, "gamma": 0.9})
+    assert not claim(tmp_path / "run", beside)
+    assert claim(tmp_path / "run", in_the_file)
+    with pytest.raises(ValueError, match="steps is 500 there and 501 here"):
+        claim(tmp_path / "run", replace(in_the_file, steps=501))

@@ -33,7 +33,7 @@ class SteadyWeights:
     """How much each term of the reward counts; each is at most 0 and about 1 a finger and step at its worst.
 
     Attributes:
-        force: −Σ_i |f_i − goal| / goal: the paper's reward, in units of the goal.
+        force: −Σ_i |f_i − goal| / goal: the paper's reward, in units of the goal; to the power of ``exponent``.
         approach: −Σ_i (1 + q̇_i / `finger_speed`) / 2 of the fingers that do not touch: 0 for one that closes at the
             limit, 1 for one that opens at it. In sum it is the time until touch; it tells an agent so at every step,
             where all else is the same until there is something to feel.
@@ -145,6 +145,7 @@ class HoldForceSteady(HoldForce):
         *,
         weights: SteadyWeights | Mapping[str, float] | None = None,
         observe_fingers: bool = False,
+        exponent: float = 1.0,
         goal: Range | None = GOALS,
         object: str | GraspObject | Sequence[str | GraspObject] = OBJECTS,
         object_width: Range | None = WIDTHS,
@@ -159,6 +160,8 @@ class HoldForceSteady(HoldForce):
             weights: of the reward's terms; a mapping may give some of them.
             observe_fingers: whether the fingers' positions over their travel are observed, too, after those of other
                 joints: what an agent that feels nothing goes by.
+            exponent: of the term ``force``. Below 1, a small error counts for more, and a large one for less: with 0.5,
+                agents end nearer to the goal.
             goal: [sensor units]; None: 6.06 N per finger.
             object, object_width, object_mass, object_stiffness, object_offset: as :class:`HoldForce` takes them.
             **kwargs: of :class:`HoldForce` and :class:`RobotEnv`, without ``reward_type``: the weights say it.
@@ -177,9 +180,11 @@ class HoldForceSteady(HoldForce):
             "object_offset": object_offset,
             **kwargs,
         }
-        self.weights, self.observe_fingers = SteadyWeights.of(weights), observe_fingers
+        if isinstance(exponent, bool) or not isinstance(exponent, (int, float)) or not 0 < exponent < np.inf:
+            raise ValueError(f"exponent is {exponent!r}: give a number above 0")
+        self.weights, self.observe_fingers, self.exponent = SteadyWeights.of(weights), observe_fingers, exponent
         super().__init__(**arguments)
-        EzPickle.__init__(self, weights=self.weights, observe_fingers=observe_fingers, **arguments)
+        EzPickle.__init__(self, weights=self.weights, observe_fingers=observe_fingers, exponent=exponent, **arguments)
 
     def _initialize_simulation(self) -> None:
         super()._initialize_simulation()
@@ -239,7 +244,7 @@ class HoldForceSteady(HoldForce):
         behind = np.maximum(1.0 + velocity, 0.0) / 2 * (1.0 - touching)
         weights = self.weights
         return {
-            "force": -weights.force * np.add.reduce(np.abs(error), axis=-1),
+            "force": -weights.force * np.add.reduce(np.abs(error) ** self.exponent, axis=-1),
             "approach": -weights.approach * np.add.reduce(behind, axis=-1),
             "contact": -weights.contact * np.add.reduce(1.0 - touching, axis=-1),
             "excess": -weights.excess * np.add.reduce(np.maximum(error, 0.0), axis=-1),

@@ -93,8 +93,10 @@ def claim(folder: Path, settings: Settings) -> bool:
             raise ValueError(f"--out {folder} is not empty and holds no training: give another folder")
         atomic.write_text(path, json.dumps({"schema": SCHEMA, **settings.as_data(), "made_by": provenance()}, indent=1))
         return False
-    there, given = read(folder), settings.as_data()
-    name, old, new = _first_difference(there.as_data(), given)
+    there, given = read(folder).as_data(), settings.as_data()
+    for data in (there, given):  # how many steps is said by "steps"
+        data["hyperparameters"] = {k: v for k, v in data["hyperparameters"].items() if k != "n_timesteps"}
+    name, old, new = _first_difference(there, given)
     if name:
         raise ValueError(
             f"--out {folder} holds a training with other settings: {name} is {_short(old)} there and {_short(new)} "
