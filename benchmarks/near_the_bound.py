@@ -40,7 +40,7 @@ TRAINED: Final[Mapping[str, Any]] = {
     "object_mass": None,
     "object_stiffness": None,
     "object_offset": [-0.004, 0.004],
-    "weights": {"excess": 0.0},
+    "weights": {"excess": 0.0, "approach": 2.0},
     "exponent": 0.5,
 }
 PLAYED: Final[Mapping[str, Any]] = {
