@@ -54,10 +54,11 @@ class Best:
 
     def restore(self, data: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> None:
         """What a checkpoint kept."""
-        if data:
+        if data.get("header") is not None:
             parts = {k.removeprefix(self._prefix): v for k, v in arrays.items() if k.startswith(self._prefix)}
             self.agent = from_arrays(data["header"], parts)
-            self.mean, self.steps = float(data["mean"]), int(data["steps"])
+            mean, steps = ("mean", "steps") if "mean" in data else ("best_mean", "best_steps")  # of checkpoints before
+            self.mean, self.steps = float(data[mean]), int(data[steps])
 
 
 class Episodes(BaseCallback):  # type: ignore[misc]
