@@ -78,7 +78,8 @@ def test_the_folder_holds_agents_curves_and_a_card(trained):
     page = (trained / "card.md").read_text()
     assert "| object_offset | 0.0 |" in page
     assert "| steps | 1200 |" in page
-    assert "--seeds 2 --steps 1200 --hyperparameters FILE --env-option 'max_episode_steps=40' --out DIR" in page
+    assert "--seeds 2 --steps 1200 --hyperparameters FILE --env-option 'max_episode_steps=40' " in page
+    assert "--evaluate-every 400 --out DIR" in page
     curve = json.loads((trained / "curves.json").read_text())
     for part in (curve["training"], curve["evaluation"]):
         assert len(part["steps"]) == len(part["median"]) == curves.POINTS

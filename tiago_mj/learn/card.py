@@ -60,6 +60,8 @@ def command(settings: Settings, seeds: int) -> str:
         words.append("--effects FILE")
     if settings.randomise is not None:
         words.append("--randomise FILE")
+    if settings.evaluate_every != Settings.evaluate_every:  # among the evaluated policies the best is chosen
+        words.append(f"--evaluate-every {settings.evaluate_every}")
     return " ".join([*words, "--out DIR"])
 
 
