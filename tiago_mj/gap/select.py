@@ -40,6 +40,8 @@ DECIDED: Final = 10.0
 BEHIND: Final = 0.4
 #: Elsewhere those that gain so much less than the most are not fitted, apart from the first few [nats].
 WORSE: Final = 5.0
+#: Of them so many begin once more at the nominal numbers, too.
+ANEW: Final = 2
 #: Singles beyond those are fitted to all trials, too, where some trials hardly tell them from the best [nats].
 TIED: Final = 2.0
 #: Further fits of the nominal model, each with the nuisances' responses around the one before, as long as one brings
@@ -65,6 +67,9 @@ RENEWED: Final = 3
 #: What is left by an explanation that leaves nothing to explain, by samples and over blocks (1 is expected; the right
 #: ones leave 0.7 to 3, where nominal numbers are 3 to 5 % off).
 DONE: Final = 1.2
+#: What a single effect may leave for another one beside it to have to promise plenty: its form is not quite that of any
+#: real one.
+ENOUGH: Final = 1.5
 #: Where the nominal model's numbers had to go farther than this for it [nats], they may stand for another effect: what
 #: leaves nothing to explain has -3 to -14 without one.
 STRAINED: Final = -18.0
@@ -175,9 +180,12 @@ def select(
     frame = _frame(few, here)
 
     tick("refitting", SECONDS)
-    leaders = [starts.carried(f, everywhere, at) for f in _rivals([f for f in ranked if f.parts])]
+    rivals = _rivals([f for f in ranked if f.parts])
+    leaders = [starts.carried(f, everywhere, at) for f in rivals]
     if leaders and ranked[0].parts and ranked[0].evidence - _nominal(ranked).evidence > extend.PROMISES:
         everywhere = everywhere.around(starts.point(leaders[0]))
+    if not _done(fits[0]):  # what is left may be what its numbers were moved for: effects begin without that, too
+        leaders += [Start(f.parts, f.values, np.zeros(everywhere.size)) for f in rivals[:ANEW]]
     fits += everywhere.fit_all(leaders)
     if not out_of_time():
         fits = _renewed(everywhere, fits, fits)
@@ -188,7 +196,7 @@ def select(
         best = _order(fits)[0]
         if not complete or best.evidence - _nominal(fits).evidence < extend.PROMISES:
             break  # where one effect hardly explains more than none, two would not be believed
-        done = best.parts and best.misfit < DONE and best.lasting < DONE and best.prior > STRAINED
+        done = best.parts and _done(best, ENOUGH)
         if done and size > 2:
             break
         if size > 2 and (best.misfit < GAP or len(best.parts) < size - 1):
@@ -262,6 +270,11 @@ def _with_something_to_explain(pool: Sequence[Candidate], data: Data, base: Arra
     return [c for c in pool if c.target is None or not all(all(of.get(name, [False])) for name in c.target)]
 
 
+def _done(fit: Fitted, most: float = DONE) -> bool:
+    """Whether it leaves nothing to explain, and its numbers did not have to go far for that."""
+    return fit.misfit < most and fit.lasting < most and fit.prior > STRAINED
+
+
 def _distinct(fits: Sequence[Fitted]) -> list[Fitted]:
     """The best of every set of classes: what resembles it would lead to the same place."""
     best: dict[frozenset[str], Fitted] = {}
@@ -274,9 +287,10 @@ def _renewed(everywhere: Fitter, fits: Sequence[Fitted], others: Sequence[Fitted
     """The same, each with the nuisances' responses around it where that may decide: near the best of all, and where
     that is more than a nominal number a little off."""
     best = max((f.evidence for f in (*fits, *others)), default=0.0)
-    if best - _nominal(others).evidence < extend.PROMISES:
+    nominal = _nominal(others)
+    if best - nominal.evidence < extend.PROMISES and _done(nominal):
         return list(fits)
-    near = _order([f for f in fits if f.parts and f.evidence > best - starts.NEAR])[:RENEWED]
+    near = _once(_order([f for f in fits if f.parts and f.evidence > best - starts.NEAR]))[:RENEWED]
     begin = [starts.again(f) for f in near]
     # What the nominal model's numbers were moved for without the effect, they may be stuck at.
     begin += [Start(f.parts, f.values, np.zeros(everywhere.size)) for f in near[:1]]

@@ -13,9 +13,6 @@ from tiago_mj.gap.effects.now import Now
 
 LENGTH = ("m", "rad")
 SPEED = ("m/s", "rad/s")
-#: What a dead band holds depends on the instants at which it looks, and on all that it held before: two of one width
-#: differ by about this share of what they change.
-INSTANTS: Final = 0.5
 #: Speed at which a set point may jump [m/s, rad/s].
 AT_ONCE: Final = 1e6
 
@@ -210,7 +207,6 @@ class CommandDeadband(Stepping):
     Source: force_vs_displacement; llach/learning_fc sends no command below 0.3 mm.
     """
 
-    form_known_to = INSTANTS
     width = parameter(LENGTH, identity=0.0, default=0.0003, bounds=((0.0, 0.003), (0.0, 0.03)))
 
     def took(self, wanted: Array) -> Array:
