@@ -45,7 +45,7 @@ Verdicts = Sequence[Judged]
 BY_HAND: Final = Calibration(temperature=1.0, stands=0.333, rival=0.05, fails=4.0, remains=2.5, widens=3.0)
 #: Where a number may lie.
 RANGE: Final[Mapping[str, tuple[float, float]]] = {
-    "temperature": (0.1, 100.0),
+    "temperature": (1.0, 100.0),  # below 1 recordings would tell more than they do
     "stands": (0.001, 1.0),
     "fails": (1.5, 200.0),
     "remains": (1.0, 100.0),
