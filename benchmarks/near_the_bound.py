@@ -4,7 +4,7 @@
 
 The paper's training misses the object in one seed of five, because on one object that never touches tells nothing.
 These are trained on the steady task around the paper's object (TRAINED), with hyperparameters under which no finger
-gets stuck (RECIPES); each seed's agent is the one with the best evaluation. They play the paper's episodes:
+gets stuck (``steady_leak.yml``); each seed's agent is the one with the best evaluation. They play the paper's episodes:
 the paper's object in the middle, goal 1. DIR keeps the trainings; the same command goes on where it stopped. Writes
 ``results/learning_near_the_bound.json``.
 """
@@ -31,8 +31,8 @@ from tiago_mj.rollout.options import make_env
 
 NAME: Final = "learning_near_the_bound"
 ENV: Final = "GripperTactileSteady-v0"
-#: Hyperparameters for each servo.
-RECIPES: Final = {"pal": "steady_leak.yml", "ideal": "steady_leak_ideal.yml"}
+RECIPE: Final = Path(__file__).with_name("steady_leak.yml")
+SERVOS: Final = ("pal", "ideal")
 TRAINED: Final[Mapping[str, Any]] = {
     "goal": [0.8, 1.2],
     "object": "cylinder",
@@ -79,13 +79,11 @@ def measured(training: Path, servo: str, agent: str, episodes: int) -> dict[str,
 def main() -> None:
     """Train, play, print, write."""
     parser = trainings.parser(__doc__, steps=40_000, seeds=5)
-    parser.add_argument("--servo", nargs="+", choices=RECIPES, default=["pal"])
+    parser.add_argument("--servo", nargs="+", choices=SERVOS, default=["pal"])
     parser.add_argument("--steady", type=Path, help="a finished training of the steady task as it is, to compare with")
     arguments = parser.parse_args()
-    words = {}
-    for servo in arguments.servo:
-        recipe = ["--hyperparameters", str(Path(__file__).with_name(RECIPES[servo])), "--evaluate-every", "1000"]
-        words[servo] = [*recipe, *trainings.options({"servo": servo, **TRAINED})]
+    recipe = ["--hyperparameters", str(RECIPE), "--evaluate-every", "1000"]
+    words = {servo: [*recipe, *trainings.options({"servo": servo, **TRAINED})] for servo in arguments.servo}
     trainings.train(ENV, words, arguments)
     results = {
         servo: measured(arguments.folder / servo, servo, "evaluated", arguments.episodes) for servo in arguments.servo
