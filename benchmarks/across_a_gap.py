@@ -42,8 +42,6 @@ WITHHELD: Final[Mapping[str, Mapping[str, Mapping[str, float]]]] = {
     "rate_limit": {"rate_limit": {"velocity": 0.06}},
     "force_bias": {"force_bias": {"offset": 0.5}},
     "armature": {"armature": {"mass": 4.0}},
-    "contact_damping": {"contact_damping": {"factor": 0.05}},
-    "force_delay": {"force_delay": {"seconds": 0.03}},
 }
 #: For C: what a person might vary who does not know which number is wrong.
 RANGES: Final[Mapping[str, Mapping[str, Sequence[float]]]] = {
