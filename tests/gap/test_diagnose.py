@@ -117,6 +117,16 @@ def test_a_pair_is_named_though_neither_of_it_is_the_best_single(tmp_path):
     assert found.shrink.closed > 0.95
 
 
+def test_each_finger_may_have_an_effect_of_its_own(tmp_path):
+    effects = [
+        {"name": "coulomb_friction", "target": ["gripper_right_finger_joint"], "parameters": {"force": 3.0}},
+        {"name": "rate_limit", "target": ["gripper_left_finger_joint"], "parameters": {"velocity": 0.03}},
+    ]
+    names = ("coulomb_friction", "rate_limit", "command_delay", "servo_stiffness")
+    found = diagnose(record(tmp_path, effects), names=names, threads=1)
+    assert {(e.name, e.target) for e in found.best.effects} == {(e["name"], e["target"][0]) for e in effects}
+
+
 def test_the_repaired_simulator_predicts_the_return_that_was_measured(tmp_path):
     """A servo of a third of the stiffness presses less: the nominal simulator promises a better return."""
     trials = record(tmp_path, {"command_lag": {"time_constant": 0.2}}, episodes=4)

@@ -3,6 +3,7 @@ alone."""
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from typing import Final
 
@@ -23,6 +24,8 @@ EXTENSIONS: Final = 4
 #: Pairs that are found by superposition and fitted to some trials, and magnitudes of each effect that are tried.
 SUPERPOSED: Final = 6
 MAGNITUDES: Final = 7
+#: Classes of which each part has one in pairs that act on different parts.
+EACH: Final = 6
 #: Evidence that another effect must add, by what is known before it is fitted, to be sought at all [nats]: less would
 #: not pay for it.
 PROMISES: Final = 5.0
@@ -91,33 +94,47 @@ def superposed(on: score.Frame, base: Array, promising: Sequence[Screened]) -> l
     Args:
         on: frame of some trials.
         base: nominal predictions of these, (ntrials, T, C).
-        promising: after the first pass.
+        promising: after the first pass, best first.
     """
     leaders: dict[str, Screened] = {}
     for s in promising:
         if s.candidate.target is None:
             leaders.setdefault(s.candidate.effect, s)
-    thin = {
-        name: np.unique(np.linspace(0, len(s.values) - 1, MAGNITUDES).round().astype(int))
-        for name, s in leaders.items()
-    }
+    pairs = [*itertools.combinations(leaders.values(), 2), *_on_each(promising)]
     alone = max((s.gain for s in promising), default=0.0) + float(score.log_likelihood(on, base))
     found: list[tuple[float, Start]] = []
-    names = list(leaders)
-    for k, a in enumerate(names):
-        one = leaders[a].changes[thin[a]]
-        for b in names[k + 1 :]:
-            both = base + one[:, None] + leaders[b].changes[thin[b]][None]
-            likelihood = score.log_likelihood(on, both)
-            i, j = np.unravel_index(int(np.argmax(likelihood)), likelihood.shape)
-            values = np.array([leaders[a].values[thin[a][i]], leaders[b].values[thin[b][j]]])
-            if likelihood[i, j] < alone + PROMISES:
-                continue
-            found.append((float(likelihood[i, j]), Start((leaders[a].candidate, leaders[b].candidate), values, on.at)))
-    out: dict[frozenset[str], Start] = {}
+    for a, b in pairs:
+        (i, one), (j, other) = _thinned(a), _thinned(b)
+        likelihood = score.log_likelihood(on, base + one[:, None] + other[None])
+        best = np.unravel_index(int(np.argmax(likelihood)), likelihood.shape)
+        values = np.array([a.values[i[best[0]]], b.values[j[best[1]]]])
+        if likelihood[best] >= alone + PROMISES:
+            found.append((float(likelihood[best]), Start((a.candidate, b.candidate), values, on.at)))
+    out: dict[frozenset[object], Start] = {}
     for _, start in sorted(found, key=lambda item: -item[0]):
-        out.setdefault(frozenset(EFFECTS[part.effect].gap_class for part in start.parts), start)
+        out.setdefault(frozenset(_kind(part) for part in start.parts), start)
     return list(out.values())[:SUPERPOSED]
+
+
+def _on_each(promising: Sequence[Screened]) -> list[tuple[Screened, Screened]]:
+    """Pairs of which each acts on a part of its own, such as another finger: of the most promising there."""
+    by_target: dict[tuple[str, ...], dict[str, Screened]] = {}
+    for s in promising:
+        if s.candidate.target is not None:
+            mine = by_target.setdefault(s.candidate.target, {})
+            if len(mine) < EACH:
+                mine.setdefault(EFFECTS[s.candidate.effect].gap_class, s)
+    return [
+        (a, b)
+        for one, other in itertools.combinations(by_target.values(), 2)
+        for a, b in itertools.product(one.values(), other.values())
+    ]
+
+
+def _thinned(s: Screened) -> tuple[NDArray[np.int_], Array]:
+    """A few of the magnitudes that were looked at, by index, and their changes."""
+    kept = np.unique(np.linspace(0, len(s.values) - 1, MAGNITUDES).round().astype(int))
+    return kept, s.changes[kept]
 
 
 def once_each(starts: Sequence[Start]) -> list[Start]:
