@@ -3,7 +3,7 @@
     tiago-mj train --env GripperTactileGoal-v0 --algo her-td3 --out runs/her
     python benchmarks/hindsight.py runs/her [runs/another ...]
 
-The best and the last agent of every seed play episodes that no training used; success is that of an episode's last
+The best, the best evaluated and the last agent of every seed play episodes that no training used; success is that of an episode's last
 step. Writes ``results/learning_hindsight.json``.
 """
 
@@ -21,6 +21,8 @@ from tiago_mj.evaluate.play import play_policy
 from tiago_mj.rollout.options import make_env
 
 FIRST_SEED: Final = 900_000
+#: Of trainings that were made before there was one, the best evaluated is missing.
+AGENTS: Final = ("best", "evaluated", "last")
 
 
 def measured(training: Path, episodes: int) -> dict[str, Any]:
@@ -34,7 +36,7 @@ def measured(training: Path, episodes: int) -> dict[str, Any]:
             folder = training / f"seed-{one['seed']}"
             lines = [line.split(",") for line in (folder / "evaluations.csv").read_text().splitlines()[1:]]
             row: dict[str, Any] = {"seed": one["seed"], "evaluations": [[int(x[0]), float(x[3])] for x in lines]}
-            for agent in ("best", "last"):
+            for agent in (name for name in AGENTS if (folder / f"{name}.npz").exists()):
                 played = play_policy(env, str(folder / f"{agent}.npz"), name=agent, seeds=seeds)
                 row[agent] = {"success": summarise(played.metrics)["success"].mean}
             rows.append({**row, "best_steps": one["best_steps"]})
@@ -53,7 +55,8 @@ def main() -> None:
     for folder in arguments.folders:
         one = measured(folder, arguments.episodes)
         normalised = ", normalised" if one["settings"]["hyperparameters"]["normalize"] else ""
-        results[one["settings"]["env"] + normalised] = one
+        drawn = ", goals drawn" if isinstance(one["settings"]["env_options"].get("goal"), list) else ""
+        results[one["settings"]["env"] + normalised + drawn] = one
         for row in one["seeds"]:
             course = ", ".join(f"{steps}: {100 * rate:.0f} %" for steps, rate in row["evaluations"])
             print(
