@@ -3,8 +3,8 @@
     tiago-mj train --env GripperTactileGoal-v0 --algo her-td3 --out runs/her
     python benchmarks/hindsight.py runs/her [runs/another ...]
 
-The best, the best evaluated and the last agent of every seed play episodes that no training used; success is that of an episode's last
-step. Writes ``results/learning_hindsight.json``.
+The best, the best evaluated and the last agent of every seed play episodes that no training used; success is that of
+an episode's last step. Writes ``results/learning_hindsight.json``.
 """
 
 from __future__ import annotations
