@@ -4,7 +4,7 @@ model."""
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -69,11 +69,12 @@ def screen(
     Returns:
         One entry a candidate, best first.
     """
-    wide = [c for c in pool if c.target is None]
     runs: dict[tuple[str, tuple[tuple[str, float], ...], float], Array] = {}
-    wanted = [
-        pair for _, pair in sorted(((k, (c, v)) for c in wide for k, v in enumerate(_outwards(c.grid))), key=_first)
-    ]
+    # On all targets at once, also what was read off one of them alone.
+    asked = [((c.effect, c.fixed, v), k, c) for c in pool for k, v in enumerate(_outwards(c.grid))]
+    once = {key: (k, c) for key, k, c in reversed(asked)}
+    ordered = sorted(once.items(), key=lambda item: item[1][0])
+    wanted = [(replace(c, target=None), key[2]) for key, (_, c) in ordered]
     for first in range(0, len(wanted), PORTION):
         if first and out_of_time():
             break
@@ -107,10 +108,6 @@ def screen(
             )
         )
     return sorted(out, key=lambda s: -s.gain)
-
-
-def _first(item: tuple[int, object]) -> int:
-    return item[0]
 
 
 def _outwards(grid: Sequence[float]) -> list[float]:
