@@ -36,6 +36,7 @@ from benchmarks.blind.score import Judged
 from tiago_mj import atomic
 from tiago_mj.gap import verdict
 from tiago_mj.gap.result import Evidence
+from tiago_mj.gap.telling import STRANGE
 from tiago_mj.gap.verdict import SCHEMA, Calibration, Option, decide, probabilities
 
 Array = NDArray[np.float64]
@@ -153,7 +154,7 @@ def again(one: Case, by: Calibration) -> Judged:
     named = [k for k in said.rivals if ranking[k]["effects"]]
     told = {
         **one.answer["verdict"],
-        "kind": said.kind,
+        "kind": "unknown" if any(STRANGE in note for note in one.answer.get("notes", ())) else said.kind,
         "effects": [{**effect, "parameters": {}} for effect in ranking[best]["effects"]],
         "probability": float(said.probability[best]),
         "alternatives": [{"effects": ranking[k]["effects"]} for k in named],

@@ -14,6 +14,9 @@ from tiago_mj import cli
 #: Grasps of 1.2 s at 240 Hz, three a case, and no pairs: a diagnosis costs what it simulates.
 SMALL = ["--settings", "gripper", "--kinds", "none,one", "--rates", "240", "--trials", "3", "--seconds", "1.2"]
 
+#: One run for all tests: with ``--dist loadgroup`` they go to one process.
+pytestmark = pytest.mark.xdist_group("small_run")
+
 
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:

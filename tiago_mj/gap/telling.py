@@ -25,6 +25,8 @@ Array = NDArray[np.float64]
 
 #: 90 % of a normal distribution lie within so many standard deviations.
 NINETY: Final = 1.645
+#: Ends a note of what makes the verdict ``unknown``, whatever explains the rest.
+STRANGE: Final = "no effect of the library does that"
 
 
 # Explanations ---------------------------------------------------------------------------------------------------------
@@ -181,8 +183,7 @@ def notes(
         )
     said += [
         f"{tone.channel} swings at about {tone.frequency:.3g} Hz (or faster, seen at this rate) by "
-        f"±{tone.amplitude:.2g} even where nothing is touched: mains hum, or a vibration; no effect of the library "
-        "does that."
+        f"±{tone.amplitude:.2g} even where nothing is touched: mains hum, or a vibration; {STRANGE}."
         for tone in tones
     ]
     if not complete:
