@@ -14,9 +14,6 @@ from tiago_mj import cli
 #: Grasps of 1.2 s at 240 Hz, three a case, and no pairs: a diagnosis costs what it simulates.
 SMALL = ["--settings", "gripper", "--kinds", "none,one", "--rates", "240", "--trials", "3", "--seconds", "1.2"]
 
-#: One run for all tests: with ``--dist loadgroup`` they go to one process.
-pytestmark = pytest.mark.xdist_group("small_run")
-
 
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
@@ -36,7 +33,14 @@ def judged(root: Path) -> list[Judged]:
 
 
 @pytest.mark.slow
-def test_a_small_run_keeps_its_seal_and_answers_every_case(finished: Path) -> None:
+def test_a_small_run_keeps_its_seal_and_is_right_in_most_cases_for_reasons_that_it_stored(finished: Path) -> None:
+    """One test, so that the run is made once, whatever the number of test processes."""
+    keeps_its_seal_and_answers_every_case(finished)
+    explains_most_cases_rightly_and_invents_little(finished)
+    verdicts_follow_from_the_evidence_that_was_stored(finished)
+
+
+def keeps_its_seal_and_answers_every_case(finished: Path) -> None:
     sealed = (finished / "seal.txt").read_text().split()[0]
     assert hashlib.sha256((finished / "labels.json").read_bytes()).hexdigest() == sealed
     written = (finished / "seal.txt").stat().st_mtime_ns
@@ -50,8 +54,7 @@ def test_a_small_run_keeps_its_seal_and_answers_every_case(finished: Path) -> No
     assert "report.html" in (finished / "index.html").read_text()
 
 
-@pytest.mark.slow
-def test_a_small_run_explains_most_cases_rightly_and_invents_little(finished: Path) -> None:
+def explains_most_cases_rightly_and_invents_little(finished: Path) -> None:
     cases = judged(finished)
     assert sum(j.kind == "none" for j in cases) >= 3
     assert sum(j.kind == "one" and j.detectable for j in cases) >= 3
@@ -68,8 +71,7 @@ def test_a_small_run_explains_most_cases_rightly_and_invents_little(finished: Pa
     assert len(invented) <= 1
 
 
-@pytest.mark.slow
-def test_verdicts_of_a_small_run_follow_from_the_evidence_that_it_stored(finished: Path) -> None:
+def verdicts_follow_from_the_evidence_that_was_stored(finished: Path) -> None:
     cases, run = calibrate.read(finished)
     assert len(cases) == 8
     assert run["seed"] == 12
