@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from typing import Final
 
 import numpy as np
@@ -149,15 +150,15 @@ class RateLimit(Effect):
         return np.where(where, slewed, target)
 
 
-class Stepping(Effect):
+class Stepping(Effect, ABC):
     """What passes a servo's set point on in steps: of each command, or, with ``each_step`` = 1, in every physics step
     of what the servo is given, which follows the commands no faster than the joint's limit; it then jumps."""
 
     each_step = form(0, 1)
 
+    @abstractmethod
     def took(self, wanted: Array) -> Array:
         """The set point that is passed on, (nsim, nactuators) [m, rad]; ``self.taken`` is the one before."""
-        raise NotImplementedError
 
     def change(self, now: Now) -> None:
         # What jumps has no speed: the limit of it lies before.
