@@ -123,7 +123,8 @@ def diagnose(
     known = traces.betrayed([m for m in marks if m.channel not in hums], pool)
     if any(k.candidate.effect == "force_dropout" for k in known):
         data = floor.without_repeats(data)
-        part = floor.part(data, fitted_on)
+    data = traces.with_grids(data, known)
+    part = floor.part(data, fitted_on)
     ranked = select.select(
         predict,
         part,

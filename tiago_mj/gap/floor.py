@@ -190,14 +190,45 @@ def with_numerics(data: Data, predicted: Array, finer: Array) -> Data:
     Args:
         data: measured.
         predicted, finer: nominal predictions at the step that is used and at one :data:`FINER` times shorter,
-            (ntrials, T, C). Integrators of first order are off by FINER / (FINER - 1) of the difference.
+            (ntrials, T, C). Integrators of first order are off by FINER / (FINER - 1) of the difference. Of it the mean
+            over a block errs alike, the rest sample by sample: a joint may chatter.
     """
-    off = np.abs(predicted - finer) * FINER / (FINER - 1)
-    around = off.copy()
+    off = (predicted - finer) * FINER / (FINER - 1)
+    mean = by_block(off, data.block) / by_block(np.ones_like(off), data.block)
+    alike = over_blocks(mean, data.block, off.shape[-2])
+    apart, alike = _dilated(np.abs(off - alike)), _dilated(np.abs(alike))
+    return replace(data, sigma=np.sqrt(data.sigma**2 + alike**2 + apart**2), common=np.hypot(data.common, alike))
+
+
+def on_grid(data: Data, kind: str, names: Sequence[str] | None, step: float) -> Data:
+    """With readings of some parts (None: of all) that lie on a grid, as predictions of them do: two values δ apart end
+    up a whole step apart with probability |δ| / step, which is their mean square; E|δ| = √(2/π) σ."""
+    channels = [f"{kind}.{name}" for name in names] if names is not None else None
+    mine = [k == kind if channels is None else c in channels for c, k in zip(data.channels, data.kinds, strict=True)]
+
+    def wider(size: Array) -> Array:
+        return np.where(mine, np.sqrt(size**2 + np.minimum(np.sqrt(2 / np.pi) * size * step, step**2 / 6)), size)
+
+    return replace(data, noise=wider(data.noise), sigma=wider(data.sigma))
+
+
+def by_block(values: Array, rows: int) -> Array:
+    """Sums over blocks of rows, (..., T, C) to (..., nblocks, C)."""
+    return np.add.reduceat(values, np.arange(0, values.shape[-2], rows), axis=-2)
+
+
+def over_blocks(sums: Array, rows: int, length: int) -> Array:
+    """The same number for all rows of a block, (..., T, C)."""
+    return np.repeat(sums, rows, axis=-2)[..., :length, :]
+
+
+def _dilated(size: Array) -> Array:
+    """The largest within a few rows: what happens may happen that much earlier or later."""
+    around = size.copy()
     for shift in range(1, EVENT_ROWS + 1):
-        around[:, shift:] = np.maximum(around[:, shift:], off[:, :-shift])
-        around[:, :-shift] = np.maximum(around[:, :-shift], off[:, shift:])
-    return replace(data, sigma=np.hypot(data.sigma, around), common=np.hypot(data.common, around))
+        around[:, shift:] = np.maximum(around[:, shift:], size[:, :-shift])
+        around[:, :-shift] = np.maximum(around[:, :-shift], size[:, shift:])
+    return around
 
 
 def off_by_step(simulated: Signals, finer: Signals) -> Signals:

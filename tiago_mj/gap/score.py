@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg
 
-from tiago_mj.gap.floor import Data
+from tiago_mj.gap.floor import Data, by_block, over_blocks
 
 Array = NDArray[np.float64]
 
@@ -92,10 +92,10 @@ def whiten(data: Data, difference: Array, weight: Array) -> Array:
     white = np.where(known, np.nan_to_num(difference / own), 0.0)
     if data.block > 1:
         u = np.where(known, data.common / own, 0.0)
-        size = _by_block(u * u, data.block)  # |u|²
+        size = by_block(u * u, data.block)  # |u|²
         with np.errstate(invalid="ignore", divide="ignore"):
             share = np.where(size > 0, (1 - 1 / np.sqrt(1 + size)) / size, 0.0)
-        white -= _spread(share * _by_block(white * u, data.block), data.block, white.shape[-2]) * u
+        white -= over_blocks(share * by_block(white * u, data.block), data.block, white.shape[-2]) * u
     else:
         white *= own / data.sigma
     out: Array = white * weight
@@ -121,22 +121,12 @@ def lasting(data: Data, difference: Array) -> Array:
     known = np.isfinite(data.value)
     white = np.where(known, np.nan_to_num(difference / data.noise), 0.0)
     tolerance = np.where(known, np.sqrt(np.maximum(data.sigma**2 - data.noise**2, 0.0)) / data.noise, 0.0)
-    count = _by_block(known.astype(float), data.block)
-    size = count + _by_block(tolerance, data.block) ** 2
+    count = by_block(known.astype(float), data.block)
+    size = count + by_block(tolerance, data.block) ** 2
     with np.errstate(invalid="ignore", divide="ignore"):
-        square = np.where(count > 0, _by_block(white, data.block) ** 2 / size, np.nan)
+        square = np.where(count > 0, by_block(white, data.block) ** 2 / size, np.nan)
     out: Array = np.nanmean(square, axis=(0, 1))
     return out
-
-
-def _by_block(values: Array, rows: int) -> Array:
-    """Sums over blocks of rows, (..., nblocks, C)."""
-    return np.add.reduceat(values, np.arange(0, values.shape[-2], rows), axis=-2)
-
-
-def _spread(sums: Array, rows: int, length: int) -> Array:
-    """The same number for all rows of a block, (..., T, C)."""
-    return np.repeat(sums, rows, axis=-2)[..., :length, :]
 
 
 def soften(white: Array) -> Array:

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import signal, stats
 
+from tiago_mj.gap import floor
 from tiago_mj.gap.floor import Data
 from tiago_mj.gap.hypotheses import Candidate
 from tiago_mj.gap.phases import still
@@ -300,6 +301,14 @@ def betrayed(traces: Sequence[Trace], pool: Sequence[Candidate]) -> tuple[Known,
     return tuple(found)
 
 
+def with_grids(data: Data, known: Sequence[Known]) -> Data:
+    """With the tolerance of readings that lie on a grid."""
+    for k in known:
+        if k.candidate.effect in GRIDS:
+            data = floor.on_grid(data, GRIDS[k.candidate.effect], k.candidate.target, k.value)
+    return data
+
+
 def _known(candidate: Candidate, value: float, error: float) -> Known:
     return Known(candidate, float(np.clip(value, candidate.low, candidate.high)), error)
 
@@ -343,5 +352,7 @@ MEASURES: Final = {
     "force_dropout": _dropout,
     "force_bias": _bias,
 }
+#: Those that round, and what.
+GRIDS: Final = {"encoder_quantization": "position", "force_quantization": "force"}
 #: And those of them that predicted means are blind to.
 ONLY_READ_OFF: Final = ("encoder_quantization", "force_quantization", "force_noise", "force_dropout")
