@@ -4,10 +4,11 @@
     DIR/cases/NNN/diagnosis/     what it wrote
     DIR/.sealed/NNN.json         the label of one case, apart from the cases
     DIR/seal.txt                 SHA-256 of all labels, written and printed before the first diagnosis
+    DIR/seal-of-N.txt            the same of the first N, where the run had no more when it was begun
     DIR/labels.json              the labels, once everything is diagnosed
     DIR/scores.json, DIR/index.html
 
-A part that is there is not made again, so a run goes on where it stopped.
+A part that is there is not made again, so a run goes on where it stopped, and may be continued with more cases.
 """
 
 from __future__ import annotations
@@ -16,9 +17,13 @@ import hashlib
 import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from tiago_mj import atomic
+
+#: The seal, and that of a run's first cases.
+SEAL: Final = "seal.txt"
+EARLIER: Final = "seal-of-{}.txt"
 
 
 @dataclass(frozen=True)
@@ -53,20 +58,24 @@ class Store:
         return json.dumps(labels, indent=1, sort_keys=True) + "\n"
 
     def begin(self, run: dict[str, Any]) -> None:
-        """Note what is run.
+        """Note what is run. More cases of a run that lies here go on with it: its seal is kept, and checked.
 
         Raises:
-            ValueError: another run lies here.
+            ValueError: another run lies here, or one of more cases.
         """
         path = self.root / ".sealed" / "run.json"
-        if path.exists():
-            there = json.loads(path.read_text())
-            if there != run:
-                differ = ", ".join(f"{k} {there.get(k)!r}" for k in run if there.get(k) != run[k])
-                raise ValueError(
-                    f"{self.root.name} holds another run ({differ}): give another --out or the same options"
-                )
+        there = json.loads(path.read_text()) if path.exists() else None
+        if there == run:
             return
+        if there is not None and there["cases"] < run["cases"] and there | {"cases": run["cases"]} == run:
+            if (seal := self.root / SEAL).exists():
+                seal.replace(self.root / EARLIER.format(there["cases"]))
+        elif there is not None:
+            differ = ", ".join(f"{k} {there.get(k)!r}" for k in run if there.get(k) != run[k])
+            raise ValueError(
+                f"{self.root.name} holds another run ({differ}): give another --out, or the same options and no fewer "
+                "cases"
+            )
         atomic.write_text(path, json.dumps(run, indent=1) + "\n")
 
     def seal(self, count: int) -> str:
@@ -78,17 +87,18 @@ class Store:
         Raises:
             ValueError: the labels are not those that were sealed.
         """
-        digest = hashlib.sha256(self.labels_text(count).encode()).hexdigest()
-        path = self.root / "seal.txt"
-        if path.exists():
-            sealed = path.read_text().split()[0]
-            if sealed != digest:
-                raise ValueError(
-                    f"the labels are not those that {path.name} sealed ({sealed[:12]}…): start a new folder"
-                )
-        else:
-            atomic.write_text(path, f"{digest}  labels.json\n")
-        return digest
+        path = self.root / SEAL
+        if not path.exists():
+            atomic.write_text(path, f"{self._digest(count)}  labels.json\n")
+        counts = {path: count, **{p: int(p.stem.split("-")[-1]) for p in self.root.glob(EARLIER.format("*"))}}
+        for one, first in counts.items():
+            sealed = one.read_text().split()[0]
+            if sealed != self._digest(first):
+                raise ValueError(f"{one.name} sealed other labels than these ({sealed[:12]}…): start a new folder")
+        return self._digest(count)
+
+    def _digest(self, count: int) -> str:
+        return hashlib.sha256(self.labels_text(count).encode()).hexdigest()
 
     def unseal(self, count: int) -> dict[str, Any]:
         """Open the labels, when every case has its answer.
@@ -96,7 +106,7 @@ class Store:
         Raises:
             ValueError: the seal is missing or broken, or a case has no answer yet.
         """
-        if not (self.root / "seal.txt").exists():
+        if not (self.root / SEAL).exists():
             raise ValueError("there is no seal: the labels must be sealed before they are opened")
         self.seal(count)
         missing = [k for k in range(count) if not self.answered(k)]

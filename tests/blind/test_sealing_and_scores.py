@@ -222,8 +222,26 @@ def test_a_label_that_was_changed_after_the_seal_is_found(tmp_path: Path) -> Non
     assert digest in (tmp_path / "seal.txt").read_text()
     assert store.seal(1) == digest
     store.keep_label(0, label("one", GAIN))
-    with pytest.raises(ValueError, match="not those that seal"):
+    with pytest.raises(ValueError, match="seal.txt sealed other labels"):
         store.seal(1)
+
+
+def test_a_run_goes_on_with_more_cases_and_keeps_the_seal_of_the_first(tmp_path: Path) -> None:
+    store = Store(tmp_path)
+    for number in range(2):
+        fake_case(tmp_path, number)
+    store.begin({"cases": 2, "seed": 3})
+    first = store.seal(2)
+    fake_case(tmp_path, 2)
+    store.begin({"cases": 3, "seed": 3})
+    assert store.seal(3) != first
+    assert first in (tmp_path / "seal-of-2.txt").read_text()
+    with pytest.raises(ValueError, match="no fewer cases"):
+        store.begin({"cases": 2, "seed": 3})
+    store.keep_label(0, label("one", GAIN))
+    (tmp_path / "seal.txt").unlink()
+    with pytest.raises(ValueError, match="seal-of-2"):
+        store.seal(3)
 
 
 def test_the_seal_is_the_hash_of_labels_json(tmp_path: Path) -> None:

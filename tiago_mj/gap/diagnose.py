@@ -160,7 +160,7 @@ def diagnose(
     repaired = base
     if best.parts:
         known_along = left_open.get(judged.rivals[0], ())
-        repaired = predict.all_trials([(*best.effects(), *known_along)], everything)[0]
+        repaired = predict.closely().all_trials([(*best.effects(), *known_along)], everything)[0]
     where = locate.locate(data, base, phase, plant.period, seed)
     left = locate.locate(data, repaired, phase, plant.period, seed)
     explanations = telling.explanations(

@@ -94,6 +94,14 @@ class Predictor:
         out = self(wanted, keep=keep)
         return out.reshape(len(explanations), len(trials), *out.shape[1:])
 
+    def closely(self) -> Predictor:
+        """The same with the shorter steps that ``off`` is known from: for what changes what the step gets wrong."""
+        if self.off is None:
+            return self
+        plant = replace(self.plant, max_timestep=self.plant.max_timestep / floor.FINER)
+        off = Signals(*(getattr(self.off, f) / floor.FINER for f in Signals.__dataclass_fields__))
+        return Predictor(plant, self.on, self.data, self.threads, self.seed, off)
+
     def _physics(
         self, keys: list[tuple[int, Effects, int]], keep: bool
     ) -> dict[tuple[int, Effects, int], tuple[Array, ...]]:

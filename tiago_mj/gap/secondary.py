@@ -19,19 +19,24 @@ from tiago_mj.gap.effects import EFFECTS
 from tiago_mj.gap.fit import Fitted, Fitter, Start
 from tiago_mj.gap.hypotheses import Candidate
 
-#: Explanations whose second numbers and forms are tried, the best first.
+#: Explanations whose second numbers and forms are tried, the best first, and of how many where all of them fail: the
+#: right one may be far behind in the wrong form.
 MOST: Final = 2
+FAILING: Final = 4
 
 
-def refined(fitter: Fitter, fits: Sequence[Fitted], best: float) -> list[Fitted]:
+def refined(fitter: Fitter, fits: Sequence[Fitted], best: Fitted, *, fails: bool) -> list[Fitted]:
     """Further fits, with better second numbers, or of another form.
 
     Args:
         fitter: of all trials.
         fits: explanations.
-        best: evidence of the best of all [nats].
+        best: of all.
+        fails: whether that leaves a gap.
     """
-    near = [f for f in sorted(fits, key=lambda f: -f.evidence) if f.evidence > best - starts.NEAR]
+    different = {f.parts: f for f in sorted(fits, key=lambda f: f.evidence)}
+    near = sorted(different.values(), key=lambda f: -f.evidence)
+    near = near[:FAILING] if fails else [f for f in near if f.evidence > best.evidence - starts.NEAR][:MOST]
     turned = [(f, k, name) for f in near for k, part in enumerate(f.parts) for name in _seconds(part)][:MOST]
     held = [_turned(fitter, f, k, name) for f, k, name in turned]
     back = []
@@ -40,7 +45,7 @@ def refined(fitter: Fitter, fits: Sequence[Fitted], best: float) -> list[Fitted]
         parts = tuple(replace(part, fixed=fixed) if i == k else part for i, part in enumerate(f.parts))
         values = np.array([f.values[k] if i == k else v for i, v in enumerate(second.values)])
         back.append(Start(parts, values, second.nuisance))
-    return fitter.fit_all([*back, *(start for f in near[:MOST] for start in _other_forms(f))])
+    return fitter.fit_all([*back, *(start for f in near for start in _other_forms(f))])
 
 
 def _other_forms(fit: Fitted) -> list[Start]:

@@ -189,7 +189,7 @@ def select(
     fits += everywhere.fit_all(leaders)
     if not out_of_time():
         fits = _renewed(everywhere, fits, fits)
-        fits += secondary.refined(everywhere, fits, _order(fits)[0].evidence)
+        fits += _refined(everywhere, fits, fits)
         fits += everywhere.fit_all([*starts.absorbed(fits, everywhere), *starts.without(fits)])
     complete = not out_of_time()
     for size in range(2, MOST + 1):
@@ -214,9 +214,10 @@ def select(
             break
         found = everywhere.fit_all(extended)
         found += everywhere.fit_all(starts.fewer(found))
+        found += everywhere.fit_all(starts.subsets(_order(found)[0], [*fits, *found]))
         fits += found if out_of_time() else _renewed(everywhere, found, fits)
         if not out_of_time():
-            fits += secondary.refined(everywhere, [f for f in fits if len(f.parts) == size], _order(fits)[0].evidence)
+            fits += _refined(everywhere, [f for f in fits if len(f.parts) == size], fits)
         fits += everywhere.fit_all([] if out_of_time() else starts.absorbed(fits, everywhere))
         complete = not out_of_time()
     fits = [_with(fit, known, shared) for fit in _worth(_once(_order(fits)))]
@@ -295,6 +296,12 @@ def _renewed(everywhere: Fitter, fits: Sequence[Fitted], others: Sequence[Fitted
     # What the nominal model's numbers were moved for without the effect, they may be stuck at.
     begin += [Start(f.parts, f.values, np.zeros(everywhere.size)) for f in near[:1]]
     return [*fits, *(everywhere.around(starts.point(start)).fit_all([start])[0] for start in begin)]
+
+
+def _refined(everywhere: Fitter, fits: Sequence[Fitted], others: Sequence[Fitted]) -> list[Fitted]:
+    """Of some explanations with better second numbers and forms."""
+    best = _order(others)[0]
+    return secondary.refined(everywhere, fits, best, fails=best.misfit > GAP)
 
 
 def _order(fits: Sequence[Fitted]) -> list[Fitted]:

@@ -88,6 +88,19 @@ def fewer(fits: Sequence[Fitted]) -> list[Start]:
     return out
 
 
+def subsets(fit: Fitted, tried: Sequence[Fitted]) -> list[Start]:
+    """Starts without one of its effects, as far as no fit of the rest was tried: it may have had to wait for that one
+    to be found beside another."""
+    there = {frozenset(part.label for part in f.parts) for f in tried}
+    out = []
+    for k in range(len(fit.parts)):
+        rest = [i for i in range(len(fit.parts)) if i != k]
+        parts = tuple(fit.parts[i] for i in rest)
+        if frozenset(part.label for part in parts) not in there:
+            out.append(Start(parts, fit.values[rest], fit.nuisance))
+    return out
+
+
 def away(fit: Fitted, part: int) -> bool:
     """Whether a magnitude is farther from its identity than its uncertainty (90 %)."""
     identity = fit.parts[part].identity
