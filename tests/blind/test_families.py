@@ -35,6 +35,22 @@ def test_a_lag_of_two_poles_is_one_effect_and_its_time_constant_is_found(
     assert effect.parameters["time_constant"].value == pytest.approx(parameters["time_constant"], rel=0.06)
 
 
+@pytest.mark.slow
+def test_of_a_pair_the_form_of_one_effect_is_found_although_another_effect_comes_nearer_in_the_wrong_form(
+    tmp_path: Path,
+) -> None:
+    lagging = EffectChoice("command_lag", "all", {"time_constant": 0.16})
+    slow = EffectChoice("velocity_limit", "all", {"velocity": 0.7})
+    case = replace(PLAIN, seed=4244, effects=(lagging, slow), trials=3)
+    (tmp_path / robots.PLAIN_FILE).write_text(robots.PLAIN)
+    recordings.write(cases.simulate(case, tmp_path), tmp_path)
+    trials, model = read_recordings([tmp_path]).trials, tmp_path / robots.PLAIN_FILE
+    names = ("command_lag", "command_delay", "velocity_limit", "viscous_friction", "coulomb_friction", "clock_offset")
+    found = diagnose(trials, model=model, names=names, threads=2)
+    assert {effect.name for effect in found.best.effects} == {"command_lag", "velocity_limit"}
+    assert found.kind == "effect"
+
+
 @pytest.mark.parametrize("step", [0.00095, 0.0004])
 def test_the_grid_of_fast_set_points_is_found_to_a_tenth_of_a_line(tmp_path: Path, step: float) -> None:
     """A grid a per cent off fits no better than none: fifty lines away it is half a step off."""

@@ -222,7 +222,7 @@ def test_a_label_that_was_changed_after_the_seal_is_found(tmp_path: Path) -> Non
     assert digest in (tmp_path / "seal.txt").read_text()
     assert store.seal(1) == digest
     store.keep_label(0, label("one", GAIN))
-    with pytest.raises(ValueError, match="seal.txt sealed other labels"):
+    with pytest.raises(ValueError, match=r"seal\.txt sealed other labels"):
         store.seal(1)
 
 
