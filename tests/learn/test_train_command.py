@@ -94,19 +94,6 @@ def test_the_best_evaluated_agent_is_that_of_the_best_evaluation(trained):
         assert load_agent(seed / "evaluated.npz").origin["steps"] == int(best[0])
 
 
-def test_the_best_policy_of_an_older_checkpoint_is_read(trained):
-    from tiago_mj.learn.callbacks import Best
-
-    agent, best = load_agent(trained / "seed-0" / "best.npz"), Best({}, "best")
-    arrays = {f"best_{key}": value for key, value in agent.arrays().items()}
-    best.restore({"best_mean": -3.0, "best_steps": 7, "header": agent.header()}, arrays)
-    assert (best.mean, best.steps) == (-3.0, 7)
-    np.testing.assert_array_equal(best.agent.arrays()["weight_0"], agent.arrays()["weight_0"])
-    nothing = Best({}, "best")
-    nothing.restore({"best_mean": None, "best_steps": 0, "header": None}, {})
-    assert nothing.agent is None
-
-
 def test_seeds_differ_and_the_same_seed_does_not(trained, small, tmp_path):
     first, second = numbers(trained, 0), numbers(trained, 1)
     assert not np.allclose(first["weight_0"], second["weight_0"])

@@ -57,8 +57,7 @@ class Best:
         if data.get("header") is not None:
             parts = {k.removeprefix(self._prefix): v for k, v in arrays.items() if k.startswith(self._prefix)}
             self.agent = from_arrays(data["header"], parts)
-            mean, steps = ("mean", "steps") if "mean" in data else ("best_mean", "best_steps")  # of checkpoints before
-            self.mean, self.steps = float(data[mean]), int(data[steps])
+            self.mean, self.steps = float(data["mean"]), int(data["steps"])
 
 
 class Episodes(BaseCallback):  # type: ignore[misc]
