@@ -1,6 +1,6 @@
 """What a fit rests on: predictions of shorter steps, responses that learn, and what counts as explained."""
 
-import dataclasses
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,7 +8,7 @@ import pytest
 from tiago_mj.cli import main
 from tiago_mj.gap import floor, hypotheses, replay, score, starts
 from tiago_mj.gap.effects.spec import Entry
-from tiago_mj.gap.fit import Fitter, Point, Start, Yardstick
+from tiago_mj.gap.fit import Fitted, Fitter, Point, Start, Yardstick
 from tiago_mj.gap.plant import plant_of
 from tiago_mj.gap.predict import Predictor
 from tiago_mj.gap.read import read_recordings
@@ -26,7 +26,7 @@ def grasps(tmp_path_factory):
 
 
 def shortened(plant, factor):
-    return dataclasses.replace(plant, max_timestep=plant.max_timestep / factor)
+    return replace(plant, max_timestep=plant.max_timestep / factor)
 
 
 @pytest.mark.parametrize(
@@ -91,7 +91,7 @@ def test_a_joint_without_a_gap_of_its_own_has_no_effect_of_its_own(grasps):
     value = rng.normal(size=base.shape)
     right, left = plant.joints
     value[0, 200:, 1] += 3.0
-    data = dataclasses.replace(made_up(value), channels=(f"position.{right}", f"position.{left}"), block=20)
+    data = replace(made_up(value), channels=(f"position.{right}", f"position.{left}"), block=20)
     pool = hypotheses.candidates(plant, ["coulomb_friction", "force_gain"])
     kept = {c.label for c in _with_something_to_explain(pool, data, base)}
     assert ("coulomb_friction", (left,)) in kept
@@ -145,6 +145,18 @@ def test_what_nominal_numbers_were_moved_for_is_given_back_to_the_effect(grasps)
     assert not left.any()
     # Both ways the same simulation: 2 deviations of 4 % of a gain, 3 of 0.002 of a bias.
     assert values == pytest.approx([1.1 * 1.08, 0.01 + 0.006])
+
+
+def test_what_a_third_effect_led_to_is_tried_without_the_first(grasps):
+    gain, bias, lag = (
+        next(c for c in hypotheses.candidates(grasps[0], [name]) if c.target is None)
+        for name in ("force_gain", "force_bias", "force_lag")
+    )
+    three = Fitted((gain, bias, lag), np.array([1.2, 0.1, 0.03]), np.ones(3), np.zeros(2), evidence=-3.0, misfit=1.0)
+    tried = [three, replace(three, parts=(bias, gain), values=np.array([0.2, 1.1]))]
+    begun = starts.subsets(three, tried)
+    assert [start.parts for start in begun] == [(bias, lag), (gain, lag)]
+    assert [start.values.tolist() for start in begun] == [[0.1, 0.03], [1.2, 0.03]]
 
 
 @pytest.mark.parametrize("effect", ["encoder_bias", "force_gain", "coulomb_friction", "rate_limit", "command_delay"])
