@@ -202,14 +202,13 @@ def with_numerics(data: Data, predicted: Array, finer: Array) -> Data:
 
 def on_grid(data: Data, kind: str, names: Sequence[str] | None, step: float) -> Data:
     """With readings of some parts (None: of all) that lie on a grid, as predictions of them do: two values δ apart end
-    up a whole step apart with probability |δ| / step, which is their mean square; E|δ| = √(2/π) σ."""
+    up a whole step apart with probability |δ| / step, which is their mean square; E|δ| = √(2/π) σ. It is no noise: what
+    stands still stays apart."""
     channels = [f"{kind}.{name}" for name in names] if names is not None else None
     mine = [k == kind if channels is None else c in channels for c, k in zip(data.channels, data.kinds, strict=True)]
 
-    def wider(size: Array) -> Array:
-        return np.where(mine, np.sqrt(size**2 + np.minimum(np.sqrt(2 / np.pi) * size * step, step**2 / 6)), size)
-
-    return replace(data, noise=wider(data.noise), sigma=wider(data.sigma))
+    wider = np.sqrt(data.sigma**2 + np.minimum(np.sqrt(2 / np.pi) * data.sigma * step, step**2 / 6))
+    return replace(data, sigma=np.where(mine, wider, data.sigma))
 
 
 def by_block(values: Array, rows: int) -> Array:
