@@ -112,8 +112,8 @@ def test_a_pair_is_named_though_neither_of_it_is_the_best_single(tmp_path):
     trials = record(tmp_path, {"coulomb_friction": {"force": 3.0}, "command_delay": {"seconds": 0.03}}, episodes=4)
     names = ("command_deadband", "coulomb_friction", "command_delay", "command_lag", "backlash", "servo_damping")
     found = diagnose(trials, names=names, threads=1)
-    assert found.kind == "effect"
     assert {e.name for e in found.best.effects} == {"coulomb_friction", "command_delay"}
+    assert found.best.probability > 0.9  # four grasps leave a lag of two poles some per cent
     assert found.shrink.closed > 0.95
 
 

@@ -159,6 +159,20 @@ def test_what_a_third_effect_led_to_is_tried_without_the_first(grasps):
     assert [start.values.tolist() for start in begun] == [[0.1, 0.03], [1.2, 0.03]]
 
 
+def test_what_both_fingers_have_apart_is_tried_as_one_effect(grasps):
+    """A recording of 3 N of friction and 40 ms of delay led to friction on one finger, and then on the other."""
+    plant, on, data = grasps
+    fitter = Fitter(Predictor(plant, on, data), (0, 1), data, np.ones(6), (), np.zeros((0, *data.value.shape)))
+    pool = hypotheses.candidates(plant, ["coulomb_friction", "command_delay"])
+    left, right = (c for c in pool if c.effect == "coulomb_friction" and c.target is not None)
+    delay = next(c for c in pool if c.effect == "command_delay" and c.target is None)
+    three = Fitted((delay, left, right), np.array([0.04, 3.0, 2.8]), np.ones(3), np.zeros(0), evidence=0.0, misfit=1.0)
+    (start,) = starts.merged(three, fitter)
+    assert [part.label for part in start.parts] == [("coulomb_friction", None), ("command_delay", None)]
+    assert start.values == pytest.approx([2.9, 0.04])
+    assert starts.merged(replace(three, parts=(delay, left), values=np.array([0.04, 3.0])), fitter) == []
+
+
 @pytest.mark.parametrize("effect", ["encoder_bias", "force_gain", "coulomb_friction", "rate_limit", "command_delay"])
 def test_the_prior_of_a_magnitude_is_a_density_that_favours_no_order_of_magnitude(grasps, effect):
     part = next(c for c in hypotheses.candidates(grasps[0], [effect]) if c.target is None)

@@ -214,7 +214,8 @@ def select(
             break
         found = everywhere.fit_all(extended)
         found += everywhere.fit_all(starts.fewer(found))
-        found += everywhere.fit_all(starts.subsets(_order(found)[0], [*fits, *found]))
+        leader = _order(found)[0]
+        found += everywhere.fit_all([*starts.subsets(leader, [*fits, *found]), *starts.merged(leader, everywhere)])
         fits += found if out_of_time() else _renewed(everywhere, found, fits)
         if not out_of_time():
             fits += _refined(everywhere, [f for f in fits if len(f.parts) == size], fits)

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tiago_mj.gap import score
+from tiago_mj.gap.effects import EFFECTS
 from tiago_mj.gap.fit import Fitted, Fitter, Point, Start
 from tiago_mj.gap.hypotheses import Candidate, Term
 from tiago_mj.gap.screen import Screened
@@ -98,6 +100,20 @@ def subsets(fit: Fitted, tried: Sequence[Fitted]) -> list[Start]:
         parts = tuple(fit.parts[i] for i in rest)
         if frozenset(part.label for part in parts) not in there:
             out.append(Start(parts, fit.values[rest], fit.nuisance))
+    return out
+
+
+def merged(fit: Fitted, fitter: Fitter) -> list[Start]:
+    """Starts with one effect on all targets, of an explanation that has it on each of them apart."""
+    out = []
+    for effect in dict.fromkeys(part.effect for part in fit.parts):
+        mine = [k for k, part in enumerate(fit.parts) if part.effect == effect and part.target is not None]
+        names = {name for k in mine for name in fit.parts[k].target or ()}
+        if len(mine) < 2 or names != set(fitter.predict.plant.wiring.targets.names(EFFECTS[effect].targets)):
+            continue
+        rest = [k for k in range(len(fit.parts)) if k not in mine]
+        parts = (replace(fit.parts[mine[0]], target=None), *(fit.parts[k] for k in rest))
+        out.append(Start(parts, np.array([fit.values[mine].mean(), *fit.values[rest]]), fit.nuisance))
     return out
 
 
