@@ -31,7 +31,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.blind import score
+from benchmarks.blind import kept, score
 from benchmarks.blind.score import Judged
 from tiago_mj import atomic
 from tiago_mj.gap import verdict
@@ -125,11 +125,17 @@ def _named(effect: Mapping[str, Any]) -> tuple[str, tuple[str, ...] | None]:
 
 
 def read(root: Path) -> tuple[list[Case], dict[str, Any]]:
-    """Cases of a finished run, and what it was.
+    """Cases of a finished run, or of one that was kept (:mod:`benchmarks.blind.kept`), and what it was.
 
     Raises:
         ValueError: the run is not finished.
     """
+    if root.is_file():
+        file = kept.load(root)
+        run = {**file["run"], "seal": file["seal"]}
+        rows = [case(row["label"], row["answer"]) for row in file["cases"] if row["answer"] is not None]
+        run["used"] = sum(one is not None for one in rows)
+        return [one for one in rows if one is not None], run
     if not (root / "labels.json").exists():
         raise ValueError(
             f"{root.name}/labels.json is missing: finish the run first (tiago-mj blind … --out {root.name})"
@@ -344,7 +350,7 @@ def written(new: Calibration, cases: Sequence[Case], runs: Sequence[Mapping[str,
 def main(words: Sequence[str] | None = None) -> int:
     """Command line."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.calibrate", description=(__doc__ or "").split("\n")[0])
-    parser.add_argument("runs", nargs="+", type=Path, metavar="RUN", help="folders of finished runs (tiago-mj blind)")
+    parser.add_argument("runs", nargs="+", type=Path, metavar="RUN", help="folders of finished runs, or kept ones")
     parser.add_argument("--out", type=Path, metavar="FILE", help="where to write; without it, only the table is shown")
     arguments = parser.parse_args(words)
     cases: list[Case] = []

@@ -72,8 +72,8 @@ def write_scores(
 ) -> dict[str, Any]:
     """Score and write ``scores.json`` and ``index.html``; with a word of caution where the seed served to calibrate."""
     judged = [score.Judged(labels[f"{k:03d}"], store.answer(k)) for k in range(len(planned))]
-    followed = [store.case(k) / "next.json" for k in range(len(planned))]
-    motions = [bool(json.loads(path.read_text())["resolved"]) for path in followed if path.exists()]
+    followed = [store.followed(k) for k in range(len(planned))]
+    motions = [bool(one["resolved"]) for one in followed if one is not None]
     scores = score.score(judged, motions)
     scores["baselines"] = baselines.scores(judged, store)
     scores["by_class"] = score.by_class(judged)

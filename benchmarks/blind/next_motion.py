@@ -72,9 +72,8 @@ def follow(
         ``resolved`` and the second verdict's kind; None where the case is not ambiguous, the truth is not in its set,
         or nothing is recommended.
     """
-    path = store.case(number) / "next.json"
-    if path.exists():
-        return dict(json.loads(path.read_text()))
+    if (done := store.followed(number)) is not None:
+        return done
     first = Judged(label, store.answer(number))
     if first.answer is None or first.verdict != "ambiguous" or first.truth not in first.set or len(first.set) < 2:
         return None
@@ -97,5 +96,5 @@ def follow(
         second = json.loads((again / "diagnosis" / "diagnosis.json").read_text())
     then = Judged(label, second)
     outcome = {"resolved": then.verdict == "effect" and then.best == then.truth, "verdict": then.verdict}
-    atomic.write_text(path, json.dumps(outcome, indent=1) + "\n")
+    atomic.write_text(store.followed_file(number), json.dumps(outcome, indent=1) + "\n")
     return outcome

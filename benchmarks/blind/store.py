@@ -78,6 +78,17 @@ class Store:
             )
         atomic.write_text(path, json.dumps(run, indent=1) + "\n")
 
+    def run(self) -> dict[str, Any]:
+        """What is run here.
+
+        Raises:
+            ValueError: nothing is.
+        """
+        path = self.root / ".sealed" / "run.json"
+        if not path.exists():
+            raise ValueError(f"{self.root.name} holds no run: give the folder of one (tiago-mj blind … --out DIR)")
+        return dict(json.loads(path.read_text()))
+
     def seal(self, count: int) -> str:
         """Seal the labels; later calls check that they are as they were.
 
@@ -127,4 +138,13 @@ class Store:
     def answer(self, number: int) -> dict[str, Any] | None:
         """The diagnosis of a case; None where it failed."""
         path = self.diagnosis(number) / "diagnosis.json"
+        return dict(json.loads(path.read_text())) if path.exists() else None
+
+    def followed_file(self, number: int) -> Path:
+        """What became of a case's recommended motion."""
+        return self.case(number) / "next.json"
+
+    def followed(self, number: int) -> dict[str, Any] | None:
+        """The same, read; None where none was played."""
+        path = self.followed_file(number)
         return dict(json.loads(path.read_text())) if path.exists() else None

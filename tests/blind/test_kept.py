@@ -1,0 +1,95 @@
+"""What is kept of a run scores, and calibrates, as the run itself does; several count together, no case twice."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from benchmarks import calibrate
+from benchmarks.blind import kept, run, score
+from benchmarks.blind.score import Judged
+from benchmarks.blind.store import Store
+
+FRICTION = {"name": "coulomb_friction", "target": "all", "parameters": {"force": 2.0}}
+EVIDENCE = {"met": -100.0, "price": -3.0, "misfit": 1.0, "lasting": 0.9}
+
+
+def label(kind: str, effects: list[dict[str, Any]]) -> dict[str, Any]:
+    return {"kind": kind, "effects": effects, "oracle": {"detectable": bool(effects), "closable": 0.9}}
+
+
+def answer(effects: list[dict[str, Any]]) -> dict[str, Any]:
+    said = {"kind": "effect" if effects else "no_gap", "probability": 0.9, "alternatives": [], "not_excited": []}
+    nominal, other = {"effects": [], "evidence": EVIDENCE}, {"effects": [FRICTION], "evidence": EVIDENCE}
+    named = [{**FRICTION, "parameters": {"force": {"value": 2.1, "low": 1.9, "high": 2.3, "deviation": 0.1}}}]
+    return {
+        "verdict": {**said, "effects": named if effects else []},
+        "ranking": [{**other, "parameters": {"force": 2.1}}, nominal],
+        "where": [{"channel": "position", "gap": 9.0}],
+        "shrink": {"closed": 0.85, "per_channel": {}},
+        "seconds": 12.0,
+        "notes": [],
+    }
+
+
+def a_run(root: Path, seed: int, answered: int = 3) -> Store:
+    """Of three cases: friction seen, friction missed, nothing."""
+    store = Store(root)
+    store.begin(run.facts(3, seed, (), ()))
+    truths, said = ([FRICTION], [FRICTION], []), ([FRICTION], [], [])
+    for k, effects in enumerate(truths):
+        store.keep_label(k, label("one" if effects else "none", effects))
+    store.seal(3)
+    for k, effects in enumerate(said[:answered]):
+        store.diagnosis(k).mkdir(parents=True)
+        (store.diagnosis(k) / "diagnosis.json").write_text(json.dumps(answer(effects)))
+    return store
+
+
+def test_a_kept_run_scores_as_the_run_did(tmp_path: Path) -> None:
+    store = a_run(tmp_path / "run", 5)
+    store.followed_file(0).write_text('{"resolved": true}')
+    assert kept.main(["write", str(store.root), str(tmp_path / "five.json")]) == 0
+    of_file = kept.together([kept.load(tmp_path / "five.json")])
+    of_run = score.score(
+        [Judged(json.loads(store.label_file(k).read_text()), store.answer(k)) for k in range(3)], [True]
+    )
+    assert {name: of_file[name] for name in of_run} == of_run
+    assert of_file["top1"]["value"] == 0.5
+    assert of_file["next_motion"]["n"] == 1
+    assert of_file["of"][0]["seed"] == 5
+    assert of_file["of"][0]["seal"] == store.seal(3)
+
+
+def test_runs_count_together_and_none_twice(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    files = []
+    for seed, answered in ((5, 3), (6, 1)):
+        files.append(tmp_path / f"{seed}.json")
+        kept.write(kept.keep(a_run(tmp_path / str(seed), seed, answered).root), files[-1])
+    assert kept.main(["score", *map(str, files), "--out", str(tmp_path / "all.json")]) == 0
+    both = json.loads((tmp_path / "all.json").read_text())
+    assert both["top1"]["n"] == 3
+    assert both["top1"]["value"] == pytest.approx(2 / 3)
+    assert [one["cases"] for one in both["of"]] == [3, 1]
+    assert kept.main(["score", str(files[0]), str(files[0])]) == 2
+    assert "seed 5 is in two of the files" in capsys.readouterr().err
+
+
+def test_a_kept_run_calibrates(tmp_path: Path) -> None:
+    file = tmp_path / "five.json"
+    kept.write(kept.keep(a_run(tmp_path / "run", 5).root), file)
+    cases, facts = calibrate.read(file)
+    assert len(cases) == facts["used"] == 3
+    assert facts["seed"] == 5
+    assert {option.classes for option in cases[0].options} == {frozenset(), frozenset({"friction"})}
+
+
+def test_what_is_no_run_and_no_kept_file_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert kept.main(["write", str(tmp_path), str(tmp_path / "x.json")]) == 2
+    assert "holds no run" in capsys.readouterr().err
+    assert kept.main(["write", str(a_run(tmp_path / "run", 5, 0).root), str(tmp_path / "x.json")]) == 2
+    assert "no case has its answer yet" in capsys.readouterr().err
+    (tmp_path / "y.json").write_text('{"schema": "another/1"}')
+    assert kept.main(["score", str(tmp_path / "y.json")]) == 2
+    assert "no file of `kept write`" in capsys.readouterr().err
