@@ -21,12 +21,18 @@ from tiago_mj.gap.plant import Plant
 Array = NDArray[np.float64]
 
 RIPPLE: Final = "motor_cogging"
-#: Periods that are looked at, evenly in what a travel holds of them, so many to one more; those that are simulated.
+#: Periods that are looked at, evenly in what a travel holds of them, so many to one more, from the longest on; those
+#: that are simulated.
 OVERSAMPLING: Final = 6
-MOST: Final = 1000
+MOST: Final = 2000
 BEST: Final = 4
 #: Peaks closer than this share of a period per travel are one.
 APART: Final = 0.4
+#: Between rows that are farther apart than a period over this, positions are interpolated, to so many a row at most;
+#: farther apart are all but a few.
+WITHIN: Final = 4.0
+FINEST: Final = 12
+FAST: Final = 0.95
 #: A squared error counts no more than so many times the median one: onsets say nothing of ripples.
 FAR: Final = 9.0
 
@@ -90,11 +96,14 @@ def peaks(traces: Sequence[Trace], low: float, high: float) -> list[float]:
         return []
     travel = max(float(np.ptp(one.position[one.known])) for one in used)
     count = int(np.clip(OVERSAMPLING * travel / low, 2 * OVERSAMPLING, MOST))
-    waves = np.linspace(1 / high, 1 / low, count)
+    waves = np.linspace(1 / high, min(1 / low, 1 / high + count / (OVERSAMPLING * travel)), count)
+    low = float(1 / waves[-1])
     power, size = np.zeros(count), np.zeros(count)
     for one in used:
         error = _rest(one.position[one.known], one.error[one.known])
-        sine = _followed(np.sin(2 * np.pi * waves[:, None] * np.nan_to_num(one.position)), one.share)[:, one.known]
+        times = int(np.clip(np.ceil(WITHIN * np.quantile(np.abs(np.diff(one.position)), FAST) / low), 1, FINEST))
+        between, share = _between(np.nan_to_num(one.position), times), 1 - (1 - one.share) ** (1 / times)
+        sine = _followed(np.sin(2 * np.pi * waves[:, None] * between), share)[:, ::times][:, one.known]
         power += sine @ error
         size += (sine * sine).sum(axis=1)
     strength = power**2 / np.maximum(size, 1e-12)
@@ -106,6 +115,15 @@ def peaks(traces: Sequence[Trace], low: float, high: float) -> list[float]:
             if len(out) == BEST:
                 break
     return out
+
+
+def _between(position: Array, times: int) -> Array:
+    """Positions at so many instants a row, (T,) to ((T - 1) · times + 1,): cubics between rows, with the slope there."""
+    slope, share = np.gradient(position), (np.arange(times) / times)[:, None]
+    first, last, rise, end = position[:-1], position[1:], slope[:-1], slope[1:]
+    bend = share * (1 - share)
+    inner = first + share * (last - first) + bend * ((1 - share) * (rise - last + first) - share * (end - last + first))
+    return np.append(inner.T.ravel(), position[-1])
 
 
 def _followed(force: Array, share: float) -> Array:

@@ -194,7 +194,8 @@ def select(
     complete = not out_of_time()
     for size in range(2, MOST + 1):
         best = _order(fits)[0]
-        if not complete or best.evidence - _nominal(fits).evidence < extend.PROMISES:
+        gained = best.evidence - _nominal(fits).evidence
+        if not complete or (gained < extend.PROMISES and max(best.misfit, best.lasting) < GAP):
             break  # where one effect hardly explains more than none, two would not be believed
         done = best.parts and _done(best, ENOUGH)
         if done and size > 2:
