@@ -69,8 +69,8 @@ def beside(fitter: Fitter, seed: Fitted, pool: Sequence[Candidate], nuisance: Ar
         nuisance: nominal numbers, not the explanation's own: they may have absorbed what is to be explained.
     """
     at = Point(seed.parts, seed.values, nuisance)
-    (worst,) = spread(fitter.predictions([at])[0], fitter.data, 1)
-    there, at = fitter.part([worst]), Point(seed.parts, seed.values, fitter.of([worst], nuisance))
+    worst = _worst(fitter.predictions([at])[0], fitter.data)
+    there, at = fitter.part(worst), Point(seed.parts, seed.values, fitter.of(worst, nuisance))
     frame = score.frame(there.data, there.weight, there.responses, there.per_trial, at.nuisance)
     labels = {part.label for part in seed.parts}
     found: dict[object, Start] = {}
@@ -81,6 +81,12 @@ def beside(fitter: Fitter, seed: Fitted, pool: Sequence[Candidate], nuisance: Ar
         start = Start((*seed.parts, s.candidate), np.array([*seed.values, s.value]), nuisance)
         found.setdefault(_kind(s.candidate), start)
     return list(found.values())
+
+
+def _worst(predicted: Array, data: Data) -> list[int]:
+    """The trial that fails most sample by sample, and that with the errors that last most."""
+    lasting = score.lasting_in(data, data.value - predicted)
+    return sorted({*spread(predicted, data, 1), int(np.argmax(lasting))})
 
 
 def _kind(candidate: Candidate) -> object:

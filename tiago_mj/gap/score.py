@@ -118,15 +118,29 @@ def lasting(data: Data, difference: Array) -> Array:
     1 for the true explanation: errors that last show here long before they show in single samples. All of the tolerance
     may err alike over a block.
     """
+    out: Array = np.nanmean(_over_blocks(data, difference), axis=(0, 1))
+    return out
+
+
+def lasting_in(data: Data, difference: Array) -> Array:
+    """The same of every trial, of the channel in which it is most, (ntrials,)."""
+    square = _over_blocks(data, difference)
+    known = np.isfinite(square)
+    mean = np.where(known, square, 0.0).sum(axis=1) / np.maximum(known.sum(axis=1), 1)
+    out: Array = mean.max(axis=1, initial=0.0)
+    return out
+
+
+def _over_blocks(data: Data, difference: Array) -> Array:
+    """Squares of a residual's means over blocks, (ntrials, nblocks, C); NaN where nothing was measured."""
     known = np.isfinite(data.value)
     white = np.where(known, np.nan_to_num(difference / data.noise), 0.0)
     tolerance = np.where(known, np.sqrt(np.maximum(data.sigma**2 - data.noise**2, 0.0)) / data.noise, 0.0)
     count = by_block(known.astype(float), data.block)
     size = count + by_block(tolerance, data.block) ** 2
     with np.errstate(invalid="ignore", divide="ignore"):
-        square = np.where(count > 0, by_block(white, data.block) ** 2 / size, np.nan)
-    out: Array = np.nanmean(square, axis=(0, 1))
-    return out
+        square: Array = np.where(count > 0, by_block(white, data.block) ** 2 / size, np.nan)
+    return square
 
 
 def soften(white: Array) -> Array:

@@ -56,8 +56,12 @@ SEEDS: Final = 3
 EXTENSIONS_AGAIN: Final = 3
 #: Effects of one explanation, apart from what the readings betray: a third is only sought where two leave a gap.
 MOST: Final = 3
-#: Mean squared residual of the worst channel, in units of floor and tolerance, that calls for another effect.
+#: Mean squared residual of the worst channel, sample by sample or over blocks, in units of what it should scatter by,
+#: that calls for another effect.
 GAP: Final = 4.0
+#: Where even the best single effect leaves that, what is correlated in time is another effect and no error of the
+#: simulator: samples count for so much at least (square root), half of what those of an explanation that stands do.
+UNEXPLAINED: Final = 0.5 / REPEATED**0.5
 #: And that is worth a look at every other effect beside the best, each simulated.
 BESIDE: Final = 1.5
 #: Where an explanation leaves nothing to explain, another effect beside it must promise so much more [nats].
@@ -191,16 +195,21 @@ def select(
         fits = _renewed(everywhere, fits, fits)
         fits += _refined(everywhere, fits, fits)
         fits += everywhere.fit_all([*starts.absorbed(fits, everywhere), *starts.without(fits)])
+    if _fails(_order(fits)[0]) and not out_of_time():
+        weight = np.maximum(weight, UNEXPLAINED)
+        few, everywhere = replace(few, weight=weight), replace(everywhere, weight=weight)
+        frame = _frame(few, here)
+        fits = everywhere.fit_all([starts.again(f) for f in _again(fits)])
     complete = not out_of_time()
     for size in range(2, MOST + 1):
         best = _order(fits)[0]
         gained = best.evidence - _nominal(fits).evidence
-        if not complete or (gained < extend.PROMISES and max(best.misfit, best.lasting) < GAP):
+        if not complete or (gained < extend.PROMISES and not _fails(best)):
             break  # where one effect hardly explains more than none, two would not be believed
         done = best.parts and _done(best, ENOUGH)
         if done and size > 2:
             break
-        if size > 2 and (best.misfit < GAP or len(best.parts) < size - 1):
+        if size > 2 and (not _fails(best) or len(best.parts) < size - 1):
             break
         tick("pairs" if size == 2 else "triples", extend.EXTENSIONS)
         seeds = _distinct([f for f in _order(fits) if len(f.parts) == size - 1])[:SEEDS]
@@ -208,7 +217,7 @@ def select(
         if size == 2 and not done:
             tried = extend.once_each([*extend.superposed(frame, base[first], promising), *tried])
         extended = [starts.carried(f, everywhere, at) for f in _order(few.fit_all(tried))[:EXTENSIONS_AGAIN]]
-        if seeds and seeds[0].misfit > BESIDE and not done:
+        if seeds and (seeds[0].misfit > BESIDE or _fails(seeds[0])) and not done:
             beside = extend.beside(everywhere, seeds[0], [s.candidate for s in promising], at)
             extended = extend.once_each([*beside, *extended])
         if not extended:
@@ -278,6 +287,16 @@ def _done(fit: Fitted, most: float = DONE) -> bool:
     return fit.misfit < most and fit.lasting < most and fit.prior > STRAINED
 
 
+def _fails(fit: Fitted) -> bool:
+    """Whether it leaves a gap that calls for another effect."""
+    return max(fit.misfit, fit.lasting) > GAP
+
+
+def _again(fits: Sequence[Fitted]) -> list[Fitted]:
+    """The nominal model and the best explanations, each once."""
+    return [_nominal(fits), *[f for f in _once(_order(fits)) if f.parts][:SECONDS]]
+
+
 def _distinct(fits: Sequence[Fitted]) -> list[Fitted]:
     """The best of every set of classes: what resembles it would lead to the same place."""
     best: dict[frozenset[str], Fitted] = {}
@@ -303,7 +322,7 @@ def _renewed(everywhere: Fitter, fits: Sequence[Fitted], others: Sequence[Fitted
 def _refined(everywhere: Fitter, fits: Sequence[Fitted], others: Sequence[Fitted]) -> list[Fitted]:
     """Of some explanations with better second numbers and forms."""
     best = _order(others)[0]
-    return secondary.refined(everywhere, fits, best, fails=best.misfit > GAP)
+    return secondary.refined(everywhere, fits, best, fails=_fails(best))
 
 
 def _order(fits: Sequence[Fitted]) -> list[Fitted]:

@@ -174,11 +174,20 @@ def _needless(options: Sequence[Option], by: Calibration) -> NDArray[np.bool_]:
     return out
 
 
+def _refuted(options: Sequence[Option], by: Calibration) -> NDArray[np.bool_]:
+    """Explanations that fail where another one stands, which leaves much less, (n,): what is left of an effect that
+    they lack looks like few samples, which evidence alone would let pass."""
+    lefts = np.array([left(one) for one in options])
+    least = min((x for x, one in zip(lefts, options, strict=True) if one.effects), default=np.inf)
+    out: NDArray[np.bool_] = (lefts > by.fails) & (least <= by.fails) & (least - 1 < LESS * (lefts - 1))
+    return out
+
+
 def probabilities(options: Sequence[Option], by: Calibration) -> Array:
     """Of every explanation, (n,)."""
     temperature = temperature_of([one.evidence.misfit for one in options], by)
     scores = np.array([one.evidence.met / temperature + one.evidence.price for one in options])
-    scores[_needless(options, by)] = -np.inf
+    scores[_needless(options, by) | _refuted(options, by)] = -np.inf
     weights = np.exp(scores - scores.max())
     out: Array = weights / weights.sum()
     return out
