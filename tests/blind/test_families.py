@@ -28,7 +28,9 @@ def test_a_lag_of_two_poles_is_one_effect_and_its_time_constant_is_found(
     case = replace(PLAIN, effects=(EffectChoice(name, "all", parameters),))
     (tmp_path / robots.PLAIN_FILE).write_text(robots.PLAIN)
     recordings.write(cases.simulate(case, tmp_path), tmp_path)
-    found = diagnose(read_recordings([tmp_path]).trials, model=tmp_path / robots.PLAIN_FILE, threads=2)
+    trials, model = read_recordings([tmp_path]).trials, tmp_path / robots.PLAIN_FILE
+    names = (name, "command_lag", "command_delay", "clock_offset", "servo_damping", "viscous_friction", "encoder_scale")
+    found = diagnose(trials, model=model, names=names, threads=2)
     (effect,) = found.best.effects
     assert (found.kind, effect.name) == ("effect", name)
     # Of a servo's own lag, some 40 ms, nobody knows more than a few per cent.
@@ -49,6 +51,34 @@ def test_of_a_pair_the_form_of_one_effect_is_found_although_another_effect_comes
     found = diagnose(trials, model=model, names=names, threads=2)
     assert {effect.name for effect in found.best.effects} == {"command_lag", "velocity_limit"}
     assert found.kind == "effect"
+
+
+def test_a_ripple_is_found_of_a_joint_that_never_rests_and_moves_by_periods_from_row_to_row(tmp_path: Path) -> None:
+    ripple = EffectChoice("motor_cogging", "all", {"amplitude": 0.06, "period": 0.17})
+    case = replace(PLAIN, seed=4246, effects=(ripple,), rate=25.0, seconds=6.0)
+    (tmp_path / robots.PLAIN_FILE).write_text(robots.PLAIN)
+    recordings.write(cases.simulate(case, tmp_path), tmp_path)
+    trials, model = read_recordings([tmp_path]).trials, tmp_path / robots.PLAIN_FILE
+    names = ("motor_cogging", "coulomb_friction", "stribeck_friction", "servo_stiffness", "command_quantization")
+    found = diagnose(trials, model=model, names=names, threads=2)
+    (effect,) = found.best.effects
+    assert (found.kind, effect.name) == ("effect", "motor_cogging")
+    # 2 rad of travel hold 12 periods: a twelfth of a turn in all is a hundredth of the period.
+    assert effect.parameters["period"].value == pytest.approx(0.17, rel=0.01)
+    assert effect.parameters["amplitude"].value == pytest.approx(0.06, rel=0.15)
+
+
+@pytest.mark.slow
+def test_a_pair_is_found_of_which_neither_effect_alone_explains_much(tmp_path: Path) -> None:
+    """One on each load cell: with either of them the other cell's error stays."""
+    drifts = EffectChoice("force_drift", ("left",), {"rate": 0.02})
+    sticks = EffectChoice("force_hysteresis", ("right",), {"width": 0.11})
+    case = Case(seed=4248, effects=(drifts, sticks), spread=0.04, rate=FAST_RATE, seconds=1.8, trials=5)
+    recordings.write(cases.simulate(case), tmp_path)
+    names = ("force_drift", "force_hysteresis", "force_bias", "force_delay")
+    found = diagnose(read_recordings([tmp_path]).trials, names=names, threads=2)
+    assert found.kind == "effect"
+    assert {(e.name, e.target) for e in found.best.effects} == {("force_drift", "left"), ("force_hysteresis", "right")}
 
 
 @pytest.mark.parametrize("step", [0.00095, 0.0004])

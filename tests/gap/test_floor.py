@@ -66,3 +66,30 @@ def test_readings_on_a_grid_differ_by_what_is_allowed_for_it(share):
     whole = np.full((1, 1, 1), step)
     assert score.lasting(data, whole)[0] < (step / deviation) ** 2  # what stands still stays apart
     assert (floor.on_grid(data, "force", None, step).sigma == data.sigma).all()
+
+
+@pytest.mark.parametrize("rows", [150, 600])
+def test_white_noise_is_its_own_floor(rows):
+    values = 0.3 * np.random.default_rng(rows).standard_normal((10, rows))
+    assert floor.noise_floor(values, 0.0) == pytest.approx(0.3, rel=0.1)  # known to 5 % of so many rows
+
+
+@pytest.mark.parametrize("rate", [25.0, 240.0])
+def test_a_joint_that_never_rests_has_no_more_noise_than_one_at_rest(rate):
+    """First differences of a swing of 1 rad in 1.6 s, at 25 Hz, are 0.16 rad."""
+    rng, noise = np.random.default_rng(3), 5e-4
+    time = np.arange(int(6 * rate)) / rate
+    swing = [np.sin(4 * time + phase) + 0.2 * np.sin(7 * time) for phase in rng.uniform(0, 6, 8)]
+    found = floor.noise_floor(np.array(swing) + noise * rng.standard_normal((8, len(time))), 0.0)
+    assert noise * 0.9 < found < noise * 1.6
+
+
+def test_a_trial_in_which_an_error_lasts_stands_out():
+    values = np.zeros((3, ROWS, 1))
+    sigma = np.full_like(values, NOISE)
+    data = Data(("force.left",), np.array([0]), values, np.array([NOISE]), sigma, np.zeros_like(values), block=6)
+    error = np.random.default_rng(0).normal(0, NOISE, values.shape)
+    error[1] += NOISE  # as large as the noise, but all along
+    fails = score.lasting_in(data, error)
+    assert fails[1] > 4
+    assert fails[[0, 2]] == pytest.approx(1, abs=0.7)  # ten blocks: scatter of 0.45

@@ -29,6 +29,23 @@ def test_the_period_is_found_among_errors_that_grow_with_position_and_speed(peri
     assert first == pytest.approx(period, rel=0.25 * period / 0.04)
 
 
+def test_the_period_is_found_of_a_joint_that_moves_by_more_than_it_from_row_to_row():
+    """A ripple of 0.15 rad at 5 rad/s and 25 rows a second; the joint trails it as a servo of 60 ms does."""
+    rng, fine, rows, period = np.random.default_rng(2), 40, 150, 0.15
+    traces = []
+    for _ in range(4):
+        time = np.arange(rows * fine) / fine * 0.04
+        position = rng.uniform(0.8, 1.2) * np.sin(rng.uniform(3.5, 4.5) * time) + 0.2 * np.sin(2 * time)
+        trailing, share = np.zeros_like(position), 0.001 / 0.06
+        for k in range(1, len(position)):
+            trailing[k] = trailing[k - 1] + share * (np.sin(2 * np.pi * position[k] / period) - trailing[k - 1])
+        error = 0.004 * trailing + 5e-4 * rng.standard_normal(len(position))
+        follows = 1 - (1 - share) ** fine
+        traces.append(Trace(position[::fine], error[::fine], np.ones(rows, dtype=bool), follows))
+    first, *_ = peaks(traces, 0.001, 0.5)
+    assert first == pytest.approx(period, rel=0.02)  # over 2.4 rad, a quarter of a turn
+
+
 def test_onsets_and_what_is_not_counted_hide_no_ripple():
     traces = travelled(0.0071)
     for trace in traces:

@@ -59,17 +59,18 @@ def extensions(
     return list(starts.values())
 
 
-def beside(fitter: Fitter, seed: Fitted, pool: Sequence[Candidate], nuisance: Array) -> list[Start]:
+def beside(fitter: Fitter, seed: Fitted, count: int, pool: Sequence[Candidate], nuisance: Array) -> list[Start]:
     """An explanation with another effect, found by trying all of them beside it where it fails most.
 
     Args:
         fitter: of trials.
         seed: the explanation.
+        count: of trials that are looked at.
         pool: what is tried.
         nuisance: nominal numbers, not the explanation's own: they may have absorbed what is to be explained.
     """
     at = Point(seed.parts, seed.values, nuisance)
-    worst = _worst(fitter.predictions([at])[0], fitter.data)
+    worst = _worst(fitter.predictions([at])[0], fitter.data, count)
     there, at = fitter.part(worst), Point(seed.parts, seed.values, fitter.of(worst, nuisance))
     frame = score.frame(there.data, there.weight, there.responses, there.per_trial, at.nuisance)
     labels = {part.label for part in seed.parts}
@@ -83,10 +84,12 @@ def beside(fitter: Fitter, seed: Fitted, pool: Sequence[Candidate], nuisance: Ar
     return list(found.values())
 
 
-def _worst(predicted: Array, data: Data) -> list[int]:
-    """The trial that fails most sample by sample, and that with the errors that last most."""
-    lasting = score.lasting_in(data, data.value - predicted)
-    return sorted({*spread(predicted, data, 1), int(np.argmax(lasting))})
+def _worst(predicted: Array, data: Data, count: int) -> list[int]:
+    """Trials that fail most, sample by sample and by errors that last, in turn."""
+    single = _failing(predicted, data)
+    lasting = np.argsort(-score.lasting_in(data, data.value - predicted))
+    in_turn = [int(k) for both in zip(single, lasting, strict=True) for k in both]
+    return sorted(list(dict.fromkeys(in_turn))[:count])
 
 
 def _kind(candidate: Candidate) -> object:
@@ -153,6 +156,11 @@ def once_each(starts: Sequence[Start]) -> list[Start]:
 
 def spread(base: Array, data: Data, count: int) -> list[int]:
     """Trials in which the nominal model fails most: what there is to explain shows there."""
-    white = score.scaled(data, data.value - base)
+    return sorted(_failing(base, data)[:count])
+
+
+def _failing(predicted: Array, data: Data) -> list[int]:
+    """Trials, those first in which a prediction fails most, sample by sample."""
+    white = score.scaled(data, data.value - predicted)
     size = (score.soften(white) ** 2).sum(axis=(1, 2))
-    return sorted(int(k) for k in np.argsort(-size)[:count])
+    return [int(k) for k in np.argsort(-size)]

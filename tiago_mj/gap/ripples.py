@@ -118,7 +118,7 @@ def peaks(traces: Sequence[Trace], low: float, high: float) -> list[float]:
 
 
 def _between(position: Array, times: int) -> Array:
-    """Positions at so many instants a row, (T,) to ((T - 1) · times + 1,): cubics between rows, with the slope there."""
+    """Positions at so many instants a row, (T,) to ((T - 1) · times + 1,): cubics between rows, with their slopes."""
     slope, share = np.gradient(position), (np.arange(times) / times)[:, None]
     first, last, rise, end = position[:-1], position[1:], slope[:-1], slope[1:]
     bend = share * (1 - share)

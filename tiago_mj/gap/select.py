@@ -218,7 +218,7 @@ def select(
             tried = extend.once_each([*extend.superposed(frame, base[first], promising), *tried])
         extended = [starts.carried(f, everywhere, at) for f in _order(few.fit_all(tried))[:EXTENSIONS_AGAIN]]
         if seeds and (seeds[0].misfit > BESIDE or _fails(seeds[0])) and not done:
-            beside = extend.beside(everywhere, seeds[0], [s.candidate for s in promising], at)
+            beside = extend.beside(everywhere, seeds[0], len(first), [s.candidate for s in promising], at)
             extended = extend.once_each([*beside, *extended])
         if not extended:
             break
