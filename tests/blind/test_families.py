@@ -71,9 +71,9 @@ def test_a_ripple_is_found_of_a_joint_that_never_rests_and_moves_by_periods_from
 @pytest.mark.slow
 def test_a_pair_is_found_of_which_neither_effect_alone_explains_much(tmp_path: Path) -> None:
     """One on each load cell: with either of them the other cell's error stays."""
-    drifts = EffectChoice("force_drift", ("left",), {"rate": 0.02})
-    sticks = EffectChoice("force_hysteresis", ("right",), {"width": 0.11})
-    case = Case(seed=4248, effects=(drifts, sticks), spread=0.04, rate=FAST_RATE, seconds=1.8, trials=5)
+    drifts = EffectChoice("force_drift", ("left",), {"rate": 0.03})
+    sticks = EffectChoice("force_hysteresis", ("right",), {"width": 0.14})
+    case = Case(seed=4248, effects=(drifts, sticks), spread=0.04, rate=FAST_RATE, seconds=1.8, trials=6)
     recordings.write(cases.simulate(case), tmp_path)
     names = ("force_drift", "force_hysteresis", "force_bias", "force_delay")
     found = diagnose(read_recordings([tmp_path]).trials, names=names, threads=2)
