@@ -1,5 +1,7 @@
 """Periods of a ripple, read off the error of a position."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -53,6 +55,14 @@ def test_onsets_and_what_is_not_counted_hide_no_ripple():
         trace.error[150:] += 1e-3 * np.sin(trace.position[150:] / 0.0004)
         trace.counts[150:] = False
     assert peaks(traces, 0.001, 0.02)[0] == pytest.approx(0.0071, rel=0.05)
+
+
+def test_rows_that_were_not_measured_hide_no_ripple():
+    holed = [
+        replace(one, position=np.where(np.arange(240) % 50 < 3, np.nan, one.position)) for one in travelled(0.0071)
+    ]
+    first, *_ = peaks(holed, 0.001, 0.02)
+    assert first == pytest.approx(0.0071, rel=0.05)
 
 
 def test_a_joint_that_hardly_moves_tells_no_period():

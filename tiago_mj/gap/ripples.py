@@ -101,7 +101,7 @@ def peaks(traces: Sequence[Trace], low: float, high: float) -> list[float]:
     power, size = np.zeros(count), np.zeros(count)
     for one in used:
         error = _rest(one.position[one.known], one.error[one.known])
-        times = int(np.clip(np.ceil(WITHIN * np.quantile(np.abs(np.diff(one.position)), FAST) / low), 1, FINEST))
+        times = int(np.clip(np.ceil(WITHIN * np.nanquantile(np.abs(np.diff(one.position)), FAST) / low), 1, FINEST))
         between, share = _between(np.nan_to_num(one.position), times), 1 - (1 - one.share) ** (1 / times)
         sine = _followed(np.sin(2 * np.pi * waves[:, None] * between), share)[:, ::times][:, one.known]
         power += sine @ error
