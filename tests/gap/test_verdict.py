@@ -34,3 +34,9 @@ def test_where_everything_fails_it_is_unknown_and_the_least_bad_goes_first() -> 
         [option("force_gain", met=-150.0, left=20.0), option("force_bias", met=-110.0, left=9.0), nominal], BY
     )
     assert (said.kind, said.rivals[0]) == ("unknown", 1)
+
+
+def test_nothing_is_named_that_hardly_stands_where_the_nominal_model_hardly_fails() -> None:
+    nominal, play = option(met=-100.0, left=3.1), option("backlash", met=-101.0, left=2.95)
+    said = decide([nominal, play], BY)
+    assert said.kind == "unknown"

@@ -145,8 +145,8 @@ def decide(options: Sequence[Option], by: Calibration, *, betrayed: bool = False
         rivals = _rivals(options, single, by.rival * single[best], nominal)
         best = rivals[0] if rivals else nominal
         rivals = rivals or [nominal]
-    if left(options[best]) > by.fails:
-        kind = "unknown"
+    if left(options[best]) > by.fails or single[best] < by.rival * single[nominal]:
+        kind = "unknown"  # it fails, or hardly stands where the nominal model, which is far likelier, hardly fails
     elif best == nominal and not betrayed:
         kind = "no_gap"
     elif any(classes[k] != classes[best] for k in rivals):
