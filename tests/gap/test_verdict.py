@@ -39,4 +39,4 @@ def test_where_everything_fails_it_is_unknown_and_the_least_bad_goes_first() -> 
 def test_nothing_is_named_that_hardly_stands_where_the_nominal_model_hardly_fails() -> None:
     nominal, play = option(met=-100.0, left=3.1), option("backlash", met=-101.0, left=2.95)
     said = decide([nominal, play], BY)
-    assert said.kind == "unknown"
+    assert (said.kind, said.rivals) == ("unknown", (0,))

@@ -143,10 +143,11 @@ def decide(options: Sequence[Option], by: Calibration, *, betrayed: bool = False
         best, rivals = nominal, [nominal]
     else:
         rivals = _rivals(options, single, by.rival * single[best], nominal)
-        best = rivals[0] if rivals else nominal
-        rivals = rivals or [nominal]
-    if left(options[best]) > by.fails or single[best] < by.rival * single[nominal]:
-        kind = "unknown"  # it fails, or hardly stands where the nominal model, which is far likelier, hardly fails
+        if not rivals or single[rivals[0]] < by.rival * single[nominal]:
+            rivals = [nominal]  # which fails, but what hardly stands where it hardly fails is no better
+        best = rivals[0]
+    if left(options[best]) > by.fails:
+        kind = "unknown"
     elif best == nominal and not betrayed:
         kind = "no_gap"
     elif any(classes[k] != classes[best] for k in rivals):
