@@ -1,5 +1,7 @@
 """Which explanation the evidence speaks for."""
 
+import pytest
+
 from tiago_mj.gap.result import Evidence
 from tiago_mj.gap.verdict import Calibration, Option, decide
 
@@ -11,21 +13,20 @@ def option(*names: str, met: float, left: float) -> Option:
     return Option(frozenset((name, None) for name in names), frozenset(names), evidence)
 
 
-def test_an_explanation_that_fails_gives_way_to_one_that_stands() -> None:
+@pytest.mark.parametrize(
+    ("alone_leaves", "both_leave", "said"),
+    [(12.0, 0.5, ("effect", 1)), (3.1, 2.9, ("unknown", 0))],
+    ids=["fails where another stands", "hardly fails where another hardly stands"],
+)
+def test_an_explanation_gives_way_to_a_less_likely_one_only_where_it_leaves_much_more(
+    alone_leaves: float, both_leave: float, said: tuple[str, int]
+) -> None:
     """What the second effect does is in few blocks of few samples: 3 nats, less than it costs."""
     nominal = option(met=-200.0, left=17.0)
-    alone = option("force_hysteresis", met=-100.0, left=12.0)
-    both = option("force_hysteresis", "force_drift", met=-97.0, left=0.5)
-    said = decide([alone, both, nominal], BY)
-    assert (said.kind, said.rivals[0]) == ("effect", 1)
-
-
-def test_an_explanation_that_hardly_fails_stays_before_one_that_hardly_stands() -> None:
-    nominal = option(met=-200.0, left=17.0)
-    alone = option("force_hysteresis", met=-100.0, left=3.1)
-    both = option("force_hysteresis", "force_drift", met=-98.0, left=2.9)
-    said = decide([alone, both, nominal], BY)
-    assert (said.kind, said.rivals[0]) == ("unknown", 0)
+    alone = option("force_hysteresis", met=-100.0, left=alone_leaves)
+    both = option("force_hysteresis", "force_drift", met=-97.0, left=both_leave)
+    decision = decide([alone, both, nominal], BY)
+    assert (decision.kind, decision.rivals[0]) == said
 
 
 def test_where_everything_fails_it_is_unknown_and_the_least_bad_goes_first() -> None:

@@ -59,11 +59,11 @@ MOST: Final = 3
 #: Mean squared residual of the worst channel, sample by sample or over blocks, in units of what it should scatter by,
 #: that calls for another effect.
 GAP: Final = 4.0
-#: Where even the best single effect leaves that, what is correlated in time is another effect and no error of the
-#: simulator: samples count for so much at least (square root), half of what those of an explanation that stands do.
-UNEXPLAINED: Final = 0.5 / REPEATED**0.5
 #: And that is worth a look at every other effect beside the best, each simulated.
 BESIDE: Final = 1.5
+#: Where even the best single effect leaves a gap, what is correlated in time is another effect and no error of the
+#: simulator: samples count for so much at least (square root), half of what those of an explanation that stands do.
+UNEXPLAINED: Final = 0.5 / REPEATED**0.5
 #: Where an explanation leaves nothing to explain, another effect beside it must promise so much more [nats].
 PLENTY: Final = 15.0
 #: Explanations that get responses around themselves, the best first.
