@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 
 from tiago_mj.cli import main
-from tiago_mj.gap import floor, hypotheses, replay, score, starts
+from tiago_mj.gap import floor, hypotheses, replay, score, shortlist, starts
 from tiago_mj.gap.effects.spec import Entry
-from tiago_mj.gap.fit import Fitted, Fitter, Point, Start, Yardstick
+from tiago_mj.gap.fit import Fitted, Fitter, Point, Start
 from tiago_mj.gap.plant import plant_of
 from tiago_mj.gap.predict import Predictor
 from tiago_mj.gap.read import read_recordings
 from tiago_mj.gap.select import _with_something_to_explain
+from tiago_mj.gap.yardstick import Yardstick
 
 
 @pytest.fixture(scope="module")
@@ -171,6 +172,40 @@ def test_what_both_fingers_have_apart_is_tried_as_one_effect(grasps):
     assert [part.label for part in start.parts] == [("coulomb_friction", None), ("command_delay", None)]
     assert start.values == pytest.approx([2.9, 0.04])
     assert starts.merged(replace(three, parts=(delay, left), values=np.array([0.04, 3.0])), fitter) == []
+
+
+def test_what_is_far_behind_is_not_brought_to_its_end_and_changes_nothing_else(grasps):
+    plant, on, data = grasps
+    asked = []
+
+    class Counted(Predictor):
+        def __call__(self, wanted, *, keep=False):
+            asked.extend(effects for _, effects in wanted)
+            return super().__call__(wanted, keep=keep)
+
+    bias = Entry("force_bias", None, {"offset": 0.3})
+    shifted = replace(data, value=Predictor(plant, on, data).all_trials([(bias,)], range(2))[0])
+    fitter = Fitter(Counted(plant, on, shifted), (0, 1), shifted, np.ones(6), (), np.zeros((0, *data.value.shape)))
+    names = ("force_bias", "viscous_friction")
+    pool = hypotheses.candidates(plant, names)
+    right, hopeless = (next(c for c in pool if c.effect == name and c.target is None) for name in names)
+    beginnings = [Start((right,), np.array([0.28])), Start((hopeless,), np.array([5.0]))]
+    alone = [fitter.fit_all([start])[0] for start in beginnings]
+    each = len(asked)
+    beside = fitter.fit_all(beginnings)
+    assert len(asked) - each < each
+    assert beside[0].values == alone[0].values == pytest.approx([0.3], rel=1e-3)
+    assert beside[0].evidence - beside[1].evidence > 15
+
+
+def test_where_nothing_is_to_be_explained_only_what_may_gain_on_all_trials_is_fitted_to_them():
+    """On 3 trials of 9: gains of 2, 1 and 3 nats, for 3, 3 and 9 nats of freedom."""
+
+    def fitted(met, prior):
+        return Fitted((), np.zeros(0), np.zeros(0), np.zeros(0), evidence=met + prior, misfit=0.8, prior=prior)
+
+    none, *some = fitted(-100.0, 0.0), fitted(-98.0, -3.0), fitted(-99.0, -3.0), fitted(-97.0, -9.0)
+    assert shortlist.promising(some, none, 3.0) == some[:1]
 
 
 @pytest.mark.parametrize("effect", ["encoder_bias", "force_gain", "coulomb_friction", "rate_limit", "command_delay"])

@@ -1,15 +1,18 @@
 """Which explanation the evidence speaks for."""
 
+import math
+
 import pytest
 
+from tiago_mj.gap.hypotheses import Candidate
 from tiago_mj.gap.result import Evidence
 from tiago_mj.gap.verdict import Calibration, Option, decide
 
 BY = Calibration(temperature=1.0, stands=0.333, rival=0.05, fails=3.0, remains=3.0)
 
 
-def option(*names: str, met: float, left: float) -> Option:
-    evidence = Evidence(met=met, price=-4.0 * len(names), misfit=min(left, 2.0), lasting=left)
+def option(*names: str, met: float, left: float, edge: bool = False) -> Option:
+    evidence = Evidence(met=met, price=-4.0 * len(names), misfit=min(left, 2.0), lasting=left, edge=edge)
     return Option(frozenset((name, None) for name in names), frozenset(names), evidence)
 
 
@@ -41,3 +44,22 @@ def test_nothing_is_named_that_hardly_stands_where_the_nominal_model_hardly_fail
     nominal, play = option(met=-100.0, left=3.1), option("backlash", met=-101.0, left=2.95)
     said = decide([nominal, play], BY)
     assert (said.kind, said.rivals) == ("unknown", (0,))
+
+
+def test_what_has_to_be_as_large_as_an_effect_can_be_stands_for_something_else() -> None:
+    """A spring that stiffens was met by a base that leans by all of 0.5 rad, a scale and an offset."""
+    nominal = option(met=-900.0, left=400.0)
+    leaning = option("gravity_tilt", "encoder_bias", "encoder_scale", met=-100.0, left=1.1, edge=True)
+    said = decide([leaning, nominal], BY)
+    assert (said.kind, said.rivals[0]) == ("unknown", 0)
+
+
+def test_a_magnitude_is_at_its_bound_unless_the_effect_vanishes_there() -> None:
+    tilt = Candidate("gravity_tilt", None, "angle", (), 0.0, -0.5, 0.5, (), "rad")
+    assert [tilt.at_edge(x) for x in (-0.5, 0.0, 0.4999, 0.49)] == [True, False, True, False]
+    limit = Candidate("force_limit", None, "limit", (), math.inf, 1.0, 16.0, (), "N")
+    assert [limit.at_edge(x) for x in (1.0, 5.0, 16.0)] == [True, False, False]
+    friction = Candidate("coulomb_friction", None, "force", (), 0.0, -2.0, 8.0, (), "N", removes=True)
+    assert [friction.at_edge(x) for x in (-2.0, 0.0, 8.0)] == [False, False, True]
+    play = Candidate("backlash", None, "width", (), 0.0, 0.0, 0.01, (), "m")
+    assert [play.at_edge(x) for x in (0.0, 0.01)] == [False, True]

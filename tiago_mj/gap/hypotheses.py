@@ -25,6 +25,8 @@ Array = NDArray[np.float64]
 COARSE: Final = (0.01, 0.05, 0.2, 0.6)
 #: Magnitudes below this share of the bound are all as likely.
 LEAST_SHARE: Final = 0.01
+#: Closer to a bound than this share of the range a magnitude is at it.
+EDGE: Final = 1e-3
 #: Values of a second number that recordings can tell apart.
 SECOND: Final = 10
 
@@ -87,6 +89,7 @@ class Candidate:
         unit: of the parameter.
         tolerance: two deviations of the nominal model's own number of that kind; 0 if it has none.
         spread: one standard deviation of the magnitude where it was read off and no gradient tells; else None.
+        removes: ``low`` takes away all that the nominal model has of it.
     """
 
     effect: str
@@ -100,6 +103,7 @@ class Candidate:
     unit: str
     tolerance: float = 0.0
     spread: float | None = None
+    removes: bool = False
 
     def entry(self, value: float) -> Entry:
         """The effect at a magnitude."""
@@ -121,6 +125,13 @@ class Candidate:
         least = max(self.tolerance, max(sides) * LEAST_SHARE)
         whole = sum(np.log1p(side / least) for side in sides)
         return -float(np.log(whole * (abs(value - self.identity) + least)) + chosen)
+
+    def at_edge(self, value: float) -> bool:
+        """Whether a magnitude lies at a bound of what is possible, and not where the effect, or what the nominal model
+        has of it, just vanishes."""
+        near = EDGE * (self.high - self.low)
+        at_least = value < self.low + near and not self.removes and self.low != self.identity
+        return at_least or (value > self.high - near and self.high > self.identity)
 
     @property
     def label(self) -> tuple[str, tuple[str, ...] | None]:
@@ -216,8 +227,10 @@ def _of(
     assert switch.identity is not None
     if size is not None:
         low, high = size.within(name, low, high)
+    removes = False
     if name in ("coulomb_friction", "viscous_friction", "servo_damping"):
-        low = max(low, -_nominal_of(plant, name, index))
+        all_of_it = -_nominal_of(plant, name, index)
+        low, removes = max(low, all_of_it), all_of_it >= low
     grid = _magnitudes(switch.identity, low, high)
     others = [p for p in declared.parameters.values() if p is not switch]
     settings: list[tuple[tuple[str, float], ...]] = [()]
@@ -228,7 +241,9 @@ def _of(
     for form in declared.forms.values():
         settings = [(*setting, (form.name, value)) for setting in settings for value in form.values]
     return [
-        Candidate(name, target, switch.name, setting, switch.identity, low, high, grid, switch.unit[side])
+        Candidate(
+            name, target, switch.name, setting, switch.identity, low, high, grid, switch.unit[side], removes=removes
+        )
         for setting in settings
     ]
 

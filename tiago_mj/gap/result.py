@@ -54,12 +54,14 @@ class Evidence:
         misfit: mean squared residual of the worst channel, in units of floor and tolerance.
         lasting: mean square of the worst channel's residual over quarters of a second, in units of what it should
             scatter by.
+        edge: whether one of its magnitudes lies at the bound of what is possible.
     """
 
     met: float
     price: float
     misfit: float
     lasting: float
+    edge: bool = False
 
 
 @dataclass(frozen=True)

@@ -9,14 +9,14 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from tiago_mj.gap import extend, floor, score, secondary, starts
-from tiago_mj.gap.effects import EFFECTS
-from tiago_mj.gap.fit import NUDGE, Fitted, Fitter, Point, Start, Yardstick
+from tiago_mj.gap import extend, floor, score, secondary, shortlist, starts
+from tiago_mj.gap.fit import NUDGE, Fitted, Fitter, Point, Start
 from tiago_mj.gap.floor import Data
 from tiago_mj.gap.hypotheses import Candidate, Term
 from tiago_mj.gap.predict import Predictor
 from tiago_mj.gap.screen import Screened, screen
 from tiago_mj.gap.traces import ONLY_READ_OFF, Known
+from tiago_mj.gap.yardstick import Yardstick
 
 Array = NDArray[np.float64]
 
@@ -29,21 +29,10 @@ FIT_STEPS: Final = 12_000
 FIRST_STEPS: Final = 6_000
 FIT_TRIALS: Final = 3
 FIRST_TRIALS: Final = 1
-#: Trials of the first pass at most, singles that are fitted to them (where the time is over), and to all trials.
+#: Trials of the first pass at most.
 SCREEN_TRIALS: Final = 3
-SINGLES: Final = 10
-FEWEST: Final = 3
-SECONDS: Final = 4
-#: Where the first pass gains this much [nats], effects that gain less than this share of the most are not fitted. Of 46
-#: cases the right one was the best in 30, never behind 0.9 of it but where little was gained, and once 0.6.
-DECIDED: Final = 10.0
-BEHIND: Final = 0.4
-#: Elsewhere those that gain so much less than the most are not fitted, apart from the first few [nats].
-WORSE: Final = 5.0
-#: Of them so many begin once more at the nominal numbers, too.
+#: Of the singles that are fitted to all trials so many begin once more at the nominal numbers, too.
 ANEW: Final = 2
-#: Singles beyond those are fitted to all trials, too, where some trials hardly tell them from the best [nats].
-TIED: Final = 2.0
 #: Further fits of the nominal model, each with the nuisances' responses around the one before, as long as one brings
 #: this much [nats].
 NOMINAL_ROUNDS: Final = 5
@@ -77,9 +66,6 @@ ENOUGH: Final = 1.5
 #: Where the nominal model's numbers had to go farther than this for it [nats], they may stand for another effect: what
 #: leaves nothing to explain has -3 to -14 without one.
 STRAINED: Final = -18.0
-#: Evidence that another effect must add to be worth showing [nats]: a Bayes factor of 150, "very strong" (Kass &
-#: Raftery 1995).
-ADDS: Final = 5.0
 #: A number of the nominal model that moves the likelihood by less than this, one deviation off, is left alone [nats].
 SILENT: Final = 0.005
 #: What acts on one joint or cell alone is not tried where nothing but noise is left there: mean square of its channels,
@@ -169,10 +155,10 @@ def select(
     unseen = tuple(name for name in names if name not in visible)
     promising = [s for s in screened if s.candidate.effect not in unseen]
 
-    tick("fitting", SINGLES)
-    count = FEWEST if out_of_time() else SINGLES
-    singles = [starts.beginning(s, few, here.nuisance) for s in _best(promising, count)]
-    ranked = _order(few.fit_all([Start((), np.zeros(0), here.nuisance), *singles]))
+    tick("fitting", shortlist.SINGLES)
+    count = shortlist.FEWEST if out_of_time() else shortlist.SINGLES
+    singles = [starts.beginning(s, few, here.nuisance) for s in shortlist.to_fit(promising, count)]
+    ranked = shortlist.ordered(few.fit_all([Start((), np.zeros(0), here.nuisance), *singles]))
     if out_of_time():
         fits = [_with(f, known, shared) for f in ranked]
         return Ranked(tuple(fits), tuple(screened), unseen, len(known), len(names), False, weight)
@@ -183,10 +169,12 @@ def select(
     fits = everywhere.fit_all([starts.again(nominal)])
     frame = _frame(few, here)
 
-    tick("refitting", SECONDS)
-    rivals = _rivals([f for f in ranked if f.parts])
+    tick("refitting", shortlist.SECONDS)
+    rivals = shortlist.rivals([f for f in ranked if f.parts])
+    if _done(fits[0]):
+        rivals = shortlist.promising(rivals, shortlist.nominal(ranked), len(trials) / len(first)) or rivals[:1]
     leaders = [starts.carried(f, everywhere, at) for f in rivals]
-    if leaders and ranked[0].parts and ranked[0].evidence - _nominal(ranked).evidence > extend.PROMISES:
+    if leaders and ranked[0].parts and ranked[0].evidence - shortlist.nominal(ranked).evidence > extend.PROMISES:
         everywhere = everywhere.around(starts.point(leaders[0]))
     if not _done(fits[0]):  # what is left may be what its numbers were moved for: effects begin without that, too
         leaders += [Start(f.parts, f.values, np.zeros(everywhere.size)) for f in rivals[:ANEW]]
@@ -195,15 +183,15 @@ def select(
         fits = _renewed(everywhere, fits, fits)
         fits += _refined(everywhere, fits, fits)
         fits += everywhere.fit_all([*starts.absorbed(fits, everywhere), *starts.without(fits)])
-    if _fails(_order(fits)[0]) and not out_of_time():
+    if _fails(shortlist.ordered(fits)[0]) and not out_of_time():
         weight = np.maximum(weight, UNEXPLAINED)
         few, everywhere = replace(few, weight=weight), replace(everywhere, weight=weight)
         frame = _frame(few, here)
         fits = everywhere.fit_all([starts.again(f) for f in _again(fits)])
     complete = not out_of_time()
     for size in range(2, MOST + 1):
-        best = _order(fits)[0]
-        gained = best.evidence - _nominal(fits).evidence
+        best = shortlist.ordered(fits)[0]
+        gained = best.evidence - shortlist.nominal(fits).evidence
         if not complete or (gained < extend.PROMISES and not _fails(best)):
             break  # where one effect hardly explains more than none, two would not be believed
         done = best.parts and _done(best, ENOUGH)
@@ -212,11 +200,11 @@ def select(
         if size > 2 and (not _fails(best) or len(best.parts) < size - 1):
             break
         tick("pairs" if size == 2 else "triples", extend.EXTENSIONS)
-        seeds = _distinct([f for f in _order(fits) if len(f.parts) == size - 1])[:SEEDS]
+        seeds = shortlist.distinct([f for f in shortlist.ordered(fits) if len(f.parts) == size - 1])[:SEEDS]
         tried = extend.extensions(few, frame, seeds, promising, PLENTY if done else extend.PROMISES)
         if size == 2 and not done:
             tried = extend.once_each([*extend.superposed(frame, base[first], promising), *tried])
-        extended = [starts.carried(f, everywhere, at) for f in _order(few.fit_all(tried))[:EXTENSIONS_AGAIN]]
+        extended = [starts.carried(f, everywhere, at) for f in shortlist.ordered(few.fit_all(tried))[:EXTENSIONS_AGAIN]]
         if seeds and (seeds[0].misfit > BESIDE or _fails(seeds[0])) and not done:
             beside = extend.beside(everywhere, seeds[0], len(first), [s.candidate for s in promising], at)
             extended = extend.once_each([*beside, *extended])
@@ -224,14 +212,14 @@ def select(
             break
         found = everywhere.fit_all(extended)
         found += everywhere.fit_all(starts.fewer(found))
-        leader = _order(found)[0]
+        leader = shortlist.ordered(found)[0]
         found += everywhere.fit_all([*starts.subsets(leader, [*fits, *found]), *starts.merged(leader, everywhere)])
         fits += found if out_of_time() else _renewed(everywhere, found, fits)
         if not out_of_time():
             fits += _refined(everywhere, [f for f in fits if len(f.parts) == size], fits)
         fits += everywhere.fit_all([] if out_of_time() else starts.absorbed(fits, everywhere))
         complete = not out_of_time()
-    fits = [_with(fit, known, shared) for fit in _worth(_once(_order(fits)))]
+    fits = [_with(fit, known, shared) for fit in shortlist.worth_showing(shortlist.once_each(shortlist.ordered(fits)))]
     return Ranked(tuple(fits), tuple(screened), unseen, len(known), len(names), complete, weight)
 
 
@@ -266,11 +254,6 @@ def _frame(fitter: Fitter, at: Point) -> score.Frame:
     return score.frame(fitter.data, fitter.weight, fitter.responses, fitter.per_trial, at.nuisance)
 
 
-def _nominal(fits: Sequence[Fitted]) -> Fitted:
-    """The best without effects."""
-    return max((f for f in fits if not f.parts), key=lambda f: f.evidence)
-
-
 def _with_something_to_explain(pool: Sequence[Candidate], data: Data, base: Array) -> list[Candidate]:
     """Without candidates of one joint or cell where the nominal model predicts all of its channels."""
     known = np.isfinite(data.value).sum(axis=(0, 1))
@@ -294,25 +277,19 @@ def _fails(fit: Fitted) -> bool:
 
 def _again(fits: Sequence[Fitted]) -> list[Fitted]:
     """The nominal model and the best explanations, each once."""
-    return [_nominal(fits), *[f for f in _once(_order(fits)) if f.parts][:SECONDS]]
-
-
-def _distinct(fits: Sequence[Fitted]) -> list[Fitted]:
-    """The best of every set of classes: what resembles it would lead to the same place."""
-    best: dict[frozenset[str], Fitted] = {}
-    for fit in fits:
-        best.setdefault(frozenset(EFFECTS[part.effect].gap_class for part in fit.parts), fit)
-    return list(best.values())
+    best = shortlist.once_each(shortlist.ordered([f for f in fits if f.parts]))
+    return [shortlist.nominal(fits), *best[: shortlist.SECONDS]]
 
 
 def _renewed(everywhere: Fitter, fits: Sequence[Fitted], others: Sequence[Fitted]) -> list[Fitted]:
     """The same, each with the nuisances' responses around it where that may decide: near the best of all, and where
     that is more than a nominal number a little off."""
     best = max((f.evidence for f in (*fits, *others)), default=0.0)
-    nominal = _nominal(others)
+    nominal = shortlist.nominal(others)
     if best - nominal.evidence < extend.PROMISES and _done(nominal):
         return list(fits)
-    near = _once(_order([f for f in fits if f.parts and f.evidence > best - starts.NEAR]))[:RENEWED]
+    near = shortlist.once_each(shortlist.ordered([f for f in fits if f.parts and f.evidence > best - starts.NEAR]))
+    near = near[:RENEWED]
     begin = [starts.again(f) for f in near]
     # What the nominal model's numbers were moved for without the effect, they may be stuck at.
     begin += [Start(f.parts, f.values, np.zeros(everywhere.size)) for f in near[:1]]
@@ -321,26 +298,8 @@ def _renewed(everywhere: Fitter, fits: Sequence[Fitted], others: Sequence[Fitted
 
 def _refined(everywhere: Fitter, fits: Sequence[Fitted], others: Sequence[Fitted]) -> list[Fitted]:
     """Of some explanations with better second numbers and forms."""
-    best = _order(others)[0]
+    best = shortlist.ordered(others)[0]
     return secondary.refined(everywhere, fits, best, fails=_fails(best))
-
-
-def _order(fits: Sequence[Fitted]) -> list[Fitted]:
-    return sorted(fits, key=lambda f: -f.evidence)
-
-
-def _worth(fits: Sequence[Fitted]) -> list[Fitted]:
-    """Without those that say no more than some of their parts alone."""
-    evidence = {frozenset(p.label for p in f.parts): f.evidence for f in fits}
-    out = []
-    for f in fits:
-        labels = frozenset(p.label for p in f.parts)
-        fewer = [e for other, e in evidence.items() if other and other < labels]
-        if len(f.parts) < 2 or (
-            all(f.evidence - e > ADDS for e in fewer) and all(starts.away(f, k) for k in range(len(f.parts)))
-        ):
-            out.append(f)
-    return out
 
 
 def _with(fit: Fitted, known: Sequence[Known], telling: NDArray[np.bool_]) -> Fitted:
@@ -354,39 +313,3 @@ def _with(fit: Fitted, known: Sequence[Known], telling: NDArray[np.bool_]) -> Fi
         values=np.concatenate([fit.values, [k.value for k in known]]),
         deviations=np.concatenate([fit.deviations, [k.deviation for k in known]]),
     )
-
-
-def _rivals(fits: Sequence[Fitted]) -> list[Fitted]:
-    """Of single effects, best first: the first few, and whatever cannot be told from the best."""
-    return [f for k, f in enumerate(fits) if k < SECONDS or f.evidence > fits[0].evidence - TIED]
-
-
-def _once(fits: Sequence[Fitted]) -> list[Fitted]:
-    """The best of fits of the same effects on the same targets: found twice, an explanation is no likelier."""
-    best: dict[frozenset[object], Fitted] = {}
-    for fit in fits:
-        best.setdefault(frozenset(part.label for part in fit.parts), fit)
-    return list(best.values())
-
-
-def _best(promising: Sequence[Screened], count: int) -> list[Screened]:
-    """The best of every effect, then of every effect and target; no more than half of them of one class, so that rivals
-    get their chance."""
-    out: list[Screened] = []
-    seen: set[object] = set()
-    classes: dict[str, int] = {}
-    first = dict.fromkeys(s.candidate.effect for s in promising)
-    leaders = {effect: next(s for s in promising if s.candidate.effect == effect) for effect in first}
-    most = max((s.gain for s in promising), default=0.0)
-    for s in (*leaders.values(), *promising):
-        gap_class = EFFECTS[s.candidate.effect].gap_class
-        if s.gain < max(BEHIND * most if most > DECIDED else most - WORSE, 0.0) and len(out) >= FEWEST:
-            continue
-        if s.candidate.label in seen or classes.get(gap_class, 0) >= count // 2:
-            continue
-        seen.add(s.candidate.label)
-        classes[gap_class] = classes.get(gap_class, 0) + 1
-        out.append(s)
-        if len(out) == count:
-            break
-    return out

@@ -120,6 +120,7 @@ def option(fit: Fitted, ranked: Ranked) -> Option:
         price=fit.prior + _log_prior(fit, ranked),
         misfit=fit.misfit,
         lasting=fit.lasting,
+        edge=any(part.at_edge(float(v)) for part, v in zip(fit.parts[:count], fit.values, strict=False)),
     )
     return Option(frozenset(part.label for part in fit.parts[:count]), classes_of(fit), evidence)
 
@@ -146,8 +147,8 @@ def decide(options: Sequence[Option], by: Calibration, *, betrayed: bool = False
         if not rivals or single[rivals[0]] < by.rival * single[nominal]:
             rivals = [nominal]  # which fails, but what hardly stands where it hardly fails is no better
         best = rivals[0]
-    if left(options[best]) > by.fails:
-        kind = "unknown"
+    if left(options[best]) > by.fails or options[best].evidence.edge:
+        kind = "unknown"  # what has to be as large as an effect can be stands for something else
     elif best == nominal and not betrayed:
         kind = "no_gap"
     elif any(classes[k] != classes[best] for k in rivals):

@@ -267,7 +267,10 @@ def _ranked(one: Mapping[str, Any]) -> Explanation:
     keys = _keys([_named(e, {}) for e in one["effects"]])
     effects = tuple(_named(e, one["parameters"][key]) for key, e in zip(keys, one["effects"], strict=True))
     given = one.get("evidence")
-    evidence = None if given is None else Evidence(**{key: _number(value) for key, value in given.items()})
+    evidence = None
+    if given is not None:
+        met, price, misfit, lasting = (_number(given[key]) for key in ("met", "price", "misfit", "lasting"))
+        evidence = Evidence(met, price, misfit, lasting, bool(given.get("edge", False)))
     return Explanation(effects, _number(one["probability"]), _number(one["validation_gain"]), evidence)
 
 
