@@ -14,6 +14,7 @@ from tiago_mj.gap.result import (
     PHASES,
     Closing,
     Diagnosis,
+    Evidence,
     Explanation,
     Named,
     NextMotion,
@@ -228,6 +229,14 @@ CASES = {
     "cut_short": diagnosis(complete=False),
     "nothing_compared": diagnosis("unknown", (), where=(), overlays=(), ranking=(), remains_where=()),
 }
+BOUND = replace(CASES["unknown_with_known"].best, evidence=Evidence(-100.0, -8.0, 0.9, 1.1, edge=True))
+CASES["at_a_bound"] = replace(
+    CASES["unknown_with_known"],
+    best=BOUND,
+    ranking=(BOUND, *CASES["unknown_with_known"].ranking[1:]),
+    remains=False,
+    remains_where=(),
+)
 CASES["never_measured"] = replace(
     diagnosis(),
     shrink=replace(diagnosis().shrink, task={"policy": "ppo.zip", "nominal": -3.2, "repaired": -8.1, "measured": None}),

@@ -193,6 +193,7 @@ def test_each_kind_of_verdict_has_its_sentence():
     known = verdict.headline(CASES["unknown_with_known"])
     assert "Coulomb friction" in known
     assert "no known effect" in known
+    assert "but that is at the bound of what is possible" in verdict.headline(CASES["at_a_bound"])
     assert "A gap above the noise is left" in verdict.remainder(CASES["effect_and_more"])
     assert "no recording was kept aside" in verdict.headline(CASES["no_test_trial"])
 

@@ -10,7 +10,7 @@ import hashlib
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -115,7 +115,8 @@ def fingerprint(path: Path) -> str:
 
 
 def load(path: Path) -> Diagnosis:
-    """Read a diagnosis back; it has no overlays. Alternatives and the best take their gain from the ranking, else NaN.
+    """Read a diagnosis back; it has no overlays. Alternatives and the best take the rest from the ranking; without it
+    their gain is NaN.
 
     Raises:
         ValueError: there is no such file, it is no diagnosis of this schema, or something is missing in it; one line.
@@ -204,10 +205,10 @@ def _next_motion(motion: NextMotion | None) -> dict[str, Any] | None:
 def _diagnosis(data: Mapping[str, Any]) -> Diagnosis:
     verdict, shrink, motion = data["verdict"], data["shrink"], data["next_motion"]
     ranking = tuple(_ranked(one) for one in data["ranking"])
-    best = tuple(_named(e, e["parameters"]) for e in verdict["effects"])
+    best = _known(tuple(_named(e, e["parameters"]) for e in verdict["effects"]), verdict["probability"], ranking)
     return Diagnosis(
         kind=verdict["kind"],
-        best=Explanation(best, _number(verdict["probability"]), _gain(best, ranking)),
+        best=best,
         alternatives=tuple(_alternative(one, ranking) for one in verdict["alternatives"]),
         remains=verdict["remains"]["flag"],
         remains_where=_places(verdict["remains"]["where"]),
@@ -275,13 +276,13 @@ def _ranked(one: Mapping[str, Any]) -> Explanation:
 
 
 def _alternative(one: Mapping[str, Any], ranking: tuple[Explanation, ...]) -> Explanation:
-    bare = tuple(_named(e, {}) for e in one["effects"])
-    known = next((r for r in ranking if _identity(r.effects) == _identity(bare)), None)
-    return Explanation(known.effects if known else bare, _number(one["probability"]), _gain(bare, ranking))
+    return _known(tuple(_named(e, {}) for e in one["effects"]), one["probability"], ranking)
 
 
-def _gain(effects: tuple[Named, ...], ranking: tuple[Explanation, ...]) -> float:
-    return next((r.validation_gain for r in ranking if _identity(r.effects) == _identity(effects)), math.nan)
+def _known(effects: tuple[Named, ...], probability: float | None, ranking: tuple[Explanation, ...]) -> Explanation:
+    """An explanation with what the ranking says of it."""
+    same = next((r for r in ranking if _identity(r.effects) == _identity(effects)), Explanation(effects, 0.0, math.nan))
+    return replace(same, probability=_number(probability))
 
 
 def _identity(effects: tuple[Named, ...]) -> list[tuple[str, str | tuple[str, ...]]]:

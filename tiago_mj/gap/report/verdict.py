@@ -116,11 +116,11 @@ def _either(diagnosis: Diagnosis) -> str:
 def _unknown(diagnosis: Diagnosis) -> str:
     place = main_place(diagnosis.remains_where or diagnosis.where)
     if diagnosis.best.evidence is not None and diagnosis.best.evidence.edge:
-        what = (
+        return begin(
             f"the gap would be explained if {clauses(diagnosis.best)}, but that is at the bound of what is possible: "
-            "another cause, which is not in the library, is likelier"
+            "another cause, which is not in the library, is likelier."
         )
-    elif diagnosis.best.effects:
+    if diagnosis.best.effects:
         what = f"{clauses(diagnosis.best)}, but that is not all: the rest of the gap is explained by no known effect"
     else:
         what = "there is a gap that no known effect explains"
