@@ -29,17 +29,20 @@ def most_frequent(judged: Sequence[Judged]) -> list[Judged]:
     return [Judged(j.label, _answer([{"name": name, "target": "all", "parameters": {}}], share)) for j in judged]
 
 
+def answers(store: Store, number: int) -> dict[str, dict[str, Any]]:
+    """What other methods answered to a case, by their names."""
+    return {
+        path.stem: json.loads(path.read_text()) for path in sorted((store.case(number) / "baselines").glob("*.json"))
+    }
+
+
 def scores(judged: Sequence[Judged], store: Store) -> dict[str, Any]:
     """Scores of every baseline that there is, by name."""
-    out = {"most_frequent": score(most_frequent(judged))}
-    names = {path.stem for path in store.root.glob("cases/*/baselines/*.json")}
-    for name in sorted(names):
-        answers = []
-        for number, j in enumerate(judged):
-            path = store.case(number) / "baselines" / f"{name}.json"
-            answers.append(Judged(j.label, json.loads(path.read_text()) if path.exists() else None))
-        out[name] = score([a for a in answers if a.answer is not None])
-    return out
+    theirs: dict[str, list[Judged]] = {"most_frequent": most_frequent(judged)}
+    for number, j in enumerate(judged):
+        for name, answer in answers(store, number).items():
+            theirs.setdefault(name, []).append(Judged(j.label, answer))
+    return {name: score(those) for name, those in sorted(theirs.items())}
 
 
 def _answer(effects: list[dict[str, Any]], probability: float) -> dict[str, Any]:

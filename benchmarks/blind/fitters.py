@@ -205,12 +205,12 @@ def cma(problem: Problem) -> Array:
 
 def sysid(problem: Problem) -> Array:
     """``mujoco.sysid.optimize`` (bounded least squares) over all parameters."""
-    from mujoco.sysid._src import optimize, parameter
-
-    wanted = parameter.ParameterDict()
+    extra.load("colorama", "mujoco.sysid", "blind")  # without what its extra brings it loads, and holds nothing
+    toolbox = extra.load("mujoco.sysid", "this baseline", "blind")
+    wanted = toolbox.ParameterDict()
     for name in problem.names:
         low = -0.02 if name in POSITIVE else -8.0
-        wanted.add(parameter.Parameter(name, 0.0, low, 8.0))
+        wanted.add(toolbox.Parameter(name, 0.0, low, 8.0))
 
     def residual(x: Array, _: Any) -> tuple[list[Array], None, None]:
         points = np.asarray(x).reshape(len(problem.names), -1).T
@@ -218,7 +218,7 @@ def sysid(problem: Problem) -> Array:
         return [flat if np.ndim(x) > 1 else flat[:, 0]], None, None
 
     with contextlib.redirect_stdout(io.StringIO()):  # its optimizer tells every iteration
-        _, result = optimize.optimize(wanted, residual, verbose=False, max_iters=25)
+        _, result = toolbox.optimize(wanted, residual, verbose=False, max_iters=25)
     return np.asarray(result.x).ravel()
 
 

@@ -17,8 +17,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from benchmarks.blind import score
-from benchmarks.blind.baselines import most_frequent
+from benchmarks.blind import baselines, score
 from benchmarks.blind.page import WORDS, number
 from benchmarks.blind.score import Judged
 from benchmarks.blind.store import Store
@@ -31,8 +30,12 @@ ANSWER: Final = ("verdict", "seconds", "notes", "complete")
 RANKED: Final = ("effects", "evidence")
 
 
-def keep(root: Path) -> dict[str, Any]:
+def keep(root: Path, commit: str | None = None) -> dict[str, Any]:
     """A run's cases that have their answer, in one object.
+
+    Args:
+        root: the run's folder.
+        commit: of the code that diagnosed, where it is not that of this checkout.
 
     Raises:
         ValueError: the run is not sealed, or no case is answered.
@@ -48,8 +51,11 @@ def keep(root: Path) -> dict[str, Any]:
         row = {"case": k, "label": json.loads(store.label_file(k).read_text()), "answer": _trimmed(store.answer(k))}
         if (followed := store.followed(k)) is not None:
             row["resolved"] = followed["resolved"]
+        if fitted := baselines.answers(store, k):
+            row["baselines"] = {name: _trimmed(one) for name, one in fitted.items()}
         rows.append(row)
-    return {"schema": SCHEMA, "run": run, "seal": seal, "machine": machine(), "cases": rows}
+    by = machine() if commit is None else {**machine(), "commit": commit}
+    return {"schema": SCHEMA, "run": run, "seal": seal, "machine": by, "cases": rows}
 
 
 def load(path: Path) -> dict[str, Any]:
@@ -73,7 +79,8 @@ def judged(kept: Mapping[str, Any]) -> list[Judged]:
 
 
 def together(several: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """Scores of all cases of kept files.
+    """Scores of all cases of kept files; under ``baselines`` those of other methods, and under ``beside``, by their
+    names, the diagnosis's own on the cases that they answered.
 
     Raises:
         ValueError: two of them are of one seed.
@@ -83,7 +90,13 @@ def together(several: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
         raise ValueError(f"seed {max(seeds, key=seeds.count)} is in two of the files: a case counts once")
     cases = [j for kept in several for j in judged(kept)]
     scores = score.score(cases, [row["resolved"] for kept in several for row in kept["cases"] if "resolved" in row])
-    scores["baselines"] = {"most_frequent": score.score(most_frequent(cases))}
+    rows = [row for kept in several for row in kept["cases"]]
+    scores["baselines"] = {"most_frequent": score.score(baselines.most_frequent(cases))}
+    scores["beside"] = {}
+    for name in sorted({name for row in rows for name in row.get("baselines", ())}):
+        theirs = [Judged(row["label"], row["baselines"][name]) for row in rows if name in row.get("baselines", ())]
+        ours = [one for one, row in zip(cases, rows, strict=True) if name in row.get("baselines", ())]
+        scores["baselines"][name], scores["beside"][name] = score.score(theirs), score.score(ours)
     scores["by_class"] = score.by_class(cases)
     scores["of"] = [
         {"seed": k["run"]["seed"], "seal": k["seal"], "cases": len(k["cases"]), "commit": k["machine"]["commit"]}
@@ -114,13 +127,14 @@ def main(words: Sequence[str] | None = None) -> int:
     writing = verbs.add_parser("write", help="keep a run, finished or not")
     writing.add_argument("run", type=Path, metavar="RUN", help="its folder (tiago-mj blind … --out RUN)")
     writing.add_argument("file", type=Path, metavar="FILE")
+    writing.add_argument("--commit", metavar="HASH", help="of the code that diagnosed, where it is not this checkout's")
     scoring = verbs.add_parser("score", help="score the cases of kept runs together")
     scoring.add_argument("files", nargs="+", type=Path, metavar="FILE")
     scoring.add_argument("--out", type=Path, metavar="FILE", help="where to write all scores as JSON")
     given = parser.parse_args(words)
     try:
         if given.verb == "write":
-            write(keep(given.run), given.file)
+            write(keep(given.run, given.commit), given.file)
             print(f"Written: {given.file}")
             return 0
         scores = together([load(path) for path in given.files])
@@ -132,6 +146,13 @@ def main(words: Sequence[str] | None = None) -> int:
         if entry["n"]:
             low, high = (number(name, entry[end]) for end in ("low", "high"))
             print(f"{number(name, entry['value']):>8}  {meaning} (n = {entry['n']}, 90 %: {low} to {high})")
+    for method, ours in scores["beside"].items():
+        print(f"{method}, and in brackets the diagnosis on the same cases:")
+        for name, meaning in WORDS.items():
+            theirs = scores["baselines"][method][name]
+            if theirs["n"]:
+                own = number(name, ours[name]["value"])
+                print(f"{number(name, theirs['value']):>8}  {f'({own})':>9}  {meaning} (n = {theirs['n']})")
     if given.out is not None:
         atomic.write_text(given.out, json.dumps(scores, indent=1, allow_nan=False) + "\n")
         print(f"Written: {given.out}")

@@ -76,6 +76,18 @@ def test_runs_count_together_and_none_twice(tmp_path: Path, capsys: pytest.Captu
     assert "seed 5 is in two of the files" in capsys.readouterr().err
 
 
+def test_other_methods_are_scored_beside_the_diagnosis_on_the_cases_that_they_answered(tmp_path: Path) -> None:
+    store = a_run(tmp_path / "run", 5)
+    for k in (1, 2):
+        (store.case(k) / "baselines").mkdir()
+        (store.case(k) / "baselines" / "cma.json").write_text(json.dumps(answer([FRICTION])))
+    kept.write(kept.keep(store.root), tmp_path / "five.json")
+    scores = kept.together([kept.load(tmp_path / "five.json")])
+    theirs, ours = scores["baselines"]["cma"], scores["beside"]["cma"]
+    assert (theirs["top1"]["value"], ours["top1"]["value"], scores["top1"]["value"]) == (1.0, 0.0, 0.5)
+    assert (theirs["false_names"]["value"], ours["false_names"]["value"]) == (1.0, 0.0)
+
+
 def test_a_kept_run_calibrates(tmp_path: Path) -> None:
     file = tmp_path / "five.json"
     kept.write(kept.keep(a_run(tmp_path / "run", 5).root), file)
