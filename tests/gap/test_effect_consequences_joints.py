@@ -20,6 +20,7 @@ from effects_bench import (
     shows,
 )
 
+from tiago_mj.gap.effects.inertia import own_inertia, removable_inertia
 from tiago_mj.models import names
 
 OPEN = 0.045  # where the fingers start [m]
@@ -194,6 +195,16 @@ def test_armature_is_inertia(added):
     # The integrator's damping is implicit: of one step of 0.5 ms, 0.04 kg, it makes an inertia.
     np.testing.assert_allclose(mass(None), FINGER_MASS, atol=0.02)
     np.testing.assert_allclose(mass({"armature": {"mass": added}}) - mass(None), added, rtol=0.01)
+
+
+def test_a_motor_s_inertia_cannot_be_taken_so_far_that_a_lighter_body_leaves_none():
+    """A servo of 0.028 kg·m² that turns a body of 0.00017: MuJoCo calls the mass matrix singular."""
+    model = mujoco.MjModel.from_xml_string("""<mujoco><worldbody><body><joint axis="0 0 1" armature="0.028"/>
+        <geom type="capsule" fromto="0 0 0 0.1 0 0" size="0.01" mass="0.05"/></body></worldbody></mujoco>""")
+    dofs = np.array([0])
+    whole = 0.028 + own_inertia(model, dofs)
+    np.testing.assert_allclose(removable_inertia(model, dofs), 0.9 * whole)
+    assert whole - removable_inertia(model, dofs) > 10 * own_inertia(model, dofs)
 
 
 @shows("coupling_error")

@@ -18,9 +18,14 @@ IN_A_CHAIN: Final = 0.3
 
 
 def removable_inertia(model: mujoco.MjModel, dofs: NDArray[np.intp]) -> Array:
-    """What may be taken from each joint, (n,) [kg, kg·m²], of hinges and slides at these addresses."""
+    """What may be taken from each joint, (n,) [kg, kg·m²], of hinges and slides at these addresses.
+
+    In a chain all that its motor has (``dof_armature``) and a share of what its bodies have; of a joint alone a share
+    of both, so that something is left where its bodies get lighter, too.
+    """
     alone = [model.dof_parentid[dof] < 0 and dof not in model.dof_parentid for dof in dofs]
-    return np.where(alone, ALONE, IN_A_CHAIN) * own_inertia(model, dofs)
+    own, motor = own_inertia(model, dofs), model.dof_armature[dofs]
+    return np.where(alone, ALONE * (own + motor), IN_A_CHAIN * own + motor)
 
 
 def own_inertia(model: mujoco.MjModel, dofs: NDArray[np.intp]) -> Array:

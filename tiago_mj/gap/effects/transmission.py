@@ -346,7 +346,9 @@ class Armature(Effect):
     def change(self, now: Now) -> None:
         armature, dofs = now.host.field("dof_armature"), now.wiring.dof
         before = armature[:, dofs]
-        least = -removable_inertia(now.host.model, dofs) if (self.mass < 0).any() else 0.0
+        model, least = now.host.model, 0.0
+        if (self.mass < 0).any():
+            least = model.dof_armature[dofs] - removable_inertia(model, dofs)
         armature[:, dofs] = np.where(self.present, np.maximum(before + self.mass, least), before)
         now.rebuild = True
 
