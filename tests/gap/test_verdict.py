@@ -46,6 +46,12 @@ def test_nothing_is_named_that_hardly_stands_where_the_nominal_model_hardly_fail
     assert (said.kind, said.rivals) == ("unknown", (0,))
 
 
+def test_where_everything_fails_the_likelier_nominal_model_goes_first() -> None:
+    nominal, inertia = option(met=-100.0, left=8.1), option("armature", met=-99.0, left=8.0)
+    said = decide([inertia, nominal], BY)
+    assert (said.kind, said.rivals) == ("unknown", (1,))
+
+
 def test_what_has_to_be_as_large_as_an_effect_can_be_stands_for_something_else() -> None:
     """A spring that stiffens was met by a base that leans by all of 0.5 rad, a scale and an offset."""
     nominal = option(met=-900.0, left=400.0)

@@ -144,8 +144,9 @@ def decide(options: Sequence[Option], by: Calibration, *, betrayed: bool = False
         best, rivals = nominal, [nominal]
     else:
         rivals = _rivals(options, single, by.rival * single[best], nominal)
-        if not rivals or single[rivals[0]] < by.rival * single[nominal]:
-            rivals = [nominal]  # which fails, but what hardly stands where it hardly fails is no better
+        fails = bool(rivals) and left(options[rivals[0]]) > by.fails
+        if not rivals or single[rivals[0]] < (1.0 if fails else by.rival) * single[nominal]:
+            rivals = [nominal]  # which fails, but what fails, too, or hardly stands, is no better
         best = rivals[0]
     if left(options[best]) > by.fails or options[best].evidence.edge:
         kind = "unknown"  # what has to be as large as an effect can be stands for something else
