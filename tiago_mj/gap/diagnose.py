@@ -37,10 +37,8 @@ from tiago_mj.gap.trials import cut
 
 #: Trials drawn in the report.
 OVERLAYS: Final = 1
-#: A physics step costs in proportion to what can move, up to so many degrees of freedom (gripper and object), and half
-#: of that at least.
+#: A physics step costs in proportion to what can move, up to so many degrees of freedom: gripper and object.
 WHOLE_STEP: Final = 8
-LEAST_STEP: Final = 0.5
 
 
 def split(names: Sequence[str]) -> dict[str, tuple[str, ...]]:
@@ -224,7 +222,7 @@ def _torques_along_a_motion(trials: Sequence[Trial]) -> bool:
 
 def _steps(plant: Plant, commands: int) -> int:
     """What one trial costs, in physics steps of the gripper."""
-    share = float(np.clip(plant.model.nv / WHOLE_STEP, LEAST_STEP, 1.0))
+    share = min(plant.model.nv / WHOLE_STEP, 1.0)
     return math.ceil(commands * math.ceil(plant.period / plant.max_timestep) * share)
 
 
