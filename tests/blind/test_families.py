@@ -68,23 +68,6 @@ def test_a_ripple_is_found_of_a_joint_that_never_rests_and_moves_by_periods_from
     assert effect.parameters["amplitude"].value == pytest.approx(0.06, rel=0.15)
 
 
-def test_a_clock_that_is_fast_is_told_from_a_late_one_in_slow_recordings_of_what_touches_nothing(
-    tmp_path: Path,
-) -> None:
-    """2 % of 6 s; all but the drift passes for a delay, and the drift passed for what physics steps get wrong."""
-    case = replace(PLAIN, seed=4250, effects=(EffectChoice("clock_skew", "all", {"rate": 0.02}),), rate=25.0)
-    case = replace(case, seconds=6.0, trials=8)
-    (tmp_path / robots.PLAIN_FILE).write_text(robots.PLAIN)
-    recordings.write(cases.simulate(case, tmp_path), tmp_path)
-    trials, model = read_recordings([tmp_path]).trials, tmp_path / robots.PLAIN_FILE
-    names = ("clock_skew", "clock_offset", "command_delay", "servo_stiffness", "viscous_friction")
-    found = diagnose(trials, model=model, names=names, threads=2)
-    (effect,) = found.best.effects
-    assert (found.kind, effect.name) == ("effect", "clock_skew")
-    rate = effect.parameters["rate"]
-    assert rate.low < 0.02 < rate.high
-
-
 @pytest.mark.slow
 def test_a_pair_is_found_of_which_neither_effect_alone_explains_much(tmp_path: Path) -> None:
     """One on each load cell: with either of them the other cell's error stays."""

@@ -1,8 +1,5 @@
 """What a difference between recording and prediction is measured by."""
 
-from types import SimpleNamespace
-
-import mujoco
 import numpy as np
 import pytest
 
@@ -96,29 +93,3 @@ def test_a_trial_in_which_an_error_lasts_stands_out():
     fails = score.lasting_in(data, error)
     assert fails[1] > 4
     assert fails[[0, 2]] == pytest.approx(1, abs=0.7)  # ten blocks: scatter of 0.45
-
-
-@pytest.mark.parametrize(
-    ("bodies", "newtons", "share"),
-    [
-        ("<geom size='0.1'/>", None, floor.SMOOTH),  # a plain model of one body: nothing to touch
-        ("<geom size='0.1'/><body pos='1 0 0'><joint/><geom size='0.1'/></body>", None, 1.0),
-        ("<geom size='0.1'/><body pos='1 0 0'><joint/><geom size='0.1'/></body>", 0.0, floor.SMOOTH),
-        ("<geom size='0.1'/><body pos='1 0 0'><joint/><geom size='0.1'/></body>", 0.1, 1.0),
-    ],
-    ids=["alone", "without cells", "cells feel nothing", "cells feel something"],
-)
-def test_only_what_touches_nothing_is_known_better(bodies, newtons, share):
-    model = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody><body><joint/>{bodies}</body></worldbody></mujoco>")
-    felt = np.zeros((2, 5, 0 if newtons is None else 2))
-    felt[1, 3:] = newtons or 0.0
-    assert floor.share_needed(SimpleNamespace(model=model), SimpleNamespace(newtons=felt)) == share
-
-
-def test_a_narrower_tolerance_leaves_the_noise():
-    value = np.cumsum(np.random.default_rng(1).standard_normal((3, 100, 1)), axis=1)
-    noise = np.array([0.1])
-    sigma, common = floor.sigma(value, noise, ("position.a",), 0.01)
-    narrow, narrow_common = floor.sigma(value, noise, ("position.a",), 0.01, floor.SMOOTH)
-    np.testing.assert_allclose(narrow**2 - noise**2, floor.SMOOTH**2 * (sigma**2 - noise**2))
-    np.testing.assert_allclose(narrow_common, floor.SMOOTH * common)

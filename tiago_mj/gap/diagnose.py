@@ -37,8 +37,6 @@ from tiago_mj.gap.trials import cut
 
 #: Trials drawn in the report.
 OVERLAYS: Final = 1
-#: A physics step costs in proportion to what can move, up to so many degrees of freedom: gripper and object.
-WHOLE_STEP: Final = 8
 
 
 def split(names: Sequence[str]) -> dict[str, tuple[str, ...]]:
@@ -135,7 +133,7 @@ def diagnose(
         hypotheses.terms(plant),
         base[fitted_on],
         known,
-        steps=_steps(plant, on.commands.shape[1]),
+        steps=on.commands.shape[1] * math.ceil(plant.period / plant.max_timestep),
         out_of_time=lambda: budget is not None and time.monotonic() - begun > budget,
         tick=tick,
     )
@@ -218,12 +216,6 @@ def _torques_along_a_motion(trials: Sequence[Trial]) -> bool:
         trial.sidecar.interface == "effort" and bool(trial.commands) and set(trial.commands) <= set(trial.positions)
         for trial in trials
     )
-
-
-def _steps(plant: Plant, commands: int) -> int:
-    """What one trial costs, in physics steps of the gripper."""
-    share = min(plant.model.nv / WHOLE_STEP, 1.0)
-    return math.ceil(commands * math.ceil(plant.period / plant.max_timestep) * share)
 
 
 def _along_the_motion(

@@ -34,8 +34,6 @@ TIMING: Final = 2e-3
 SHARE: Final = {"position": 0.0005, "velocity": 0.002, "force": 0.005}
 #: What two simulators make of a contact differs from instant to instant, too: share of the force.
 INSTANT: Final = 0.01
-#: Where nothing is touched they agree better in all of this, by this factor: no contact begins in another row.
-SMOOTH: Final = 0.4
 #: What is wrong stays wrong for about so long [s].
 BLOCK: Final = 0.25
 #: An event is a jump of the slope within this time [s], and counts for so many rows around it.
@@ -171,17 +169,8 @@ def _quiet(differences: Array) -> float:
     return float(1.4826 * np.quantile(spread, 1 / 3))
 
 
-def sigma(
-    value: Array, noise: Array, channels: Sequence[str], period: float, share: float = 1.0
-) -> tuple[Array, Array]:
+def sigma(value: Array, noise: Array, channels: Sequence[str], period: float) -> tuple[Array, Array]:
     """Floor and tolerance of every sample, and the part of it that errs alike over a block; same shape as ``value``.
-
-    Args:
-        value: (ntrials, T, C).
-        noise: (C,).
-        channels: their names.
-        period: between rows [s].
-        share: of the tolerance, see :data:`SMOOTH`.
 
     How fast a smooth signal changes costs no tolerance: a common delay is a nuisance of its own. Where its slope jumps
     something happens, and that may be a physics step earlier or later. How large a signal is, is wrong for as long as
@@ -205,29 +194,12 @@ def sigma(
     force = np.array([kind == "force" for kind in kinds])
     pressed = np.where(np.abs(filled) > TOUCHED * noise, np.abs(filled), 0.0)
     size = np.where(force, pressed, np.nan_to_num(span)[:, None, :])
-    common = share * np.array([SHARE[kind] for kind in kinds]) * size
+    common = np.array([SHARE[kind] for kind in kinds]) * size
     instant = np.where(force, INSTANT * pressed, 0.0)
-    return np.sqrt(noise**2 + (share * TIMING * steepest) ** 2 + share**2 * instant**2 + common**2), common
+    return np.sqrt(noise**2 + (TIMING * steepest) ** 2 + instant**2 + common**2), common
 
 
-def share_needed(plant: Plant, nominal: Signals) -> float:
-    """Share of the tolerance that a plant needs: less where its cells feel nothing, or where nothing could touch."""
-    if nominal.newtons.shape[2]:
-        return 1.0 if np.any(nominal.newtons > 0) else SMOOTH
-    model = plant.model
-    solid = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
-    return SMOOTH if len(np.unique(model.body_weldid[model.geom_bodyid[solid]])) < 2 else 1.0
-
-
-def narrowed(data: Data, period: float, share: float) -> Data:
-    """With that share of the tolerance."""
-    if share == 1.0:
-        return data
-    both = sigma(data.value, data.noise, data.channels, period, share)
-    return replace(data, sigma=both[0], common=both[1])
-
-
-def with_numerics(data: Data, predicted: Array, finer: Array, share: float = 1.0) -> Data:
+def with_numerics(data: Data, predicted: Array, finer: Array) -> Data:
     """With a tolerance of what the nominal simulator itself gets wrong by its physics step: put right in the nominal
     model (:func:`off_by_step`), it is as wrong in an explanation in which everything happens at another time.
 
@@ -236,12 +208,11 @@ def with_numerics(data: Data, predicted: Array, finer: Array, share: float = 1.0
         predicted, finer: nominal predictions at the step that is used and at one :data:`FINER` times shorter,
             (ntrials, T, C). Integrators of first order are off by FINER / (FINER - 1) of the difference. Of it the mean
             over a block errs alike, the rest sample by sample: a joint may chatter.
-        share: of it, see :data:`SMOOTH`.
     """
     off = (predicted - finer) * FINER / (FINER - 1)
     mean = by_block(off, data.block) / by_block(np.ones_like(off), data.block)
     alike = over_blocks(mean, data.block, off.shape[-2])
-    apart, alike = share * _dilated(np.abs(off - alike)), share * _dilated(np.abs(alike))
+    apart, alike = _dilated(np.abs(off - alike)), _dilated(np.abs(alike))
     return replace(data, sigma=np.sqrt(data.sigma**2 + alike**2 + apart**2), common=np.hypot(data.common, alike))
 
 

@@ -152,9 +152,7 @@ def predictor(
     fine = replace(plant, max_timestep=plant.max_timestep / floor.FINER)
     finer = replay.simulate(fine, on, everything, threads=threads, seed=seed)
     as_simulated, off = floor.predicted(data, nominal), floor.off_by_step(nominal, finer)
-    share = floor.share_needed(plant, nominal)
-    data = floor.narrowed(data, plant.period, share)
-    data = floor.with_numerics(data, as_simulated, floor.predicted(data, finer), share)
+    data = floor.with_numerics(data, as_simulated, floor.predicted(data, finer))
     # What was recorded in this very simulator is off by the same steps.
     same = score.distance(data, as_simulated) < score.distance(data, as_simulated - floor.predicted(data, off))
     return Predictor(plant, on, data, threads, seed, None if same else off), nominal

@@ -125,9 +125,7 @@ def with_numerics(rehearsal: Rehearsal) -> Rehearsal:
     fine = replace(rehearsal.plant, max_timestep=rehearsal.plant.max_timestep / floor.FINER)
     each: list[tuple[int, Effects]] = [(k, ()) for k in range(len(rehearsal.files))]
     finer = replay.simulate(fine, rehearsal.on, each, threads=rehearsal.threads, seed=rehearsal.seed)
-    share = floor.share_needed(rehearsal.plant, finer)
-    rows = floor.narrowed(rehearsal.data, rehearsal.plant.period, share)
-    rows = floor.with_numerics(rows, rehearsal.nominal, floor.predicted(rows, finer), share)
+    rows = floor.with_numerics(rehearsal.data, rehearsal.nominal, floor.predicted(rehearsal.data, finer))
     return replace(rehearsal, data=rows)
 
 

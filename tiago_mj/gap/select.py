@@ -124,7 +124,7 @@ def select(
         terms: nuisance parameters.
         base: nominal predictions, (ntrials, T, C).
         known: what the readings betray by themselves: it is part of every explanation.
-        steps: what one trial costs, in physics steps of the gripper.
+        steps: physics steps of one trial.
         out_of_time: asked between stages.
         tick: told what begins.
     """
