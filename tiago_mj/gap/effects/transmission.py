@@ -329,8 +329,8 @@ class Armature(Effect):
 
     Formula: (inertia + mass) · acceleration = force
 
-    A negative value takes from the joint's inertia, at most 90 % of what moves with a joint that moves alone, 30 % in
-    a chain of joints.
+    A negative value takes from the joint's inertia: at most 90 % of what moves with a joint that moves alone and 99 %
+    of its motor's (``armature``), in a chain of joints 30 % of the one and all of the other.
 
     In a recording: slower starts and stops, overshoot; nothing at constant speed.
 
