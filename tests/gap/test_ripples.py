@@ -82,3 +82,15 @@ def test_a_servo_that_trails_a_ripple_by_a_quarter_of_it_and_more_does_not_move_
         noisy = error + NOISE * np.random.default_rng(1).standard_normal(145)
         traces.append(Trace(position, noisy, np.ones(145, dtype=bool), share))
     assert peaks(traces, 0.001, 0.02)[0] == pytest.approx(period, rel=0.25 * period / 0.04)
+
+
+@pytest.mark.parametrize("period", [0.0071, 0.0095, 0.0125])
+def test_a_period_is_found_of_strokes_that_are_short_beside_where_they_are(period):
+    """Fingers that close by 10 mm some 35 mm from their zero, where a period that is 3 % off is out of step."""
+    rng, traces = np.random.default_rng(4), []
+    for _ in range(8):
+        position = rng.uniform(0.032, 0.038) + 0.005 * (1 - np.cos(np.linspace(0, 2 * np.pi, 145)))
+        error = 6e-5 * np.sin(2 * np.pi * position / period) + NOISE * rng.standard_normal(145)
+        traces.append(Trace(position, error, np.ones(145, dtype=bool)))
+    # Of another period, a turn more or less between zero and here, a stroke shows hardly anything else.
+    assert pytest.approx(period, rel=0.25 * period / 0.047) in peaks(traces, 0.001, 0.02)[:2]

@@ -21,12 +21,15 @@ from tiago_mj.gap.plant import Plant
 Array = NDArray[np.float64]
 
 RIPPLE: Final = "motor_cogging"
-#: Periods that are looked at, evenly in what a travel holds of them, so many to one more, from the longest on; those
-#: that are simulated.
-OVERSAMPLING: Final = 6
-MOST: Final = 2000
+#: Waves that are looked at, evenly, so many to one more over where the joint was seen, from the longest on; the best of
+#: them, which are looked at closely, so many to one more between a joint's zero and the farthest; those that are
+#: simulated.
+COARSE: Final = 3
+MOST: Final = 1000
+LOOKED_AT: Final = 8
+FINE: Final = 12
 BEST: Final = 4
-#: Peaks closer than this share of a period per travel are one.
+#: Waves that differ by less than this over either of these lengths are one.
 APART: Final = 0.4
 #: Between rows that are farther apart than a period over this, positions are interpolated, to so many a row at most;
 #: farther apart are all but a few.
@@ -90,31 +93,57 @@ class Trace:
 
 
 def peaks(traces: Sequence[Trace], low: float, high: float) -> list[float]:
-    """Periods of the strongest ripples, strongest first; low and high in the unit of the position."""
+    """Periods of the strongest ripples, strongest first; low and high in the unit of the position.
+
+    A ripple is in step at a joint's zero, which may be far from where it moves: where it is in step there is looked at
+    for periods that show at all, whatever their step.
+    """
     used = [one for one in traces if one.known.sum() > 16 and np.ptp(one.position[one.known]) > low]
     if not used:
         return []
-    travel = max(float(np.ptp(one.position[one.known])) for one in used)
-    count = int(np.clip(OVERSAMPLING * travel / low, 2 * OVERSAMPLING, MOST))
-    waves = np.linspace(1 / high, min(1 / low, 1 / high + count / (OVERSAMPLING * travel)), count)
-    low = float(1 / waves[-1])
-    power, size = np.zeros(count), np.zeros(count)
-    for one in used:
-        error = _rest(one.position[one.known], one.error[one.known])
-        times = int(np.clip(np.ceil(WITHIN * np.nanquantile(np.abs(np.diff(one.position)), FAST) / low), 1, FINEST))
-        between, share = _between(np.nan_to_num(one.position), times), 1 - (1 - one.share) ** (1 / times)
-        sine = _followed(np.sin(2 * np.pi * waves[:, None] * between), share)[:, ::times][:, one.known]
-        power += sine @ error
-        size += (sine * sine).sum(axis=1)
-    strength = power**2 / np.maximum(size, 1e-12)
-    order = np.argsort(-strength)
-    out: list[float] = []
-    for k in order:
-        if all(abs(waves[k] - 1 / other) * travel > APART for other in out):
-            out.append(float(1 / waves[k]))
-            if len(out) == BEST:
+    places = np.concatenate([one.position[one.known] for one in used])
+    span, farthest = float(np.ptp(places)), float(np.abs(places).max())
+    count = int(np.clip(COARSE * span / low, 2 * COARSE, MOST))
+    waves = np.linspace(1 / high, min(1 / low, 1 / high + count / (COARSE * span)), count)
+    sine, cosine, sines, cosines, both = _products(used, waves)
+    strength = sine**2 * cosines - 2 * sine * cosine * both + cosine**2 * sines
+    strength /= np.maximum(sines * cosines - both**2, 1e-12)
+    near = np.arange(-1 / (COARSE * span), 1 / (COARSE * span), 1 / (FINE * farthest))
+    there = [waves[k] for k in _strongest(strength, waves, APART / span, LOOKED_AT)]
+    waves = np.unique(np.clip(np.add.outer(there, near), 1 / high, waves[-1]))
+    sine, _, sines, *_ = _products(used, waves)
+    strength = sine**2 / np.maximum(sines, 1e-12)
+    return [float(1 / waves[k]) for k in _strongest(strength, waves, APART / farthest, BEST)]
+
+
+def _strongest(strength: Array, waves: Array, apart: float, count: int) -> list[int]:
+    """The highest points, by index, no two of them closer than that."""
+    out: list[int] = []
+    for k in np.argsort(-strength):
+        if all(abs(waves[k] - waves[other]) > apart for other in out):
+            out.append(int(k))
+            if len(out) == count:
                 break
     return out
+
+
+def _products(used: Sequence[Trace], waves: Array) -> Array:
+    """Sines and cosines of the position, waves per unit of it, each followed as far as the joint does: their products
+    with the error, with themselves and with each other, (5, nwaves)."""
+    sums = np.zeros((5, len(waves)))
+    for one in used:
+        smooth = _smooth(one.position[one.known])
+        error = _rest(smooth, one.error[one.known])
+        fastest = np.nanquantile(np.abs(np.diff(one.position)), FAST)
+        times = int(np.clip(np.ceil(WITHIN * fastest * waves[-1]), 1, FINEST))
+        share = 1 - (1 - one.share) ** (1 / times)
+        turned = np.exp(2j * np.pi * waves[:, None] * _between(np.nan_to_num(one.position), times))
+        wave = _followed(turned, share)[:, ::times][:, one.known]
+        wave -= (wave @ smooth) @ smooth.T
+        sine, cosine = wave.imag, wave.real
+        products = ((sine, sine), (cosine, cosine), (sine, cosine))
+        sums += [sine @ error, cosine @ error, *((a * b).sum(axis=1) for a, b in products)]
+    return sums
 
 
 def _between(position: Array, times: int) -> Array:
@@ -136,10 +165,14 @@ def _followed(force: Array, share: float) -> Array:
     return out
 
 
-def _rest(position: Array, error: Array) -> Array:
-    """The error without what is constant or grows with the position or the speed, bounded."""
-    smooth = np.stack([np.ones_like(position), position, np.gradient(position)], axis=1)
-    rest = error - smooth @ np.linalg.lstsq(smooth, error, rcond=None)[0]
+def _smooth(position: Array) -> Array:
+    """What errors of other causes are like: constant, or as the position or the speed is, orthonormal, (T, 3)."""
+    return np.linalg.qr(np.stack([np.ones_like(position), position, np.gradient(position)], axis=1))[0]
+
+
+def _rest(smooth: Array, error: Array) -> Array:
+    """The error without what is smooth, bounded."""
+    rest = error - smooth @ (smooth.T @ error)
     limit = np.sqrt(FAR * np.median(rest**2))
     bounded: Array = np.clip(rest, -limit, limit)
     return bounded
