@@ -12,6 +12,7 @@ to what it is for, and drawn towards what was chosen by hand before there were a
   still called unknown.
 * ``remains``: as few gaps as possible are kept quiet while at most 5 % of the right verdicts say that one is left.
 * ``rival``: sets as small as possible while at least 98 % hold the truth, of those whose truth was looked at.
+* ``lapse``: the log loss of whether the best explanation is right.
 * ``widens``: 90 % of the intervals of rightly named effects hold the true magnitude.
 
 Not a part of ``benchmarks.blind``, which knows nothing of the diagnosis's code. The runs' seeds are written down, too;
@@ -43,7 +44,7 @@ Array = NDArray[np.float64]
 Verdicts = Sequence[Judged]
 
 #: Chosen by hand, before any run; what few cases do not move much.
-BY_HAND: Final = Calibration(temperature=1.0, stands=0.333, rival=0.05, fails=4.0, remains=2.5, widens=3.0)
+BY_HAND: Final = Calibration(temperature=1.0, stands=0.333, rival=0.05, fails=4.0, remains=2.5, widens=3.0, lapse=0.05)
 #: Where a number may lie.
 RANGE: Final[Mapping[str, tuple[float, float]]] = {
     "temperature": (1.0, 100.0),  # below 1 recordings would tell more than they do
@@ -52,6 +53,7 @@ RANGE: Final[Mapping[str, tuple[float, float]]] = {
     "remains": (1.0, 100.0),
     "rival": (0.001, 0.5),
     "widens": (0.5, 50.0),
+    "lapse": (0.002, 0.3),
 }
 #: Steps that are tried of each.
 GRID: Final = 60
@@ -229,6 +231,12 @@ def _rival(cases: Sequence[Case], said: Verdicts) -> float:
     return sum(len(j.set) - 1 for j in ours) + _above(out, OUT_OF_SET, len(ours))
 
 
+def _lapse(said: Verdicts) -> float:
+    stated = np.array([row for j in said if (row := score.stated(j)) is not None]).reshape(-1, 2)
+    as_it_was = np.where(stated[:, 1] > 0, stated[:, 0], 1 - stated[:, 0])
+    return -float(np.log(np.maximum(as_it_was, LEAST**2)).sum())
+
+
 def _single(one: Case) -> bool:
     return bool(one.label["kind"] == "one" and one.label["oracle"]["detectable"] and one.looked_at)
 
@@ -268,6 +276,7 @@ def fit(cases: Sequence[Case], start: Calibration = BY_HAND) -> Calibration:
         "remains": _remains,
         "stands": _stands,
         "rival": lambda said: _rival(cases, said),
+        "lapse": _lapse,
     }
     for _ in range(ROUNDS):
         before = by
@@ -304,6 +313,7 @@ def carried(cases: Sequence[Case]) -> dict[str, int]:
         "fails": sum(one.explainable for one in cases) + sum(not one.explainable for one in shown),
         "remains": sum(one.label["kind"] in ("one", "two", "outside") for one in shown),
         "widens": len(misses(cases)),
+        "lapse": sum(one.explainable for one in cases),
     }
 
 
@@ -328,6 +338,8 @@ def table(cases: Sequence[Case], old: Calibration, new: Calibration) -> str:
         if scores[0][name]["n"]:
             a, b = (s[name]["value"] for s in scores)
             lines.append(f"{name:16}{a:9.3f}{'-' if b is None else f'{b:.3f}':>9}{scores[0][name]['n']:7}")
+    tested = [s["ece"].get("spiegelhalter_p", float("nan")) for s in scores]
+    lines.append(f"{'p of calibrated':16}{tested[0]:9.3f}{tested[1]:9.3f}")
     return "\n".join(lines)
 
 

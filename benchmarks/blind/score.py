@@ -125,7 +125,7 @@ def score(judged: Sequence[Judged], motions: Sequence[bool] = ()) -> dict[str, A
     outside = [j for j in judged if j.kind == "outside" and j.detectable]
     left_out = [j for j in judged if j.kind == "left_out" and j.detectable]
     undetectable = [j for j in judged if j.kind == "one" and not j.detectable]
-    said = [row for j in judged if (row := _probability(j)) is not None]
+    said = [row for j in judged if (row := stated(j)) is not None]
     errors, covered = _parameters(one)
     closed = [row for j in (*one, *pairs) if (row := _closed(j)) is not None]
     seconds = [float(j.answer["seconds"]) for j in judged if j.answer is not None]
@@ -176,7 +176,7 @@ def right(j: Judged) -> bool:
     return j.best == j.truth
 
 
-def _probability(j: Judged) -> tuple[float, float] | None:
+def stated(j: Judged) -> tuple[float, float] | None:
     if j.answer is None or not j.explainable or j.verdict == "unknown":
         return None
     probability = j.answer["verdict"].get("probability")

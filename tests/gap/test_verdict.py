@@ -1,6 +1,7 @@
 """Which explanation the evidence speaks for."""
 
 import math
+from dataclasses import replace
 
 import pytest
 
@@ -69,3 +70,10 @@ def test_a_magnitude_is_at_its_bound_unless_the_effect_vanishes_there() -> None:
     assert [friction.at_edge(x) for x in (-2.0, 0.0, 8.0)] == [False, False, True]
     play = Candidate("backlash", None, "width", (), 0.0, 0.0, 0.01, (), "m")
     assert [play.at_edge(x) for x in (0.0, 0.01)] == [False, True]
+
+
+def test_even_the_surest_answer_leaves_a_share_to_what_is_none_of_them() -> None:
+    nominal, gain = option(met=-900.0, left=40.0), option("force_gain", met=-100.0, left=0.9)
+    said = decide([gain, nominal], replace(BY, lapse=0.04))
+    assert said.kind == "effect"
+    assert said.probability.sum() == pytest.approx(0.96)

@@ -52,6 +52,8 @@ class Calibration:
             scatter by, above which even the best explanation fails.
         remains: and above which a part of the gap is said to remain.
         widens: a magnitude is known to so many deviations of its fit: these count errors that last as many.
+        lapse: share of the answers that are wrong however sure the evidence is: what the library does not know, or
+            knows in another form, may look like something that it knows. Explanations share the rest.
     """
 
     temperature: float
@@ -60,6 +62,7 @@ class Calibration:
     fails: float
     remains: float
     widens: float = 3.0
+    lapse: float = 0.05
 
 
 @cache
@@ -90,7 +93,7 @@ class Judged:
 
     Attributes:
         kind: ``no_gap``, ``effect``, ``ambiguous`` or ``unknown``.
-        probability: of every explanation, up to its classes, (n,).
+        probability: of every explanation, up to its classes, (n,); they leave a share to what is none of them.
         rivals: indices of the explanations that are not ruled out, the best first.
         remains: whether a gap is left after the best.
     """
@@ -156,7 +159,7 @@ def decide(options: Sequence[Option], by: Calibration, *, betrayed: bool = False
         kind = "ambiguous"
     else:
         kind = "effect"
-    return Judged(kind, pooled, tuple(rivals), left(options[best]) > by.remains)
+    return Judged(kind, (1 - by.lapse) * pooled, tuple(rivals), left(options[best]) > by.remains)
 
 
 def left(one: Option) -> float:
