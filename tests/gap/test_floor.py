@@ -93,3 +93,22 @@ def test_a_trial_in_which_an_error_lasts_stands_out():
     fails = score.lasting_in(data, error)
     assert fails[1] > 4
     assert fails[[0, 2]] == pytest.approx(1, abs=0.7)  # ten blocks: scatter of 0.45
+
+
+@pytest.mark.parametrize(
+    ("channel", "wrong", "said"),
+    [
+        ("position.hinge", [2], [2]),
+        ("force.left", [2], []),  # a load cell errs wherever it is pressed as hard
+        ("position.hinge", [2, 5], []),  # more than one in eight: an error of the model
+    ],
+    ids=["a motion", "a force", "two motions"],
+)
+def test_one_motion_may_go_another_way(channel, wrong, said):
+    values = np.zeros((8, ROWS, 1))
+    sigma = np.full_like(values, NOISE)
+    data = Data((channel,), np.array([0]), values, np.array([NOISE]), sigma, np.zeros_like(values), block=6)
+    error = np.random.default_rng(0).normal(0, NOISE, values.shape)
+    error[wrong, 40:] += 10 * NOISE
+    assert list(np.nonzero(score.astray(data, error))[0]) == said
+    assert not score.astray(floor.part(data, [0, 1, 2]), error[:3]).any()  # of three trials none is the odd one

@@ -193,7 +193,14 @@ def diagnose(
         overlays=tuple(
             telling.overlay(plant, trials[k], data, base, repaired, phase, k) for k in (test or everything)[:OVERLAYS]
         ),
-        notes=telling.notes(trials, tones, was_cut=len(trials) > asis, tested=bool(test), complete=ranked.complete),
+        notes=telling.notes(
+            trials,
+            tones,
+            astray=ranked.astray,
+            was_cut=len(trials) > asis,
+            tested=bool(test),
+            complete=ranked.complete,
+        ),
     )
     return task.told(found, asked, tick)
 

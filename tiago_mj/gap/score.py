@@ -26,6 +26,13 @@ Array = NDArray[np.float64]
 #: everything else.
 SOFT: Final = 6.0
 
+#: A motion goes another way in a trial where the mean square of its errors that last is more than this, and so many
+#: times what it is in most; of this many trials one may, and of a few one, too.
+ASTRAY: Final = 5.0
+STANDS_OUT: Final = 10.0
+STRAYS: Final = 8
+FEW: Final = 4
+
 #: A nuisance parameter farther out than this many deviations is no nuisance.
 NUISANCE_BOUND: Final = 4.0
 
@@ -129,6 +136,21 @@ def lasting_in(data: Data, difference: Array) -> Array:
     mean = np.where(known, square, 0.0).sum(axis=1) / np.maximum(known.sum(axis=1), 1)
     out: Array = mean.max(axis=1, initial=0.0)
     return out
+
+
+def astray(data: Data, difference: Array) -> NDArray[np.bool_]:
+    """Trials in which a motion goes another way than predicted, (ntrials,), where it does not in the others: an object
+    that slips, tips or sticks in one grasp tells nothing of what is wrong in all.
+
+    Of joints alone: what goes wrong in a load cell does so wherever it is pressed as hard.
+    """
+    moving = [k for k, kind in enumerate(data.kinds) if kind != "force"]
+    square = _over_blocks(data, difference)[:, :, moving]
+    known = np.isfinite(square)
+    mean = np.where(known, square, 0.0).sum(axis=1) / np.maximum(known.sum(axis=1), 1)
+    usual = np.median(mean, axis=0)
+    out: NDArray[np.bool_] = (mean > np.maximum(ASTRAY, STANDS_OUT * usual)).any(axis=1)
+    return out if out.sum() <= max(len(out) // STRAYS, len(out) >= FEW) else np.zeros_like(out)
 
 
 def _over_blocks(data: Data, difference: Array) -> Array:

@@ -90,6 +90,7 @@ class Ranked:
         pool: number of different effects that were considered.
         complete: False when time ran out.
         weight: square root of what a sample of each channel counts for, (C,).
+        astray: trials that were set aside, by index: a motion goes another way in them.
     """
 
     fits: tuple[Fitted, ...]
@@ -99,6 +100,7 @@ class Ranked:
     pool: int
     complete: bool
     weight: Array
+    astray: tuple[int, ...] = ()
 
 
 def select(
@@ -183,6 +185,7 @@ def select(
         fits = _renewed(everywhere, fits, fits)
         fits += _refined(everywhere, fits, fits)
         fits += everywhere.fit_all([*starts.absorbed(fits, everywhere), *starts.without(fits)])
+    everywhere, fits, at = _without_astray(everywhere, fits, at)
     if _fails(shortlist.ordered(fits)[0]) and not out_of_time():
         weight = np.maximum(weight, UNEXPLAINED)
         few, everywhere = replace(few, weight=weight), replace(everywhere, weight=weight)
@@ -218,9 +221,11 @@ def select(
         if not out_of_time():
             fits += _refined(everywhere, [f for f in fits if len(f.parts) == size], fits)
         fits += everywhere.fit_all([] if out_of_time() else starts.absorbed(fits, everywhere))
+        everywhere, fits, at = _without_astray(everywhere, fits, at)
         complete = not out_of_time()
     fits = [_with(fit, known, shared) for fit in shortlist.worth_showing(shortlist.once_each(shortlist.ordered(fits)))]
-    return Ranked(tuple(fits), tuple(screened), unseen, len(known), len(names), complete, weight)
+    astray = tuple(k for k in trials if k not in everywhere.trials)
+    return Ranked(tuple(fits), tuple(screened), unseen, len(known), len(names), complete, weight, astray)
 
 
 def _calibrated(fitter: Fitter) -> tuple[Fitter, Fitted]:
@@ -273,6 +278,19 @@ def _done(fit: Fitted, most: float = DONE) -> bool:
 def _fails(fit: Fitted) -> bool:
     """Whether it leaves a gap that calls for another effect."""
     return max(fit.misfit, fit.lasting) > GAP
+
+
+def _without_astray(everywhere: Fitter, fits: list[Fitted], at: Array) -> tuple[Fitter, list[Fitted], Array]:
+    """The same without trials in which a motion goes another way than the best explanation has it: no number of the
+    model makes it do that, and fits of all others would go astray to lessen what it costs."""
+    best = everywhere.predictions([starts.point(shortlist.ordered(fits)[0])])[0]
+    astray = score.astray(everywhere.data, everywhere.data.value - best)
+    if not astray.any() or everywhere.out_of_time():
+        return everywhere, fits, at
+    kept = [k for k, one in enumerate(astray) if not one]
+    rest = everywhere.part(kept)
+    begin = [Start(f.parts, f.values, everywhere.of(kept, f.nuisance)) for f in _again(fits)]
+    return rest, rest.fit_all(begin), everywhere.of(kept, at)
 
 
 def _again(fits: Sequence[Fitted]) -> list[Fitted]:

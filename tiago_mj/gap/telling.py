@@ -158,13 +158,20 @@ def overlay(
 
 
 def notes(
-    trials: Sequence[Trial], tones: Sequence[Tone], *, was_cut: bool, tested: bool, complete: bool
+    trials: Sequence[Trial],
+    tones: Sequence[Tone],
+    *,
+    astray: Sequence[int] = (),
+    was_cut: bool,
+    tested: bool,
+    complete: bool,
 ) -> tuple[str, ...]:
     """Sentences that a reader should know.
 
     Args:
         trials: that were compared.
         tones: that load cells hum.
+        astray: indices of trials that were set aside.
         was_cut: whether the trials are parts of one recording.
         tested: whether a trial was kept for testing.
         complete: whether the time sufficed.
@@ -185,6 +192,11 @@ def notes(
         f"{tone.channel} swings at about {tone.frequency:.3g} Hz (or faster, seen at this rate) by "
         f"±{tone.amplitude:.2g} even where nothing is touched: mains hum, or a vibration; {STRANGE}."
         for tone in tones
+    ]
+    said += [
+        f"In {trials[k].name} the motion goes another way than in the simulator, which it does not in the others: "
+        "something slipped, tipped or got stuck there. What is said rests on the others."
+        for k in astray
     ]
     if not complete:
         said.append("The time budget ran out: what is said is the best so far.")
