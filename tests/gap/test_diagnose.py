@@ -1,6 +1,7 @@
 """The diagnosis names what was put into the simulator, and nothing where nothing was, from files to files."""
 
 import json
+from dataclasses import replace
 
 import gymnasium
 import numpy as np
@@ -105,6 +106,19 @@ def test_without_a_gap_nothing_is_named(tmp_path):
     assert found.kind == "no_gap"
     assert found.best.effects == ()
     assert found.shrink.closed is None
+
+
+def test_a_grasp_that_goes_another_way_is_set_aside_and_said(tmp_path):
+    """One of five has its object 8 mm farther off than it is said to be, which no nominal number makes up for."""
+    effects = {"coulomb_friction": {"force": 2.5}}
+    trials = list(record(tmp_path / "as said", effects, episodes=4))
+    (odd,) = record(tmp_path / "elsewhere", {**effects, "object_offset": {"distance": 0.008}}, episodes=1, seed=7)
+    found = diagnose([*trials[:2], replace(odd, name="odd"), *trials[2:]], names=("coulomb_friction", "force_gain"))
+    (named,) = found.best.effects
+    assert (found.kind, named.name, found.remains) == ("effect", "coulomb_friction", False)
+    assert 2.4 < named.parameters["force"].value < 2.6
+    assert found.shrink.closed > 0.95
+    assert any("odd" in note and "another way" in note for note in found.notes)
 
 
 def test_a_pair_is_named_though_neither_of_it_is_the_best_single(tmp_path):
