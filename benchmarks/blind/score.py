@@ -177,6 +177,7 @@ def right(j: Judged) -> bool:
 
 
 def stated(j: Judged) -> tuple[float, float] | None:
+    """The probability of the best explanation, and whether that is right; None where nothing is claimed."""
     if j.answer is None or not j.explainable or j.verdict == "unknown":
         return None
     probability = j.answer["verdict"].get("probability")

@@ -6,6 +6,7 @@ gives way to such a force by what it is stiff, so that the error of the position
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
@@ -22,12 +23,12 @@ Array = NDArray[np.float64]
 
 RIPPLE: Final = "motor_cogging"
 #: Waves that are looked at, evenly, so many to one more over where the joint was seen, from the longest on; the best of
-#: them, which are looked at closely, so many to one more between a joint's zero and the farthest; those that are
-#: simulated.
+#: them, and those around each, so many to one more between a joint's zero and the farthest; those that are simulated.
 COARSE: Final = 3
 MOST: Final = 1000
 LOOKED_AT: Final = 8
 FINE: Final = 12
+CLOSELY: Final = 100
 BEST: Final = 4
 #: Waves that differ by less than this over either of these lengths are one.
 APART: Final = 0.4
@@ -108,7 +109,7 @@ def peaks(traces: Sequence[Trace], low: float, high: float) -> list[float]:
     sine, cosine, sines, cosines, both = _products(used, waves)
     strength = sine**2 * cosines - 2 * sine * cosine * both + cosine**2 * sines
     strength /= np.maximum(sines * cosines - both**2, 1e-12)
-    near = np.arange(-1 / (COARSE * span), 1 / (COARSE * span), 1 / (FINE * farthest))
+    near = np.linspace(-1, 1, min(math.ceil(2 * FINE * farthest / (COARSE * span)), CLOSELY)) / (COARSE * span)
     there = [waves[k] for k in _strongest(strength, waves, APART / span, LOOKED_AT)]
     waves = np.unique(np.clip(np.add.outer(there, near), 1 / high, waves[-1]))
     sine, _, sines, *_ = _products(used, waves)

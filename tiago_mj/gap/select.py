@@ -221,7 +221,8 @@ def select(
         if not out_of_time():
             fits += _refined(everywhere, [f for f in fits if len(f.parts) == size], fits)
         fits += everywhere.fit_all([] if out_of_time() else starts.absorbed(fits, everywhere))
-        everywhere, fits, at = _without_astray(everywhere, fits, at)
+        if len(everywhere.trials) == len(trials):
+            everywhere, fits, at = _without_astray(everywhere, fits, at)
         complete = not out_of_time()
     fits = [_with(fit, known, shared) for fit in shortlist.worth_showing(shortlist.once_each(shortlist.ordered(fits)))]
     astray = tuple(k for k in trials if k not in everywhere.trials)
