@@ -23,7 +23,11 @@ def ambiguous(tmp_path: Path, interface: str, file: str) -> tuple[Case, Store, d
     store = Store(tmp_path)
     recordings.write(cases.simulate(case), store.recordings(0))
     store.diagnosis(0).mkdir()
-    verdict = {"kind": "ambiguous", "effects": [FRICTION], "alternatives": [{"effects": [FRICTION]}, {"effects": [LAG]}]}
+    verdict = {
+        "kind": "ambiguous",
+        "effects": [FRICTION],
+        "alternatives": [{"effects": [FRICTION]}, {"effects": [LAG]}],
+    }
     told = {"verdict": verdict, "next_motion": {"file": file}}
     (store.diagnosis(0) / "diagnosis.json").write_text(json.dumps(told))
     return case, store, {"kind": "one", "effects": [FRICTION], "oracle": {"detectable": True}}
