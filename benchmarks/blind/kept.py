@@ -13,6 +13,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
@@ -83,11 +84,11 @@ def together(several: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     names, the diagnosis's own on the cases that they answered.
 
     Raises:
-        ValueError: two of them are of one seed.
+        ValueError: two of them have the same case.
     """
-    seeds = [kept["run"]["seed"] for kept in several]
-    if len(set(seeds)) < len(seeds):
-        raise ValueError(f"seed {max(seeds, key=seeds.count)} is in two of the files: a case counts once")
+    counts = Counter((kept["run"]["seed"], row["case"]) for kept in several for row in kept["cases"])
+    if twice := [key for key, count in counts.items() if count > 1]:
+        raise ValueError("case {1} of seed {0} is in two of the files: a case counts once".format(*twice[0]))
     cases = [j for kept in several for j in judged(kept)]
     scores = score.score(cases, [row["resolved"] for kept in several for row in kept["cases"] if "resolved" in row])
     rows = [row for kept in several for row in kept["cases"]]

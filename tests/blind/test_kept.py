@@ -73,7 +73,12 @@ def test_runs_count_together_and_none_twice(tmp_path: Path, capsys: pytest.Captu
     assert both["top1"]["value"] == pytest.approx(2 / 3)
     assert [one["cases"] for one in both["of"]] == [3, 1]
     assert kept.main(["score", str(files[0]), str(files[0])]) == 2
-    assert "seed 5 is in two of the files" in capsys.readouterr().err
+    assert "case 0 of seed 5 is in two of the files" in capsys.readouterr().err
+    later = json.loads(files[0].read_text())  # the same run, its other cases answered by another version
+    later["cases"] = [{**row, "case": row["case"] + 3} for row in later["cases"]]
+    kept.write(later, tmp_path / "later.json")
+    assert kept.main(["score", str(files[0]), str(tmp_path / "later.json"), "--out", str(tmp_path / "both.json")]) == 0
+    assert json.loads((tmp_path / "both.json").read_text())["top1"]["n"] == 4
 
 
 def test_other_methods_are_scored_beside_the_diagnosis_on_the_cases_that_they_answered(tmp_path: Path) -> None:
