@@ -98,7 +98,7 @@ def together(several: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
         theirs = [Judged(row["label"], row["baselines"][name]) for row in rows if name in row.get("baselines", ())]
         ours = [one for one, row in zip(cases, rows, strict=True) if name in row.get("baselines", ())]
         scores["baselines"][name], scores["beside"][name] = score.score(theirs), score.score(ours)
-    scores["by_class"] = score.by_class(cases)
+    scores["by_class"], scores["by_strength"] = score.by_class(cases), score.by_strength(cases)
     scores["of"] = [
         {"seed": k["run"]["seed"], "seal": k["seal"], "cases": len(k["cases"]), "commit": k["machine"]["commit"]}
         for k in several
@@ -147,6 +147,8 @@ def main(words: Sequence[str] | None = None) -> int:
         if entry["n"]:
             low, high = (number(name, entry[end]) for end in ("low", "high"))
             print(f"{number(name, entry['value']):>8}  {meaning} (n = {entry['n']}, 90 %: {low} to {high})")
+    for word, entry in scores["by_strength"].items():
+        print(f"{entry['value']:8.1%}  of those that stand out {word} what is ordinary (n = {entry['n']})")
     for method, ours in scores["beside"].items():
         print(f"{method}, and in brackets the diagnosis on the same cases:")
         for name, meaning in WORDS.items():

@@ -42,6 +42,9 @@ IDENTITY: Final[Mapping[tuple[str, str], float | None]] = {
     ("motor_cogging", "period"): None,
 }
 
+#: How far an effect stands out, in times of what a robot without any effect may reach, and its upper bound.
+STRENGTHS: Final[Mapping[str, float]] = {"up to 3 times": 3.0, "3 to 10 times": 10.0, "over 10 times": np.inf}
+
 Classes = tuple[str, ...]
 Label = Mapping[str, Any]
 Answer = Mapping[str, Any]
@@ -159,6 +162,19 @@ def by_class(judged: Sequence[Judged]) -> dict[str, Any]:
         if j.kind == "one" and j.detectable:
             rows.setdefault(j.truth[0], []).append(j.best == j.truth)
     return {name: intervals.share(rows[name]) for name in sorted(rows)}
+
+
+def by_strength(judged: Sequence[Judged]) -> dict[str, Any]:
+    """Named first, by how many times what is ordinary the effect's distance is (:mod:`benchmarks.blind.oracle`):
+    detectable single effects of the library."""
+    rows: dict[str, list[bool]] = {}
+    for j in judged:
+        if j.kind == "one" and j.detectable:
+            times = j.label["oracle"]["distance"] / max(j.label["oracle"]["ordinary"], 1e-12)
+            rows.setdefault(next(word for word, most in STRENGTHS.items() if times < most), []).append(
+                j.best == j.truth
+            )
+    return {word: intervals.share(rows[word]) for word in STRENGTHS if word in rows}
 
 
 def _modest(j: Judged) -> bool:

@@ -16,7 +16,8 @@ EVIDENCE = {"met": -100.0, "price": -3.0, "misfit": 1.0, "lasting": 0.9}
 
 
 def label(kind: str, effects: list[dict[str, Any]]) -> dict[str, Any]:
-    return {"kind": kind, "effects": effects, "oracle": {"detectable": bool(effects), "closable": 0.9}}
+    oracle = {"detectable": bool(effects), "closable": 0.9, "distance": 500.0, "ordinary": 100.0}
+    return {"kind": kind, "effects": effects, "oracle": oracle}
 
 
 def answer(effects: list[dict[str, Any]]) -> dict[str, Any]:

@@ -79,6 +79,19 @@ def test_a_member_of_the_true_class_is_right_and_a_stranger_is_wrong() -> None:
     assert scores["closed_share"]["value"] == pytest.approx((0.9 + 0.9 + 0.0 + 0.9) / 4)
 
 
+def test_weak_effects_are_counted_apart_from_strong_ones() -> None:
+    def seen(distance: float, said: dict[str, Any]) -> Judged:
+        one = label("one", FRICTION)
+        return Judged({**one, "oracle": {**one["oracle"], "distance": distance, "ordinary": 100.0}}, said)
+
+    weak, strong = seen(200.0, answer("no_gap")), seen(5000.0, answer("effect", STRIBECK))
+    rows = score.by_strength([weak, weak, strong, Judged(label("none"), answer("no_gap"))])
+    assert {word: (row["value"], row["n"]) for word, row in rows.items()} == {
+        "up to 3 times": (0.0, 2),
+        "over 10 times": (1.0, 1),
+    }
+
+
 def test_pairs_need_both_and_no_more() -> None:
     judged = [
         Judged(label("two", FRICTION, GAIN), answer("effect", GAIN, STRIBECK)),
