@@ -96,8 +96,8 @@ class Trace:
 def peaks(traces: Sequence[Trace], low: float, high: float) -> list[float]:
     """Periods of the strongest ripples, strongest first; low and high in the unit of the position.
 
-    A ripple is in step at a joint's zero, which may be far from where it moves: where it is in step there is looked at
-    for periods that show at all, whatever their step.
+    First those that show wherever their waves begin; then, around the best of them, those whose waves begin at the
+    joint's zero, as a ripple's do: that may be far from where it moves, so that small changes of a period matter.
     """
     used = [one for one in traces if one.known.sum() > 16 and np.ptp(one.position[one.known]) > low]
     if not used:
