@@ -112,3 +112,19 @@ def test_one_motion_may_go_another_way(channel, wrong, said):
     error[wrong, 40:] += 10 * NOISE
     assert list(np.nonzero(score.astray(data, error))[0]) == said
     assert not score.astray(floor.part(data, [0, 1, 2]), error[:3]).any()  # of three trials none is the odd one
+
+
+def test_where_the_simulator_itself_cannot_tell_what_happens_little_is_held_against_an_explanation():
+    """Predictions that nothing tells apart: in half of the rows an object sticks in some and slips in others."""
+    rng = np.random.default_rng(0)
+    alike = np.zeros((7, 1, ROWS, 1))
+    alike[:, :, ROWS // 2 :] = rng.normal(0, 5 * NOISE, (7, 1, 1, 1))
+    data = floor.with_scatter(flat(), alike)
+    assert data.sigma[0, : ROWS // 2] == pytest.approx(NOISE)
+    spread = float(alike[:, 0, -1, 0].std(ddof=1))
+    assert data.sigma[0, ROWS // 2 :] == pytest.approx(np.hypot(NOISE, spread))
+    other = np.zeros((1, ROWS, 1))
+    other[:, ROWS // 2 :] = 5 * NOISE
+    # One error a block, and not one a row; nothing is gained where the simulator is sure.
+    assert cost(data, other) < 3 * ROWS / 2 / data.block
+    assert cost(data, other[:, ::-1]) == cost(flat(), other[:, ::-1])

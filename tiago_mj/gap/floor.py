@@ -216,6 +216,20 @@ def with_numerics(data: Data, predicted: Array, finer: Array) -> Data:
     return replace(data, sigma=np.sqrt(data.sigma**2 + alike**2 + apart**2), common=np.hypot(data.common, alike))
 
 
+def with_scatter(data: Data, alike: Array) -> Data:
+    """With a tolerance of what the simulator itself cannot tell: predictions that nothing that matters tells apart,
+    (n, ntrials, T, C), part where an object sticks in one and slips in another.
+
+    As of :func:`with_numerics`, the mean over a block errs alike, the rest sample by sample.
+    """
+    spread = alike - alike.mean(axis=0)
+    mean = by_block(spread, data.block) / by_block(np.ones_like(spread), data.block)
+    common = over_blocks(mean, data.block, spread.shape[-2])
+    share = 1 / (len(alike) - 1)
+    lasting, apart = (share * (part**2).sum(axis=0) for part in (common, spread - common))
+    return replace(data, sigma=np.sqrt(data.sigma**2 + lasting + apart), common=np.sqrt(data.common**2 + lasting))
+
+
 def on_grid(data: Data, kind: str, names: Sequence[str] | None, step: float) -> Data:
     """With readings of some parts (None: of all) that lie on a grid, as predictions of them do: two values δ apart end
     up a whole step apart with probability |δ| / step, which is their mean square; E|δ| = √(2/π) σ. It is no noise: what

@@ -20,6 +20,8 @@ from tiago_mj.gap.sizes import Size
 from tiago_mj.gap.stated import deviation
 
 Array = NDArray[np.float64]
+#: Effect and targets, None for all.
+Label = tuple[str, tuple[str, ...] | None]
 
 #: Magnitudes tried on either side of the identity in the first pass, as shares of the way to the bound.
 COARSE: Final = (0.01, 0.05, 0.2, 0.6)
@@ -134,7 +136,7 @@ class Candidate:
         return at_least or (value > self.high - near and self.high > self.identity)
 
     @property
-    def label(self) -> tuple[str, tuple[str, ...] | None]:
+    def label(self) -> Label:
         """Effect and targets."""
         return self.effect, self.target
 

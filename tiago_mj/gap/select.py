@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 #: Two simulators never agree as closely as their noise, and what one gets wrong it gets wrong in every trial: so many
 #: samples, apart from their correlation in time, tell as much as one.
-REPEATED: Final = 10.0
+REPEATED: Final = 2.0
 #: Physics steps of all trials that are fitted, and of those of the first pass; no fewer than so many trials: ten
 #: grasps of a second and a quarter are all fitted, of ten-second ones those in which the nominal model fails most.
 FIT_STEPS: Final = 12_000
@@ -37,6 +37,9 @@ ANEW: Final = 2
 #: this much [nats].
 NOMINAL_ROUNDS: Final = 5
 BETTER: Final = 1.0
+#: Moves of the nuisances that change nothing [deviations], and how many of them show what a simulator cannot tell.
+TOUCH: Final = 1e-5
+TOUCHES: Final = 6
 #: Mean squared residual of the worst channel that no numbers a little off leave, but an effect: without it they are
 #: then not sought.
 FAR: Final = 20.0
@@ -159,7 +162,8 @@ def select(
 
     tick("fitting", shortlist.SINGLES)
     count = shortlist.FEWEST if out_of_time() else shortlist.SINGLES
-    singles = [starts.beginning(s, few, here.nuisance) for s in shortlist.to_fit(promising, count)]
+    moved = starts.moved(everywhere, at, {s.candidate.label for s in promising})
+    singles = [starts.beginning(s, few, here.nuisance) for s in shortlist.to_fit(promising, count, moved)]
     ranked = shortlist.ordered(few.fit_all([Start((), np.zeros(0), here.nuisance), *singles]))
     if out_of_time():
         fits = [_with(f, known, shared) for f in ranked]
@@ -248,7 +252,15 @@ def _calibrated(fitter: Fitter) -> tuple[Fitter, Fitted]:
         best, left = again, leaves
         if gained < BETTER:
             break
-    return fitter, best
+    return (_with_scatter(fitter, best) if best.misfit < FAR else fitter), best
+
+
+def _with_scatter(fitter: Fitter, fit: Fitted) -> Fitter:
+    """With a tolerance of how far predictions part that nothing tells apart."""
+    rng = np.random.default_rng(fitter.predict.seed)
+    moved = fit.nuisance + TOUCH * rng.standard_normal((TOUCHES, fitter.size))
+    apart = fitter.predictions([starts.point(fit), *(Point(fit.parts, fit.values, one) for one in moved)])
+    return replace(fitter, data=floor.with_scatter(fitter.data, apart))
 
 
 def _weight(data: Data, predicted: Array) -> Array:

@@ -8,6 +8,7 @@ from typing import Final
 from tiago_mj.gap import starts
 from tiago_mj.gap.effects import EFFECTS
 from tiago_mj.gap.fit import Fitted
+from tiago_mj.gap.hypotheses import Label
 from tiago_mj.gap.screen import Screened
 
 #: Singles that are fitted to some trials (where the time is over), and to all.
@@ -55,9 +56,10 @@ def distinct(fits: Sequence[Fitted]) -> list[Fitted]:
     return list(best.values())
 
 
-def to_fit(screened: Sequence[Screened], count: int) -> list[Screened]:
+def to_fit(screened: Sequence[Screened], count: int, moved: Sequence[Label] = ()) -> list[Screened]:
     """The best of every effect, then of every effect and target; no more than half of them of one class, so that rivals
-    get their chance."""
+    get their chance. Beyond ``count`` the effects, by label, that change what the nominal model's numbers were moved
+    for: beside those numbers they gain nothing."""
     out: list[Screened] = []
     seen: set[object] = set()
     classes: dict[str, int] = {}
@@ -75,7 +77,7 @@ def to_fit(screened: Sequence[Screened], count: int) -> list[Screened]:
         out.append(s)
         if len(out) == count:
             break
-    return out
+    return out + [next(s for s in screened if s.candidate.label == label) for label in moved if label not in seen]
 
 
 def rivals(fits: Sequence[Fitted]) -> list[Fitted]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from tiago_mj.gap import score
 from tiago_mj.gap.effects import EFFECTS
 from tiago_mj.gap.fit import Fitted, Fitter, Point, Start
-from tiago_mj.gap.hypotheses import Candidate, Term
+from tiago_mj.gap.hypotheses import Candidate, Label, Term
 from tiago_mj.gap.screen import Screened
 
 Array = NDArray[np.float64]
@@ -23,6 +23,9 @@ NEAR: Final = 15.0
 LED: Final = 2
 #: Evidence that another valley of the nominal numbers may be worth [nats].
 VALLEY: Final = 60.0
+#: A number of the nominal model that was moved by more than this may stand for an effect on it [deviations]; so many.
+MOVED: Final = 1.5
+FARTHEST: Final = 2
 
 
 def point(there: Fitted | Start) -> Point:
@@ -78,6 +81,20 @@ def _numbers(fitter: Fitter, part: Candidate) -> list[tuple[int, Term]]:
         and fitter.terms[term].parameter == part.parameter
         and (part.target is None or fitter.terms[term].target == part.target)
     ]
+
+
+def moved(fitter: Fitter, nuisance: Array, among: Collection[Label]) -> list[Label]:
+    """Effects, by label, that change a number of the nominal model which was moved far: on all targets, or on that one
+    where the others' was not."""
+    far: dict[str, list[Term]] = {}
+    for i, term in sorted(enumerate(fitter.shared), key=lambda item: -abs(nuisance[item[0]])):
+        if abs(nuisance[i]) > MOVED:
+            far.setdefault(fitter.terms[term].effect, []).append(fitter.terms[term])
+    out: list[Label] = []
+    for effect, terms in far.items():
+        alone: Label = (effect, terms[0].target if len(terms) == 1 else None)
+        out += [label for label in (alone, (effect, None)) if label in among][:1]
+    return out[:FARTHEST]
 
 
 def fewer(fits: Sequence[Fitted]) -> list[Start]:
