@@ -149,6 +149,22 @@ def test_what_nominal_numbers_were_moved_for_is_given_back_to_the_effect(grasps)
     assert values == pytest.approx([1.1 * 1.08, 0.01 + 0.006])
 
 
+def test_an_object_off_in_every_trial_is_given_back_as_one_offset(grasps):
+    """Each trial has an offset of its own, of 0.4 mm; what they share is the effect's."""
+    plant, on, data = grasps
+    terms = tuple(t for t in hypotheses.terms(plant) if t.effect in ("force_gain", "object_offset"))
+    zeros = np.zeros((len(terms), *data.value.shape))
+    fitter = Fitter(Predictor(plant, on, data), (0, 1), data, np.ones(6), terms, zeros)
+    (offset,) = (c for c in hypotheses.candidates(plant, ["object_offset"]) if c.target is None)
+    nuisance = np.array([0.5, -0.5, 2.0, 3.0])  # two gains; an offset for each of two trials
+    assert fitter.places(next(k for k, t in enumerate(terms) if t.per_trial)) == [2, 3]
+    values, left = starts._freed((offset,), np.array([0.0]), fitter, nuisance)
+    assert values == pytest.approx([2.5 * 0.0004])
+    assert left == pytest.approx([0.5, -0.5, -0.5, 0.5])
+    assert starts.moved(fitter, nuisance, {offset.label}) == [offset.label]
+    assert starts.moved(fitter, np.array([0.5, -0.5, 2.0, -2.0]), {offset.label}) == []
+
+
 def test_a_nominal_number_that_was_moved_far_makes_its_effect_a_candidate(grasps):
     """Beside such a number its effect gains nothing, so that the first pass alone leaves it out: contacts a quarter
     stiffer (blind check, seed 7, case 46)."""

@@ -159,6 +159,12 @@ class Fitter:
         """Number of nuisance parameters."""
         return len(self.shared) + len(self._own) * len(self.trials)
 
+    def places(self, term: int) -> list[int]:
+        """Where a nuisance parameter stands among the nuisances: once, or once a trial."""
+        if term in self.shared:
+            return [self.shared.index(term)]
+        return list(range(len(self.shared) + self._own.index(term), self.size, len(self._own)))
+
     def effects(self, parts: Sequence[Candidate], values: Array, nuisance: Array, trial: int) -> tuple[Entry, ...]:
         """What is simulated for a trial (by its position among the trials)."""
         chosen = [*self.given, *(part.entry(float(v)) for part, v in zip(parts, values, strict=True))]

@@ -63,23 +63,23 @@ def _freed(parts: Sequence[Candidate], values: Array, fitter: Fitter, nuisance: 
         mine = _numbers(fitter, part)
         if not mine or not np.isfinite(part.identity):
             continue
-        moves = [nuisance[i] * term.deviation for i, term in mine]
-        mean = float(np.mean(moves))
+        mean = float(np.mean([nuisance[there].mean() * term.deviation for there, term in mine]))
         values[k] = values[k] * (1 + mean) if part.identity == 1 else values[k] + mean
         values[k] = min(max(values[k], part.low), part.high)
-        for (i, term), move in zip(mine, moves, strict=True):
-            nuisance[i] = (move - mean) / term.deviation
+        for there, term in mine:
+            nuisance[there] -= mean / term.deviation
     return values, nuisance
 
 
-def _numbers(fitter: Fitter, part: Candidate) -> list[tuple[int, Term]]:
-    """Of the nuisances, those that are the number that an effect changes: index, term."""
+def _numbers(fitter: Fitter, part: Candidate) -> list[tuple[list[int], Term]]:
+    """Of the nuisances, those that are the number that an effect changes: indices (of each trial's, where every trial
+    has its own), term."""
     return [
-        (i, fitter.terms[term])
-        for i, term in enumerate(fitter.shared)
-        if fitter.terms[term].effect == part.effect
-        and fitter.terms[term].parameter == part.parameter
-        and (part.target is None or fitter.terms[term].target == part.target)
+        (fitter.places(k), term)
+        for k, term in enumerate(fitter.terms)
+        if term.effect == part.effect
+        and term.parameter == part.parameter
+        and (part.target is None or term.target == part.target)
     ]
 
 
@@ -87,9 +87,11 @@ def moved(fitter: Fitter, nuisance: Array, among: Collection[Label]) -> list[Lab
     """Effects, by label, that change a number of the nominal model which was moved far: on all targets, or on that one
     where the others' was not."""
     far: dict[str, list[Term]] = {}
-    for i, term in sorted(enumerate(fitter.shared), key=lambda item: -abs(nuisance[item[0]])):
-        if abs(nuisance[i]) > MOVED:
-            far.setdefault(fitter.terms[term].effect, []).append(fitter.terms[term])
+    places = [fitter.places(k) for k in range(len(fitter.terms))]
+    moves = [abs(nuisance[there].mean()) * len(there) ** 0.5 for there in places]  # of all trials together
+    for k in np.argsort(moves)[::-1]:
+        if moves[k] > MOVED:
+            far.setdefault(fitter.terms[k].effect, []).append(fitter.terms[k])
     out: list[Label] = []
     for effect, terms in far.items():
         alone: Label = (effect, terms[0].target if len(terms) == 1 else None)
@@ -165,10 +167,10 @@ def absorbed(fits: Sequence[Fitted], fitter: Fitter) -> list[Start]:
         nuisance, left = fit.nuisance.copy(), []
         for k, part in enumerate(fit.parts):
             mine = _numbers(fitter, part)
-            moved = [nuisance[i] + (fit.values[k] - term.nominal) / term.deviation for i, term in mine]
-            if mine and max(abs(m) for m in moved) < score.NUISANCE_BOUND:
-                for (i, _), m in zip(mine, moved, strict=True):
-                    nuisance[i] = m
+            moved = [nuisance[there] + (fit.values[k] - term.nominal) / term.deviation for there, term in mine]
+            if mine and max(np.abs(m).max() for m in moved) < score.NUISANCE_BOUND:
+                for (there, _), m in zip(mine, moved, strict=True):
+                    nuisance[there] = m
             else:
                 left.append(k)
         labels = frozenset(fit.parts[k].label for k in left)
