@@ -210,8 +210,7 @@ def with_numerics(data: Data, predicted: Array, finer: Array) -> Data:
             over a block errs alike, the rest sample by sample: a joint may chatter.
     """
     off = (predicted - finer) * FINER / (FINER - 1)
-    mean = by_block(off, data.block) / by_block(np.ones_like(off), data.block)
-    alike = over_blocks(mean, data.block, off.shape[-2])
+    alike = _block_means(off, data.block)
     apart, alike = _dilated(np.abs(off - alike)), _dilated(np.abs(alike))
     return replace(data, sigma=np.sqrt(data.sigma**2 + alike**2 + apart**2), common=np.hypot(data.common, alike))
 
@@ -223,8 +222,7 @@ def with_scatter(data: Data, alike: Array) -> Data:
     As of :func:`with_numerics`, the mean over a block errs alike, the rest sample by sample.
     """
     spread = alike - alike.mean(axis=0)
-    mean = by_block(spread, data.block) / by_block(np.ones_like(spread), data.block)
-    common = over_blocks(mean, data.block, spread.shape[-2])
+    common = _block_means(spread, data.block)
     share = 1 / (len(alike) - 1)
     lasting, apart = (share * (part**2).sum(axis=0) for part in (common, spread - common))
     return replace(data, sigma=np.sqrt(data.sigma**2 + lasting + apart), common=np.sqrt(data.common**2 + lasting))
@@ -249,6 +247,11 @@ def by_block(values: Array, rows: int) -> Array:
 def over_blocks(sums: Array, rows: int, length: int) -> Array:
     """The same number for all rows of a block, (..., T, C)."""
     return np.repeat(sums, rows, axis=-2)[..., :length, :]
+
+
+def _block_means(values: Array, rows: int) -> Array:
+    """The mean of its block for every row, (..., T, C)."""
+    return over_blocks(by_block(values, rows) / by_block(np.ones_like(values), rows), rows, values.shape[-2])
 
 
 def _dilated(size: Array) -> Array:

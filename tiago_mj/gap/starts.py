@@ -167,9 +167,9 @@ def absorbed(fits: Sequence[Fitted], fitter: Fitter) -> list[Start]:
         nuisance, left = fit.nuisance.copy(), []
         for k, part in enumerate(fit.parts):
             mine = _numbers(fitter, part)
-            moved = [nuisance[there] + (fit.values[k] - term.nominal) / term.deviation for there, term in mine]
-            if mine and max(np.abs(m).max() for m in moved) < score.NUISANCE_BOUND:
-                for (there, _), m in zip(mine, moved, strict=True):
+            taken = [nuisance[there] + (fit.values[k] - term.nominal) / term.deviation for there, term in mine]
+            if mine and max(np.abs(m).max() for m in taken) < score.NUISANCE_BOUND:
+                for (there, _), m in zip(mine, taken, strict=True):
                     nuisance[there] = m
             else:
                 left.append(k)
