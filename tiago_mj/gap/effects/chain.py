@@ -131,7 +131,9 @@ class Chain:
             effect.place(now)
         if (now.clock != 1).any():
             now.dt = now.dt * now.clock
-            self._host.set_timestep(np.where(now.clock == 1, self._timestep, now.dt / substeps))
+            # Where the period is whole steps of the model's, these to the last bit; else that which the host was given.
+            step = self._timestep if np.isclose(substeps * self._timestep, period, rtol=1e-9) else period / substeps
+            self._host.set_timestep(np.where(now.clock == 1, step, now.dt / substeps))
         if self._per_substep:
             wiring = self._wiring
             self._base_friction = recording.field("dof_frictionloss")[:, wiring.dof].copy()
