@@ -17,6 +17,7 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import median_filter
 
 from tiago_mj.gap.plant import Plant
 from tiago_mj.gap.recording import RecordingError, Trial
@@ -29,9 +30,9 @@ Array = NDArray[np.float64]
 LEAST: Final = {"position": (2.7e-5, 1e-4), "velocity": (5e-4, 2e-3), "force": (2e-3, 2e-3)}
 #: Two correct simulators agree on when something happens to within this [s]: about one physics step.
 TIMING: Final = 2e-3
-#: And on how large it is, to within this share of the signal's range over the trial; of a force, which is nought where
-#: nothing is touched, of what it is.
-SHARE: Final = {"position": 0.0005, "velocity": 0.002, "force": 0.005}
+#: And on how large it is, to within this share of the signal's range over the trial, beyond what their steps make, which
+#: is known (:func:`with_numerics`); of a force, which is nought where nothing is touched, of what it is.
+SHARE: Final = {"position": 0.0002, "velocity": 0.0007, "force": 0.005}
 #: What two simulators make of a contact differs from instant to instant, too: share of the force.
 INSTANT: Final = 0.01
 #: What is wrong stays wrong for about so long [s].
@@ -39,6 +40,9 @@ BLOCK: Final = 0.25
 #: An event is a jump of the slope within this time [s], and counts for so many rows around it.
 EVENT: Final = 0.02
 EVENT_ROWS: Final = 2
+#: So many times as far to either side, and so many rows at least, are an event's surroundings: it fills less than half.
+AROUND: Final = 4
+AROUND_ROWS: Final = 6
 #: Differences are taken up to this order, and their scatter over so many rows: where that is least, and of the order
 #: that has least, white noise shows this share of itself (10 trials of 150 to 600 rows, drawn 200 times).
 ORDERS: Final = 4
@@ -176,12 +180,17 @@ def sigma(value: Array, noise: Array, channels: Sequence[str], period: float) ->
     something happens, and that may be a physics step earlier or later. How large a signal is, is wrong for as long as
     it lasts.
     """
+    kinds = [name.partition(".")[0] for name in channels]
+    force = np.array([kind == "force" for kind in kinds])
     filled = np.where(np.isfinite(value), value, 0.0)
     slope = np.gradient(filled, axis=1) / period
     lag = max(round(EVENT / period), 1)
     jump = np.zeros_like(slope)
     if slope.shape[1] > 2 * lag:
         inner = np.abs(slope[:, 2 * lag :] - 2 * slope[:, lag:-lag] + slope[:, : -2 * lag])
+        # A joint that swings bends all the time: an event stands out of its surroundings.
+        usual = median_filter(inner, size=(1, 2 * max(AROUND * lag, AROUND_ROWS) + 1, 1))
+        inner -= np.where(force, 0.0, usual)
         jump[:, lag:-lag] = np.maximum(inner - 4 * noise / period, 0.0)  # less what noise alone makes
     steepest = jump.copy()
     for shift in range(1, lag + EVENT_ROWS + 1):
@@ -190,8 +199,6 @@ def sigma(value: Array, noise: Array, channels: Sequence[str], period: float) ->
     span = np.nanmax(np.where(np.isfinite(value), value, np.nan), axis=1) - np.nanmin(
         np.where(np.isfinite(value), value, np.nan), axis=1
     )
-    kinds = [name.partition(".")[0] for name in channels]
-    force = np.array([kind == "force" for kind in kinds])
     pressed = np.where(np.abs(filled) > TOUCHED * noise, np.abs(filled), 0.0)
     size = np.where(force, pressed, np.nan_to_num(span)[:, None, :])
     common = np.array([SHARE[kind] for kind in kinds]) * size
