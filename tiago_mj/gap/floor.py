@@ -30,7 +30,7 @@ Array = NDArray[np.float64]
 LEAST: Final = {"position": (2.7e-5, 1e-4), "velocity": (5e-4, 2e-3), "force": (2e-3, 2e-3)}
 #: Two correct simulators agree on when something happens to within this [s]: about one physics step.
 TIMING: Final = 2e-3
-#: And on how large it is, to within this share of the signal's range over the trial, beyond what their steps make, which
+#: And on how large it is, to within this share of the signal's range over the trial, beyond what their steps make, that
 #: is known (:func:`with_numerics`); of a force, which is nought where nothing is touched, of what it is.
 SHARE: Final = {"position": 0.0002, "velocity": 0.0007, "force": 0.005}
 #: What two simulators make of a contact differs from instant to instant, too: share of the force.
