@@ -1,6 +1,6 @@
 """Calibrate the verdict: fit its numbers to finished runs of the blind check, and write them down.
 
-    python -m benchmarks.calibrate RUN... --out tiago_mj/gap/verdict.json
+    python -m benchmarks.calibrate RUN... [--unseen RUN...] --out tiago_mj/gap/verdict.json
 
 A diagnosis stores the evidence for every explanation; the verdict is a function of it and of a few numbers
 (:func:`tiago_mj.gap.verdict.decide`), so that it can be judged again without simulating anything. Each number is fitted
@@ -12,7 +12,8 @@ to what it is for, and drawn towards what was chosen by hand before there were a
   still called unknown.
 * ``remains``: as few gaps as possible are kept quiet while at most 5 % of the right verdicts say that one is left.
 * ``rival``: sets as small as possible while at least 98 % hold the truth, of those whose truth was looked at.
-* ``lapse``: the log loss of whether the best explanation is right.
+* ``lapse``: the log loss of whether the best explanation is right; where there are any, of runs that the method had not
+  seen when it answered them: on what a method was developed on it is wrong less often.
 * ``widens``: 90 % of the intervals of rightly named effects hold the true magnitude.
 
 Not a part of ``benchmarks.blind``, which knows nothing of the diagnosis's code. The runs' seeds are written down, too;
@@ -264,8 +265,8 @@ def _widens(errors: Array, widens: float) -> float:
     return len(errors) * (held - HOLDS) ** 2 / (2 * HOLDS * (1 - HOLDS))
 
 
-def fit(cases: Sequence[Case], start: Calibration = BY_HAND) -> Calibration:
-    """All numbers, to three digits."""
+def fit(cases: Sequence[Case], start: Calibration = BY_HAND, unseen: Sequence[Case] = ()) -> Calibration:
+    """All numbers, to three digits; ``lapse`` of unseen cases, if there are any."""
     errors = misses(cases)
     by = replace(
         start,
@@ -277,7 +278,6 @@ def fit(cases: Sequence[Case], start: Calibration = BY_HAND) -> Calibration:
         "remains": _remains,
         "stands": _stands,
         "rival": lambda said: _rival(cases, said),
-        "lapse": _lapse,
     }
     for _ in range(ROUNDS):
         before = by
@@ -287,7 +287,7 @@ def fit(cases: Sequence[Case], start: Calibration = BY_HAND) -> Calibration:
         by = replace(by, remains=min(by.remains, by.fails))  # what fails leaves a gap
         if by == before:
             break
-    return by
+    return replace(by, lapse=_best("lapse", by, start, lambda c: _lapse([again(one, c) for one in unseen or cases])))
 
 
 def _best(name: str, by: Calibration, start: Calibration, cost: Callable[[Calibration], float]) -> float:
@@ -303,7 +303,7 @@ def _best(name: str, by: Calibration, start: Calibration, cost: Callable[[Calibr
     return float(f"{found:.3g}")
 
 
-def carried(cases: Sequence[Case]) -> dict[str, int]:
+def carried(cases: Sequence[Case], unseen: Sequence[Case] = ()) -> dict[str, int]:
     """How many cases each number rests on."""
     shown = [one for one in cases if one.label["oracle"]["detectable"]]
     none = [one for one in cases if one.label["kind"] == "none"]
@@ -314,7 +314,7 @@ def carried(cases: Sequence[Case]) -> dict[str, int]:
         "fails": sum(one.explainable for one in cases) + sum(not one.explainable for one in shown),
         "remains": sum(one.label["kind"] in ("one", "two", "outside") for one in shown),
         "widens": len(misses(cases)),
-        "lapse": sum(one.explainable for one in cases),
+        "lapse": sum(one.explainable for one in unseen or cases),
     }
 
 
@@ -324,10 +324,10 @@ SHOWN: Final = (
 )  # fmt: skip
 
 
-def table(cases: Sequence[Case], old: Calibration, new: Calibration) -> str:
-    """Numbers and scores, before and after."""
+def table(cases: Sequence[Case], old: Calibration, new: Calibration, unseen: Sequence[Case] = ()) -> str:
+    """Numbers and scores of the cases, before and after."""
     lines = [f"{'':16}{'before':>9}{'after':>9}  cases"]
-    for name, count in carried(cases).items():
+    for name, count in carried(cases, unseen).items():
         lines.append(f"{name:16}{getattr(old, name):9.3g}{getattr(new, name):9.3g}{count:7}")
     errors = misses(cases)
     if len(errors):
@@ -344,16 +344,18 @@ def table(cases: Sequence[Case], old: Calibration, new: Calibration) -> str:
     return "\n".join(lines)
 
 
-def written(new: Calibration, cases: Sequence[Case], runs: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+def written(
+    new: Calibration, cases: Sequence[Case], runs: Sequence[Mapping[str, Any]], unseen: Sequence[Case] = ()
+) -> dict[str, Any]:
     """What ``verdict.json`` holds."""
     return {
         "schema": SCHEMA,
         **{name: getattr(new, name) for name in Calibration.__dataclass_fields__},
         "calibration": {
-            "command": "python -m benchmarks.calibrate RUN... --out tiago_mj/gap/verdict.json",
+            "command": "python -m benchmarks.calibrate RUN... [--unseen RUN...] --out tiago_mj/gap/verdict.json",
             "seeds": sorted({run["seed"] for run in runs}),
             "cases": len(cases),
-            "carried_by": carried(cases),
+            "carried_by": carried(cases, unseen),
             "runs": [dict(run) for run in runs],
             "version": max(run["version"] for run in runs),
         },
@@ -364,15 +366,20 @@ def main(words: Sequence[str] | None = None) -> int:
     """Command line."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.calibrate", description=(__doc__ or "").split("\n")[0])
     parser.add_argument("runs", nargs="+", type=Path, metavar="RUN", help="folders of finished runs, or kept ones")
+    parser.add_argument(
+        "--unseen", nargs="+", type=Path, default=[], metavar="RUN", help="runs that the method had not seen: for lapse"
+    )
     parser.add_argument("--out", type=Path, metavar="FILE", help="where to write; without it, only the table is shown")
     arguments = parser.parse_args(words)
     cases: list[Case] = []
+    unseen: list[Case] = []
     runs = []
     try:
-        for root in arguments.runs:
-            more, run = read(root)
-            cases += more
-            runs.append(run)
+        for into, roots in ((cases, arguments.runs), (unseen, arguments.unseen)):
+            for root in roots:
+                more, run = read(root)
+                into += more
+                runs.append(run)
         if not cases:
             raise ValueError("no case has stored evidence: diagnose the runs again with this version")
         if len({run["version"] for run in runs}) > 1:
@@ -380,10 +387,10 @@ def main(words: Sequence[str] | None = None) -> int:
     except ValueError as error:
         print(f"calibrate: {error}", file=sys.stderr)
         return 2
-    new = fit(cases)
-    print(table(cases, verdict.calibration(), new))
+    new = fit(cases, unseen=unseen)
+    print(table(cases, verdict.calibration(), new, unseen))
     if arguments.out is not None:
-        atomic.write_text(arguments.out, json.dumps(written(new, cases, runs), indent=2) + "\n")
+        atomic.write_text(arguments.out, json.dumps(written(new, cases, runs, unseen), indent=2) + "\n")
         print(f"Written: {arguments.out}")
     return 0
 

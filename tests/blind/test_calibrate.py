@@ -183,3 +183,17 @@ def test_an_unfinished_run_is_refused_in_a_line(tmp_path: Path, capsys: pytest.C
     assert "finish the run" in said
     assert len(said.splitlines()) == 1
     assert not (tmp_path / "verdict.json").exists()
+
+
+def test_what_the_method_had_not_seen_says_how_often_a_sure_answer_is_wrong() -> None:
+    """All are right where it was developed, four in five elsewhere."""
+
+    def sure(true: str) -> Case:
+        last = explanation(None, -1e5, lasting=900.0)
+        return made("one", [true], [explanation(TRUE, 0.0), explanation(RIVAL, -1e4), last])
+
+    developed = [sure(TRUE)] * 50
+    alone, told = calibrate.fit(developed), calibrate.fit(developed, unseen=[sure(TRUE)] * 80 + [sure(RIVAL)] * 20)
+    assert alone.lapse < 0.05
+    assert told.lapse == pytest.approx(0.2, rel=0.25)  # a share of 20 of 100, known to 20 %
+    assert calibrate.replace(told, lapse=alone.lapse) == alone
