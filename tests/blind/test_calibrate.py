@@ -117,7 +117,7 @@ def test_intervals_widen_until_nine_in_ten_hold_the_truth() -> None:
             ranking = [explanation(TRUE, 0.0), explanation(None, -1e5, lasting=900.0)]
             label, answer = files("one", [TRUE], ranking)
             label["effects"][0]["parameters"] = {"force": 2.0}
-            said = {"value": 2.0 + 0.05 * rng.standard_normal(), "deviation": 0.01}
+            said = {"value": 2.0 + 0.05 * rng.standard_normal(), "deviation": 0.01, "known_to": 0.0}
             answer["verdict"]["effects"] = [{"name": TRUE, "target": "all", "parameters": {"force": said}}]
             read = calibrate.case(label, answer)
             assert read is not None

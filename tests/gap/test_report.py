@@ -47,7 +47,8 @@ def test_a_diagnosis_has_exactly_the_keys_of_its_contract_and_only_finite_number
         assert list(data["shrink"]["return"])[:4] == ["policy", "nominal", "repaired", "measured"]
     for effect in data["verdict"]["effects"]:
         assert list(effect) == ["name", "target", "parameters"]
-        assert all(list(p) == ["value", "low", "high", "unit", "deviation"] for p in effect["parameters"].values())
+        keys = ["value", "low", "high", "unit", "deviation", "known_to"]
+        assert all(list(p) == keys for p in effect["parameters"].values())
     for row in data["where"]:
         assert list(row) == ["channel", "phase", "band", "gap", "low", "high", "share"]
     for row in data["ranking"]:

@@ -77,3 +77,13 @@ def test_even_the_surest_answer_leaves_a_share_to_what_is_none_of_them() -> None
     said = decide([gain, nominal], replace(BY, lapse=0.04))
     assert said.kind == "effect"
     assert said.probability.sum() == pytest.approx(0.96)
+
+
+def test_a_magnitude_is_known_no_better_than_the_number_it_adds_to_and_the_form_of_its_effect() -> None:
+    late = Candidate("command_delay", None, "seconds", (), 0.0, 0.0, 0.2, (), "s", tolerance=0.002)
+    assert late.known_to(0.0) == pytest.approx(0.001)
+    assert late.known_to(0.1) == pytest.approx(math.hypot(0.001, 0.0015))  # half of 3 %
+    heavier = Candidate("object_mass", None, "factor", (), 1.0, 0.2, 5.0, (), "-", tolerance=0.12)
+    assert heavier.known_to(2.0) == pytest.approx(math.hypot(0.12, 0.015))
+    slow = Candidate("velocity_limit", None, "velocity", (), math.inf, 0.1, 2.0, (), "m/s")
+    assert slow.known_to(0.5) == 0.0

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -15,6 +16,7 @@ from tiago_mj.gap.effects import EFFECTS
 from tiago_mj.gap.fit import Fitted, Fitter, Point, Start
 from tiago_mj.gap.floor import Data
 from tiago_mj.gap.hypotheses import Candidate
+from tiago_mj.gap.replay import sensor_only
 from tiago_mj.gap.screen import Screened, screen
 
 Array = NDArray[np.float64]
@@ -59,6 +61,26 @@ def extensions(
     return list(starts.values())
 
 
+def reading_otherwise(few: Fitter, everywhere: Fitter, seed: Fitted, pool: Sequence[Candidate]) -> list[Fitted]:
+    """An explanation with an effect of the sensors, each tried beside it, with its own nominal numbers and their
+    responses: what a sensor does to another motion is not what it does to the nominal one, and costs no simulation.
+
+    Args:
+        few: of the trials that the first pass looked at.
+        everywhere: of all, in which those were not found to go another way: else nothing is sought.
+        seed: the explanation, fitted to all.
+        pool: candidates.
+    """
+    labels = {part.label for part in seed.parts}
+    sensing = [c for c in pool if c.label not in labels and sensor_only(c.entry(c.high))]
+    if not sensing or not set(few.trials) <= set(everywhere.trials):
+        return []
+    rows = [everywhere.trials.index(trial) for trial in few.trials]
+    at = Point(seed.parts, seed.values, everywhere.of(rows, seed.nuisance))
+    there = few.around(at)
+    return there.fit_all(_screened(there, at, sensing))
+
+
 def beside(fitter: Fitter, seed: Fitted, count: int, pool: Sequence[Candidate], nuisance: Array) -> list[Start]:
     """An explanation with another effect, found by trying all of them beside it where it fails most.
 
@@ -72,14 +94,19 @@ def beside(fitter: Fitter, seed: Fitted, count: int, pool: Sequence[Candidate], 
     at = Point(seed.parts, seed.values, nuisance)
     worst = _worst(fitter.predictions([at])[0], fitter.data, count)
     there, at = fitter.part(worst), Point(seed.parts, seed.values, fitter.of(worst, nuisance))
-    frame = score.frame(there.data, there.weight, there.responses, there.per_trial, at.nuisance)
     labels = {part.label for part in seed.parts}
+    found = _screened(there, at, [c for c in pool if c.label not in labels])
+    return [replace(start, nuisance=nuisance) for start in found]
+
+
+def _screened(there: Fitter, at: Point, tried: Sequence[Candidate]) -> list[Start]:
+    """A point with one more effect each, of those that promise most there, each simulated."""
+    frame = score.frame(there.data, there.weight, there.responses, there.per_trial, at.nuisance)
     found: dict[object, Start] = {}
-    tried = [c for c in pool if c.label not in labels]
     for s in screen(there, frame, tried, at, there.predictions([at], keep=True)[0]):
         if s.gain < PROMISES or len(found) == EXTENSIONS:
             break
-        start = Start((*seed.parts, s.candidate), np.array([*seed.values, s.value]), nuisance)
+        start = Start((*at.parts, s.candidate), np.array([*at.values, s.value]), at.nuisance)
         found.setdefault(_kind(s.candidate), start)
     return list(found.values())
 

@@ -29,6 +29,9 @@ COARSE: Final = (0.01, 0.05, 0.2, 0.6)
 LEAST_SHARE: Final = 0.01
 #: Closer to a bound than this share of the range a magnitude is at it.
 EDGE: Final = 1e-3
+#: What an effect does may differ by a share that is known; a magnitude makes up for so much of that. With it and a
+#: fit's deviations twice as wide, 9 of 10 intervals hold the truth (40 effects of seeds 7, 8, 907 and 908).
+FORM: Final = 0.5
 #: Values of a second number that recordings can tell apart.
 SECOND: Final = 10
 
@@ -128,6 +131,12 @@ class Candidate:
         whole = sum(np.log1p(side / least) for side in sides)
         return -float(np.log(whole * (abs(value - self.identity) + least)) + chosen)
 
+    def known_to(self, value: float) -> float:
+        """One standard deviation of a magnitude that recordings do not tell, per unit of it: the nominal model's own
+        number, to which it is added, and the form of the effect are known no better."""
+        own = self.tolerance / 2 * (abs(value) if self.identity == 1 else 1.0)
+        return float(np.hypot(own, of_form(self.effect, self.identity, value)))
+
     def at_edge(self, value: float) -> bool:
         """Whether a magnitude lies at a bound of what is possible, and not where the effect, or what the nominal model
         has of it, just vanishes."""
@@ -139,6 +148,11 @@ class Candidate:
     def label(self) -> Label:
         """Effect and targets."""
         return self.effect, self.target
+
+
+def of_form(effect: str, identity: float, value: float) -> float:
+    """What of a magnitude may be due to the form of its effect; a limit has none."""
+    return FORM * EFFECTS[effect].form_known_to * abs(value - identity) if np.isfinite(identity) else 0.0
 
 
 def candidates(

@@ -25,14 +25,15 @@ BANDS: Final = ("bias", "below 1 Hz", "1-5 Hz", "above 5 Hz")
 
 @dataclass(frozen=True)
 class Value:
-    """A parameter with its 90 % interval, in ``unit``, and the standard deviation of its fit alone, where there is
-    one."""
+    """A parameter with its 90 % interval, in ``unit``, and the standard deviations, where there are any, of its fit
+    alone and of what no recording tells of it."""
 
     value: float
     low: float | None
     high: float | None
     unit: str
     deviation: float | None = None
+    known_to: float | None = None
 
 
 @dataclass(frozen=True)

@@ -51,8 +51,6 @@ MOST: Final = 3
 #: Mean squared residual of the worst channel, sample by sample or over blocks, in units of what it should scatter by,
 #: that calls for another effect.
 GAP: Final = 4.0
-#: And that is worth a look at every other effect beside the best, each simulated.
-BESIDE: Final = 1.5
 #: Where even the best single effect leaves a gap, what is correlated in time is another effect and no error of the
 #: simulator: samples count for so much at least (square root), half of what those of an explanation that stands do.
 UNEXPLAINED: Final = 0.5 / REPEATED**0.5
@@ -211,10 +209,15 @@ def select(
         tried = extend.extensions(few, frame, seeds, promising, PLENTY if done else extend.PROMISES)
         if size == 2 and not done:
             tried = extend.once_each([*extend.superposed(frame, base[first], promising), *tried])
-        extended = [starts.carried(f, everywhere, at) for f in shortlist.ordered(few.fit_all(tried))[:EXTENSIONS_AGAIN]]
-        if seeds and (seeds[0].misfit > BESIDE or _fails(seeds[0])) and not done:
-            beside = extend.beside(everywhere, seeds[0], len(first), [s.candidate for s in promising], at)
-            extended = extend.once_each([*beside, *extended])
+        on_few = few.fit_all(tried)
+        others = [s.candidate for s in promising]
+        if seeds:
+            on_few += extend.reading_otherwise(few, everywhere, seeds[0], others)
+        on_few = shortlist.once_each(shortlist.ordered(on_few))
+        extended = [starts.carried(f, everywhere, at) for f in on_few[:EXTENSIONS_AGAIN]]
+        if seeds:
+            beside = [] if done else extend.beside(everywhere, seeds[0], len(first), others, at)
+            extended = extend.once_each([*beside, *extended, *starts.given_back(seeds[0], everywhere, others)])
         if not extended:
             break
         found = everywhere.fit_all(extended)

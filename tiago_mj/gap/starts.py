@@ -99,6 +99,19 @@ def moved(fitter: Fitter, nuisance: Array, among: Collection[Label]) -> list[Lab
     return out[:FARTHEST]
 
 
+def given_back(fit: Fitted, fitter: Fitter, among: Sequence[Candidate]) -> list[Start]:
+    """Starts with another effect, each on a number of the nominal model that the explanation moved far: the effect
+    begins with what the number was moved by."""
+    by_label = {candidate.label: candidate for candidate in reversed(among)}
+    out = []
+    for label in moved(fitter, fit.nuisance, by_label):
+        part = by_label[label]
+        if label not in {one.label for one in fit.parts} and np.isfinite(part.identity):
+            parts = (*fit.parts, part)
+            out.append(Start(parts, *_freed(parts, np.append(fit.values, part.identity), fitter, fit.nuisance)))
+    return out
+
+
 def fewer(fits: Sequence[Fitted]) -> list[Start]:
     """Starts without effects that only led the others to a better place."""
     out = []

@@ -98,9 +98,10 @@ def named(plant: Plant, fit: Fitted, k: int) -> Named:
     if part.target is not None:
         target = part.target[0] if len(part.target) == 1 else part.target
     value, sd = float(fit.values[k]), float(fit.deviations[k])
-    reach = NINETY * sd * (verdict.calibration().widens if part.spread is None else 1.0)
+    known = part.known_to(value) if part.spread is None else 0.0
+    reach = NINETY * (float(np.hypot(sd * verdict.calibration().widens, known)) if part.spread is None else sd)
     low, high = max(value - reach, part.low), min(value + reach, part.high)
-    parameters: dict[str, Value] = {part.parameter: Value(value, low, high, part.unit, sd)}
+    parameters: dict[str, Value] = {part.parameter: Value(value, low, high, part.unit, sd, known)}
     for name, fixed in part.fixed:
         if name in declared.forms:
             if fixed != declared.forms[name].values[0]:

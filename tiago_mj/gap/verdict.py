@@ -31,7 +31,7 @@ Array = NDArray[np.float64]
 ONE_EFFECT: Final = 1.0
 ANOTHER_EFFECT: Final = 0.5
 ONE_TARGET: Final = 0.5
-#: An effect beside others that stand without it must leave so much less of what is beyond the noise.
+#: An explanation that stands refutes one that fails where it leaves so much less of what is beyond the noise.
 LESS: Final = 0.6
 #: The temperature rises no further where all explanations fail.
 HOTTEST: Final = 4.0
@@ -51,7 +51,8 @@ class Calibration:
         fails: mean square of the worst channel's error, over blocks or sample by sample, in units of what it should
             scatter by, above which even the best explanation fails.
         remains: and above which a part of the gap is said to remain.
-        widens: a magnitude is known to so many deviations of its fit: these count errors that last as many.
+        widens: a magnitude is known to so many deviations of its fit, beside what no recording tells of it: deviations
+            count errors that last as many.
         lapse: share of the answers that are wrong however sure the evidence is: what the library does not know, or
             knows in another form, may look like something that it knows. Explanations share the rest.
     """
@@ -61,7 +62,7 @@ class Calibration:
     rival: float
     fails: float
     remains: float
-    widens: float = 3.0
+    widens: float = 2.0
     lapse: float = 0.05
 
 
@@ -167,19 +168,6 @@ def left(one: Option) -> float:
     return max(one.evidence.lasting, one.evidence.misfit)
 
 
-def _needless(options: Sequence[Option], by: Calibration) -> NDArray[np.bool_]:
-    """Explanations that hold another one which stands, and hardly leave less: what they add makes up for the form of
-    what they share, (n,)."""
-    out = np.zeros(len(options), dtype=bool)
-    for k, one in enumerate(options):
-        for other in options:
-            if other.effects and other.effects < one.effects and left(other) <= by.fails:
-                more = [getattr(one.evidence, name) - 1 for name in ("lasting", "misfit")]
-                before = [getattr(other.evidence, name) - 1 for name in ("lasting", "misfit")]
-                out[k] |= max(before) > 0 and max(more) > LESS * max(before)
-    return out
-
-
 def _refuted(options: Sequence[Option], by: Calibration) -> NDArray[np.bool_]:
     """Explanations that fail where another one stands, which leaves much less, (n,): what is left of an effect that
     they lack looks like few samples, which evidence alone would let pass."""
@@ -193,7 +181,7 @@ def probabilities(options: Sequence[Option], by: Calibration) -> Array:
     """Of every explanation, (n,)."""
     temperature = temperature_of([one.evidence.misfit for one in options], by)
     scores = np.array([one.evidence.met / temperature + one.evidence.price for one in options])
-    scores[_needless(options, by) | _refuted(options, by)] = -np.inf
+    scores[_refuted(options, by)] = -np.inf
     weights = np.exp(scores - scores.max())
     out: Array = weights / weights.sum()
     return out

@@ -10,7 +10,7 @@ import hashlib
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -161,10 +161,7 @@ def _effect(effect: Named) -> dict[str, Any]:
 
 
 def _parameters(effect: Named) -> dict[str, Any]:
-    return {
-        key: {"value": v.value, "low": v.low, "high": v.high, "unit": v.unit, "deviation": v.deviation}
-        for key, v in sorted(effect.parameters.items())
-    }
+    return {key: {f.name: getattr(v, f.name) for f in fields(v)} for key, v in sorted(effect.parameters.items())}
 
 
 def _keys(effects: Sequence[Named]) -> list[str]:
@@ -258,7 +255,7 @@ def _read_closings(given: Mapping[str, Mapping[str, Any]]) -> dict[str, Closing]
 def _named(effect: Mapping[str, Any], parameters: Mapping[str, Any]) -> Named:
     whom = effect["target"]
     values = {
-        key: Value(_number(p["value"]), p["low"], p["high"], p["unit"], p.get("deviation"))
+        key: Value(_number(p["value"]), p["low"], p["high"], p["unit"], p.get("deviation"), p.get("known_to"))
         for key, p in parameters.items()
     }
     return Named(effect["name"], whom if isinstance(whom, str) else tuple(whom), values)
