@@ -138,7 +138,8 @@ def test_a_swing_is_no_event_but_a_stop_is(rate):
     swing = 0.5 * np.sin(2 * np.pi * time)
     stopped = np.where(time < 2, 2.0 * (time - 2), 0.0)
     values, noise = np.stack([swing, stopped])[..., None], np.array([1e-4])
-    sigma, _ = floor.sigma(values, noise, ("position.hinge",), 1 / rate)
+    share = np.array([floor.SHARE["position"][1]])
+    sigma, _ = floor.sigma(values, noise, share, ("position.hinge",), 1 / rate)
     there = np.abs(time - 2) < 2 / rate
     assert 1.0 < sigma[1, there, 0].max() / floor.TIMING < 2.2
     assert np.median(sigma[0]) < 2.5 * noise[0] < 0.15 * sigma[1, there, 0].max()

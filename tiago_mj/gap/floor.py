@@ -30,9 +30,10 @@ Array = NDArray[np.float64]
 LEAST: Final = {"position": (2.7e-5, 1e-4), "velocity": (5e-4, 2e-3), "force": (2e-3, 2e-3)}
 #: Two correct simulators agree on when something happens to within this [s]: about one physics step.
 TIMING: Final = 2e-3
-#: And on how large it is, to within this share of the signal's range over the trial, beyond what their steps make, that
-#: is known (:func:`with_numerics`); of a force, which is nought where nothing is touched, of what it is.
-SHARE: Final = {"position": 0.0002, "velocity": 0.0007, "force": 0.005}
+#: And on how large it is, to within this share of the signal's range over the trial, (slide, hinge), beyond what their
+#: steps make, which is known (:func:`with_numerics`): fingers rub and press, of which simulators have other forms. Of a
+#: force, which is nought where nothing is touched, a share of what it is.
+SHARE: Final = {"position": (0.0005, 0.0002), "velocity": (0.002, 0.0007), "force": (0.005, 0.005)}
 #: What two simulators make of a contact differs from instant to instant, too: share of the force.
 INSTANT: Final = 0.01
 #: What is wrong stays wrong for about so long [s].
@@ -92,7 +93,7 @@ def collect(plant: Plant, trials: Sequence[Trial], usable: frozenset[str] | None
     """
     length = max(len(trial.time) for trial in trials)
     wanted = [("position", plant.joints), ("velocity", plant.joints), ("force", plant.sensors)]
-    channels, part, columns, noise = [], [], [], []
+    channels, part, columns, noise, share = [], [], [], [], []
     for kind, names in wanted:
         for index, name in enumerate(names):
             channel = f"{kind}.{name}"
@@ -111,6 +112,7 @@ def collect(plant: Plant, trials: Sequence[Trial], usable: frozenset[str] | None
             columns.append(values)
             stated = max((_stated(trial, kind, channel) for trial in trials), default=0.0)
             noise.append(max(noise_floor(values, LEAST[kind][0 if slide else 1]), stated))
+            share.append(SHARE[kind][0 if slide else 1])
     value = np.stack(columns, axis=-1) if columns else np.zeros((len(trials), length, 0))
     floor = np.array(noise)
     return Data(
@@ -118,7 +120,7 @@ def collect(plant: Plant, trials: Sequence[Trial], usable: frozenset[str] | None
         np.array(part, dtype=int),
         value,
         floor,
-        *sigma(value, floor, tuple(channels), plant.period),
+        *sigma(value, floor, np.array(share), tuple(channels), plant.period),
         block=max(round(BLOCK / plant.period), 1),
     )
 
@@ -173,7 +175,7 @@ def _quiet(differences: Array) -> float:
     return float(1.4826 * np.quantile(spread, 1 / 3))
 
 
-def sigma(value: Array, noise: Array, channels: Sequence[str], period: float) -> tuple[Array, Array]:
+def sigma(value: Array, noise: Array, share: Array, channels: Sequence[str], period: float) -> tuple[Array, Array]:
     """Floor and tolerance of every sample, and the part of it that errs alike over a block; same shape as ``value``.
 
     How fast a smooth signal changes costs no tolerance: a common delay is a nuisance of its own. Where its slope jumps
@@ -201,7 +203,7 @@ def sigma(value: Array, noise: Array, channels: Sequence[str], period: float) ->
     )
     pressed = np.where(np.abs(filled) > TOUCHED * noise, np.abs(filled), 0.0)
     size = np.where(force, pressed, np.nan_to_num(span)[:, None, :])
-    common = np.array([SHARE[kind] for kind in kinds]) * size
+    common = share * size
     instant = np.where(force, INSTANT * pressed, 0.0)
     return np.sqrt(noise**2 + (TIMING * steepest) ** 2 + instant**2 + common**2), common
 
