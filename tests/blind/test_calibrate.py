@@ -7,8 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks import calibrate
-from benchmarks.calibrate import BY_HAND, Case
+from benchmarks import calibrate, verdicts_again
+from benchmarks.blind import score
+from benchmarks.calibrate import BY_HAND
+from benchmarks.verdicts_again import Case
 from tiago_mj.gap.verdict import Calibration
 
 TRUE, RIVAL = "coulomb_friction", "force_gain"
@@ -27,7 +29,7 @@ def files(kind: str, effects: list[str], ranking: list[dict[str, Any]]) -> tuple
 
 
 def made(kind: str, effects: list[str], ranking: list[dict[str, Any]]) -> Case:
-    read = calibrate.case(*files(kind, effects, ranking))
+    read = verdicts_again.case(*files(kind, effects, ranking))
     assert read is not None
     return read
 
@@ -83,7 +85,7 @@ def test_few_cases_leave_the_numbers_where_they_were_put_by_hand() -> None:
 def test_thresholds_keep_their_limits_and_catch_what_is_unknown() -> None:
     cases = bank(90)
     fitted = calibrate.fit(cases)
-    scores = calibrate.score.score([calibrate.again(one, fitted) for one in cases])
+    scores = score.score([verdicts_again.again(one, fitted) for one in cases])
     assert scores["false_flags"]["value"] <= 0.05
     assert scores["unknown_flagged"]["value"] >= 0.85
     assert scores["false_names"]["value"] <= 0.04  # 1 of 30 is more than 3 %
@@ -102,7 +104,7 @@ def test_sets_grow_until_they_hold_the_truth() -> None:
 
     near, far = calibrate.fit(cases(0.3)), calibrate.fit(cases(0.01))
     for behind, fitted in ((0.3, near), (0.01, far)):
-        scores = calibrate.score.score([calibrate.again(one, fitted) for one in cases(behind)])
+        scores = score.score([verdicts_again.again(one, fitted) for one in cases(behind)])
         assert scores["in_set"]["value"] >= 0.98
     assert far.rival < near.rival
 
@@ -119,7 +121,7 @@ def test_intervals_widen_until_nine_in_ten_hold_the_truth() -> None:
             label["effects"][0]["parameters"] = {"force": 2.0}
             said = {"value": 2.0 + 0.05 * rng.standard_normal(), "deviation": 0.01, "known_to": 0.0}
             answer["verdict"]["effects"] = [{"name": TRUE, "target": "all", "parameters": {"force": said}}]
-            read = calibrate.case(label, answer)
+            read = verdicts_again.case(label, answer)
             assert read is not None
             out.append(read)
         return out
@@ -139,7 +141,7 @@ def test_what_the_readings_betray_is_part_of_every_explanation() -> None:
     two = made("two", [TRUE, "force_quantization"], ranking)
     assert two.betrayed
     assert [len(option.effects) for option in two.options] == [1, 0]
-    assert calibrate.again(two, BY_HAND).best == ("force_quantization", "friction")
+    assert verdicts_again.again(two, BY_HAND).best == ("force_quantization", "friction")
     assert two.looked_at
 
 

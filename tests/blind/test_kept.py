@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from benchmarks import calibrate
+from benchmarks import verdicts_again
 from benchmarks.blind import kept, run, score
 from benchmarks.blind.score import Judged
 from benchmarks.blind.store import Store
@@ -97,7 +97,7 @@ def test_other_methods_are_scored_beside_the_diagnosis_on_the_cases_that_they_an
 def test_a_kept_run_calibrates(tmp_path: Path) -> None:
     file = tmp_path / "five.json"
     kept.write(kept.keep(a_run(tmp_path / "run", 5).root), file)
-    cases, facts = calibrate.read(file)
+    cases, facts = verdicts_again.read(file)
     assert len(cases) == facts["used"] == 3
     assert facts["seed"] == 5
     assert {option.classes for option in cases[0].options} == {frozenset(), frozenset({"friction"})}

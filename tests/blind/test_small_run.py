@@ -7,9 +7,10 @@ from typing import Any
 
 import pytest
 
-from benchmarks import calibrate
+from benchmarks import verdicts_again
 from benchmarks.blind.score import Judged, classes
 from tiago_mj import cli
+from tiago_mj.gap import verdict
 
 #: Grasps of 1.2 s at 240 Hz, three a case, and no pairs: a diagnosis costs what it simulates.
 SMALL = ["--settings", "gripper", "--kinds", "none,one", "--rates", "240", "--trials", "3", "--seconds", "1.2"]
@@ -72,12 +73,12 @@ def explains_most_cases_rightly_and_invents_little(finished: Path) -> None:
 
 
 def verdicts_follow_from_the_evidence_that_was_stored(finished: Path) -> None:
-    cases, run = calibrate.read(finished)
+    cases, run = verdicts_again.read(finished)
     assert len(cases) == 8
     assert run["seed"] == 12
-    shipped = calibrate.verdict.calibration()
+    shipped = verdict.calibration()
     for one in cases:
-        said, again = Judged(one.label, one.answer), calibrate.again(one, shipped)
+        said, again = Judged(one.label, one.answer), verdicts_again.again(one, shipped)
         assert again.verdict == said.verdict
         assert again.best == said.best
         assert again.set == said.set
