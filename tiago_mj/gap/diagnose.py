@@ -109,8 +109,6 @@ def diagnose(
     seen = set_points.told(plant, on, data, nominal)
     if seen is not None:
         pool = set_points.magnitudes(plant, on, seen, pool, fitted_on)
-        on, pool = set_points.with_lost(plant, on, seen, pool)
-    predict = replace(predict, on=on)
     base = predict.all_trials([()], everything, keep=True)[0]
     untouched = set_points.untouched(data, nominal, data.value.shape[1])
     share = set_points.shares(plant, seen)
@@ -133,10 +131,12 @@ def diagnose(
         hypotheses.terms(plant),
         base[fitted_on],
         known,
+        seen,
         steps=on.commands.shape[1] * math.ceil(plant.period / plant.max_timestep),
         out_of_time=lambda: budget is not None and time.monotonic() - begun > budget,
         tick=tick,
     )
+    predict = ranked.predict
     judged = verdict.judge(ranked, strange=bool(tones))
     best = ranked.fits[judged.rivals[0]]
     following = None

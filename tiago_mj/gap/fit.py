@@ -159,6 +159,14 @@ class Fitter:
         """Number of nuisance parameters."""
         return len(self.shared) + len(self._own) * len(self.trials)
 
+    def paid(self, part: Candidate) -> float:
+        """What it costs to have chosen what an effect drew at random [nats]: told by the joints' motion, by samples
+        that count for what they do here."""
+        moving = [kind != "force" for kind in self.data.kinds]
+        if not part.paid or not any(moving):
+            return 0.0
+        return float(np.mean(self.weight[moving] ** 2)) * sum(part.paid[trial] for trial in self.trials)
+
     def places(self, term: int) -> list[int]:
         """Where a nuisance parameter stands among the nuisances: once, or once a trial."""
         if term in self.shared:
@@ -327,6 +335,7 @@ class Fitter:
         evidence = -min(on.cost(base, np.zeros(0)) + on.wider, plain.cost(base, np.zeros(0)))
         for part, value in zip(parts, at.values, strict=True):
             prior += 0.5 * np.log(2 * np.pi) + part.log_prior(float(value))
+            prior -= self.paid(part)
             evidence -= TOLERATED * max(0.0, 1 - abs(value - part.identity) / part.tolerance) if part.tolerance else 0.0
         deviations = np.sqrt(np.diag(np.linalg.inv(curvature))[: len(parts)])
         return Fitted(

@@ -95,6 +95,8 @@ class Candidate:
         tolerance: two deviations of the nominal model's own number of that kind; 0 if it has none.
         spread: one standard deviation of the magnitude where it was read off and no gradient tells; else None.
         removes: ``low`` takes away all that the nominal model has of it.
+        paid: in every trial, how much likelier what was drawn at random is since the recordings were seen: what it
+            costs to have chosen it [nats a sample that counts fully]; empty where nothing was.
     """
 
     effect: str
@@ -109,6 +111,7 @@ class Candidate:
     tolerance: float = 0.0
     spread: float | None = None
     removes: bool = False
+    paid: tuple[float, ...] = ()
 
     def entry(self, value: float) -> Entry:
         """The effect at a magnitude."""

@@ -94,6 +94,11 @@ class Predictor:
         out = self(wanted, keep=keep)
         return out.reshape(len(explanations), len(trials), *out.shape[1:])
 
+    def with_luck(self, luck: Array) -> Predictor:
+        """The same with the commands that were lost, (ntrials, T - 1, nactuators), instead of drawn ones."""
+        kept = {key: run for key, run in self._kept.items() if not any(entry.name in RANDOM for entry in key[1])}
+        return replace(self, on=replace(self.on, luck=luck), runs=0, _kept=kept)
+
     def closely(self) -> Predictor:
         """The same with the shorter steps that ``off`` is known from: for what changes what the step gets wrong."""
         if self.off is None:

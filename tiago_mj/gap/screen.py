@@ -94,6 +94,7 @@ def screen(
             stack = np.where(mine, stack, base)
         values, stack = _between(values, stack)
         likelihood = score.log_likelihood(on, stack)
+        likelihood = likelihood - fitter.paid(c)
         best = int(np.argmax(likelihood))
         change = stack - base
         white = score.scaled(on.data, change)

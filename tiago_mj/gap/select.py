@@ -9,12 +9,13 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from tiago_mj.gap import extend, floor, score, secondary, shortlist, starts
+from tiago_mj.gap import extend, floor, lost, score, secondary, shortlist, starts
 from tiago_mj.gap.fit import NUDGE, Fitted, Fitter, Point, Start
 from tiago_mj.gap.floor import Data
 from tiago_mj.gap.hypotheses import Candidate, Term
 from tiago_mj.gap.predict import Predictor
 from tiago_mj.gap.screen import Screened, screen
+from tiago_mj.gap.set_points import Told
 from tiago_mj.gap.traces import ONLY_READ_OFF, Known
 from tiago_mj.gap.yardstick import Yardstick
 
@@ -91,6 +92,7 @@ class Ranked:
         pool: number of different effects that were considered.
         complete: False when time ran out.
         weight: square root of what a sample of each channel counts for, (C,).
+        predict: simulations, in which those commands are lost that were.
         astray: trials that were set aside, by index: a motion goes another way in them.
     """
 
@@ -101,6 +103,7 @@ class Ranked:
     pool: int
     complete: bool
     weight: Array
+    predict: Predictor
     astray: tuple[int, ...] = ()
 
 
@@ -112,6 +115,7 @@ def select(
     terms: Sequence[Term],
     base: Array,
     known: Sequence[Known] = (),
+    seen: Told | None = None,
     *,
     steps: int = 0,
     out_of_time: Callable[[], bool] = lambda: False,
@@ -127,6 +131,7 @@ def select(
         terms: nuisance parameters.
         base: nominal predictions, (ntrials, T, C).
         known: what the readings betray by themselves: it is part of every explanation.
+        seen: what the servos' motion says; None: there is nothing to be read from it.
         steps: physics steps of one trial.
         out_of_time: asked between stages.
         tick: told what begins.
@@ -145,8 +150,9 @@ def select(
     given = tuple(k.candidate.entry(k.value) for k in known)
     everywhere = Fitter(predict, tuple(trials), data, weight, terms, responses[telling], given, out_of_time=out_of_time)
     everywhere, nominal = _calibrated(everywhere)
-    weight = everywhere.weight
     at = nominal.nuisance if nominal.misfit < FAR else np.zeros(everywhere.size)
+    everywhere, pool = _losing(everywhere, pool, nominal, seen)
+    weight = everywhere.weight
 
     tick("screening", len(pool))
     base = everywhere.predictions([Point((), np.zeros(0), at)], keep=True)[0]
@@ -165,7 +171,7 @@ def select(
     ranked = shortlist.ordered(few.fit_all([Start((), np.zeros(0), here.nuisance), *singles]))
     if out_of_time():
         fits = [_with(f, known, shared) for f in ranked]
-        return Ranked(tuple(fits), tuple(screened), unseen, len(known), len(names), False, weight)
+        return Ranked(tuple(fits), tuple(screened), unseen, len(known), len(names), False, weight, few.predict)
     # Once something explains the bulk, what is left shows how correlated the residuals really are.
     reference = few.predictions([Point(ranked[0].parts, ranked[0].values, ranked[0].nuisance)])[0]
     weight = np.maximum(_weight(few.data, reference), weight)
@@ -193,6 +199,16 @@ def select(
         few, everywhere = replace(few, weight=weight), replace(everywhere, weight=weight)
         frame = _frame(few, here)
         fits = everywhere.fit_all([starts.again(f) for f in _again(fits)])
+    everywhere, told = _losing(everywhere, pool, shortlist.ordered(fits)[0], seen)
+    if told is not pool:
+        lose = {c.label: c for c in told if c.effect == lost.EFFECT}
+        weight = everywhere.weight
+        few = replace(few, predict=everywhere.predict, weight=weight)
+        frame = _frame(few, here)
+        promising = [s for s in promising if s.candidate.label not in lose]
+        promising += screen(few, frame, [*lose.values()], here, base[first])
+        promising.sort(key=lambda s: -s.gain)
+        fits = everywhere.fit_all([starts.with_others(f, lose) for f in _again(fits)])
     complete = not out_of_time()
     for size in range(2, MOST + 1):
         best = shortlist.ordered(fits)[0]
@@ -233,7 +249,8 @@ def select(
         complete = not out_of_time()
     fits = [_with(fit, known, shared) for fit in shortlist.worth_showing(shortlist.once_each(shortlist.ordered(fits)))]
     astray = tuple(k for k in trials if k not in everywhere.trials)
-    return Ranked(tuple(fits), tuple(screened), unseen, len(known), len(names), complete, weight, astray)
+    counts = len(known), len(names)
+    return Ranked(tuple(fits), tuple(screened), unseen, *counts, complete, weight, everywhere.predict, astray)
 
 
 def _calibrated(fitter: Fitter) -> tuple[Fitter, Fitted]:
@@ -256,6 +273,29 @@ def _calibrated(fitter: Fitter) -> tuple[Fitter, Fitted]:
         if gained < BETTER:
             break
     return (_with_scatter(fitter, best) if best.misfit < FAR else fitter), best
+
+
+def _losing(
+    everywhere: Fitter, pool: Sequence[Candidate], best: Fitted, seen: Told | None
+) -> tuple[Fitter, Sequence[Candidate]]:
+    """The same with the commands that were lost beside an explanation, unless it leaves nothing to explain.
+
+    Where losing them is likelier once samples count for what they then tell, they count for that.
+    """
+    candidates = [c for c in pool if c.effect == lost.EFFECT]
+    told_before = any(part.effect == lost.EFFECT for part in best.parts)
+    if seen is None or not candidates or told_before or _done(best) or everywhere.out_of_time():
+        return everywhere, pool
+    found = lost.beside(everywhere, starts.point(best), seen, candidates)
+    if found is None:
+        return everywhere, pool
+    predict, told, fit = found
+    pool = [told.get(c.label, c) for c in pool]
+    losing = replace(everywhere, predict=predict)
+    left = losing.predictions([starts.point(fit)])[0]
+    sharper = replace(losing, weight=np.maximum(losing.weight, _weight(losing.data, left)))
+    without, there = sharper.fit_all([starts.again(best), starts.again(fit)])
+    return (sharper if there.evidence > without.evidence else losing), pool
 
 
 def _with_scatter(fitter: Fitter, fit: Fitted) -> Fitter:

@@ -1,8 +1,8 @@
 """What the servos were really told, read back from how they moved.
 
-No gradient leads to a grid or a dead band of the set point, and nothing predicts which commands were lost; but a servo
-shows what it was told, smoothed by its lag: where it goes otherwise than predicted, its set point was another one.
-Magnitudes and lost commands that explain this are then simulated like any other explanation.
+No gradient leads to a grid or a dead band of the set point; but a servo shows what it was told, smoothed by its lag:
+where it goes otherwise than predicted, its set point was another one. Magnitudes that explain this are then simulated
+like any other explanation.
 """
 
 from __future__ import annotations
@@ -34,12 +34,8 @@ SHIFT: Final = 0.25
 GRIDS: Final = 8000
 #: Share of the way that a servo is behind by which its position is known worse: what nominal gains are known to.
 LAG_SHARE: Final = 0.1
-#: A change of the command counts where it moves the set point by so many standard deviations.
-CLEAR: Final = 4.0
 #: A squared residual counts no more than this: where other causes act it says nothing of this one.
 FAR: Final = 25.0
-#: Lost commands that are no accident.
-LEAST_LOST: Final = 4
 
 
 @dataclass(frozen=True)
@@ -152,23 +148,6 @@ def magnitudes(
     return tuple(out)
 
 
-def with_lost(plant: Plant, on: Grid, seen: Told, pool: Sequence[Candidate]) -> tuple[Grid, tuple[Candidate, ...]]:
-    """The grid with the commands that were lost, and the pool in which losing them has the share that was seen."""
-    found = lost_commands(on, seen, plant.wiring.interface)
-    if found is None:
-        return on, tuple(pool)
-    luck, share, informative = found
-    out = list(pool)
-    for k, candidate in enumerate(pool):
-        if candidate.effect != "dropped_commands":
-            continue
-        index = _columns(candidate, plant.wiring.targets.command)
-        count = max(float(informative[index].sum()), 1.0)
-        value = float(np.clip(share[index] @ informative[index] / count, 1e-3, candidate.high))
-        out[k] = replace(candidate, grid=(value,), spread=float(np.sqrt(value * (1 - value) / count)))
-    return replace(on, luck=luck), tuple(out)
-
-
 def _dense(wide: Candidate, farthest: float) -> Array:
     """Magnitudes to look at, rising; set points are as far as that from the joint's zero [m, rad]."""
     even = wide.identity + np.geomspace(0.01, 1.0, DENSE) * (wide.high - wide.identity)
@@ -181,37 +160,6 @@ def _dense(wide: Candidate, farthest: float) -> Array:
 def _columns(candidate: Candidate, commands: tuple[str, ...]) -> list[int]:
     """Actuators that a candidate acts on."""
     return [commands.index(name) for name in candidate.target or commands]
-
-
-def lost_commands(on: Grid, seen: Told, interface: str) -> tuple[Array, Array, Array] | None:
-    """Commands that were not executed, the one before staying in force.
-
-    Returns:
-        Per command 0 where it was lost and 1 where it was not, (ntrials, T - 1, nactuators); share of those lost, of
-        those that could be told, and their number, (nactuators,). None where hardly any was lost.
-    """
-    gain = 1 / seen.share
-    taken = seen.wanted + seen.ahead[:, :-1] + (seen.ahead[:, 1:] - seen.ahead[:, :-1]) * gain
-    with np.errstate(invalid="ignore"):  # where nothing was measured: NaN, which is clear of nothing
-        clear = CLEAR * gain * np.hypot(seen.deviation[:, 1:], (1 - seen.share) * seen.deviation[:, :-1])
-    done = taken
-    if interface == "velocity":
-        step = on.period[:, :, None]
-        done = np.diff(np.concatenate([seen.start[:, None], taken], axis=1), axis=1) / step
-        clear = clear * np.sqrt(2) / step
-    sent = on.commands
-    luck = np.ones(sent.shape)
-    informative, lost = np.zeros(sent.shape[2]), np.zeros(sent.shape[2])
-    before = np.zeros_like(sent[:, 0]) if interface == "velocity" else seen.start
-    for k in range(sent.shape[1]):
-        tells = np.abs(sent[:, k] - before) > clear[:, k]
-        missed = tells & (np.abs(done[:, k] - before) < np.abs(done[:, k] - sent[:, k]))
-        luck[:, k] = np.where(missed, 0.0, 1.0)
-        informative, lost = informative + tells.sum(axis=0), lost + missed.sum(axis=0)
-        before = np.where(missed, before, sent[:, k])
-    if lost.sum() < LEAST_LOST:
-        return None
-    return luck, lost / np.maximum(informative, 1), informative
 
 
 def _wanted(plant: Plant, on: Grid, start: Array) -> Array:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -37,6 +37,13 @@ def point(there: Fitted | Start) -> Point:
 def again(fit: Fitted) -> Start:
     """Start where a fit ended."""
     return Start(fit.parts, fit.values, fit.nuisance)
+
+
+def with_others(fit: Fitted, others: Mapping[Label, Candidate]) -> Start:
+    """Start where a fit ended, some of its candidates replaced by others with the first magnitude of their grids."""
+    parts = tuple(others.get(part.label, part) for part in fit.parts)
+    values = [p.grid[0] if p.label in others else v for p, v in zip(parts, fit.values, strict=True)]
+    return Start(parts, np.array(values), fit.nuisance)
 
 
 def beginning(s: Screened, few: Fitter, at: Array) -> Start:

@@ -1,0 +1,111 @@
+"""Lost commands are told from where the servos went, one by one, and none are where none was lost."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks.blind import cases, recordings, robots
+from benchmarks.blind.cases import FAST_RATE, Case, EffectChoice
+from tiago_mj.gap import floor, hypotheses, lost, set_points
+from tiago_mj.gap.diagnose import diagnose
+from tiago_mj.gap.effects.spec import Entry
+from tiago_mj.gap.plant import plant_of
+from tiago_mj.gap.predict import Predictor, predictor
+from tiago_mj.gap.read import read_recordings
+from tiago_mj.gap.set_points import Told
+
+HINGE = Case(seed=5252, setting="plain", interface="position", spread=0.04, rate=FAST_RATE, seconds=1.6, trials=4)
+#: Of what moves the joint by less than its noise nobody can say whether it was lost.
+SHARE = 0.25
+
+
+@pytest.fixture(scope="module")
+def hinge(tmp_path_factory: pytest.TempPathFactory) -> tuple[Predictor, Told, Path]:
+    """Recordings of a hinge without effects, by the independent reality with the nominal model's own numbers."""
+    folder = tmp_path_factory.mktemp("hinge")
+    (folder / robots.PLAIN_FILE).write_text(robots.PLAIN)
+    recordings.write(cases.simulate(replace(HINGE, spread=0.0), folder), folder)
+    trials = read_recordings([folder]).trials
+    plant = plant_of(trials, model=folder / robots.PLAIN_FILE)
+    predict, nominal = predictor(plant, trials, threads=1)
+    seen = set_points.told(plant, predict.on, predict.data, nominal)
+    assert seen is not None
+    return predict, seen, folder
+
+
+def with_losses(predict: Predictor, share: float) -> tuple[Predictor, np.ndarray]:
+    """Recordings of the simulator itself with lost commands and noise, and which were lost (0)."""
+    rng = np.random.default_rng(0)
+    luck = (rng.random(predict.on.commands.shape) > share).astype(float)
+    trials = range(len(predict.on.trials))
+    losing = Entry(lost.EFFECT, None, {"probability": 0.5})
+    value = predict.with_luck(luck).all_trials([(losing,)], trials)[0]
+    value = value + predict.data.noise * rng.standard_normal(value.shape)
+    return replace(predict, data=replace(predict.data, value=value)), luck
+
+
+def test_commands_that_were_lost_are_told_and_so_is_their_share(hinge: tuple[Predictor, Told, Path]) -> None:
+    predict, seen, _ = hinge
+    losing, luck = with_losses(predict, SHARE)
+    trials = range(len(predict.on.trials))
+    found = lost.decode(losing, seen, [()] * len(trials), trials)
+    step = np.abs(np.diff(predict.on.commands, axis=1, prepend=seen.start[:, None]))
+    told = step > np.quantile(step, 0.7)  # those that change most
+    assert np.mean(found.luck[told] == luck[told]) > 0.9
+    pool = hypotheses.candidates(predict.plant, (lost.EFFECT,))
+    (candidate,) = lost.candidates(pool, found, predict.plant.wiring.targets.command, trials) or [None]
+    assert candidate is not None
+    assert candidate.spread is not None
+    # Three deviations of it, and what the few hundred draws themselves are off.
+    drawn = np.sqrt(SHARE * (1 - SHARE) / luck.size)
+    assert candidate.grid[0] == pytest.approx(SHARE, abs=3 * np.hypot(candidate.spread, drawn))
+    # Which ones were lost is worth less than a bit each, and not for nothing.
+    assert 0 < sum(candidate.paid) * lost.COUNTS < np.log(2) * luck.size
+
+
+def test_where_no_command_was_lost_none_is_told(hinge: tuple[Predictor, Told, Path]) -> None:
+    predict, seen, _ = hinge
+    trials = range(len(predict.on.trials))
+    pool = hypotheses.candidates(predict.plant, (lost.EFFECT,))
+    for measured in (predict, with_losses(predict, 0.0)[0]):
+        found = lost.decode(measured, seen, [()] * len(trials), trials)
+        assert lost.candidates(pool, found, predict.plant.wiring.targets.command, trials) is None
+
+
+def test_a_trial_counts_only_where_it_is_fitted(hinge: tuple[Predictor, Told, Path]) -> None:
+    predict, seen, _ = hinge
+    losing, _ = with_losses(predict, SHARE)
+    without = replace(losing, data=floor.part(losing.data, range(4)))
+    without.data.value[1:] = np.nan
+    found = lost.decode(without, seen, [()] * 4, (0,))
+    assert (found.luck[1:] == 1).all()
+    assert found.cost[:, 1:].max() == pytest.approx(0.0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("rate", "seconds", "effects"),
+    [
+        (FAST_RATE, 1.6, {"dropped_commands": {"probability": 0.15}}),
+        (25.0, 4.0, {"dropped_commands": {"probability": 0.08}, "servo_stiffness": {"factor": 0.45}}),
+    ],
+    ids=["at 240 Hz, each hardly visible", "beside a softer servo"],
+)
+def test_lost_commands_are_named_in_another_reality(
+    tmp_path: Path, rate: float, seconds: float, effects: dict[str, dict[str, float]]
+) -> None:
+    choices = tuple(EffectChoice(name, "all", parameters) for name, parameters in effects.items())
+    case = replace(HINGE, seed=5254, rate=rate, seconds=seconds, effects=choices, trials=4)
+    (tmp_path / robots.PLAIN_FILE).write_text(robots.PLAIN)
+    recordings.write(cases.simulate(case, tmp_path), tmp_path)
+    trials, model = read_recordings([tmp_path]).trials, tmp_path / robots.PLAIN_FILE
+    names = ("dropped_commands", "command_delay", "servo_stiffness", "coulomb_friction")
+    found = diagnose(trials, model=model, names=names, threads=2)
+    assert found.kind == "effect"
+    assert {effect.name for effect in found.best.effects} == set(effects)
+    (dropped,) = (effect for effect in found.best.effects if effect.name == "dropped_commands")
+    # Where one of them is hardly visible others pass for it, and where there are thirty chance makes a third of them.
+    true = effects["dropped_commands"]["probability"]
+    assert dropped.parameters["probability"].value == pytest.approx(true, rel=0.45)
