@@ -84,6 +84,14 @@ def test_a_trial_counts_only_where_it_is_fitted(hinge: tuple[Predictor, Told, Pa
     assert found.cost[:, 1:].max() == pytest.approx(0.0)
 
 
+def test_a_servo_whose_joint_is_not_measured_tells_nothing(hinge: tuple[Predictor, Told, Path]) -> None:
+    predict, seen, _ = hinge
+    blind = replace(predict.data, channels=tuple(f"position.{name}" for name in ("other", "else")))
+    found = lost.decode(replace(predict, data=blind), seen, [()] * 4, range(4))
+    assert (found.luck == 1).all()
+    assert found.least(range(4)) == 0
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("rate", "seconds", "effects"),

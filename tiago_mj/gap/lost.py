@@ -36,8 +36,8 @@ FIRM: Final = 0.01
 #: An answer lasts for so many time constants, and so many rows at least, and at most.
 LASTS: Final = 5.0
 ROWS: Final = (3, 60)
-#: Commands are told, nominal numbers fitted beside them, and commands told once more, so many times at
-#: most, as long as what it costs falls below this share; a fit takes so many steps.
+#: Commands are told, nominal numbers fitted beside them, and commands told once more, so many times at most, as long as
+#: what it costs falls below this share; a fit takes so many steps.
 ROUNDS: Final = 6
 STEPS: Final = 2
 SETTLED: Final = 0.97
@@ -108,7 +108,7 @@ def beside(
             found = decode(fitter.predict, seen, _in_every_trial(fitter, point), fitter.trials)
             losing = candidates(pool, found, fitter.predict.plant.wiring.targets.command, fitter.trials)
             now = found.least(fitter.trials)
-            if losing is None or now > PROMISING * found.none[list(fitter.trials)].sum():
+            if fitter.out_of_time() or losing is None or now > PROMISING * found.none[list(fitter.trials)].sum():
                 break
             predict = fitter.predict.with_luck(found.luck)
             there = point.beside(losing[0], losing[0].grid[0])
@@ -157,6 +157,8 @@ def decode(predict: Predictor, seen: Told, effects: Sequence[Effects], fitted_on
     for a, joint in enumerate(actuated):
         names = (f"position.{plant.joints[joint]}", f"velocity.{plant.joints[joint]}")
         mine = [c for c, name in enumerate(data.channels) if name in names]
+        if not mine:
+            continue  # nothing tells what this servo did
         known = np.isfinite(data.value[:, 1:, mine]) & np.isfinite(seen.deviation[:, 1:, a, None])
         precision = np.where(known, 1 / deviation[:, 1:, mine] ** 2, 0.0)
         residual = np.where(known, (data.value - base)[:, 1:, mine], 0.0)
@@ -279,7 +281,7 @@ def _viterbi(way: _Way, answers: Array, residual: Array, precision: Array) -> _D
     held = np.broadcast_to(way.idle[None, :, None], shape)
     memory, slow = np.zeros((*shape, answers.shape[1]), dtype=np.float32), np.zeros((*shape, len(answers)))
     answers = answers.astype(np.float32)
-    came = np.zeros((length, *shape), dtype=np.int16)
+    second = np.zeros((length, *shape), dtype=bool)  # which of two states every state came from
     before = (new >> 1, (new >> 1) | (states >> 1))
     for k in range(length):
         sent = way.sent[None, :, k, None]
@@ -296,17 +298,17 @@ def _viterbi(way: _Way, answers: Array, residual: Array, precision: Array) -> _D
             step = said + np.where(np.abs(sent - was) > 1e-9, drawn, forbidden)  # what repeats cannot be lost
             ways.append((cost[:, :, old] + step, together[:, :, old] + step, data[:, :, old] + said, now, kept,
                          slow[:, :, old] + drift))  # fmt: skip
-        second = ways[1][0] < ways[0][0]
-        came[k] = np.where(second, before[1], before[0])
+        second[k] = ways[1][0] < ways[0][0]
         together = -np.logaddexp(-ways[0][1], -ways[1][1])
-        cost, data, held = (np.where(second, ways[1][i], ways[0][i]) for i in (0, 2, 3))
-        memory, slow = (np.where(second[..., None], ways[1][i], ways[0][i]) for i in (4, 5))
+        cost, data, held = (np.where(second[k], ways[1][i], ways[0][i]) for i in (0, 2, 3))
+        memory, slow = (np.where(second[k][..., None], ways[1][i], ways[0][i]) for i in (4, 5))
     state = np.argmin(cost, axis=-1)
     best = np.take_along_axis(data, state[..., None], axis=-1)[..., 0]
     luck = np.ones((*state.shape, length))
     for k in range(length - 1, -1, -1):
         luck[:, :, k] = 1 - (state & 1)
-        state = np.take_along_axis(came[k], state[..., None], axis=-1)[..., 0]
+        other = np.take_along_axis(second[k], state[..., None], axis=-1)[..., 0]
+        state = np.where(other, before[1][state], before[0][state])
     return _Decoded(-np.logaddexp.reduce(-together, axis=-1), best, luck)
 
 
