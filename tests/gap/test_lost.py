@@ -2,15 +2,17 @@
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from benchmarks.blind import cases, recordings, robots
 from benchmarks.blind.cases import FAST_RATE, Case, EffectChoice
-from tiago_mj.gap import floor, hypotheses, lost, set_points
+from tiago_mj.gap import floor, hypotheses, lost, set_points, starts
 from tiago_mj.gap.diagnose import diagnose
 from tiago_mj.gap.effects.spec import Entry
+from tiago_mj.gap.fit import Fitted
 from tiago_mj.gap.plant import plant_of
 from tiago_mj.gap.predict import Predictor, predictor
 from tiago_mj.gap.read import read_recordings
@@ -90,6 +92,20 @@ def test_a_servo_whose_joint_is_not_measured_tells_nothing(hinge: tuple[Predicto
     found = lost.decode(replace(predict, data=blind), seen, [()] * 4, range(4))
     assert (found.luck == 1).all()
     assert found.least(range(4)) == 0
+
+
+def test_losses_of_two_servos_that_become_one_effect_cost_what_both_cost() -> None:
+    names = ("right", "left")
+
+    def losing(target: str, paid: tuple[float, ...]) -> hypotheses.Candidate:
+        return hypotheses.Candidate(lost.EFFECT, (target,), "probability", (), 0.0, 0.0, 0.6, (0.2,), "-", paid=paid)
+
+    parts = (losing("right", (30.0, 1.0)), losing("left", (20.0, 3.0)))
+    both = Fitted(parts, np.array([0.2, 0.3]), np.zeros(2), np.zeros(0), 0.0, 1.0)
+    targets = SimpleNamespace(names=lambda kind: names)
+    fitter = SimpleNamespace(predict=SimpleNamespace(plant=SimpleNamespace(wiring=SimpleNamespace(targets=targets))))
+    ((together,),) = (start.parts for start in starts.merged(both, fitter))  # type: ignore[arg-type]
+    assert (together.target, together.paid) == (None, (50.0, 4.0))
 
 
 @pytest.mark.slow

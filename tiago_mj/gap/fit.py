@@ -335,7 +335,7 @@ class Fitter:
         evidence = -min(on.cost(base, np.zeros(0)) + on.wider, plain.cost(base, np.zeros(0)))
         for part, value in zip(parts, at.values, strict=True):
             prior += 0.5 * np.log(2 * np.pi) + part.log_prior(float(value))
-            prior -= self.paid(part)
+            evidence -= self.paid(part)
             evidence -= TOLERATED * max(0.0, 1 - abs(value - part.identity) / part.tolerance) if part.tolerance else 0.0
         deviations = np.sqrt(np.diag(np.linalg.inv(curvature))[: len(parts)])
         return Fitted(

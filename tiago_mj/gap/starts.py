@@ -151,7 +151,8 @@ def merged(fit: Fitted, fitter: Fitter) -> list[Start]:
         if len(mine) < 2 or names != set(fitter.predict.plant.wiring.targets.names(EFFECTS[effect].targets)):
             continue
         rest = [k for k in range(len(fit.parts)) if k not in mine]
-        parts = (replace(fit.parts[mine[0]], target=None), *(fit.parts[k] for k in rest))
+        paid = tuple(sum(each) for each in zip(*(fit.parts[k].paid for k in mine), strict=True))
+        parts = (replace(fit.parts[mine[0]], target=None, paid=paid), *(fit.parts[k] for k in rest))
         out.append(Start(parts, np.array([fit.values[mine].mean(), *fit.values[rest]]), fit.nuisance))
     return out
 
