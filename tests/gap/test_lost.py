@@ -63,8 +63,6 @@ def test_commands_that_were_lost_are_told_and_so_is_their_share(hinge: tuple[Pre
     # Three deviations of it, and what the few hundred draws themselves are off.
     drawn = np.sqrt(SHARE * (1 - SHARE) / luck.size)
     assert candidate.grid[0] == pytest.approx(SHARE, abs=3 * np.hypot(candidate.spread, drawn))
-    # Which ones were lost is worth less than a bit each, and not for nothing.
-    assert 0 < sum(candidate.paid) * lost.COUNTS < np.log(2) * luck.size
 
 
 def test_where_no_command_was_lost_none_is_told(hinge: tuple[Predictor, Told, Path]) -> None:
@@ -113,7 +111,7 @@ def test_losses_of_two_servos_that_become_one_effect_cost_what_both_cost() -> No
     ("rate", "seconds", "effects"),
     [
         (FAST_RATE, 1.6, {"dropped_commands": {"probability": 0.15}}),
-        (25.0, 4.0, {"dropped_commands": {"probability": 0.08}, "servo_stiffness": {"factor": 0.45}}),
+        (25.0, 3.0, {"dropped_commands": {"probability": 0.1}, "servo_stiffness": {"factor": 0.45}}),
     ],
     ids=["at 240 Hz, each hardly visible", "beside a softer servo"],
 )
@@ -125,7 +123,7 @@ def test_lost_commands_are_named_in_another_reality(
     (tmp_path / robots.PLAIN_FILE).write_text(robots.PLAIN)
     recordings.write(cases.simulate(case, tmp_path), tmp_path)
     trials, model = read_recordings([tmp_path]).trials, tmp_path / robots.PLAIN_FILE
-    names = ("dropped_commands", "command_delay", "servo_stiffness", "coulomb_friction")
+    names = ("dropped_commands", "command_delay", "servo_stiffness")
     found = diagnose(trials, model=model, names=names, threads=2)
     assert found.kind == "effect"
     assert {effect.name for effect in found.best.effects} == set(effects)
@@ -133,3 +131,22 @@ def test_lost_commands_are_named_in_another_reality(
     # Where one of them is hardly visible others pass for it, and where there are thirty chance makes a third of them.
     true = effects["dropped_commands"]["probability"]
     assert dropped.parameters["probability"].value == pytest.approx(true, rel=0.45)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "parameters"),
+    [("coulomb_friction", {"force": 0.1}), ("command_quantization", {"step": 0.01})],
+)
+def test_what_the_library_does_not_have_does_not_pass_for_lost_commands(
+    tmp_path: Path, name: str, parameters: dict[str, float]
+) -> None:
+    """A joint that sticks for an instant looks like one whose command was lost."""
+    case = replace(HINGE, seed=77, seconds=1.2, effects=(EffectChoice(name, "all", parameters),), trials=3)
+    (tmp_path / robots.PLAIN_FILE).write_text(robots.PLAIN)
+    recordings.write(cases.simulate(case, tmp_path), tmp_path)
+    trials, model = read_recordings([tmp_path]).trials, tmp_path / robots.PLAIN_FILE
+    names = ("dropped_commands", "command_delay", "servo_stiffness", "backlash")
+    found = diagnose(trials, model=model, names=names, threads=2)
+    named = () if found.kind in ("no_gap", "unknown") else found.best.effects
+    assert "dropped_commands" not in {effect.name for effect in named}

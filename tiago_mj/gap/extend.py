@@ -47,7 +47,7 @@ def extensions(
         found: list[tuple[float, Screened, float]] = []
         for s in promising:
             if s.candidate.label not in there:
-                gains = score.log_likelihood(on, whole + s.changes) - alone
+                gains = score.log_likelihood(on, whole + s.changes) - alone - s.paid
                 best = int(np.argmax(gains))
                 found.append((float(gains[best]), s, s.values[best]))
         kinds: set[object] = set()
@@ -141,7 +141,7 @@ def superposed(on: score.Frame, base: Array, promising: Sequence[Screened]) -> l
     found: list[tuple[float, Start]] = []
     for a, b in pairs:
         (i, one), (j, other) = _thinned(a), _thinned(b)
-        likelihood = score.log_likelihood(on, base + one[:, None] + other[None])
+        likelihood = score.log_likelihood(on, base + one[:, None] + other[None]) - a.paid - b.paid
         best = np.unravel_index(int(np.argmax(likelihood)), likelihood.shape)
         values = np.array([a.values[i[best[0]]], b.values[j[best[1]]]])
         if likelihood[best] >= alone + PROMISES:

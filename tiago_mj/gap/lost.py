@@ -16,8 +16,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from tiago_mj.gap import starts
 from tiago_mj.gap.effects.spec import Entry
-from tiago_mj.gap.fit import Fitted, Fitter, Point, Start
+from tiago_mj.gap.fit import Fitted, Fitter, Point
 from tiago_mj.gap.hypotheses import Candidate, Label
 from tiago_mj.gap.predict import Effects, Predictor
 from tiago_mj.gap.set_points import Told
@@ -51,6 +52,8 @@ FAR: Final = 25.0
 COUNTS: Final = 0.5
 #: Where they leave more than this share of what there is to explain, they are not its cause.
 PROMISING: Final = 0.85
+#: And more than this where samples count for what they do beside errors that last.
+LEFT: Final = 0.7
 #: One standard deviation of the share, of itself, that what else goes on passes for lost commands and hides some.
 MISTAKEN: Final = 0.2
 #: Fewer than so many lost commands are an accident, and so is what they explain by less than this [nats].
@@ -81,21 +84,37 @@ class Lost:
         some = list(trials)
         return float(sum(self.cost[k, some, a].sum() for a, k in enumerate(self.best)))
 
+    def without(self, trials: Sequence[int]) -> float:
+        """Cost of some trials where none is lost [nats]."""
+        return float(self.none[list(trials)].sum())
 
-def beside(
-    fitter: Fitter, at: Point, seen: Told, pool: Sequence[Candidate]
-) -> tuple[Predictor, dict[Label, Candidate], Fitted] | None:
-    """Simulations that lose the commands that were lost, by labels the candidates that lose some, with the share that
-    was, and the explanation with the first of them; None where hardly any was lost.
+
+@dataclass(frozen=True)
+class Beside:
+    """Lost commands beside an explanation.
+
+    Attributes:
+        predict: simulations that lose them.
+        found: which they are.
+        point: the explanation without them.
+        fit: with them.
+    """
+
+    predict: Predictor
+    found: Lost
+    point: Point
+    fit: Fitted
+
+
+def beside(fitter: Fitter, at: Point, seen: Told, pool: Sequence[Candidate]) -> Beside | None:
+    """Which commands were lost beside an explanation that loses none; None where hardly any was.
 
     Args:
         fitter: of the trials that are explained.
-        at: explanation beside which commands may be lost; what it loses itself is left out.
+        at: the explanation.
         seen: of the servos.
-        pool: candidates.
+        pool: candidates that lose commands, the first of them to all servos.
     """
-    for k in reversed(range(len(at.parts))):
-        at = at.less(k) if at.parts[k].effect == EFFECT else at
     # Its nominal numbers may have been moved for what lost commands do, the delay above all: without that, too.
     punctual = at.nuisance.copy()
     for k, term in enumerate(fitter.terms):
@@ -105,23 +124,53 @@ def beside(
         point = replace(at, nuisance=nuisance)
         before = np.inf
         for _ in range(ROUNDS):
+            if fitter.out_of_time():
+                return best
             found = decode(fitter.predict, seen, _in_every_trial(fitter, point), fitter.trials)
             losing = candidates(pool, found, fitter.predict.plant.wiring.targets.command, fitter.trials)
             now = found.least(fitter.trials)
-            if fitter.out_of_time() or losing is None or now > PROMISING * found.none[list(fitter.trials)].sum():
+            if losing is None or now > PROMISING * found.without(fitter.trials):
                 break
             predict = fitter.predict.with_luck(found.luck)
             there = point.beside(losing[0], losing[0].grid[0])
-            (fit,) = replace(fitter, predict=predict, iterations=STEPS).fit_all(
-                [Start(there.parts, there.values, there.nuisance)]
-            )
+            (fit,) = replace(fitter, predict=predict, iterations=STEPS).fit_all([starts.at(there)])
             if now < least:
-                best, least = (predict, {c.label: c for c in losing}, fit), now
+                best, least = Beside(predict, found, point, fit), now
             if now > SETTLED * before:
                 break
             before = now
             point = Point(fit.parts, fit.values, fit.nuisance).less(len(fit.parts) - 1)
     return best
+
+
+def priced(fitter: Fitter, told: Beside, seen: Told, pool: Sequence[Candidate]) -> dict[Label, Candidate] | None:
+    """Candidates that lose commands, by label, with the share that was lost and what it costs to have chosen them.
+
+    A sample counts for less where errors last than where commands are told. What all ways together explain then is what
+    may be said for lost commands: the price is what the chosen way explains beyond it. None where that is not worth it.
+
+    Args:
+        fitter: of the trials that are explained, with what a sample counts for.
+        told: of the same trials.
+        seen: of the servos.
+        pool: candidates.
+    """
+    counts = fitter.moving
+    effects = _in_every_trial(fitter, told.point)
+    some = decode(fitter.predict, seen, effects, fitter.trials, counts)
+    none, least = some.without(fitter.trials), some.least(fitter.trials)
+    commands = fitter.predict.plant.wiring.targets.command
+    losing = candidates(pool, told.found, commands, fitter.trials)
+    if losing is None or none - least < WORTH or least > LEFT * none:
+        return None
+    out = {}
+    for candidate in losing:
+        index = [commands.index(name) for name in candidate.target or commands]
+        all_ways = np.stack([some.cost[some.best[a], :, a] for a in index], axis=-1)
+        beyond = all_ways - counts / COUNTS * told.found.chosen[:, index]
+        paid = np.maximum(beyond, 0.0).sum(axis=1) / counts
+        out[candidate.label] = replace(candidate, paid=tuple(paid.tolist()))
+    return out
 
 
 def _in_every_trial(fitter: Fitter, at: Point) -> list[Effects]:
@@ -134,7 +183,9 @@ def _in_every_trial(fitter: Fitter, at: Point) -> list[Effects]:
     return out
 
 
-def decode(predict: Predictor, seen: Told, effects: Sequence[Effects], fitted_on: Sequence[int]) -> Lost:
+def decode(
+    predict: Predictor, seen: Told, effects: Sequence[Effects], fitted_on: Sequence[int], counts: float = COUNTS
+) -> Lost:
     """Which commands were lost.
 
     Args:
@@ -142,6 +193,7 @@ def decode(predict: Predictor, seen: Told, effects: Sequence[Effects], fitted_on
         seen: of the servos.
         effects: beside which commands may be lost, of every trial.
         fitted_on: trials by which the share is chosen.
+        counts: what a sample counts for.
     """
     plant, on, data = predict.plant, predict.on, predict.data
     everything = range(len(on.trials))
@@ -169,8 +221,8 @@ def decode(predict: Predictor, seen: Told, effects: Sequence[Effects], fitted_on
         of_first_order = {"position": usual, "velocity": np.diff(usual, prepend=0.0) / plant.period}
         prior = [np.asarray(of_first_order[data.kinds[c]]) for c in mine]
         answers = _answers(way.offsets(luck[:, :, a]), learned[:, 1:, mine], known, prior)
-        took = _viterbi(way, answers, residual, precision)
-        cost[:, :, a], none[:, a] = took.cost, _none(residual, precision, rows)
+        took = _viterbi(way, answers, residual, precision, counts)
+        cost[:, :, a], none[:, a] = took.cost, _none(residual, precision, rows, counts)
         best[a] = k = int(np.argmin(took.cost[:, list(fitted_on)].sum(axis=1)))
         found[:, :, a], chosen[:, a] = took.luck[k], took.data[k]
     return Lost(found, cost, none, chosen, best)
@@ -188,7 +240,7 @@ def candidates(
         trials: by which the share is told.
     """
     some = list(trials)
-    if (lost.luck[some] == 0).sum() < LEAST_LOST or lost.none[some].sum() - lost.least(some) < WORTH:
+    if (lost.luck[some] == 0).sum() < LEAST_LOST or lost.without(some) - lost.least(some) < WORTH:
         return None
     out = []
     for candidate in pool:
@@ -196,16 +248,15 @@ def candidates(
             continue
         index = [commands.index(name) for name in candidate.target or commands]
         value, spread = _refined(lost.cost[:, some][:, :, index].sum(axis=(1, 2)))
-        at_best = np.stack([lost.cost[lost.best[a], :, a] for a in index], axis=-1)
-        paid = np.maximum(at_best - lost.chosen[:, index], 0.0).sum(axis=1) / COUNTS
-        value = min(value, candidate.high)
-        out.append(replace(candidate, grid=(value,), spread=spread, paid=tuple(paid.tolist())))
+        out.append(replace(candidate, grid=(min(value, candidate.high),), spread=spread))
     return out
 
 
 def _refined(cost: Array) -> tuple[float, float]:
     """The likeliest share, between those that were looked at, and one standard deviation of it."""
-    k = int(np.clip(np.argmin(cost), 1, len(cost) - 2))
+    k = int(np.argmin(cost))
+    if k in (0, len(cost) - 1):  # beyond what is looked at
+        return SHARES[k], MISTAKEN * SHARES[k]
     step = np.log(SHARES[1] / SHARES[0])
     bend = max(float(cost[k - 1] - 2 * cost[k] + cost[k + 1]), 1e-9)
     move = float(np.clip((cost[k - 1] - cost[k + 1]) / (2 * bend), -1.0, 1.0))
@@ -261,13 +312,14 @@ class _Decoded:
     luck: Array
 
 
-def _viterbi(way: _Way, answers: Array, residual: Array, precision: Array) -> _Decoded:
+def _viterbi(way: _Way, answers: Array, residual: Array, precision: Array, counts: float) -> _Decoded:
     """The likeliest way, and all ways together; a state is which of the last few commands were lost.
 
     Args:
         way: what the servo is sent.
         answers: (C, rows).
         residual, precision: measured minus predicted, and one over its variance, after each command, (ntrials, T, C).
+        counts: what a sample counts for.
     """
     (trials, length), states = way.sent.shape, 1 << TOGETHER
     share = np.array(SHARES)[:, None, None]
@@ -294,7 +346,7 @@ def _viterbi(way: _Way, answers: Array, residual: Array, precision: Array) -> _D
                 off = memory[:, :, old, 0] + off * way.period[None, :, k, None]
             kept = np.concatenate([off[..., None].astype(np.float32), memory[:, :, old, :-1]], axis=-1)
             left = residual[None, :, k, None] - kept @ answers.T - slow[:, :, old]
-            said, drift = _said(left, precision[None, :, k, None], answers.shape[1])
+            said, drift = _said(left, precision[None, :, k, None], answers.shape[1], counts)
             step = said + np.where(np.abs(sent - was) > 1e-9, drawn, forbidden)  # what repeats cannot be lost
             ways.append((cost[:, :, old] + step, together[:, :, old] + step, data[:, :, old] + said, now, kept,
                          slow[:, :, old] + drift))  # fmt: skip
@@ -312,18 +364,18 @@ def _viterbi(way: _Way, answers: Array, residual: Array, precision: Array) -> _D
     return _Decoded(-np.logaddexp.reduce(-together, axis=-1), best, luck)
 
 
-def _said(left: Array, precision: Array, rows: int) -> tuple[Array, Array]:
+def _said(left: Array, precision: Array, rows: int, counts: float) -> tuple[Array, Array]:
     """What a row costs, and by how much what errs slowly is moved by it."""
     square = left**2 * precision
     clipped = np.minimum(1.0, np.sqrt(FAR / np.maximum(square, FAR)))
     drift = np.where(precision > 0, left * clipped / (SLOW * rows), 0.0)
-    return COUNTS / 2 * np.minimum(square, FAR).sum(axis=-1), drift
+    return counts / 2 * np.minimum(square, FAR).sum(axis=-1), drift
 
 
-def _none(residual: Array, precision: Array, rows: int) -> Array:
+def _none(residual: Array, precision: Array, rows: int, counts: float) -> Array:
     """What all rows cost where nothing is lost, (ntrials,)."""
     total, slow = np.zeros(len(residual)), np.zeros((len(residual), residual.shape[2]))
     for k in range(residual.shape[1]):
-        said, drift = _said(residual[:, k] - slow, precision[:, k], rows)
+        said, drift = _said(residual[:, k] - slow, precision[:, k], rows, counts)
         total, slow = total + said, slow + drift
     return total

@@ -35,6 +35,7 @@ class Screened:
         values: magnitudes that were looked at, (k,).
         changes: its predictions minus the nominal ones at those, (k, ntrials, T, C).
         visible: root mean square of the change in units of floor and tolerance, at its largest magnitude.
+        paid: what it cost to choose what was drawn, part of the gain [nats].
     """
 
     candidate: Candidate
@@ -43,6 +44,7 @@ class Screened:
     values: tuple[float, ...]
     changes: Array
     visible: float
+    paid: float = 0.0
 
 
 def screen(
@@ -106,6 +108,7 @@ def screen(
                 tuple(values),
                 change,
                 float(np.sqrt(np.mean(white**2, axis=(1, 2, 3)).max())),
+                fitter.paid(c),
             )
         )
     return sorted(out, key=lambda s: -s.gain)

@@ -278,24 +278,25 @@ def _calibrated(fitter: Fitter) -> tuple[Fitter, Fitted]:
 def _losing(
     everywhere: Fitter, pool: Sequence[Candidate], best: Fitted, seen: Told | None
 ) -> tuple[Fitter, Sequence[Candidate]]:
-    """The same with the commands that were lost beside an explanation, unless it leaves nothing to explain.
-
-    Where losing them is likelier once samples count for what they then tell, they count for that.
+    """The same with the commands that were lost beside an explanation, unless it leaves nothing to explain or is
+    likelier without. Where samples tell more once they are lost, they count for that.
     """
     candidates = [c for c in pool if c.effect == lost.EFFECT]
     told_before = any(part.effect == lost.EFFECT for part in best.parts)
     if seen is None or not candidates or told_before or _done(best) or everywhere.out_of_time():
         return everywhere, pool
-    found = lost.beside(everywhere, starts.point(best), seen, candidates)
-    if found is None:
+    told = lost.beside(everywhere, starts.point(best), seen, candidates)
+    if told is None:
         return everywhere, pool
-    predict, told, fit = found
-    pool = [told.get(c.label, c) for c in pool]
-    losing = replace(everywhere, predict=predict)
-    left = losing.predictions([starts.point(fit)])[0]
-    sharper = replace(losing, weight=np.maximum(losing.weight, _weight(losing.data, left)))
-    without, there = sharper.fit_all([starts.again(best), starts.again(fit)])
-    return (sharper if there.evidence > without.evidence else losing), pool
+    losing = replace(everywhere, predict=told.predict)
+    left = losing.predictions([starts.point(told.fit)])[0]
+    for fitter in (replace(losing, weight=np.maximum(losing.weight, _weight(losing.data, left))), losing):
+        priced = lost.priced(fitter, told, seen, candidates)
+        if priced is not None:
+            without, there = fitter.fit_all([starts.again(best), starts.with_others(told.fit, priced)])
+            if there.evidence > without.evidence:
+                return fitter, [priced.get(c.label, c) for c in pool]
+    return everywhere, pool
 
 
 def _with_scatter(fitter: Fitter, fit: Fitted) -> Fitter:

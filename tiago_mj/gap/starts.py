@@ -34,6 +34,11 @@ def point(there: Fitted | Start) -> Point:
     return Point(there.parts, there.values, there.nuisance)
 
 
+def at(there: Point) -> Start:
+    """Start at a point."""
+    return Start(there.parts, there.values, there.nuisance)
+
+
 def again(fit: Fitted) -> Start:
     """Start where a fit ended."""
     return Start(fit.parts, fit.values, fit.nuisance)
