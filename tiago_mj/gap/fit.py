@@ -160,7 +160,7 @@ class Fitter:
         return len(self.shared) + len(self._own) * len(self.trials)
 
     @property
-    def moving(self) -> float:
+    def motion_counts(self) -> float:
         """What a sample of the joints' motion counts for."""
         of_joints = [kind != "force" for kind in self.data.kinds]
         return float(np.mean(self.weight[of_joints] ** 2)) if any(of_joints) else 0.0
@@ -168,7 +168,7 @@ class Fitter:
     def paid(self, part: Candidate) -> float:
         """What it costs to have chosen what an effect drew at random [nats]: told by the joints' motion, by samples
         that count for what they do here."""
-        return self.moving * sum(part.paid[trial] for trial in self.trials) if part.paid else 0.0
+        return self.motion_counts * sum(part.paid[trial] for trial in self.trials) if part.paid else 0.0
 
     def places(self, term: int) -> list[int]:
         """Where a nuisance parameter stands among the nuisances: once, or once a trial."""

@@ -155,7 +155,7 @@ def priced(fitter: Fitter, told: Beside, seen: Told, pool: Sequence[Candidate]) 
         seen: of the servos.
         pool: candidates.
     """
-    counts = fitter.moving
+    counts = fitter.motion_counts
     effects = _in_every_trial(fitter, told.point)
     some = decode(fitter.predict, seen, effects, fitter.trials, counts)
     none, least = some.without(fitter.trials), some.least(fitter.trials)
