@@ -12,8 +12,10 @@ to what it is for, and drawn towards what was chosen by hand before there were a
   still called unknown.
 * ``remains``: as few gaps as possible are kept quiet while at most 5 % of the right verdicts say that one is left.
 * ``rival``: sets as small as possible while at least 98 % hold the truth, of those whose truth was looked at.
-* ``lapse``: the log loss of whether the best explanation is right; where there are any, of runs that the method had not
-  seen when it answered them: on what a method was developed on it is wrong less often.
+* ``further``: as the temperature, but of runs that the method had not seen when it answered them, where there are any:
+  what it was developed on has the forms that it knows.
+* ``lapse``: the log loss of whether the best explanation is right, of the same runs: on what a method was developed on
+  it is wrong less often.
 * ``widens``: 90 % of the intervals of rightly named effects hold the true magnitude.
 
 Not a part of ``benchmarks.blind``, which knows nothing of the diagnosis's code. The runs' seeds are written down, too;
@@ -47,7 +49,9 @@ Verdicts = Sequence[Judged]
 
 #: Chosen by hand; what few cases do not move much. What is rightly explained leaves 0.1 to 1.6, so that what leaves 3
 #: ``fails``; ``widens`` is what holds 36 of the first 40 magnitudes since two samples count as one.
-BY_HAND: Final = Calibration(temperature=1.0, stands=0.333, rival=0.05, fails=3.0, remains=2.0, widens=2.0, lapse=0.05)
+BY_HAND: Final = Calibration(
+    temperature=1.0, stands=0.333, rival=0.05, fails=3.0, remains=2.0, widens=2.0, lapse=0.05, further=1.0
+)
 #: Where a number may lie.
 RANGE: Final[Mapping[str, tuple[float, float]]] = {
     "temperature": (1.0, 100.0),  # below 1 recordings would tell more than they do
@@ -57,6 +61,7 @@ RANGE: Final[Mapping[str, tuple[float, float]]] = {
     "rival": (0.001, 0.5),
     "widens": (0.5, 50.0),
     "lapse": (0.002, 0.3),
+    "further": (1.0, 20.0),
 }
 #: Steps that are tried of each.
 GRID: Final = 60
@@ -173,13 +178,14 @@ def _widens(errors: Array, widens: float) -> float:
 
 
 def fit(cases: Sequence[Case], start: Calibration = BY_HAND, unseen: Sequence[Case] = ()) -> Calibration:
-    """All numbers, to three digits; ``lapse`` of unseen cases, if there are any."""
+    """All numbers, to three digits; ``further`` and ``lapse`` of unseen cases, if there are any."""
     errors = misses(cases)
     by = replace(
         start,
         temperature=_best("temperature", start, start, lambda c: log_loss(cases, c)),
         widens=_best("widens", start, start, lambda c: _widens(errors, c.widens)),
     )
+    by = replace(by, further=_best("further", by, start, lambda c: log_loss(unseen or cases, c)))
     costs: dict[str, Callable[[Verdicts], float]] = {
         "fails": _fails,
         "remains": _remains,
@@ -221,6 +227,7 @@ def carried(cases: Sequence[Case], unseen: Sequence[Case] = ()) -> dict[str, int
         "fails": sum(one.explainable for one in cases) + sum(not one.explainable for one in shown),
         "remains": sum(one.label["kind"] in ("one", "two", "outside") for one in shown),
         "widens": len(misses(cases)),
+        "further": sum(one.explainable and one.looked_at for one in unseen or cases),
         "lapse": sum(one.explainable for one in unseen or cases),
     }
 
@@ -274,7 +281,7 @@ def main(words: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.calibrate", description=(__doc__ or "").split("\n")[0])
     parser.add_argument("runs", nargs="+", type=Path, metavar="RUN", help="folders of finished runs, or kept ones")
     parser.add_argument(
-        "--unseen", nargs="+", type=Path, default=[], metavar="RUN", help="runs that the method had not seen: for lapse"
+        "--unseen", nargs="+", type=Path, default=[], metavar="RUN", help="runs not seen before: for further, lapse"
     )
     parser.add_argument("--out", type=Path, metavar="FILE", help="where to write; without it, only the table is shown")
     arguments = parser.parse_args(words)

@@ -199,3 +199,19 @@ def test_what_the_method_had_not_seen_says_how_often_a_sure_answer_is_wrong() ->
     assert alone.lapse < 0.05
     assert told.lapse == pytest.approx(0.2, rel=0.25)  # a share of 20 of 100, known to 20 %
     assert calibrate.replace(told, lapse=alone.lapse) == alone
+
+
+def test_what_the_method_had_not_seen_says_how_little_a_second_effect_counts() -> None:
+    """Beside every single effect a second one adds 30 nats for its price of 9, as beside an encoder that was off."""
+
+    def case(second: float, *true: str) -> Case:
+        ranking = [explanation(TRUE, 0.0), explanation(None, -1e4, lasting=900.0)]
+        ranking.insert(0, explanation(TRUE, second, price=-9.0))
+        ranking[0]["effects"].append({"name": RIVAL, "target": "all"})
+        return made("two" if len(true) > 1 else "one", list(true), ranking)
+
+    seen = honest(200, 2.0)
+    left_over, pairs = [case(30.0, TRUE)] * 10, [case(300.0, TRUE, RIVAL)] * 10
+    assert calibrate.fit(seen, unseen=pairs).further == 1.0
+    told = calibrate.fit(seen, unseen=left_over + pairs)
+    assert 30 / told.temperature / told.further < 9 < 300 / told.temperature / told.further

@@ -79,6 +79,25 @@ def test_even_the_surest_answer_leaves_a_share_to_what_is_none_of_them() -> None
     assert said.probability.sum() == pytest.approx(0.96)
 
 
+def test_what_one_effect_leaves_is_not_taken_for_another() -> None:
+    """An encoder is off; where a finger slows down, some 30 nats are left of what it changes."""
+    nominal, one = option(met=-9000.0, left=400.0), option("encoder_bias", met=-130.0, left=0.6)
+    both = option("encoder_bias", "joint_elasticity", met=-100.0, left=0.6)
+    assert decide([both, one, nominal], BY).rivals[0] == 0
+    assert decide([both, one, nominal], replace(BY, further=10.0)).rivals[0] == 1
+    large = option("encoder_bias", "joint_elasticity", met=-30.0, left=0.6)
+    assert decide([large, one, nominal], replace(BY, further=10.0)).rivals == (0,)
+
+
+def test_of_three_effects_each_counts_for_less_beside_the_two_before() -> None:
+    nominal = option(met=-9000.0, left=400.0)
+    one = option("rate_limit", met=-300.0, left=90.0)
+    two = option("rate_limit", "viscous_friction", met=-100.0, left=0.6)
+    three = option("rate_limit", "viscous_friction", "dropped_commands", met=-90.0, left=0.6)
+    assert decide([three, two, one, nominal], BY).rivals[0] == 0
+    assert decide([three, two, one, nominal], replace(BY, further=5.0)).rivals[0] == 1
+
+
 def test_a_magnitude_is_known_no_better_than_the_number_it_adds_to_and_the_form_of_its_effect() -> None:
     late = Candidate("command_delay", None, "seconds", (), 0.0, 0.0, 0.2, (), "s", tolerance=0.002)
     assert late.known_to(0.0) == pytest.approx(0.001)

@@ -3,8 +3,9 @@
     log odds = met / T + price
 
 ``met`` is how well an explanation meets the recordings [nats], ``price`` what it costs: how far nominal numbers had to
-go for it, how much of what its effects might have been is left, and how rare they are. T and the thresholds are
-calibrated on simulated recordings whose effect is known: ``verdict.json``, which says how.
+go for it, how much of what its effects might have been is left, and how rare they are. What a second effect adds to
+``met`` counts for less than what the first one did. T, how much less, and the thresholds are calibrated on simulated
+recordings whose effect is known: ``verdict.json``, which says how.
 """
 
 from __future__ import annotations
@@ -46,6 +47,8 @@ class Calibration:
     Attributes:
         temperature: how well the recordings are met is divided by this: two simulators never agree as closely as their
             noise, so their errors are no independent draws of it.
+        further: what a further effect adds to how well those before it met the recordings is divided by this, too:
+            where the form of one effect is not quite reality's, what is left looks like another.
         stands: the nominal model stands at this probability over the best explanation's, unless it leaves a gap.
         rival: explanations at least this probable beside the best are not ruled out.
         fails: mean square of the worst channel's error, over blocks or sample by sample, in units of what it should
@@ -64,6 +67,7 @@ class Calibration:
     remains: float
     widens: float = 2.0
     lapse: float = 0.05
+    further: float = 1.0
 
 
 @cache
@@ -180,10 +184,23 @@ def _refuted(options: Sequence[Option], by: Calibration) -> NDArray[np.bool_]:
 def probabilities(options: Sequence[Option], by: Calibration) -> Array:
     """Of every explanation, (n,)."""
     temperature = temperature_of([one.evidence.misfit for one in options], by)
-    scores = np.array([one.evidence.met / temperature + one.evidence.price for one in options])
+    scores = _met(options, by.further) / temperature + np.array([one.evidence.price for one in options])
     scores[_refuted(options, by)] = -np.inf
     weights = np.exp(scores - scores.max())
     out: Array = weights / weights.sum()
+    return out
+
+
+def _met(options: Sequence[Option], further: float) -> Array:
+    """How well explanations meet the recordings [nats], (n,), with less for what a further effect adds to the best of
+    those that it was added to."""
+    out = np.array([one.evidence.met for one in options])
+    for k in sorted(range(len(options)), key=lambda k: len(options[k].effects)):
+        within = [j for j, one in enumerate(options) if one.effects and one.effects < options[k].effects]
+        if within:
+            before = max(within, key=lambda j: options[j].evidence.met)
+            added = options[k].evidence.met - options[before].evidence.met
+            out[k] = out[before] + (added / further if added > 0 else added)
     return out
 
 
