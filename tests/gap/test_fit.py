@@ -149,6 +149,28 @@ def test_what_nominal_numbers_were_moved_for_is_given_back_to_the_effect(grasps)
     assert values == pytest.approx([1.1 * 1.08, 0.01 + 0.006])
 
 
+def test_an_effect_begins_without_the_numbers_that_were_moved_for_it_too(grasps):
+    """A hinge's motor 31 % too weak was met by nominal numbers at their limits, a payload, and a motor 4 % too weak
+    beside them (blind check, seed 9, case 28)."""
+    plant, on, data = grasps
+    terms = tuple(t for t in hypotheses.terms(plant) if t.effect == "object_offset")
+    fitter = Fitter(Predictor(plant, on, data), (0, 1), data, np.ones(6), terms, np.zeros((1, *data.value.shape)))
+    (offset,) = (c for c in hypotheses.candidates(plant, ["object_offset"]) if c.target is None)
+    found = Screened(offset, offset.grid[0], 9.0, offset.grid, np.zeros((1, *data.value.shape)), 40.0)
+
+    def begins(start):
+        return {(*map(float, values), *map(float, n)) for values, n in ((start.values, start.nuisance), *start.also)}
+
+    moved = np.array([3.0, 2.0])
+    assert {(v, 0.0, 0.0) for v in offset.grid} <= begins(starts.beginning(found, fitter, moved))
+    assert len(begins(starts.beginning(found, fitter, 0.2 * moved))) < len(offset.grid)
+    # Carried to all trials: what the nominal model's trials share may be all of it, or come on top.
+    fit = Fitted((offset,), np.array([0.002]), np.ones(1), np.zeros(2), 0.0, 1.0)
+    shared = 2.5 * 0.0004
+    many = begins(starts.carried(fit, fitter, moved))
+    assert {(0.0, 3.0, 2.0), (0.002 + shared, 0.5, -0.5), (shared, 0.5, -0.5)} <= {tuple(np.round(b, 9)) for b in many}
+
+
 def test_an_object_off_in_every_trial_is_given_back_as_one_offset(grasps):
     """Each trial has an offset of its own, of 0.4 mm; what they share is the effect's."""
     plant, on, data = grasps

@@ -18,6 +18,7 @@ from tiago_mj.gap.floor import Data
 from tiago_mj.gap.hypotheses import Candidate
 from tiago_mj.gap.replay import sensor_only
 from tiago_mj.gap.screen import Screened, screen
+from tiago_mj.gap.starts import unmoved
 
 Array = NDArray[np.float64]
 
@@ -56,7 +57,8 @@ def extensions(
                 break
             if _kind(s.candidate) not in kinds:
                 kinds.add(_kind(s.candidate))
-                start = Start((*seed.parts, s.candidate), np.array([*seed.values, value]), on.at)
+                values = np.array([*seed.values, value])
+                start = Start((*seed.parts, s.candidate), values, on.at, unmoved(values, on.at))
                 starts.setdefault(frozenset(part.label for part in start.parts), start)
     return list(starts.values())
 
@@ -96,7 +98,7 @@ def beside(fitter: Fitter, seed: Fitted, count: int, pool: Sequence[Candidate], 
     there, at = fitter.part(worst), Point(seed.parts, seed.values, fitter.of(worst, nuisance))
     labels = {part.label for part in seed.parts}
     found = _screened(there, at, [c for c in pool if c.label not in labels])
-    return [replace(start, nuisance=nuisance) for start in found]
+    return [replace(start, nuisance=nuisance, also=unmoved(start.values, nuisance)) for start in found]
 
 
 def _screened(there: Fitter, at: Point, tried: Sequence[Candidate]) -> list[Start]:
@@ -145,7 +147,8 @@ def superposed(on: score.Frame, base: Array, promising: Sequence[Screened]) -> l
         best = np.unravel_index(int(np.argmax(likelihood)), likelihood.shape)
         values = np.array([a.values[i[best[0]]], b.values[j[best[1]]]])
         if likelihood[best] >= alone + PROMISES:
-            found.append((float(likelihood[best]), Start((a.candidate, b.candidate), values, on.at)))
+            start = Start((a.candidate, b.candidate), values, on.at, unmoved(values, on.at))
+            found.append((float(likelihood[best]), start))
     out: dict[frozenset[object], Start] = {}
     for _, start in sorted(found, key=lambda item: -item[0]):
         out.setdefault(frozenset(_kind(part) for part in start.parts), start)

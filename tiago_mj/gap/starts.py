@@ -52,9 +52,17 @@ def with_others(fit: Fitted, others: Mapping[Label, Candidate]) -> Start:
 
 
 def beginning(s: Screened, few: Fitter, at: Array) -> Start:
-    """Start for some trials of what the first pass found."""
+    """Start for some trials of what the first pass found: with the nominal numbers beside which it was found, or where
+    those were moved far, which the effect may be the reason for, with what they are without."""
     values = np.array([s.value])
-    return Start((s.candidate,), values, at, (_freed((s.candidate,), values, few, at),))
+    also = [_freed((s.candidate,), values, few, at)]
+    also += [there for value in s.candidate.grid for there in unmoved(np.array([value]), at)]
+    return Start((s.candidate,), values, at, tuple(also))
+
+
+def unmoved(values: Array, at: Array) -> tuple[tuple[Array, Array], ...]:
+    """Magnitudes beside what the nominal numbers are, where they were moved far; nothing where they were not."""
+    return ((values, np.zeros_like(at)),) if np.abs(at).max(initial=0.0) > MOVED else ()
 
 
 def carried(fit: Fitted, everywhere: Fitter, at: Array) -> Start:
@@ -64,7 +72,12 @@ def carried(fit: Fitted, everywhere: Fitter, at: Array) -> Start:
     nuisance = np.concatenate([fit.nuisance[:count], at[count:]])
     begun = np.array([p.identity if np.isfinite(p.identity) else p.high for p in fit.parts])
     freed = _freed(fit.parts, fit.values, everywhere, nuisance)
-    return Start(fit.parts, fit.values, nuisance, ((fit.values, at), freed, (begun, at)))
+    return Start(
+        fit.parts,
+        fit.values,
+        nuisance,
+        ((fit.values, at), freed, (begun, at), _freed(fit.parts, begun, everywhere, at), *unmoved(fit.values, at)),
+    )
 
 
 def _freed(parts: Sequence[Candidate], values: Array, fitter: Fitter, nuisance: Array) -> tuple[Array, Array]:
