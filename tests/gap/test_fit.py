@@ -241,6 +241,25 @@ def test_what_both_fingers_have_apart_is_tried_as_one_effect(grasps):
     assert starts.merged(replace(three, parts=(delay, left), values=np.array([0.04, 3.0])), fitter) == []
 
 
+def test_an_effect_that_may_be_nothing_is_not_shown(grasps):
+    """A hinge without any effect was given a friction of 0.03 N·m, known to 0.02 (blind check, seed 9, case 93)."""
+    plant, _, _ = grasps
+    friction, limit = (
+        next(c for c in hypotheses.candidates(plant, [name]) if c.target is None)
+        for name in ("coulomb_friction", "rate_limit")
+    )
+
+    def fit(evidence, *parts):
+        values, deviations = (np.array([pair[k] for _, pair in parts]) for k in (0, 1))
+        return Fitted(tuple(p for p, _ in parts), values, deviations, np.zeros(0), evidence, 1.0)
+
+    none = fit(0.0)
+    assert shortlist.worth_showing([fit(9.0, (friction, (0.033, 0.02))), none]) == [none]
+    assert shortlist.worth_showing([fit(9.0, (limit, (limit.high, 0.02))), none]) == [none]
+    sure, drawn = fit(9.0, (friction, (0.07, 0.02))), fit(9.0, (replace(friction, paid=(3.0,)), (0.033, 0.02)))
+    assert shortlist.worth_showing([sure, drawn, none]) == [sure, drawn, none]
+
+
 def test_what_is_far_behind_is_not_brought_to_its_end_and_changes_nothing_else(grasps):
     plant, on, data = grasps
     asked = []

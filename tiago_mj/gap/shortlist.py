@@ -28,6 +28,10 @@ HARDLY: Final = 1.0
 #: Evidence that another effect must add to be worth showing [nats]: a Bayes factor of 150, "very strong" (Kass &
 #: Raftery 1995).
 ADDS: Final = 5.0
+#: An effect whose magnitude is nearer to nothing than this is none, whatever evidence there seems to be: ten nats for
+#: it would put it at 4.5. Of 111 effects that were rightly named on unseen recordings the nearest was at 3.5
+#: [deviations].
+NOTHING: Final = 2.5
 
 
 def ordered(fits: Sequence[Fitted]) -> list[Fitted]:
@@ -96,14 +100,18 @@ def promising(fits: Sequence[Fitted], none: Fitted, times: float) -> list[Fitted
 
 
 def worth_showing(fits: Sequence[Fitted]) -> list[Fitted]:
-    """Without those that say no more than some of their parts alone."""
+    """Without those that say no more than some of their parts alone, and those with an effect that may be nothing."""
     evidence = {frozenset(p.label for p in f.parts): f.evidence for f in fits}
     out = []
     for f in fits:
         labels = frozenset(p.label for p in f.parts)
         fewer = [e for other, e in evidence.items() if other and other < labels]
-        if len(f.parts) < 2 or (
-            all(f.evidence - e > ADDS for e in fewer) and all(starts.away(f, k) for k in range(len(f.parts)))
-        ):
+        if all(f.evidence - e > ADDS for e in fewer) and all(_is_something(f, k) for k in range(len(f.parts))):
             out.append(f)
     return out
+
+
+def _is_something(fit: Fitted, part: int) -> bool:
+    """Whether a magnitude is not next to none; what is drawn at random is told by what was drawn, not by how often."""
+    candidate = fit.parts[part]
+    return bool(candidate.paid) or candidate.spread is not None or starts.away(fit, part, NOTHING)

@@ -175,12 +175,12 @@ def merged(fit: Fitted, fitter: Fitter) -> list[Start]:
     return out
 
 
-def away(fit: Fitted, part: int) -> bool:
+def away(fit: Fitted, part: int, deviations: float = 1.645) -> bool:
     """Whether a magnitude is farther from its identity than its uncertainty (90 %)."""
     identity = fit.parts[part].identity
     if not np.isfinite(identity):
         return bool(fit.values[part] < fit.parts[part].high - 1e-6 * abs(fit.parts[part].high))
-    return bool(abs(fit.values[part] - identity) > 1.645 * fit.deviations[part])
+    return bool(abs(fit.values[part] - identity) > deviations * fit.deviations[part])
 
 
 def without(fits: Sequence[Fitted]) -> list[Start]:
