@@ -12,8 +12,8 @@ from benchmarks.blind.score import Judged, classes
 from tiago_mj import cli
 from tiago_mj.gap import verdict
 
-#: Grasps of 1.2 s at 240 Hz, three a case, and no pairs: a diagnosis costs what it simulates.
-SMALL = ["--settings", "gripper", "--kinds", "none,one", "--rates", "240", "--trials", "3", "--seconds", "1.2"]
+#: Grasps of 1 s at 240 Hz, three a case, and no pairs: a diagnosis costs what it simulates.
+SMALL = ["--settings", "gripper", "--kinds", "none,one", "--rates", "240", "--trials", "3", "--seconds", "1.0"]
 
 
 @pytest.fixture(scope="module")
