@@ -12,7 +12,7 @@ from tiago_mj.gap.fit import Fitted, Fitter, Point, Start
 from tiago_mj.gap.plant import plant_of
 from tiago_mj.gap.predict import Predictor
 from tiago_mj.gap.read import read_recordings
-from tiago_mj.gap.screen import Screened
+from tiago_mj.gap.screen import Screened, _sharpened
 from tiago_mj.gap.select import _with_something_to_explain
 from tiago_mj.gap.yardstick import Yardstick
 
@@ -239,6 +239,25 @@ def test_what_both_fingers_have_apart_is_tried_as_one_effect(grasps):
     assert [part.label for part in start.parts] == [("coulomb_friction", None), ("command_delay", None)]
     assert start.values == pytest.approx([2.9, 0.04])
     assert starts.merged(replace(three, parts=(delay, left), values=np.array([0.04, 3.0])), fitter) == []
+
+
+def test_a_peak_far_narrower_than_the_grid_is_found(grasps):
+    """An encoder's scale was off by 0.6 %, which a joint that is measured well tells to 0.01 %: between 0 and 0.8 %
+    nothing was looked at, and at neither anything gained (blind check, seed 9, case 110)."""
+    reach = np.linspace(-1, 1, 400)[None, :, None] * np.array([300.0, 0.0])  # of a joint, in deviations of its noise
+    rng = np.random.default_rng(0)
+    data = made_up(1.006 * reach + rng.normal(size=reach.shape))
+    frame = score.frame(data, np.ones(2), np.zeros((0, *reach.shape)), np.zeros(0, dtype=bool), np.zeros(0))
+    values = [0.9823, 0.991, 0.99965, 1.0084, 1.017]
+    stack = np.stack([value * reach for value in values])
+    before = score.log_likelihood(frame, stack)
+    there, predicted, likelihood = _sharpened(frame, values, stack)
+    assert there == sorted(there)
+    best = int(np.argmax(likelihood))
+    assert there[best] == pytest.approx(1.006, abs=3e-4)
+    np.testing.assert_allclose(predicted[best], there[best] * reach, atol=1e-9)
+    assert likelihood[best] > before.max() + 20
+    assert likelihood[best] == pytest.approx(float(score.log_likelihood(frame, 1.006 * reach[None])[0]), abs=2)
 
 
 def test_an_effect_that_may_be_nothing_is_not_shown(grasps):

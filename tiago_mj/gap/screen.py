@@ -20,6 +20,8 @@ Array = NDArray[np.float64]
 
 #: Magnitudes between two of a candidate's grid at which its prediction is drawn as a straight line.
 BETWEEN: Final = 3
+#: And so many more, each where the likelihood's peak is by those around the best: it may be far narrower than a grid.
+SHARPER: Final = 3
 #: Predictions that are made at once.
 PORTION: Final = 64
 
@@ -94,8 +96,7 @@ def screen(
         if c.target is not None:
             mine = parts_of(fitter.predict, c)
             stack = np.where(mine, stack, base)
-        values, stack = _between(values, stack)
-        likelihood = score.log_likelihood(on, stack)
+        values, stack, likelihood = _sharpened(on, *_between(values, stack))
         likelihood = likelihood - fitter.paid(c)
         best = int(np.argmax(likelihood))
         change = stack - base
@@ -135,6 +136,31 @@ def _between(values: Sequence[float], stack: Array) -> tuple[list[float], Array]
         [*dense.ravel().tolist(), float(at[-1])],
         np.concatenate([lines.reshape(-1, *stack.shape[1:]), there[-1:]]),
     )
+
+
+def _sharpened(on: score.Frame, values: list[float], stack: Array) -> tuple[list[float], Array, Array]:
+    """Magnitudes in order, predictions and their log-likelihoods, with those nearer to its peak.
+
+    An encoder whose scale is 0.6 % off was between 0 and 0.8 % and gained nothing at either (blind check, seed 9, case
+    110): the better a joint is measured, the narrower the peak.
+    """
+    likelihood = score.log_likelihood(on, stack)
+    for _ in range(SHARPER):
+        best = int(np.argmax(likelihood))
+        if not 0 < best < len(values) - 1:
+            break
+        (a, b, c), (low, high, right) = values[best - 1 : best + 2], likelihood[best - 1 : best + 2]
+        rise, fall = (high - low) * (c - b), (high - right) * (b - a)
+        if not rise + fall > 0:
+            break
+        peak = b + 0.5 * (rise * (c - b) - fall * (b - a)) / (rise + fall)
+        after = best + 1 if peak > b else best
+        share = (peak - values[after - 1]) / (values[after] - values[after - 1])
+        there = stack[after - 1] + share * (stack[after] - stack[after - 1])
+        values = [*values[:after], float(peak), *values[after:]]
+        stack = np.insert(stack, after, there, axis=0)
+        likelihood = np.insert(likelihood, after, score.log_likelihood(on, there[None])[0])
+    return values, stack, likelihood
 
 
 def parts_of(predict: Predictor, candidate: Candidate) -> NDArray[np.bool_]:
