@@ -67,7 +67,8 @@ def unmoved(values: Array, at: Array) -> tuple[tuple[Array, Array], ...]:
 
 def carried(fit: Fitted, everywhere: Fitter, at: Array) -> Start:
     """Start for all trials of what was fitted to some: with its nuisances, as far as trials share them; with those of
-    the nominal model; or with an effect that has not begun, which is no worse than none."""
+    the nominal model, or without them where these were moved far; or with an effect that has not begun, which is no
+    worse than none; of both with what the nominal numbers have of the effect given back to it."""
     count = len(everywhere.shared)
     nuisance = np.concatenate([fit.nuisance[:count], at[count:]])
     begun = np.array([p.identity if np.isfinite(p.identity) else p.high for p in fit.parts])
@@ -176,7 +177,7 @@ def merged(fit: Fitted, fitter: Fitter) -> list[Start]:
 
 
 def away(fit: Fitted, part: int, deviations: float = 1.645) -> bool:
-    """Whether a magnitude is farther from its identity than its uncertainty (90 %)."""
+    """Whether a magnitude is farther from its identity than so many of its deviations (1.645: 90 %)."""
     identity = fit.parts[part].identity
     if not np.isfinite(identity):
         return bool(fit.values[part] < fit.parts[part].high - 1e-6 * abs(fit.parts[part].high))
