@@ -34,6 +34,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--at-once", type=int, default=1, metavar="N", help="diagnoses that run side by side (1)")
     parser.add_argument("--time-budget", type=float, metavar="S", help="seconds for one diagnosis")
     parser.add_argument("--diagnose-with", metavar="OPTIONS", help="further options of every diagnosis, in one string")
+    parser.add_argument(
+        "--no-next-motion", action="store_true", help="do not play what is recommended in ambiguous cases"
+    )
     parser.add_argument("--generate-only", action="store_true", help="stop when the labels are sealed")
 
 

@@ -52,10 +52,14 @@ def blind(arguments: argparse.Namespace, say: Any = print) -> int:
     diagnoser = run.Diagnoser(jobs=max(arguments.jobs, 0), budget=arguments.time_budget, extra=extra)
     run.diagnose(planned, store, diagnoser, say=say, at_once=max(arguments.at_once, 1))
     labels = store.unseal(len(planned))
-    for k, case in enumerate(planned):
-        outcome = next_motion.follow(case, k, labels[f"{k:03d}"], store, diagnoser)
+
+    def follow(k: int) -> None:
+        outcome = next_motion.follow(planned[k], k, labels[f"{k:03d}"], store, diagnoser)
         if outcome is not None:
             say(f"case {k:03d}: the recommended motion {'resolves' if outcome['resolved'] else 'does not resolve'} it")
+
+    if not arguments.no_next_motion:
+        run.side_by_side(follow, range(len(planned)), arguments.at_once)
     write_scores(store, planned, labels, digest, command(arguments), say, seed=arguments.seed)
     return 0
 

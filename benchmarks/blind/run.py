@@ -119,12 +119,16 @@ def diagnose(
             outcome = f"failed with exit status {status}: {last}"
         say(f"case {k:03d} of {len(planned)}: {outcome}, {time.monotonic() - begun:.0f} s")
 
-    todo = [k for k in range(len(planned)) if not store.answered(k)]
+    side_by_side(one, [k for k in range(len(planned)) if not store.answered(k)], at_once)
+
+
+def side_by_side(one: Callable[[int], None], todo: Sequence[int], at_once: int) -> None:
+    """Call a function for each case, some at once: what it waits for are processes of its own."""
     if at_once <= 1:
         for k in todo:
             one(k)
         return
-    with ThreadPoolExecutor(at_once) as pool:  # each waits for a process of its own
+    with ThreadPoolExecutor(at_once) as pool:
         waiting = [pool.submit(one, k) for k in todo]
         try:
             for outcome in as_completed(waiting):
