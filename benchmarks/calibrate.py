@@ -16,7 +16,7 @@ to what it is for, and drawn towards what was chosen by hand before there were a
   what it was developed on has the forms that it knows.
 * ``lapse``: the log loss of whether the best explanation is right, of the same runs: on what a method was developed on
   it is wrong less often.
-* ``widens``: 90 % of the intervals of rightly named effects hold the true magnitude.
+* ``widens``: 90 % of the intervals of rightly named effects hold the true magnitude, of the same runs.
 
 Not a part of ``benchmarks.blind``, which knows nothing of the diagnosis's code. The runs' seeds are written down, too;
 a run of one of them is no evaluation afterwards.
@@ -178,8 +178,8 @@ def _widens(errors: Array, widens: float) -> float:
 
 
 def fit(cases: Sequence[Case], start: Calibration = BY_HAND, unseen: Sequence[Case] = ()) -> Calibration:
-    """All numbers, to three digits; ``further`` and ``lapse`` of unseen cases, if there are any."""
-    errors = misses(cases)
+    """All numbers, to three digits; ``further``, ``widens`` and ``lapse`` of unseen cases, if there are any."""
+    errors = misses(unseen or cases)
     by = replace(
         start,
         temperature=_best("temperature", start, start, lambda c: log_loss(cases, c)),
@@ -226,7 +226,7 @@ def carried(cases: Sequence[Case], unseen: Sequence[Case] = ()) -> dict[str, int
         "rival": sum(_single(one) for one in cases),
         "fails": sum(one.explainable for one in cases) + sum(not one.explainable for one in shown),
         "remains": sum(one.label["kind"] in ("one", "two", "outside") for one in shown),
-        "widens": len(misses(cases)),
+        "widens": len(misses(unseen or cases)),
         "further": sum(one.explainable and one.looked_at for one in unseen or cases),
         "lapse": sum(one.explainable for one in unseen or cases),
     }
@@ -243,7 +243,7 @@ def table(cases: Sequence[Case], old: Calibration, new: Calibration, unseen: Seq
     lines = [f"{'':16}{'before':>9}{'after':>9}  cases"]
     for name, count in carried(cases, unseen).items():
         lines.append(f"{name:16}{getattr(old, name):9.3g}{getattr(new, name):9.3g}{count:7}")
-    errors = misses(cases)
+    errors = misses(unseen or cases)
     if len(errors):
         held = [float(np.mean(errors <= by.widens)) for by in (old, new)]
         lines.append(f"{'intervals hold':16}{held[0]:9.3f}{held[1]:9.3f}{len(errors):7}")
@@ -281,7 +281,12 @@ def main(words: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.calibrate", description=(__doc__ or "").split("\n")[0])
     parser.add_argument("runs", nargs="+", type=Path, metavar="RUN", help="folders of finished runs, or kept ones")
     parser.add_argument(
-        "--unseen", nargs="+", type=Path, default=[], metavar="RUN", help="runs not seen before: for further, lapse"
+        "--unseen",
+        nargs="+",
+        type=Path,
+        default=[],
+        metavar="RUN",
+        help="runs not seen before: for further, widens, lapse",
     )
     parser.add_argument("--out", type=Path, metavar="FILE", help="where to write; without it, only the table is shown")
     arguments = parser.parse_args(words)
