@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 
 from tiago_mj.cli import main
-from tiago_mj.gap import floor, hypotheses, replay, score, shortlist, starts
+from tiago_mj.gap import floor, hypotheses, replay, rounds, score, shortlist, starts
+from tiago_mj.gap.another import Search, with_another
 from tiago_mj.gap.effects.spec import Entry
 from tiago_mj.gap.fit import Fitted, Fitter, Point, Start
 from tiago_mj.gap.plant import plant_of
 from tiago_mj.gap.predict import Predictor
 from tiago_mj.gap.read import read_recordings
-from tiago_mj.gap.screen import Screened, _sharpened
+from tiago_mj.gap.screen import Screened, _sharpened, screen
 from tiago_mj.gap.select import _with_something_to_explain
 from tiago_mj.gap.yardstick import Yardstick
 
@@ -277,6 +278,47 @@ def test_an_effect_that_may_be_nothing_is_not_shown(grasps):
     assert shortlist.worth_showing([fit(9.0, (limit, (limit.high, 0.02))), none]) == [none]
     sure, drawn = fit(9.0, (friction, (0.07, 0.02))), fit(9.0, (replace(friction, paid=(3.0,)), (0.033, 0.02)))
     assert shortlist.worth_showing([sure, drawn, none]) == [sure, drawn, none]
+
+
+def test_a_second_effect_that_leaves_more_than_the_first_alone_is_not_shown(grasps):
+    """A load cell's lag left 0.9 of its tolerance over blocks, and 1.9 with a coupling of the fingers beside it, which
+    gained 43 nats."""
+    pool = hypotheses.candidates(grasps[0], ["force_lag", "coupling_error"])
+    lag, coupling = pool[0], next(c for c in pool if c.effect == "coupling_error")
+
+    def fit(evidence, lasting, *parts):
+        shown = np.array([part.high / 2 for part in parts])
+        return Fitted(parts, shown, 0.01 * np.abs(shown), np.zeros(0), evidence, 0.8, 0.0, lasting)
+
+    alone, none = fit(100.0, 0.9, lag), fit(0.0, 400.0)
+    for left, shown in ((1.9, False), (0.95, True)):
+        pair = fit(140.0, left, lag, coupling)
+        assert any(f is pair for f in shortlist.worth_showing([pair, alone, none])) is shown
+
+
+@pytest.mark.parametrize("rate", [0.02, 0.0], ids=["two effects", "one effect"])
+def test_a_second_effect_is_sought_as_if_samples_told_what_they_tell_beside_both(grasps, rate):
+    """A zero that drifts beside a response that bends: what the bend alone leaves is little, but lasts: a sample
+    of the cell counted for a thirtieth, and the drift for nothing (blind check, seed 9, case 82)."""
+    plant, on, data = grasps
+    predict, rng = Predictor(plant, on, data), np.random.default_rng(0)
+    given = Entry("force_nonlinearity", None, {"quadratic": 0.2}), Entry("force_drift", ("right",), {"rate": rate})
+    exact = predict.all_trials([given], range(2))[0]
+    data = replace(data, value=exact + 0.2 * data.noise * rng.normal(size=exact.shape))
+    pool = hypotheses.candidates(plant, ["force_nonlinearity", "force_drift", "force_crosstalk"])
+    bend = next(c for c in pool if c.effect == "force_nonlinearity" and c.target is None)
+    fitter = Fitter(Predictor(plant, on, data), (0, 1), data, np.ones(6), (), np.zeros((0, *exact.shape)))
+    here = Point((), np.zeros(0), np.zeros(0))
+    base, alone = fitter.predictions([here, Point((bend,), np.array([0.2]), np.zeros(0))], keep=True)
+    fitter = replace(fitter, weight=rounds.counts(data, alone))
+    fits = fitter.fit_all([Start((), np.zeros(0)), Start((bend,), np.array([0.2]))])
+    promising = screen(fitter, rounds.frame(fitter, here), pool, here, base)
+    before = Search(fitter, fitter, fits, np.zeros(0), here, base)
+    assert max(fits[1].misfit, fits[1].lasting) < 2
+    assert (fitter.weight[4] < 0.2) == (rate > 0)
+    after = with_another(before, 2, promising)
+    best = (after or before).likeliest()
+    assert [part.label for part in best.parts] == [bend.label, ("force_drift", ("right",))][: 1 + (rate > 0)]
 
 
 def test_what_is_far_behind_is_not_brought_to_its_end_and_changes_nothing_else(grasps):

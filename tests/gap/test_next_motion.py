@@ -11,7 +11,7 @@ import pytest
 
 import tiago_mj  # noqa: F401  (registers the environments)
 from tiago_mj.cli import main
-from tiago_mj.gap import floor, hypotheses, motions, rehearse, select
+from tiago_mj.gap import floor, hypotheses, motions, rehearse, rounds
 from tiago_mj.gap.diagnose import diagnose
 from tiago_mj.gap.fit import Fitted
 from tiago_mj.gap.motions.menu import OPEN, items
@@ -50,7 +50,7 @@ def proposed(trials, rivals=ALIKE, threads=2, **options):
     data = floor.collect(plant, trials)
     fits = [explanation(plant, name, *parameters.values()) for name, parameters in rivals.items()]
     share = [1 / len(fits)] * len(fits)
-    weight = np.full(len(data.channels), 1 / np.sqrt(select.REPEATED))
+    weight = np.full(len(data.channels), 1 / np.sqrt(rounds.REPEATED))
     return next_motion(plant, trials[0], data, weight, fits, share, threads=threads, **options)
 
 

@@ -1,0 +1,91 @@
+"""Between the rounds of a search: what samples tell, what an explanation leaves, and which fits go on."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tiago_mj.gap import score, secondary, shortlist, starts
+from tiago_mj.gap.extend import PROMISES
+from tiago_mj.gap.fit import Fitted, Fitter, Point, Start
+from tiago_mj.gap.floor import Data
+
+Array = NDArray[np.float64]
+
+#: Two simulators never agree as closely as their noise, and what one gets wrong it gets wrong in every trial: so many
+#: samples, apart from their correlation in time, tell as much as one.
+REPEATED: Final = 2.0
+#: Mean squared residual of the worst channel, sample by sample or over blocks, in units of what it should scatter by,
+#: that calls for another effect.
+GAP: Final = 4.0
+#: What is left by an explanation that leaves nothing to explain, by samples and over blocks (1 is expected; the right
+#: ones leave 0.7 to 3, where nominal numbers are 3 to 5 % off).
+DONE: Final = 1.2
+#: Where the nominal model's numbers had to go farther than this for it [nats], they may stand for another effect: what
+#: leaves nothing to explain has -3 to -14 without one.
+STRAINED: Final = -18.0
+#: Explanations that get responses around themselves, the best first.
+RENEWED: Final = 3
+
+
+def counts(data: Data, predicted: Array) -> Array:
+    """Square root of what a sample of each channel counts for beside a prediction, (C,)."""
+    return score.independence(data, predicted) / np.sqrt(REPEATED)
+
+
+def frame(fitter: Fitter, at: Point) -> score.Frame:
+    """What likelihoods of some trials are told by, beside nominal numbers."""
+    return score.frame(fitter.data, fitter.weight, fitter.responses, fitter.per_trial, at.nuisance)
+
+
+def done(fit: Fitted, most: float = DONE) -> bool:
+    """Whether it leaves nothing to explain, and its numbers did not have to go far for that."""
+    return fit.misfit < most and fit.lasting < most and fit.prior > STRAINED
+
+
+def fails(fit: Fitted) -> bool:
+    """Whether it leaves a gap that calls for another effect."""
+    return max(fit.misfit, fit.lasting) > GAP
+
+
+def again(fits: Sequence[Fitted]) -> list[Fitted]:
+    """The nominal model and the best explanations, each once."""
+    best = shortlist.once_each(shortlist.ordered([f for f in fits if f.parts]))
+    return [shortlist.nominal(fits), *best[: shortlist.SECONDS]]
+
+
+def without_astray(everywhere: Fitter, fits: list[Fitted], at: Array) -> tuple[Fitter, list[Fitted], Array]:
+    """The same without trials in which a motion goes another way than the best explanation has it: no number of the
+    model makes it do that, and fits of all others would go astray to lessen what it costs."""
+    best = everywhere.predictions([starts.point(shortlist.ordered(fits)[0])])[0]
+    astray = score.astray(everywhere.data, everywhere.data.value - best)
+    if not astray.any() or everywhere.out_of_time():
+        return everywhere, fits, at
+    kept = [k for k, one in enumerate(astray) if not one]
+    rest = everywhere.part(kept)
+    begin = [Start(f.parts, f.values, everywhere.of(kept, f.nuisance)) for f in again(fits)]
+    return rest, rest.fit_all(begin), everywhere.of(kept, at)
+
+
+def renewed(everywhere: Fitter, fits: Sequence[Fitted], others: Sequence[Fitted]) -> list[Fitted]:
+    """The same, each with the nuisances' responses around it where that may decide: near the best of all, and where
+    that is more than a nominal number a little off."""
+    best = max((f.evidence for f in (*fits, *others)), default=0.0)
+    nominal = shortlist.nominal(others)
+    if best - nominal.evidence < PROMISES and done(nominal):
+        return list(fits)
+    near = shortlist.once_each(shortlist.ordered([f for f in fits if f.parts and f.evidence > best - starts.NEAR]))
+    near = near[:RENEWED]
+    begin = [starts.again(f) for f in near]
+    # What the nominal model's numbers were moved for without the effect, they may be stuck at.
+    begin += [Start(f.parts, f.values, np.zeros(everywhere.size)) for f in near[:1]]
+    return [*fits, *(everywhere.around(starts.point(start)).fit_all([start])[0] for start in begin)]
+
+
+def refined(everywhere: Fitter, fits: Sequence[Fitted], others: Sequence[Fitted]) -> list[Fitted]:
+    """Of some explanations with better second numbers and forms."""
+    best = shortlist.ordered(others)[0]
+    return secondary.refined(everywhere, fits, best, fails=fails(best))
