@@ -89,6 +89,17 @@ def test_what_one_effect_leaves_is_not_taken_for_another() -> None:
     assert decide([large, one, nominal], replace(BY, further=10.0)).rivals == (0,)
 
 
+def test_of_two_pairs_the_one_that_meets_the_recordings_better_is_ahead_though_its_parts_alone_do_worse() -> None:
+    """A dead band alone looks much like friction and a delay together; neither of these does by itself."""
+    nominal, band = option(met=-9000.0, left=400.0), option("command_deadband", met=-1100.0, left=20.0)
+    friction = option("coulomb_friction", met=-2700.0, left=10.0)
+    delay = option("command_delay", met=-4200.0, left=90.0)
+    wrong = option("command_deadband", "command_delay", met=-620.0, left=1.9)
+    right = option("coulomb_friction", "command_delay", met=-170.0, left=0.3)
+    said = decide([right, wrong, band, friction, delay, nominal], replace(BY, further=2.0))
+    assert said.rivals == (0,)
+
+
 def test_of_three_effects_each_counts_for_less_beside_the_two_before() -> None:
     nominal = option(met=-9000.0, left=400.0)
     one = option("rate_limit", met=-300.0, left=90.0)

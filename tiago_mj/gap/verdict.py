@@ -47,7 +47,7 @@ class Calibration:
     Attributes:
         temperature: how well the recordings are met is divided by this: two simulators never agree as closely as their
             noise, so their errors are no independent draws of it.
-        further: what a further effect adds to how well those before it met the recordings is divided by this, too:
+        further: what a further effect adds to how well the best by fewer met the recordings is divided by this, too:
             where the form of one effect is not quite reality's, what is left looks like another.
         stands: the nominal model stands at this probability over the best explanation's, unless it leaves a gap.
         rival: explanations at least this probable beside the best are not ruled out.
@@ -192,13 +192,14 @@ def probabilities(options: Sequence[Option], by: Calibration) -> Array:
 
 
 def _met(options: Sequence[Option], further: float) -> Array:
-    """How well explanations meet the recordings [nats], (n,), with less for what a further effect adds to the best of
-    those that it was added to."""
+    """How well explanations meet the recordings [nats], (n,), with less for what a further effect adds to the best by
+    fewer, so that of two by as many what meets them better stays ahead."""
     out = np.array([one.evidence.met for one in options])
-    for k in sorted(range(len(options)), key=lambda k: len(options[k].effects)):
-        within = [j for j, one in enumerate(options) if one.effects and one.effects < options[k].effects]
-        if within:
-            before = max(within, key=lambda j: options[j].evidence.met)
+    sizes = [len(one.effects) for one in options]
+    for k in np.argsort(sizes):
+        fewer = [j for j, size in enumerate(sizes) if 0 < size < sizes[k]]
+        if fewer:
+            before = max(fewer, key=lambda j: options[j].evidence.met)
             added = options[k].evidence.met - options[before].evidence.met
             out[k] = out[before] + (added / further if added > 0 else added)
     return out
