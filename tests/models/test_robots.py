@@ -27,6 +27,15 @@ def test_the_committed_files_are_what_the_table_of_numbers_gives():
     assert build.stale(models_folder(), build.build(models_folder())) == []
 
 
+def test_a_file_is_stale_where_more_than_rounding_differs(tmp_path):
+    (tmp_path / "a.xml").write_text('<inertial mass="1.56343" diaginertia="0.0024383968261699456 -3e-6 0"/>')
+    here = '<inertial mass="1.56343" diaginertia="0.002438396826169945 -3.0000000000000005e-06 0"/>'
+    assert build.stale(tmp_path, {"a.xml": here}) == []
+    assert build.stale(tmp_path, {"a.xml": here, "b.xml": ""}) == ["b.xml"]
+    for old, new in (("1.56343", "1.56344"), ("-3.", "3."), ("mass", "gain"), (" 0", "")):
+        assert build.stale(tmp_path, {"a.xml": here.replace(old, new)}) == ["a.xml"]
+
+
 @pytest.mark.parametrize("robot", ROBOTS)
 def test_names_are_the_contracts(robot):
     model, _ = load(robot)

@@ -96,7 +96,8 @@ class ResolvedRates:
         high = np.clip((self._high - q) * reach, 1e-6, 1.0)
         home = np.clip((self._posture - q) / self._speed, -1.0, 1.0)
         matrix = np.vstack([jacobian, DAMPING * np.eye(len(q))])
-        return np.asarray(lsq_linear(matrix, np.concatenate([twist, DAMPING * home]), (low, high), method="bvls").x)
+        found = lsq_linear(matrix, np.concatenate([twist, DAMPING * home]), (low, high), method="bvls").x
+        return np.clip(found, -1.0, 1.0)  # on its bounds but for rounding
 
 
 def _rotation(now: Array, wanted: Array) -> Array:

@@ -8,13 +8,20 @@ numbers.yaml -> URDF sources (``models/sources``) -> converter, with the additio
 from __future__ import annotations
 
 import argparse
+import math
+import re
 import sys
 import tempfile
 from pathlib import Path
+from typing import Final
 
 from tiago_mj.models.convert import convert
 from tiago_mj.models.files import models_folder
 from tiago_mj.models.urdf_source import read_table, robot_names, urdf_text
+
+_NUMBER: Final = re.compile(r"(?<![\w.])([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)(?![\w.])")
+#: Processors round differently in the last digits, which is no other model: relative, and absolute (metres, kilograms).
+ROUNDING: Final = (1e-9, 1e-14)
 
 
 def build(folder: Path) -> dict[str, str]:
@@ -32,12 +39,25 @@ def build(folder: Path) -> dict[str, str]:
 
 
 def stale(folder: Path, texts: dict[str, str]) -> list[str]:
-    """Files that differ from ``texts``, or are missing."""
+    """Files that differ from ``texts`` by more than rounding, or are missing."""
     return [
         name
         for name, text in texts.items()
-        if not (folder / name).is_file() or (folder / name).read_text(encoding="utf-8") != text
+        if not (folder / name).is_file() or not _same((folder / name).read_text(encoding="utf-8"), text)
     ]
+
+
+def _same(one: str, other: str) -> bool:
+    """Whether two texts are the same apart from how their numbers are rounded."""
+    ours, theirs = _NUMBER.split(one), _NUMBER.split(other)  # words and numbers by turns
+    return (
+        ours[::2] == theirs[::2]
+        and len(ours) == len(theirs)
+        and all(
+            math.isclose(float(a), float(b), rel_tol=ROUNDING[0], abs_tol=ROUNDING[1])
+            for a, b in zip(ours[1::2], theirs[1::2], strict=True)
+        )
+    )
 
 
 def main(arguments: list[str] | None = None) -> int:
