@@ -321,6 +321,27 @@ def test_a_second_effect_is_sought_as_if_samples_told_what_they_tell_beside_both
     assert [part.label for part in best.parts] == [bend.label, ("force_drift", ("right",))][: 1 + (rate > 0)]
 
 
+def test_what_leaves_something_is_fitted_around_itself_as_long_as_that_brings_something(grasps, monkeypatch):
+    """A limit of the speed beside a zero that drifts left 2.4 of its tolerance, and 1.0 after seven rounds: each went a
+    short way (blind check, seed 10, case 32)."""
+    plant, on, data = grasps
+    predict, rng = Predictor(plant, on, data), np.random.default_rng(0)
+    terms = tuple(t for t in hypotheses.terms(plant) if t.effect in ("contact_stiffness", "object_offset", "armature"))
+    none = Fitter(predict, (0, 1), data, np.ones(6), terms, np.zeros((len(terms), *data.value.shape)), iterations=1)
+    lag = next(c for c in hypotheses.candidates(plant, ["force_lag"]) if c.target is None)
+    moved = np.where(np.arange(none.size) % 2, 1.0, -1.0)
+    exact = none.predictions([Point((lag,), np.array([0.03]), moved)])[0]
+    fitter = replace(none, data=replace(data, value=exact + data.noise * rng.normal(size=exact.shape)))
+    fits = fitter.fit_all([Start((), np.zeros(0)), Start((lag,), np.array([0.02]))])
+    best = shortlist.ordered(rounds.renewed(fitter, fits))[0]
+    monkeypatch.setattr(rounds, "AROUND", 0)
+    once = shortlist.ordered(rounds.renewed(fitter, fits))[0]
+    assert best.parts == once.parts == (lag,)
+    assert rounds.fails(once, 2.0)
+    assert not rounds.fails(best, rounds.DONE)
+    assert best.values == pytest.approx([0.03], rel=0.02)
+
+
 def test_what_is_far_behind_is_not_brought_to_its_end_and_changes_nothing_else(grasps):
     plant, on, data = grasps
     asked = []

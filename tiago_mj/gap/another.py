@@ -88,8 +88,9 @@ def with_another(search: Search, size: int, promising: Sequence[Screened]) -> Se
     everywhere, fits = search.everywhere, search.fits
     if not np.allclose(everywhere.weight, weight):
         fits = _judged(everywhere, shortlist.ordered(rounds.again(fits)))
-    found = _judged(everywhere, found)
-    fits = fits + (found if out_of_time() else rounds.renewed(everywhere, found, fits))
+    fits = [*fits, *_judged(everywhere, found)]
+    if not out_of_time():
+        fits = rounds.renewed(everywhere, fits)
     if not out_of_time():
         fits += rounds.refined(everywhere, [f for f in fits if len(f.parts) == size], fits)
     fits += everywhere.fit_all([] if out_of_time() else starts.absorbed(fits, everywhere))

@@ -29,6 +29,11 @@ DONE: Final = 1.2
 STRAINED: Final = -18.0
 #: Explanations that get responses around themselves, the best first.
 RENEWED: Final = 3
+#: Further rounds of that for one that leaves something, but not much more than what calls for another effect, as long
+#: as one brings this much [nats]: where contacts slip, each round goes a short way.
+AROUND: Final = 6
+BRINGS: Final = 3.0
+HOPELESS: Final = 2 * GAP
 
 
 def counts(data: Data, predicted: Array) -> Array:
@@ -43,12 +48,12 @@ def frame(fitter: Fitter, at: Point) -> score.Frame:
 
 def done(fit: Fitted, most: float = DONE) -> bool:
     """Whether it leaves nothing to explain, and its numbers did not have to go far for that."""
-    return fit.misfit < most and fit.lasting < most and fit.prior > STRAINED
+    return not fails(fit, most) and fit.prior > STRAINED
 
 
-def fails(fit: Fitted) -> bool:
+def fails(fit: Fitted, most: float = GAP) -> bool:
     """Whether it leaves a gap that calls for another effect."""
-    return max(fit.misfit, fit.lasting) > GAP
+    return max(fit.misfit, fit.lasting) > most
 
 
 def again(fits: Sequence[Fitted]) -> list[Fitted]:
@@ -70,19 +75,32 @@ def without_astray(everywhere: Fitter, fits: list[Fitted], at: Array) -> tuple[F
     return rest, rest.fit_all(begin), everywhere.of(kept, at)
 
 
-def renewed(everywhere: Fitter, fits: Sequence[Fitted], others: Sequence[Fitted]) -> list[Fitted]:
-    """The same, each with the nuisances' responses around it where that may decide: near the best of all, and where
-    that is more than a nominal number a little off."""
-    best = max((f.evidence for f in (*fits, *others)), default=0.0)
-    nominal = shortlist.nominal(others)
-    if best - nominal.evidence < PROMISES and done(nominal):
+def renewed(everywhere: Fitter, fits: Sequence[Fitted]) -> list[Fitted]:
+    """The same, each with the nuisances' responses around it where that may decide: near the best, and where that is
+    more than a nominal number a little off."""
+    best, nominal = shortlist.ordered(fits)[0], shortlist.nominal(fits)
+    if best.evidence - nominal.evidence < PROMISES and done(nominal):
         return list(fits)
-    near = shortlist.once_each(shortlist.ordered([f for f in fits if f.parts and f.evidence > best - starts.NEAR]))
+    least = best.evidence - (starts.NEAR if not fails(best, DONE) else starts.VALLEY)
+    near = shortlist.once_each(shortlist.ordered([f for f in fits if f.parts and f.evidence > least]))
     near = near[:RENEWED]
     begin = [starts.again(f) for f in near]
     # What the nominal model's numbers were moved for without the effect, they may be stuck at.
     begin += [Start(f.parts, f.values, np.zeros(everywhere.size)) for f in near[:1]]
-    return [*fits, *(everywhere.around(starts.point(start)).fit_all([start])[0] for start in begin)]
+    return [*fits, *(_around_itself(everywhere, start) for start in begin)]
+
+
+def _around_itself(everywhere: Fitter, start: Start) -> Fitted:
+    """A fit with the nuisances' responses around where it begins, and again around where it ended."""
+    (best,) = everywhere.around(starts.point(start)).fit_all([start])
+    for _ in range(AROUND):
+        if not fails(best, DONE) or fails(best, HOPELESS) or everywhere.out_of_time():
+            break
+        (there,) = everywhere.around(starts.point(best)).fit_all([starts.again(best)])
+        if there.evidence < best.evidence + BRINGS:
+            break
+        best = there
+    return best
 
 
 def refined(everywhere: Fitter, fits: Sequence[Fitted], others: Sequence[Fitted]) -> list[Fitted]:

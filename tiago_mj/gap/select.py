@@ -165,7 +165,7 @@ def select(
         leaders += [Start(f.parts, f.values, np.zeros(everywhere.size)) for f in rivals[:ANEW]]
     fits += everywhere.fit_all(leaders)
     if not out_of_time():
-        fits = rounds.renewed(everywhere, fits, fits)
+        fits = rounds.renewed(everywhere, fits)
         fits += rounds.refined(everywhere, fits, fits)
         fits += everywhere.fit_all([*starts.absorbed(fits, everywhere), *starts.without(fits)])
     everywhere, fits, at = rounds.without_astray(everywhere, fits, at)
