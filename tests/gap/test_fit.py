@@ -340,6 +340,13 @@ def test_what_leaves_something_is_fitted_around_itself_as_long_as_that_brings_so
     assert rounds.fails(once, 2.0)
     assert not rounds.fails(best, rounds.DONE)
     assert best.values == pytest.approx([0.03], rel=0.02)
+    # What one effect's fit stopped short of must not look like a second one, however far ahead that is.
+    monkeypatch.undo()
+    gain = next(c for c in hypotheses.candidates(plant, ["force_gain"]) if c.target is None)
+    (pair,) = fitter.fit_all([Start((lag, gain), np.array([0.03, 1.001]), moved)])
+    assert pair.evidence > fits[1].evidence + starts.VALLEY
+    alone = next(f for f in shortlist.ordered(rounds.renewed(fitter, [*fits, pair])) if f.parts == (lag,))
+    assert alone.evidence > pair.evidence - 1
 
 
 def test_what_is_far_behind_is_not_brought_to_its_end_and_changes_nothing_else(grasps):

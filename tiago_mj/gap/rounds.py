@@ -52,7 +52,7 @@ def done(fit: Fitted, most: float = DONE) -> bool:
 
 
 def fails(fit: Fitted, most: float = GAP) -> bool:
-    """Whether it leaves a gap that calls for another effect."""
+    """Whether it leaves more than that, as it stands a gap that calls for another effect."""
     return max(fit.misfit, fit.lasting) > most
 
 
@@ -76,25 +76,30 @@ def without_astray(everywhere: Fitter, fits: list[Fitted], at: Array) -> tuple[F
 
 
 def renewed(everywhere: Fitter, fits: Sequence[Fitted]) -> list[Fitted]:
-    """The same, each with the nuisances' responses around it where that may decide: near the best, and where that is
-    more than a nominal number a little off."""
+    """The same, with the nuisances' responses around each where that may decide: near the best, and the best by fewer
+    effects; not where the best is no more than a nominal number a little off."""
     best, nominal = shortlist.ordered(fits)[0], shortlist.nominal(fits)
     if best.evidence - nominal.evidence < PROMISES and done(nominal):
         return list(fits)
-    least = best.evidence - (starts.NEAR if not fails(best, DONE) else starts.VALLEY)
+    least = best.evidence - (starts.VALLEY if fails(best, DONE) else starts.NEAR)
     near = shortlist.once_each(shortlist.ordered([f for f in fits if f.parts and f.evidence > least]))
     near = near[:RENEWED]
-    begin = [starts.again(f) for f in near]
+    there = [_around_itself(everywhere, starts.again(f)) for f in near]
     # What the nominal model's numbers were moved for without the effect, they may be stuck at.
-    begin += [Start(f.parts, f.values, np.zeros(everywhere.size)) for f in near[:1]]
-    return [*fits, *(_around_itself(everywhere, start) for start in begin)]
+    there += [_around_itself(everywhere, Start(f.parts, f.values, np.zeros(everywhere.size))) for f in near[:1]]
+    # What is left of fewer effects must not look like another one because their fit stopped short.
+    for f in [f for f in shortlist.ordered(fits) if 0 < len(f.parts) < len(best.parts)][:1]:
+        begin = Start(f.parts, f.values, f.nuisance, ((f.values, best.nuisance),))
+        there.append(_around_itself(everywhere, begin, until=0.0))
+    return [*fits, *there]
 
 
-def _around_itself(everywhere: Fitter, start: Start) -> Fitted:
-    """A fit with the nuisances' responses around where it begins, and again around where it ended."""
+def _around_itself(everywhere: Fitter, start: Start, until: float = DONE) -> Fitted:
+    """A fit with the nuisances' responses around where it begins, and again around where it ended, until it leaves no
+    more than that or a round brings little."""
     (best,) = everywhere.around(starts.point(start)).fit_all([start])
     for _ in range(AROUND):
-        if not fails(best, DONE) or fails(best, HOPELESS) or everywhere.out_of_time():
+        if not fails(best, until) or fails(best, HOPELESS) or everywhere.out_of_time():
             break
         (there,) = everywhere.around(starts.point(best)).fit_all([starts.again(best)])
         if there.evidence < best.evidence + BRINGS:
