@@ -90,7 +90,7 @@ def _freed(parts: Sequence[Candidate], values: Array, fitter: Fitter, nuisance: 
         if not mine or not np.isfinite(part.identity):
             continue
         mean = float(np.mean([nuisance[there].mean() * term.deviation for there, term in mine]))
-        values[k] = values[k] * (1 + mean) if part.identity == 1 else values[k] + mean
+        values[k] = values[k] * np.exp(mean) if part.identity == 1 else values[k] + mean
         values[k] = min(max(values[k], part.low), part.high)
         for there, term in mine:
             nuisance[there] -= mean / term.deviation
@@ -207,7 +207,7 @@ def absorbed(fits: Sequence[Fitted], fitter: Fitter) -> list[Start]:
         nuisance, left = fit.nuisance.copy(), []
         for k, part in enumerate(fit.parts):
             mine = _numbers(fitter, part)
-            taken = [nuisance[there] + (fit.values[k] - term.nominal) / term.deviation for there, term in mine]
+            taken = [nuisance[there] + term.deviations(fit.values[k]) for there, term in mine]
             if mine and max(np.abs(m).max() for m in taken) < score.NUISANCE_BOUND:
                 for (there, _), m in zip(mine, taken, strict=True):
                     nuisance[there] = m
