@@ -85,7 +85,7 @@ def log_loss(cases: Sequence[Case], by: Calibration) -> float:
     total = 0.0
     for one in cases:
         if one.explainable and one.looked_at:
-            single = probabilities(one.options, by)
+            single = probabilities(one.options, by, betrayed=one.betrayed)
             right = sum(p for p, option in zip(single, one.options, strict=True) if option.classes in one.truths)
             total -= float(np.log((1 - LEAST) * right + LEAST))
     return total

@@ -141,7 +141,7 @@ def decide(options: Sequence[Option], by: Calibration, *, betrayed: bool = False
         by: calibration.
         betrayed: whether the readings betray an effect by themselves, whichever explanation holds.
     """
-    single = probabilities(options, by)
+    single = probabilities(options, by, betrayed=betrayed)
     classes = [one.classes for one in options]
     pooled = np.array([single[[c == classes[k] for c in classes]].sum() for k in range(len(classes))])
     nominal = next(k for k, one in enumerate(options) if not one.effects)
@@ -181,23 +181,23 @@ def _refuted(options: Sequence[Option], by: Calibration) -> NDArray[np.bool_]:
     return out
 
 
-def probabilities(options: Sequence[Option], by: Calibration) -> Array:
-    """Of every explanation, (n,)."""
+def probabilities(options: Sequence[Option], by: Calibration, *, betrayed: bool = False) -> Array:
+    """Of every explanation, (n,); arguments as of :func:`decide`."""
     temperature = temperature_of([one.evidence.misfit for one in options], by)
-    scores = _met(options, by.further) / temperature + np.array([one.evidence.price for one in options])
+    scores = _met(options, by.further, betrayed) / temperature + np.array([one.evidence.price for one in options])
     scores[_refuted(options, by)] = -np.inf
     weights = np.exp(scores - scores.max())
     out: Array = weights / weights.sum()
     return out
 
 
-def _met(options: Sequence[Option], further: float) -> Array:
+def _met(options: Sequence[Option], further: float, betrayed: bool) -> Array:
     """How well explanations meet the recordings [nats], (n,), with less for what a further effect adds to the best by
-    fewer, so that of two by as many what meets them better stays ahead."""
+    fewer, so that of two by as many what meets them better stays ahead. Beside what the readings betray any is one."""
     out = np.array([one.evidence.met for one in options])
     sizes = [len(one.effects) for one in options]
     for k in np.argsort(sizes):
-        fewer = [j for j, size in enumerate(sizes) if 0 < size < sizes[k]]
+        fewer = [j for j, size in enumerate(sizes) if (size or betrayed) and size < sizes[k]]
         if fewer:
             before = max(fewer, key=lambda j: options[j].evidence.met)
             added = options[k].evidence.met - options[before].evidence.met
