@@ -70,7 +70,7 @@ NUISANCES: Final = (
     Nuisance("force_limit", "limit", (0.04, 0.04), relative="effort"),
     Nuisance("payload", "mass", (0.04, 0.04), relative="tool"),
     Nuisance("contact_stiffness", "factor", (0.05, 0.05)),
-    Nuisance("contact_damping", "factor", (0.2, 0.2)),
+    Nuisance("contact_damping", "factor", (0.15, 0.15)),
     Nuisance("contact_friction", "factor", (0.07, 0.07)),
     Nuisance("object_mass", "factor", (0.05, 0.05)),
     Nuisance("object_size", "radius", (1.5e-4, 1.5e-4)),
