@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tiago_mj.cli import main
-from tiago_mj.gap import draws, floor, hypotheses, replay, rounds, score, shortlist, starts
+from tiago_mj.gap import draws, floor, hypotheses, replay, rounds, score, shortlist, starts, telling
 from tiago_mj.gap.another import Search, with_another
 from tiago_mj.gap.effects.spec import Entry
 from tiago_mj.gap.fit import Fitted, Fitter, Point, Start
@@ -234,6 +234,18 @@ def test_what_a_third_effect_led_to_is_tried_without_the_first(grasps):
     begun = starts.subsets(three, tried)
     assert [start.parts for start in begun] == [(bias, lag), (gain, lag)]
     assert [start.values.tolist() for start in begun] == [[0.1, 0.03], [1.2, 0.03]]
+
+
+def test_an_interval_says_how_large_an_effect_is_that_is_there(grasps):
+    """Drift of 0.008 units/s was named with 90 %, and its interval began at -0.001 (blind check, seed 11, case 49)."""
+    (drift,) = (c for c in hypotheses.candidates(grasps[0], ["force_drift"]) if c.target is None)
+    (gain,) = (c for c in hypotheses.candidates(grasps[0], ["force_gain"]) if c.target is None)
+    fit = Fitted((drift, gain), np.array([0.008, 0.9]), np.array([0.003, 0.05]), np.zeros(0), 0.0, 1.0)
+    (rate,), (factor,) = (tuple(telling.named(grasps[0], fit, k).parameters.values()) for k in range(2))
+    assert (rate.low, rate.value) == (0, 0.008)
+    assert rate.high > 0.016
+    assert factor.low < 0.7
+    assert (factor.value, factor.high) == (0.9, 1)
 
 
 def test_what_both_fingers_have_apart_is_tried_as_one_effect(grasps):

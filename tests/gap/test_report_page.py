@@ -104,6 +104,15 @@ def test_a_map_without_excess_shows_the_gap_itself():
     assert all(cell.text for _, _, cells in shown.rows for cell in cells if cell)
 
 
+@pytest.mark.parametrize(
+    ("gap", "said"), [(0.0049, "0"), (0.056, "0.1"), (0.97, "1"), (9.84, "9.8"), (62.3, "62"), (264.0, "260")]
+)
+def test_a_gap_fits_into_its_narrow_cell(gap, said):
+    place = replace(CASES["no_gap"].where[0], share=0.0, gap=gap)
+    cells = [cell for _, _, row in tables.heat((place,)).rows for cell in row if cell]
+    assert [cell.text for cell in cells] == [said]
+
+
 def test_before_and_after_stand_side_by_side_by_channel_and_phase_and_what_got_worse_is_marked():
     given = diagnosis()
     shown = shrinking.by_phase(given)

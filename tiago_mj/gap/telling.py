@@ -91,7 +91,8 @@ def explanations(
 
 
 def named(plant: Plant, fit: Fitted, k: int) -> Named:
-    """The ``k``-th effect of a fit, with its values and their 90 % intervals."""
+    """The ``k``-th effect of a fit, with its values and their 90 % intervals: how large it is, given that it is there,
+    so an interval ends where the effect vanishes."""
     part = fit.parts[k]
     declared = EFFECTS[part.effect]
     target: str | tuple[str, ...] = "all"
@@ -101,6 +102,10 @@ def named(plant: Plant, fit: Fitted, k: int) -> Named:
     known = part.known_to(value) if part.spread is None else 0.0
     reach = NINETY * (float(np.hypot(sd * verdict.calibration().widens, known)) if part.spread is None else sd)
     low, high = max(value - reach, part.low), min(value + reach, part.high)
+    if value > part.identity:
+        low = max(low, part.identity)
+    elif value < part.identity:
+        high = min(high, part.identity)
     parameters: dict[str, Value] = {part.parameter: Value(value, low, high, part.unit, sd, known)}
     for name, fixed in part.fixed:
         if name in declared.forms:

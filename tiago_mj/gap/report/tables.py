@@ -77,8 +77,13 @@ def _cell(place: Place | None, most: float, by_share: bool) -> Cell | None:
     strength = min(max(value / most, 0.0), 1.0) if most > 0 else 0.0
     if not by_share:
         strength *= 0.5 if most < 5 else 1.0  # near the floor nothing deserves a loud colour
-        return Cell(words.number(place.gap, 2), hover, strength)
+        return Cell(_narrow(place.gap), hover, strength)
     return Cell("" if value < 0.005 else f"{100 * value:.0f}", hover, strength)
+
+
+def _narrow(gap: float) -> str:
+    """A gap in three characters, as long as it is below a thousand."""
+    return words.bare(f"{gap:.1f}") if abs(gap) < 9.95 else words.number(gap, 2)
 
 
 def interval(place: Place) -> str:
