@@ -105,7 +105,17 @@ def test_a_map_without_excess_shows_the_gap_itself():
 
 
 @pytest.mark.parametrize(
-    ("gap", "said"), [(0.0049, "0"), (0.056, "0.1"), (0.97, "1"), (9.84, "9.8"), (62.3, "62"), (264.0, "260")]
+    ("gap", "said"),
+    [
+        (0.0049, "0"),
+        (0.056, "0.1"),
+        (0.97, "1"),
+        (9.84, "9.8"),
+        (9.97, "10"),
+        (62.3, "62"),
+        (99.8, "100"),
+        (264, "260"),
+    ],
 )
 def test_a_gap_fits_into_its_narrow_cell(gap, said):
     place = replace(CASES["no_gap"].where[0], share=0.0, gap=gap)

@@ -339,7 +339,8 @@ class Fitter:
         for part, value in zip(parts, at.values, strict=True):
             prior += 0.5 * np.log(2 * np.pi) + part.log_prior(float(value))
             evidence -= self.paid(part)
-            evidence -= TOLERATED * max(0.0, 1 - abs(value - part.identity) / part.tolerance) if part.tolerance else 0.0
+            far = abs(np.log(value) if part.identity == 1 else value - part.identity)
+            evidence -= TOLERATED * max(0.0, 1 - far / part.tolerance) if part.tolerance else 0.0
         deviations = np.sqrt(np.diag(np.linalg.inv(curvature))[: len(parts)])
         return Fitted(
             parts,

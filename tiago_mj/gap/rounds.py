@@ -34,10 +34,10 @@ RENEWED: Final = 3
 AROUND: Final = 6
 BRINGS: Final = 3.0
 HOPELESS: Final = 2 * GAP
-#: What leaves more fails. If that is less than this share of what the nominal model leaves, and not more than draws can
-#: mend, the search may have stopped short: of kept cases of the blind check four were unknown for that with the right
-#: name, with shares of 0.00003 to 0.0057, and six of 38 whose effect the library lacks had such a share.
-FAILS: Final = 2.0
+#: What leaves more may fail in the end. If that is less than this share of what the nominal model leaves, and not more
+#: than draws can mend, the search may have stopped short: of kept cases of the blind check four were unknown for that
+#: with the right name, with shares of 0.00003 to 0.0057, and six of 38 whose effect the library lacks had such a share.
+SHORT: Final = 2.0
 REST: Final = 0.006
 MENDED: Final = 8 * GAP
 
@@ -59,12 +59,7 @@ def done(fit: Fitted, most: float = DONE) -> bool:
 
 def fails(fit: Fitted, most: float = GAP) -> bool:
     """Whether it leaves more than that, as it stands a gap that calls for another effect."""
-    return left(fit) > most
-
-
-def left(fit: Fitted) -> float:
-    """What it leaves: errors that last, or that are large."""
-    return max(fit.misfit, fit.lasting)
+    return shortlist.left(fit) > most
 
 
 def again(fits: Sequence[Fitted]) -> list[Fitted]:
@@ -87,8 +82,8 @@ def without_astray(everywhere: Fitter, fits: list[Fitted], at: Array) -> tuple[F
 
 
 def renewed(everywhere: Fitter, fits: Sequence[Fitted]) -> list[Fitted]:
-    """The same, with the nuisances' responses around each where that may decide: near the best, and the best by fewer
-    effects; not where the best is no more than a nominal number a little off."""
+    """The same, with what draws lead the best to, and with the nuisances' responses around each where that may decide:
+    near the best, and the best by fewer effects; not where the best is no more than a nominal number a little off."""
     best, nominal = shortlist.ordered(fits)[0], shortlist.nominal(fits)
     if best.evidence - nominal.evidence < PROMISES and done(nominal):
         return list(fits)
@@ -109,8 +104,8 @@ def renewed(everywhere: Fitter, fits: Sequence[Fitted]) -> list[Fitted]:
 
 def _led(everywhere: Fitter, best: Fitted, nominal: Fitted) -> list[Fitted]:
     """What draws lead the best explanation to, where something is touched, it fails, and yet explains nearly all."""
-    fitted = everywhere.per_trial.any() and best.parts and not everywhere.out_of_time()
-    if fitted and FAILS < left(best) < min(MENDED, REST * left(nominal)):
+    drawn = bool(best.parts) and everywhere.per_trial.any() and not everywhere.out_of_time()
+    if drawn and SHORT < shortlist.left(best) < min(MENDED, REST * shortlist.left(nominal)):
         return [draws.fitted(everywhere, best)]
     return []
 

@@ -109,13 +109,14 @@ def worth_showing(fits: Sequence[Fitted]) -> list[Fitted]:
     for f in fits:
         labels = frozenset(p.label for p in f.parts)
         fewer = [other for parts, other in each.items() if parts and parts < labels]
-        adds = all(f.evidence - other.evidence > ADDS and _left(f) <= max(_left(other), NOISE) for other in fewer)
+        adds = all(f.evidence - other.evidence > ADDS and left(f) <= max(left(other), NOISE) for other in fewer)
         if adds and all(_is_something(f, k) for k in range(len(f.parts))):
             out.append(f)
     return out
 
 
-def _left(fit: Fitted) -> float:
+def left(fit: Fitted) -> float:
+    """What an explanation leaves: errors that last, or that are large."""
     return max(fit.misfit, fit.lasting)
 
 

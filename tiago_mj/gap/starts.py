@@ -90,7 +90,7 @@ def _freed(parts: Sequence[Candidate], values: Array, fitter: Fitter, nuisance: 
         if not mine or not np.isfinite(part.identity):
             continue
         mean = float(np.mean([nuisance[there].mean() * term.deviation for there, term in mine]))
-        values[k] = values[k] * np.exp(mean) if part.identity == 1 else values[k] + mean
+        values[k] = values[k] * np.exp(mean) if mine[0][1].factor else values[k] + mean
         values[k] = min(max(values[k], part.low), part.high)
         for there, term in mine:
             nuisance[there] -= mean / term.deviation

@@ -1,8 +1,8 @@
 """What a recording says of its nominal model's own numbers: how well they are known.
 
 ``"uncertainty": {"torque_constant": 0.3}`` in a sidecar: one standard deviation of an effect's first parameter, in its
-unit, of all targets or, as ``"torque_constant.elbow"``, of one. Such a number is fitted along with every explanation,
-the nominal model included, and never named: what a data sheet leaves open is no gap.
+unit, of a factor of its logarithm, of all targets or, as ``"torque_constant.elbow"``, of one. Such a number is fitted
+along with every explanation, the nominal model included, and never named: what a data sheet leaves open is no gap.
 """
 
 from __future__ import annotations

@@ -232,5 +232,5 @@ def _log_prior(fit: Fitted, ranked: Ranked) -> float:
     """One of the effects is as likely as none; each has its share; one finger's half of both's."""
     count = len(fit.parts) - ranked.known
     parts = fit.parts[:count]
-    share = sum(np.log((ANOTHER_EFFECT if k else ONE_EFFECT) / ranked.pool) for k in range(count))
+    share = sum(np.log((ANOTHER_EFFECT if k or ranked.known else ONE_EFFECT) / ranked.pool) for k in range(count))
     return float(share + sum(np.log(ONE_TARGET) for part in parts if part.target is not None))

@@ -82,8 +82,10 @@ def _cell(place: Place | None, most: float, by_share: bool) -> Cell | None:
 
 
 def _narrow(gap: float) -> str:
-    """A gap in three characters, as long as it is below a thousand."""
-    return words.bare(f"{gap:.1f}") if abs(gap) < 9.95 else words.number(gap, 2)
+    """A gap in three characters, as long as it is below a thousand: to a tenth, to one, or to ten."""
+    if gap < 10:
+        return words.bare(f"{gap:.1f}")
+    return words.number(gap, 2) if not math.isfinite(gap) else f"{round(gap, -1 if gap >= 100 else 0):.0f}"
 
 
 def interval(place: Place) -> str:
