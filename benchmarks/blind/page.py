@@ -144,7 +144,8 @@ def _confusion(judged: Sequence[Judged]) -> str:
         out.append(f"<tr><th>{html.escape(row)}</th>")
         for column in columns:
             sure, weak = cells[row, column], faint[row, column]
-            same = column == row or (row == "no effect" and column == "no gap") or (":" in row and column == "unknown")
+            own = row.removeprefix("left out: ")  # of what was deleted, one of its class is right, too
+            same = column == own or (row == "no effect" and column == "no gap") or (":" in row and column == "unknown")
             kind = " hit" if same and sure else " miss" if sure else ""
             text = (str(sure) if sure else "") + (f" ({weak})" if weak else "")
             out.append(f"<td class='n{kind}'>{text}</td>")

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks.blind import baselines, command, intervals, plan, run, score
+from benchmarks.blind import baselines, command, intervals, page, plan, run, score
 from benchmarks.blind.command import blind, write_scores
 from benchmarks.blind.dictionary import KINDS, available
 from benchmarks.blind.score import Judged
@@ -121,6 +121,19 @@ def test_names_on_nothing_and_flags_are_counted_where_they_belong() -> None:
     assert scores["left_out"]["value"] == pytest.approx(2 / 3)
     assert scores["failed"]["value"] == pytest.approx(1 / 9)
     assert [score.right(j) for j in judged] == [True, False, False, False, True, False, True, True, False]
+
+
+def test_the_confusion_table_marks_as_right_what_counts_as_right() -> None:
+    judged = [
+        Judged(label("none", closable=None), answer("no_gap")),
+        Judged(label("left_out", FRICTION), answer("effect", STRIBECK)),
+        Judged(label("left_out", FRICTION), answer("unknown")),
+        Judged(label("one", FRICTION), answer("effect", DELAY)),
+        Judged(label("outside", effect("cable_tug", stiffness=100, place=0.7)), answer("effect", DELAY)),
+    ]
+    shown = page.page(judged, score.score(judged), "", "")
+    assert (shown.count("class='n hit'"), shown.count("class='n miss'")) == (3, 2)
+    assert [score.right(j) for j in judged] == [True, True, True, False, False]
 
 
 def test_parameter_errors_are_over_the_distance_from_the_identity() -> None:
