@@ -41,7 +41,7 @@ def fitted(fitter: Fitter, fit: Fitted) -> Fitted:
     for spread in SPREADS:
         if best is not None and fitter.out_of_time():
             break
-        led, there = _averaged(fitter, about, spread, rng)
+        led, there = _with_slopes(fitter, about, spread, rng)
         (one,) = led.fit_all([starts.at(there)])
         best = one if best is None or one.evidence > best.evidence else best
         about = starts.point(best)
@@ -49,7 +49,7 @@ def fitted(fitter: Fitter, fit: Fitted) -> Fitted:
     return best
 
 
-def _averaged(fitter: Fitter, about: Point, spread: float, rng: np.random.Generator) -> tuple[Fitter, Point]:
+def _with_slopes(fitter: Fitter, about: Point, spread: float, rng: np.random.Generator) -> tuple[Fitter, Point]:
     """The same with slopes over draws for responses, and the draw that meets the recordings best."""
     shared, own = len(fitter.shared), fitter.size - len(fitter.shared)
     each = own // len(fitter.trials)

@@ -1,0 +1,19 @@
+"""Recordings that several tests of the search fit."""
+
+import pytest
+
+from tiago_mj.cli import main
+from tiago_mj.gap import floor, replay
+from tiago_mj.gap.plant import plant_of
+from tiago_mj.gap.read import read_recordings
+
+
+@pytest.fixture(scope="module")
+def grasps(tmp_path_factory):
+    """Two simulated grasps: the nominal simulator, what is replayed, and what was measured."""
+    folder = tmp_path_factory.mktemp("grasps")
+    words = ["record", "--env", "GripperTactile-v0", "--policy", "pi", "--episodes", "2", "--seed", "3"]
+    assert main([*words, "--out", str(folder)]) == 0
+    trials = read_recordings([folder]).trials
+    plant = plant_of(trials)
+    return plant, replay.grid(plant, trials), floor.collect(plant, trials)
