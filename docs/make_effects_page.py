@@ -4,7 +4,7 @@ import math
 from pathlib import Path
 
 from tiago_mj.gap.effects import EFFECTS, describe
-from tiago_mj.gap.effects.declare import STAGES, Effect, Parameter
+from tiago_mj.gap.effects.declare import STAGES, Detail, Effect, Parameter
 
 PAGE = Path(__file__).parent / "effects.md"
 SOURCES = {
@@ -42,6 +42,8 @@ env = gymnasium.make("tiago_mj/GripperTactile-v0", effects=effects)
 - `target` is a name, a list of names, or `"all"`, which is the default; one entry's values serve all of its targets,
   different values need two entries. A payload's default is the tool.
 - Parameters left out take their defaults: a magnitude that is clearly visible, not a typical one.
+- A value may lie beyond what a fit tries, as large robots have it; ten times beyond is refused, with the likely slip
+  (mm for m, ms for s). What a diagnosis found is taken as it is.
 - Two entries of one effect on one target add up, factors multiply, and of two limits the tighter holds.
 
 As a mapping, the short form: every effect on all of its targets, `{{}}` for the defaults.
@@ -136,6 +138,12 @@ def row(p: Parameter) -> str:
     return f"| `{p.name}` | {unit} | {number(p.identity)} | {default} | {bounds} |"
 
 
+def more(detail: Detail) -> str:
+    """A number that says more of an effect, as a row of its table."""
+    low, high = (number(bound) for bound in detail.bounds)
+    return f"| `{detail.name}` | {detail.unit} | 0 | 0 | {low} to {high} |"
+
+
 def section(name: str, declared: type[Effect]) -> str:
     """An effect's part of the page."""
     told = describe(declared)
@@ -146,7 +154,7 @@ def section(name: str, declared: type[Effect]) -> str:
         f"Acts on: `{declared.targets}`{shared}",
         f"    {told.formula}",
         "| parameter | unit | identity | default | bounds |\n|---|---|---|---|---|\n"
-        + "\n".join(row(p) for p in declared.parameters.values()),
+        + "\n".join([*map(row, declared.parameters.values()), *map(more, declared.details.values())]),
     ]
     said = [
         ("In a recording", told.looks),

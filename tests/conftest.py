@@ -11,6 +11,16 @@ if "PYTEST_XDIST_WORKER" in os.environ:  # workers share the processors: more th
     os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config, log):
+    """Tests go to the workers in long runs of one file, whose fixtures are then made once; who is done takes over."""
+    if config.getoption("dist") != "load":  # asked for otherwise
+        return None
+    from xdist.scheduler import WorkStealingScheduling
+
+    return WorkStealingScheduling(config, log)
+
+
 @pytest.fixture(scope="session")
 def opengl():
     """Skips what needs pictures where the machine can make none; MuJoCo itself is asked, not this package."""

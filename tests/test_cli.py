@@ -145,7 +145,10 @@ def test_an_unknown_environment_is_answered_with_those_there_are(capsys):
         (("rollout", "--env", "GripperTactile-v0", "--policy", "pi", "--episodes", "x"), "invalid int"),
         (("rollout", "--env", "GripperTactile-v0", "--policy", "pi", "--seed", "-1"), "--seed is -1"),
         (("rollout", "--env", "GripperTactile-v0", "--policy", "pi", "--env-option", "servo"), "no key=value"),
-        (("rollout", "--env", "GripperTactile-v0", "--policy", "pi", "--env-option", "sevro=ideal"), "not take this"),
+        (
+            ("rollout", "--env", "GripperTactile-v0", "--policy", "pi", "--env-option", "sevro=ideal"),
+            "did you mean 'servo'",
+        ),
         (("rollout", "--env", "GripperTactile-v0", "--policy", "pi", "--film", "a.avi"), ".mp4, .gif, .png"),
         (("rollout", "--env", "GripperTactile-v0", "--policy", "pid"), "give pi, random"),
         (("rollout", "--env", "TIAGoPALGripper-v0", "--policy", "pi"), "use an environment with such a goal"),

@@ -76,10 +76,16 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     given = list(sys.argv[1:] if argv is None else argv)
     headless.hush_unmade_viewers()
-    hush_announcements()
     arguments = build_parser(next((word for word in given if not word.startswith("-")), None)).parse_args(given)
+    from tiago_mj import mujoco_log
+
     try:
-        status: int = arguments.run(arguments)
+        with mujoco_log.counted() as warned:
+            try:
+                status: int = arguments.run(arguments)
+            finally:
+                for sentence in mujoco_log.sentences(warned):
+                    print(f"tiago-mj {arguments.command}: {sentence}", file=sys.stderr)
         return status
     except KeyboardInterrupt:
         return 130
@@ -95,15 +101,6 @@ def _foreseen() -> tuple[type[BaseException], ...]:
     from gymnasium.error import DependencyNotInstalled
 
     return (ValueError, OSError, ModuleNotFoundError, DependencyNotInstalled)
-
-
-def hush_announcements() -> None:
-    """Keep gymnasium-robotics from announcing, at import, changes of environments that are not ours."""
-    try:
-        from farama_notifications import notifications  # type: ignore[import-untyped]
-    except ModuleNotFoundError:
-        return
-    notifications.pop("gymnasium_robotics", None)
 
 
 if __name__ == "__main__":

@@ -7,6 +7,7 @@ of each. A folder that cannot be used keeps no other from its diagnosis.
 from __future__ import annotations
 
 import argparse
+import importlib.util
 import io
 import json
 from collections import Counter
@@ -17,6 +18,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from tiago_mj import atomic, cli, scale
+from tiago_mj.progress import told
 
 #: Written into ``--out``: what came of every folder.
 SUMMARY: Final = "diagnoses.json"
@@ -70,6 +72,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--threads", type=int, metavar="N", help="of each diagnosis; 0: all processors (0 where --jobs is 1, else 1)"
     )
     scale.add_arguments(parser)
+    parser.set_defaults(jobs=None)
     parser.add_argument("--json", action="store_true", help=f"print {SUMMARY} instead of the table")
 
 
@@ -87,9 +90,10 @@ def run(arguments: argparse.Namespace) -> int:
     for name in ("seed", "jobs", "threads"):
         if (getattr(arguments, name) or 0) < 0:
             raise ValueError(f"--{name} is {getattr(arguments, name)}: give 0 or more")
+    jobs = _jobs(len(arguments.folders)) if arguments.jobs is None else arguments.jobs
     threads = arguments.threads
     if threads is None:
-        threads = 0 if arguments.jobs == 1 and arguments.backend == "local" else 1
+        threads = 0 if jobs == 1 and arguments.backend == "local" else 1
     options = ["--json", "--seed", str(arguments.seed), "--jobs", str(threads)]
     for name in ("model", "map"):
         if getattr(arguments, name) is not None:
@@ -102,7 +106,10 @@ def run(arguments: argparse.Namespace) -> int:
         out = str((arguments.out / name).resolve())
         words = ("diagnose", str(folder.resolve()), "--out", out, *options)
         tasks.append(Task(words, out, tuple(EFFECTS)))
-    outcomes = scale.run_all(diagnose, tasks, jobs=arguments.jobs, backend=arguments.backend)
+    with told("diagnose-all", "diagnosing folders", len(tasks), quiet=arguments.json) as progress:
+        outcomes = scale.run_all(
+            diagnose, tasks, jobs=jobs, backend=arguments.backend, done=lambda task: progress.advance()
+        )
     found = {name: asdict(one) for name, one in zip(names(arguments.folders), outcomes, strict=True)}
     text = json.dumps(found, indent=1, ensure_ascii=False) + "\n"
     atomic.write_text(arguments.out / SUMMARY, text)
@@ -111,6 +118,15 @@ def run(arguments: argparse.Namespace) -> int:
     else:
         print(table(found))
     return next((status for status in (1, 2) if any(one.status == status for one in outcomes)), 0)
+
+
+def _jobs(folders: int) -> int:
+    """Processes where nobody says how many: one a processor, where there is more than one folder, joblib is installed,
+    and no effect is declared in the user's own program, which other processes do not run."""
+    from tiago_mj.gap.effects import EFFECTS
+
+    own = any(not declared.__module__.startswith("tiago_mj.") for declared in EFFECTS.values())
+    return 1 if folders < 2 or own or importlib.util.find_spec("joblib") is None else 0
 
 
 def names(folders: Sequence[Path]) -> list[str]:

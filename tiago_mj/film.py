@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tiago_mj import atomic
+from tiago_mj.progress import Progress
 
 Frame = NDArray[np.uint8]
 
@@ -41,6 +42,7 @@ class Film:
         caption: text for a frame, or None; called when a frame is taken.
 
     Attributes:
+        env: that is filmed.
         frames: each (height, width, 3).
         times: when each was taken, from the start of its episode [s].
         fps: at which they play.
@@ -49,7 +51,7 @@ class Film:
 
     def __init__(self, env: gymnasium.Env[Any, Any], caption: Callable[[float], str] | None = None) -> None:
         core: Any = env.unwrapped
-        self._env, self._dt, self._caption = env, float(core.dt), caption
+        self.env, self._dt, self._caption = env, float(core.dt), caption
         self.slow_motion = SLOW_MOTION if 1 / self._dt >= SLOW_MOTION * FPS else 1
         self._every = max(1, round(1 / (self._dt * FPS * self.slow_motion)))
         self.fps = 1 / (self._dt * self._every * self.slow_motion)
@@ -59,9 +61,13 @@ class Film:
     def __call__(self, step: int) -> None:
         """Take a frame if one is due after control step ``step`` (0 is the reset)."""
         if step % self._every == 0:
-            frame = np.asarray(self._env.render(), dtype=np.uint8)
+            frame = np.asarray(self.env.render(), dtype=np.uint8)
             self.times.append(step * self._dt)
             self.frames.append(frame if self._caption is None else captioned(frame, self._caption(self.times[-1])))
+
+    def due(self, steps: int) -> int:
+        """Frames of an episode of so many control steps."""
+        return steps // self._every + 1
 
     def write(self, path: Path) -> None:
         """Write what was filmed, whole; a png holds :data:`STRIP_FRAMES` frames of the first episode."""
@@ -79,6 +85,28 @@ class Film:
     def _first_episode(self) -> int:
         restarts = [i for i, time in enumerate(self.times) if i and time == 0.0]
         return restarts[0] if restarts else len(self.times)
+
+
+class Shoot:
+    """Films episodes, and tells how far it is.
+
+    Args:
+        film: takes the frames.
+        progress: is told.
+        episodes: how many will be filmed, of the environment's time limit.
+    """
+
+    def __init__(self, film: Film, progress: Progress, episodes: int) -> None:
+        spec = film.env.spec
+        limit = None if spec is None else spec.max_episode_steps
+        self._film, self._progress, self._episodes, self._played = film, progress, episodes, 0
+        progress.stage("drawing frames", None if limit is None else episodes * film.due(limit))
+
+    def __call__(self, step: int) -> None:
+        """As :class:`Film`."""
+        self._film(step)
+        self._played += step == 0
+        self._progress.at(len(self._film.frames), f"episode {self._played} of {self._episodes}")
 
 
 def strip_indices(count: int, wanted: int = STRIP_FRAMES) -> list[int]:

@@ -6,15 +6,43 @@ import ctypes
 import os
 import sys
 from collections.abc import Mapping, MutableMapping
+from types import MappingProxyType
+from typing import Final
+
+#: Libraries of which one must be there, on Linux, for a value of ``MUJOCO_GL``; and what brings them.
+LIBRARIES: Final[Mapping[str, tuple[tuple[str, ...], str]]] = MappingProxyType(
+    {
+        "egl": (("libEGL.so.1",), "Debian: libegl1 libegl-mesa0 libgl1-mesa-dri"),
+        "osmesa": (("libOSMesa.so", "libOSMesa.so.8", "libOSMesa.so.6"), "Debian: libosmesa6"),
+    }
+)
+#: Other values that ``mujoco`` knows on Linux; those that mean no OpenGL come last.
+OTHERS: Final = ("", "glfw", "glx", "enable", "enabled", "on", "true", "1", "disable", "disabled", "off", "false", "0")
+#: What was wrong with ``MUJOCO_GL``; said when something is to be rendered.
+complaints: list[str] = []
 
 
 def choose_gl(environment: MutableMapping[str, str] = os.environ, platform: str = sys.platform) -> None:
-    """Set ``MUJOCO_GL=egl`` on Linux without a display, where the variable is unset and an EGL library is there.
+    """Settle ``MUJOCO_GL`` on Linux, so that ``mujoco`` can be imported and, if at all possible, renders.
 
-    Without the library the variable stays unset: ``mujoco`` then imports, and rendering says what to install.
+    Unset without a display it becomes ``egl``, where an EGL library is there. Where it names what is not there, with
+    which ``mujoco`` could not even be imported, it becomes ``disabled``: rendering then says what to install, and
+    everything else works.
     """
-    if "MUJOCO_GL" not in environment and without_display(environment, platform) and _has_egl():
-        environment["MUJOCO_GL"] = "egl"
+    if not platform.startswith("linux") or "mujoco" in sys.modules:
+        return
+    if "MUJOCO_GL" not in environment:
+        if without_display(environment, platform) and _loads("egl"):
+            environment["MUJOCO_GL"] = "egl"
+        return
+    given = environment["MUJOCO_GL"].lower().strip()
+    if given in OTHERS or (given in LIBRARIES and _loads(given)):
+        return
+    if given in LIBRARIES:
+        complaints.append(f"MUJOCO_GL={given} is set, but its library is not installed ({LIBRARIES[given][1]})")
+    else:
+        complaints.append(f"MUJOCO_GL={given} is set, which MuJoCo does not know")
+    environment["MUJOCO_GL"] = "disabled"
 
 
 def without_display(environment: Mapping[str, str] = os.environ, platform: str = sys.platform) -> bool:
@@ -36,9 +64,11 @@ def hush_unmade_viewers() -> None:
     sys.unraisablehook = hook
 
 
-def _has_egl() -> bool:
-    try:
-        ctypes.CDLL("libEGL.so.1")
-    except OSError:
-        return False
-    return True
+def _loads(backend: str) -> bool:
+    for name in LIBRARIES[backend][0]:
+        try:
+            ctypes.CDLL(name)
+        except OSError:
+            continue
+        return True
+    return False

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import difflib
+import inspect
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from importlib import import_module
 from typing import Any, Final
@@ -12,6 +14,8 @@ import gymnasium
 from tiago_mj.models import names
 
 NAMESPACE: Final = "tiago_mj"
+#: What ``gymnasium.make`` and ``make_vec`` take as well.
+FURTHER: Final = frozenset({"max_episode_steps", "num_envs", "autoreset_mode", "threads", "episode_statistics"})
 
 
 @dataclass(frozen=True)
@@ -60,9 +64,15 @@ ENVIRONMENTS: Final[Mapping[str, Registered]] = {
 
 
 def make_scalar(*, task: str, relative: int | None, **arguments: Any) -> gymnasium.Env[Any, Any]:
-    """Build one environment of the table: the goal environment, or its flat view."""
+    """Build one environment of the table: the goal environment, or its flat view.
+
+    Raises:
+        ValueError: an argument is unusable, or there is none of that name; one line.
+    """
     module, name = task.split(":")
-    core: Any = getattr(import_module(module), name)(**arguments)
+    kind = getattr(import_module(module), name)
+    check_names(kind, arguments)
+    core: Any = kind(**arguments)
     if relative is None:
         return core
     from tiago_mj.envs.flat import FlatView
@@ -70,6 +80,23 @@ def make_scalar(*, task: str, relative: int | None, **arguments: Any) -> gymnasi
     # What is observed decides what there is to take relative to the goal.
     observed = 0 if arguments.get("force_type") == "none" else relative
     return FlatView(core, observed)
+
+
+def check_names(kind: type, arguments: Iterable[str]) -> None:
+    """Refuse an argument that no environment of a class takes; its bases take what it hands on.
+
+    Raises:
+        ValueError: says the name that is nearest.
+    """
+    known: set[str] = set()
+    for base in kind.__mro__:
+        if "__init__" in vars(base) and base.__module__.startswith(f"{__package__}."):
+            known |= set(inspect.signature(base.__init__).parameters) - {"self", "kwargs"}  # type: ignore[misc]
+    for name in arguments:
+        if name not in known:
+            near = difflib.get_close_matches(name, sorted(known | FURTHER), n=1, cutoff=0.5)
+            hint = f"did you mean {near[0]!r}?" if near else f"there are {', '.join(sorted(known))}"
+            raise ValueError(f"{kind.__name__} has no argument {name!r}: {hint}")
 
 
 def make_vector(
@@ -80,7 +107,7 @@ def make_vector(
     max_episode_steps: int | None = None,
     autoreset_mode: Any = "NextStep",
     threads: int = 0,
-    episode_statistics: bool = True,
+    episode_statistics: bool = False,
     **arguments: Any,
 ) -> gymnasium.vector.VectorEnv[Any, Any, Any]:
     """Build many environments of the table in one; see :class:`tiago_mj.vector.env.VectorRobotEnv`."""

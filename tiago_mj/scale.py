@@ -50,7 +50,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run_all(
-    function: Callable[[Task], Result], tasks: Sequence[Task], *, jobs: int = 1, backend: str = "local"
+    function: Callable[[Task], Result],
+    tasks: Sequence[Task],
+    *,
+    jobs: int = 1,
+    backend: str = "local",
+    done: Callable[[Task], None] | None = None,
 ) -> list[Result]:
     """The results of all tasks, in the tasks' order, each once.
 
@@ -60,6 +65,7 @@ def run_all(
         tasks: what it is called with, one at a time.
         jobs: processes; 0: one a processor of the machine or of the cluster.
         backend: ``"local"``, where one process is this one, or ``"ray"``.
+        done: called in this process with each task that is done, in the tasks' order; on a cluster when all are.
 
     Raises:
         ValueError: jobs or backend is unusable.
@@ -72,11 +78,16 @@ def run_all(
     if jobs < 0:
         raise ValueError(f"--jobs is {jobs}: give 0 or more")
     if backend == "local" and (jobs == 1 or len(tasks) < 2):
-        return [function(task) for task in tasks]
+        results = []
+        for task in tasks:
+            results.append(function(task))
+            if done is not None:
+                done(task)
+        return results
     joblib = extra.load("joblib", PURPOSE, "scale")
     if backend == "local":
         with joblib.parallel_config(backend="loky"):
-            return _parallel(joblib, function, tasks, jobs, BrokenExecutor)
+            return _parallel(joblib, function, tasks, jobs, BrokenExecutor, done, return_as="generator")
     ray = extra.load("ray", PURPOSE, "scale")
     with redirect_stdout(sys.stderr), _connected(ray):  # Ray would tell of lost processes between the results
         processors = int(ray.cluster_resources().get("CPU", 0))
@@ -85,16 +96,27 @@ def run_all(
         extra.load("ray.util.joblib", PURPOSE, "scale").register_ray()
         logging.getLogger("ray.util.multiprocessing.pool").setLevel(logging.ERROR)  # warns of joblib's own arguments
         with joblib.parallel_config(backend="ray", ray_remote_args=dict(ACTORS)):
-            return _parallel(joblib, function, tasks, jobs or processors, ray.exceptions.RayError)
+            return _parallel(joblib, function, tasks, jobs or processors, ray.exceptions.RayError, done)
 
 
 def _parallel(
-    joblib: Any, function: Callable[[Task], Result], tasks: Sequence[Task], jobs: int, lost: type[Exception]
+    joblib: Any,
+    function: Callable[[Task], Result],
+    tasks: Sequence[Task],
+    jobs: int,
+    lost: type[Exception],
+    done: Callable[[Task], None] | None,
+    **options: Any,
 ) -> list[Result]:
     """One task a dispatch: tasks last seconds, and a lost process shall cost no more than one."""
     call = joblib.delayed(_Call(function))
     try:
-        results: list[Result] = joblib.Parallel(n_jobs=jobs or -1, batch_size=1)(call(task) for task in tasks)
+        results: list[Result] = []
+        found = joblib.Parallel(n_jobs=jobs or -1, batch_size=1, **options)(call(task) for task in tasks)
+        for task, result in zip(tasks, found, strict=True):
+            results.append(result)
+            if done is not None:
+                done(task)
     except lost as fault:
         reason = " ".join(str(fault).split())[:300]
         raise OSError(f"a process ended in the middle of its task (too little memory?): {reason}") from fault
@@ -115,10 +137,9 @@ class _Call:
 
 
 def _recalled(pickled: bytes) -> _Call:
-    from tiago_mj import cli, headless
+    from tiago_mj import headless
 
     headless.hush_unmade_viewers()
-    cli.hush_announcements()
     return _Call(pickle.loads(pickled))
 
 

@@ -212,7 +212,7 @@ def test_what_the_method_had_not_seen_says_how_little_a_second_effect_counts() -
         ranking[0]["effects"].append({"name": RIVAL, "target": "all"})
         return made("two" if len(true) > 1 else "one", list(true), ranking)
 
-    seen = honest(200, 2.0)
+    seen = honest(80, 2.0)
     left_over, pairs = [case(30.0, TRUE)] * 10, [case(300.0, TRUE, RIVAL)] * 10
     assert calibrate.fit(seen, unseen=pairs).further == 1.0
     told = calibrate.fit(seen, unseen=left_over + pairs)

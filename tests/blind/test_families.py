@@ -53,6 +53,7 @@ def test_of_a_pair_the_form_of_one_effect_is_found_although_another_effect_comes
     assert found.kind == "effect"
 
 
+@pytest.mark.slow
 def test_a_ripple_is_found_of_a_joint_that_never_rests_and_moves_by_periods_from_row_to_row(tmp_path: Path) -> None:
     ripple = EffectChoice("motor_cogging", "all", {"amplitude": 0.06, "period": 0.17})
     case = replace(PLAIN, seed=4246, effects=(ripple,), rate=25.0, seconds=6.0)

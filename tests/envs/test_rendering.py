@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 import tiago_mj  # noqa: F401
+from tiago_mj import headless
+from tiago_mj.envs import checks
 
 
 def render_in_a_process(mode, **environment):
@@ -58,9 +60,24 @@ def test_without_a_display_egl_is_chosen():
 @pytest.mark.skipif(sys.platform != "linux", reason="about Linux without a display")
 @pytest.mark.parametrize(
     ("mode", "environment", "says"),
-    [("rgb_array", {"MUJOCO_GL": "glfw"}, "MUJOCO_GL=egl"), ("human", {}, "render_mode='rgb_array'")],
+    [
+        ("rgb_array", {"MUJOCO_GL": "glfw"}, "MUJOCO_GL=egl"),
+        ("rgb_array", {"MUJOCO_GL": "vulkan"}, "MUJOCO_GL=vulkan is set, which MuJoCo does not know"),
+        ("human", {}, "render_mode='rgb_array'"),
+    ],
 )
 def test_where_nothing_can_be_rendered_the_error_says_what_to_set(mode, environment, says):
     done = render_in_a_process(mode, **environment)
     assert done.returncode == 1  # an exception, not an aborted process
-    assert says in done.stderr.splitlines()[-1]
+    assert any(says in line and "DependencyNotInstalled" in line for line in done.stderr.splitlines())
+
+
+def test_a_backend_that_is_not_installed_is_said_when_something_is_rendered(monkeypatch):
+    monkeypatch.delitem(sys.modules, "mujoco")
+    monkeypatch.setattr(headless, "complaints", [])
+    monkeypatch.setattr(headless, "LIBRARIES", {"osmesa": (("libOfNobody.so",), "Debian: libosmesa6")})
+    environment = {"MUJOCO_GL": "osmesa"}
+    headless.choose_gl(environment, "linux")
+    assert environment == {"MUJOCO_GL": "disabled"}  # with "osmesa" mujoco could not be imported
+    said = checks.cause_of(RuntimeError("None has no attribute\nglGetError"))
+    assert said == "MUJOCO_GL=osmesa is set, but its library is not installed (Debian: libosmesa6)"

@@ -1,6 +1,8 @@
 """``tiago-mj evaluate``: what it plays, prints and writes, and one line for what it cannot use."""
 
 import json
+import re
+from pathlib import Path
 
 import imageio.v3 as iio
 import numpy as np
@@ -100,7 +102,7 @@ def test_two_controllers_of_one_name_are_told_apart():
         (("--env", "GripperTactile-v0", "--policy", "pi", "--film"), "add --out"),
         (("--env", "GripperTactile-v0", "--policy", "pi", "--env-option", "servo"), "no key=value"),
         (("--env", "GripperTactile-v0", "--policy", "pi", "--env-option", "servo=fast"), "servo 'fast' is unknown"),
-        (("--env", "GripperTactile-v0", "--policy", "pi", "--env-option", "sevro=ideal"), "does not take this"),
+        (("--env", "GripperTactile-v0", "--policy", "pi", "--env-option", "sevro=ideal"), "did you mean 'servo'"),
         (("--env", "GripperTactileSteady-v0", "--policy", "pi", "--env-option", 'weights={"x": 1}'), "no term"),
         (("--env", "GripperClose-v0", "--policy", "pi"), "holds a force"),
         (("--env", "GripperClose-v0", "--policy", "pi-tuned"), "holds a force"),
@@ -115,3 +117,25 @@ def test_two_controllers_of_one_name_are_told_apart():
 )
 def test_bad_input_gets_one_line_that_says_what_to_do(words, said, capsys):
     assert said in complaint(capsys, *words)
+
+
+README = Path(__file__).parents[2] / "README.md"
+#: Options, and the three figures of a line, of the README's table.
+LINES = re.findall(
+    r"^\| (none|`--env-option.*?`).* \| (\S+) \| (\S+) \| (\S+) \|$",
+    README.read_text(encoding="utf-8").partition("<!-- figures: evaluate -->")[2].partition("\n\n")[0],
+    re.MULTILINE,
+)
+
+
+@pytest.mark.parametrize("line", LINES, ids=lambda line: line[0])
+def test_the_readmes_figures_are_those_that_its_command_prints(line, capsys):
+    assert len(LINES) == 3
+    words = ["evaluate", "--env", "GripperTactile-v0", "--policy", "pi", "--policy", "pi-tuned", "--bound"]
+    options = [] if line[0] == "none" else line[0].strip("`").split()
+    assert cli.main([*words, *options, "--episodes", "2", "--json"]) == 0  # episodes differ by 0.1
+    data = json.loads(capsys.readouterr().out)
+    measured = [one["summary"]["reward"]["mean"] for one in data["controllers"]]
+    measured.append(-np.mean([bound["expected"] for bound in data["bounds"]]))
+    said = [float(figure.replace("−", "-")) for figure in line[1:]]
+    assert measured == pytest.approx(said, abs=0.35)

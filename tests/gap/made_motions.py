@@ -11,6 +11,7 @@ from collections.abc import Callable
 import mujoco
 import numpy as np
 
+from tiago_mj.gap.effects import Entry
 from tiago_mj.gap.inverse import diagnose_inverse
 from tiago_mj.gap.recording import Sidecar, Trial
 from tiago_mj.gap.result import Diagnosis, Explanation, Value
@@ -117,8 +118,8 @@ def trial(time: np.ndarray, positions: dict[str, np.ndarray], efforts: dict[str,
     return Trial("trial", time, {}, positions, {}, efforts, {}, Sidecar(trial="trial", rate_hz=RATE), "trial.csv")
 
 
-def diagnosed(recorded: Trial, model: mujoco.MjModel, seed: int = 0) -> Diagnosis:
-    return diagnose_inverse((recorded,), model, tuple(recorded.efforts), robot="r", seed=seed, version="0")
+def diagnosed(recorded: Trial, model: mujoco.MjModel, seed: int = 0, given: tuple[Entry, ...] = ()) -> Diagnosis:
+    return diagnose_inverse((recorded,), model, tuple(recorded.efforts), robot="r", seed=seed, version="0", given=given)
 
 
 def named(explanation: Explanation) -> set[str]:

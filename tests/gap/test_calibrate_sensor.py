@@ -89,6 +89,52 @@ def test_the_calibrated_simulator_predicts_the_grasps_it_was_made_from(grasps, t
         assert apart.std() < 2 * np.sqrt(2) * MINE.noise[k]
 
 
+def rubbing(force, episodes=3, without=()):
+    """Grasps by fingers with dry friction, which the model lacks."""
+    friction = {"coulomb_friction": {"force": force}}
+    plan = Plan("tiago_mj/GripperTactile-v0", {"sensing": MINE}, friction, None, "pi")
+    trials = record(plan, lambda env: make_policy("pi", env, seed=0, trust=False), episodes=episodes, seed=0)
+    sidecars = {"sensing": {"contact_unit": MINE.contact_unit}, "raw": {}}
+    return [replace(t, sidecar=replace(t.sidecar, **sidecars), **{kind: {} for kind in without}) for t in trials]
+
+
+@pytest.mark.parametrize("without", [(), ("efforts", "velocities")], ids=str)
+def test_friction_that_the_model_lacks_widens_the_scale_to_what_holds_the_truth(without):
+    found = calibrate(rubbing(0.5, without=without), threads=1)
+    for scale, truth in zip(found.scales, MINE.scale, strict=True):
+        low, high = (v * found.contact_unit for v in scale.interval)
+        assert low < truth < high
+        assert high / low < 1.5
+        assert scale.lost[0] == pytest.approx(0.5, rel=0.1)
+    (note,) = found.notes
+    assert "friction" in note
+    assert "--effects" in note
+
+
+def test_friction_of_half_the_grasp_leaves_no_scale_unless_it_is_given(tmp_path, capsys):
+    for trial in rubbing(3.5):
+        write_trial(trial, tmp_path / "grasps")
+    sheet = calibrated(tmp_path / "grasps", tmp_path / "sensor.yaml")
+    assert "scale" not in sheet
+    (note,) = [line for line in capsys.readouterr().out.splitlines() if line.startswith("note")]
+    assert "no scale" in note
+    assert "--effects calibration.yaml" in note
+    known = ["--effects", json.dumps({"coulomb_friction": {"force": 3.5}, "force_gain": {}})]
+    sheet = calibrated(tmp_path / "grasps", tmp_path / "sensor.yaml", *known)
+    for side, truth in zip(("right", "left"), MINE.scale, strict=True):
+        assert sheet["sensors"][side]["scale"]["low"] < truth < sheet["sensors"][side]["scale"]["high"]
+        assert sheet["sensors"][side]["scale"]["value"] == pytest.approx(truth, rel=0.01)
+    assert "force_gain of --effects: left out" in capsys.readouterr().out
+
+
+def test_cells_that_read_more_on_the_way_back_have_a_wide_scale():
+    plan = Plan("tiago_mj/GripperTactile-v0", {"sensing": MINE}, {"force_hysteresis": {}}, None, "pi")
+    trials = list(record(plan, lambda env: make_policy("pi", env, seed=0, trust=False), episodes=3, seed=0))
+    found = calibrate(trials, threads=1)
+    assert all(scale.turned > 0.02 for scale in found.scales)
+    assert any("has fallen against where it has risen" in note for note in found.notes)
+
+
 def test_a_rarer_false_contact_needs_a_higher_threshold(grasps):
     trials = read_recordings([grasps]).trials
     often, rarely = (calibrate(trials, false_contacts=p, threads=1).rests[0] for p in (1.35e-3, FALSE_CONTACTS))

@@ -109,6 +109,7 @@ def test_without_a_gap_nothing_is_named(tmp_path):
     assert found.shrink.closed is None
 
 
+@pytest.mark.slow
 def test_a_grasp_that_goes_another_way_is_set_aside_and_said(tmp_path):
     """One of five has its object 8 mm farther off than it is said to be, which no nominal number makes up for."""
     effects = {"coulomb_friction": {"force": 2.5}}
@@ -122,6 +123,7 @@ def test_a_grasp_that_goes_another_way_is_set_aside_and_said(tmp_path):
     assert any("odd" in note and "another way" in note for note in found.notes)
 
 
+@pytest.mark.slow
 def test_a_pair_is_named_though_neither_of_it_is_the_best_single(tmp_path):
     """A dead band alone explains friction and delay better than either: what finds the pair is the sum of changes."""
     trials = record(tmp_path, {"coulomb_friction": {"force": 3.0}, "command_delay": {"seconds": 0.03}}, episodes=4)
@@ -133,6 +135,7 @@ def test_a_pair_is_named_though_neither_of_it_is_the_best_single(tmp_path):
     assert found.shrink.closed > 0.95
 
 
+@pytest.mark.slow
 def test_each_finger_may_have_an_effect_of_its_own(tmp_path):
     effects = [
         {"name": "coulomb_friction", "target": ["gripper_right_finger_joint"], "parameters": {"force": 3.0}},
@@ -143,6 +146,7 @@ def test_each_finger_may_have_an_effect_of_its_own(tmp_path):
     assert {(e.name, e.target) for e in found.best.effects} == {(e["name"], e["target"][0]) for e in effects}
 
 
+@pytest.mark.slow
 def test_the_repaired_simulator_predicts_the_return_that_was_measured(tmp_path):
     """A servo of a third of the stiffness presses less: the nominal simulator promises a better return."""
     trials = record(tmp_path, {"command_lag": {"time_constant": 0.2}}, episodes=4)
@@ -159,6 +163,7 @@ def test_an_effect_on_one_finger_is_named_there(tmp_path):
     assert (named.name, named.target) == ("coulomb_friction", "gripper_left_finger_joint")
 
 
+@pytest.mark.slow
 def test_an_effect_that_the_library_lacks_is_not_given_a_name_with_confidence(tmp_path):
     """Leave one out: neither the true effect nor anything of its class is among the candidates."""
     found = diagnose(record(tmp_path, {"pad_creep": {"fraction": 0.4}}), names=("force_gain", "backlash"), threads=1)

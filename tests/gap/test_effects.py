@@ -380,6 +380,37 @@ def test_what_cannot_be_used_is_refused_in_one_clear_line(case):
     assert "\n" not in str(caught.value)
 
 
+SLIPS = {
+    "millimetres for metres": ({"backlash": {"width": 0.5}}, "is 0.5 m, where 1 mm is typical and 60 mm the most"),
+    "and in any unit": ({"backlash": {"width": 5}}, r"did you mean 5 mm \(0.005\) or 5° \(0.0873\)\?"),
+    "milliseconds for seconds": ({"command_delay": {"seconds": 30}}, r"30 s, .*: did you mean 30 ms \(0.03\)\?"),
+    "grams for kilograms": ({"payload": {"mass": 500}}, r"did you mean 500 g \(0.5\)\?"),
+    "beyond all robots": ({"coulomb_friction": {"force": 1e6}}, r"1e\+06 N or 1e\+06 N·m, where 3 N or 3 N·m is"),
+}
+
+
+@pytest.mark.parametrize("case", SLIPS)
+def test_a_magnitude_that_cannot_be_meant_is_refused_with_the_likely_slip(case):
+    effects, says = SLIPS[case]
+    with pytest.raises(ValueError, match=says) as caught:
+        gymnasium.make("tiago_mj/GripperTactile-v0", effects=effects)
+    assert "\n" not in str(caught.value)
+
+
+LARGE = {
+    "coulomb_friction": {"force": 15},
+    "armature": {"mass": 3},
+    "payload": {"mass": 5},
+    "force_bias": {"offset": 50},
+}
+
+
+def test_what_large_robots_have_and_what_a_diagnosis_found_is_taken():
+    assert len(read_effects(LARGE)) == len(LARGE)
+    fitted = {"name": "coulomb_friction", "parameters": {"force": {"value": 900, "low": 880, "high": 920}}}
+    assert read_effects([fitted])[0].parameters == {"force": 900}
+
+
 def test_a_file_that_is_no_yaml_is_refused_in_one_clear_line(tmp_path):
     path = tmp_path / "calibration.yaml"
     path.write_text("effects: [a: b: c\n\t")

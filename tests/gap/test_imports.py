@@ -181,7 +181,8 @@ def write_run(folder, **changes):
         **{"goal_position": 0.1, "torque_enable": True},
     }
     entries = [{**entry, "timestamp": 0.005 * k, "position": 0.001 * k} for k in range(40)]
-    facts = {"mass": 0.49, "length": 0.1, "kp": 100, "vin": 7.4, "trajectory": "test", "entries": entries, **changes}
+    facts = {"mass": 0.49, "length": 0.1, "kp": 100, "vin": 7.4, "motor": "xl330"}
+    facts |= {"trajectory": "test", "entries": entries, **changes}
     path = folder / "run.json"
     path.write_text(json.dumps(facts))
     return path
@@ -191,6 +192,12 @@ def test_the_pwms_sign_is_that_of_16_bits(tmp_path):
     run = xl330.read_run(write_run(tmp_path))
     assert (run.pwm == -1).all()
     assert (run.torque < 0).all()
+
+
+def test_a_file_of_another_motor_is_refused_by_its_name(tmp_path):
+    for motor, said in (("mx106", "of the motor 'mx106'"), (None, "does not say which motor")):
+        with pytest.raises(RecordingError, match=said):
+            xl330.read_run(write_run(tmp_path, motor=motor))
 
 
 def test_files_of_another_format_are_refused(tmp_path):

@@ -74,6 +74,7 @@ def test_masses_off_by_three_percent_are_no_gap() -> None:
     assert diagnosed(record(model, ("swing",), spread=1.2), pendulum()).kind == "no_gap"
 
 
+@pytest.mark.slow
 def test_a_mass_in_the_gripper_is_a_payload_of_its_weight() -> None:
     model = robot()
     model.body_mass[model.body("gripper_link").id] += 1.0
@@ -141,6 +142,7 @@ def test_a_cable_that_tugs_is_unknown_and_what_remains_is_placed() -> None:
     assert {place.channel for place in found.remains_where} == {"effort.swing"}
 
 
+@pytest.mark.slow
 def test_a_cable_at_one_joint_of_an_arm_is_placed_there() -> None:
     def cable(data: mujoco.MjData, time: float) -> np.ndarray:
         return np.array([-6.0 * np.sin(2.5 * data.qpos[1]), 0, 0, 0])
@@ -160,6 +162,7 @@ def test_what_a_log_without_commands_cannot_show_is_listed(rubbed: Diagnosis) ->
 # Wrong recordings answer differently ----------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_flipped_sign_is_said_and_shakes_the_verdict(rubbing: Trial) -> None:
     flipped = {name: -v if name == "arm_2_joint" else v for name, v in rubbing.efforts.items()}
     found = diagnosed(replace(rubbing, efforts=flipped), robot())
@@ -167,6 +170,7 @@ def test_a_flipped_sign_is_said_and_shakes_the_verdict(rubbing: Trial) -> None:
     assert not (found.kind == "effect" and named(found.best) == {"coulomb_friction", "viscous_friction"})
 
 
+@pytest.mark.slow
 def test_efforts_of_other_joints_or_of_other_times_give_no_friction(rubbing: Trial) -> None:
     names = list(rubbing.efforts)
     swapped = dict(zip(names, [rubbing.efforts[n] for n in (*names[1:], names[0])], strict=True))

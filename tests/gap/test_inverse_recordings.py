@@ -4,21 +4,30 @@ import json
 from collections.abc import Callable
 from dataclasses import replace
 
+import mujoco
 import numpy as np
 import pytest
 from made_motions import ARM, diagnosed, named, pendulum, record, robot, trial
 
 from tiago_mj.gap.inverse import diagnose_inverse
+from tiago_mj.gap.inverse.channels import Usable, choose
 from tiago_mj.gap.recording import RecordingError, Trial
 from tiago_mj.gap.report import json as report
 
 
 def test_a_dead_effort_channel_is_left_out_and_named() -> None:
-    recorded = record(robot(), ARM, spread=0.9, seconds=30)
+    recorded = record(robot(), ARM[2:], spread=0.9, seconds=30)
     dead = dict(recorded.efforts) | {"arm_4_joint": np.zeros_like(recorded.time)}
     found = diagnosed(replace(recorded, efforts=dead), robot())
     assert ("dead_channel", "effort.arm_4_joint") in {(f.code, f.channel) for f in found.findings}
     assert "effort.arm_4_joint" not in {place.channel for place in found.where}
+
+
+def test_an_effort_of_the_wrong_sign_is_found_where_it_is() -> None:
+    recorded = record(robot(), ARM, spread=0.9, seconds=15)
+    flipped = dict(recorded.efforts) | {"arm_2_joint": -recorded.efforts["arm_2_joint"]}
+    found = choose([replace(recorded, efforts=flipped)], robot(), ARM, ())
+    assert {f.channel for f in found.findings if f.code == "sign"} == {"effort.arm_2_joint"}
 
 
 def test_an_effort_in_another_unit_is_left_out_and_named() -> None:
@@ -71,3 +80,48 @@ def test_a_joint_that_the_model_lacks_is_named() -> None:
     recorded = record(pendulum(), ("swing",), seconds=10)
     with pytest.raises(ValueError, match="no joint 'elbow'"):
         diagnose_inverse((recorded,), pendulum(), ("elbow",), robot="r", seed=0, version="0")
+
+
+WRIST = """
+<mujoco>
+  <option timestep="0.002" integrator="implicitfast"/>
+  <worldbody>
+    <body name="arm">
+      <joint name="shoulder" axis="0 1 0"/>
+      <geom type="capsule" fromto="0 0 0 0.5 0 0" size="0.04" mass="8"/>
+      <body name="hand" pos="0.5 0 0">
+        <joint name="wrist" axis="1 0 0"/>
+        <geom type="box" size="0.02 0.02 0.02" mass="0.2"/>
+      </body>
+    </body>
+  </worldbody>
+  <actuator><motor name="shoulder" joint="shoulder"/><motor name="wrist" joint="wrist"/></actuator>
+</mujoco>
+"""
+
+
+def test_a_wrist_whose_effort_is_all_friction_is_in_the_right_unit() -> None:
+    """The frictionless model needs 1e-4 N·m there; what the shoulder carries shows that these are newton-metres."""
+    recorded = record(mujoco.MjModel.from_xml_string(WRIST), ("shoulder", "wrist"), spread=0.9, seconds=15)
+    rubs = 3.0 * np.sign(np.gradient(recorded.positions["wrist"]))
+    model = mujoco.MjModel.from_xml_string(WRIST)
+
+    def chosen(wrist: np.ndarray) -> Usable:
+        return choose(
+            [replace(recorded, efforts={**recorded.efforts, "wrist": wrist})], model, ("shoulder", "wrist"), ()
+        )
+
+    assert chosen(recorded.efforts["wrist"] + rubs).course.channels == ("shoulder", "wrist")
+    ticks = chosen(1000 * (recorded.efforts["wrist"] + rubs))
+    assert ticks.course.channels == ("shoulder",)
+    assert {(f.code, f.channel) for f in ticks.findings} == {("unit_scale", "effort.wrist")}
+
+
+def test_efforts_under_each_others_names_are_found_and_left_out() -> None:
+    recorded = record(robot(), ARM, spread=0.9, seconds=15)
+    one, other = ARM[1:3]
+    swapped = {**recorded.efforts, one: recorded.efforts[other], other: recorded.efforts[one]}
+    found = choose([replace(recorded, efforts=swapped)], robot(), ARM, ())
+    assert {f.channel for f in found.findings if f.code == "swapped_channels"} == {f"effort.{one}", f"effort.{other}"}
+    assert set(found.course.channels) == set(ARM) - {one, other}
+    assert not choose([recorded], robot(), ARM, ()).findings

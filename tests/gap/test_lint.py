@@ -83,8 +83,9 @@ def scaled(factor):
     return lambda values, trial: values * factor
 
 
-def test_clean_recordings_of_every_environment_raise_no_alarm():
-    """20 seeds of every task under random actions, and of the tactile ones under the force controller."""
+@pytest.mark.parametrize("seeds", [3, pytest.param(SEEDS, marks=pytest.mark.slow)])
+def test_clean_recordings_of_every_environment_raise_no_alarm(seeds):
+    """Several seeds of every task under random actions, and of the tactile ones under the force controller."""
     quick = {"GripperTactile-v0": "pi", "TIAGoTactile-v0": None}
     skipped = {"GripperTactileGoal-v0", "TIAGoTactileGoal-v0", "GripperCloseGoal-v0"}  # the same simulation
     for identifier in tiago_mj.ENVIRONMENTS:
@@ -92,7 +93,7 @@ def test_clean_recordings_of_every_environment_raise_no_alarm():
             continue
         ranges = ranges_of(identifier)
         for policy in filter(None, ("random", quick.get(identifier))):
-            trials = recorded(identifier, policy, episodes=SEEDS)
+            trials = recorded(identifier, policy, episodes=seeds)
             assert found(trials, ranges) == set(), (identifier, policy)
             for trial in trials:
                 assert found([trial], ranges) == set(), (identifier, policy, trial.name)

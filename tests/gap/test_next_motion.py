@@ -79,6 +79,7 @@ def short_menu(monkeypatch):
     monkeypatch.setattr(rehearse, "items", lambda: listed)
 
 
+@pytest.mark.slow
 def test_a_dead_zone_and_hysteresis_that_closing_leaves_open_are_told_apart_by_the_proposed_motion(tmp_path):
     """The whole way: grasps that only load the cells, for which both are one; then the proposed motion."""
     squeeze, rows = read_motion(Path("squeeze_slow_25hz")), 61  # until the fingers stop
@@ -123,7 +124,7 @@ def test_the_proposal_fits_the_robots_interface_and_rate(told, short_menu):
         assert (trial.sidecar.interface, round(trial.sidecar.rate_hz)) == (control, 25)
 
 
-def test_what_is_proposed_does_not_press_too_hard_on_the_object_at_hand(told):
+def test_what_is_proposed_does_not_press_too_hard_on_the_object_at_hand(told, short_menu):
     """Into an object of 60 mm the grasps of the menu would press with all the servos have."""
     wide = proposed(squeezes("free_reversals_slow_25hz", object_width=0.06))
     for motion, width in ((told, 0.04), (wide, 0.06)):

@@ -6,20 +6,21 @@ test_ta11_story.py.
 
 import dataclasses
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from real_recordings import real
 
 from tiago_mj.cli import main
-from tiago_mj.gap import lint
+from tiago_mj.gap import lint, travel
 from tiago_mj.gap.diagnose import diagnose
 from tiago_mj.gap.effects import EFFECTS
 from tiago_mj.gap.imports import so101
 from tiago_mj.gap.read import read_recordings
 from tiago_mj.gap.recording import RecordingError, Sidecar, Trial
 from tiago_mj.gap.stated import known_to
-from tiago_mj.gap.trials import correlation_time, cut, repeatability
+from tiago_mj.gap.trials import correlation_time, cut, cut_long, repeatability, too_long
 
 #: Rhoban/bam, bam/params/xl330/m1.json: reflected inertia [kg·m²] that its authors fitted to their own runs.
 PUBLISHED_ARMATURE = 0.0018
@@ -173,12 +174,65 @@ def test_one_without_rests_is_cut_into_blocks_farther_apart_than_its_error_lasts
 def test_a_lone_long_recording_is_diagnosed_as_several_trials(tmp_path):
     model = tmp_path / "servo.xml"
     model.write_text(so101.servo("hinge"))
-    whole = recording(0.2 * np.sin(np.arange(1500) / 50 * 3))
+    size = np.where(np.arange(1500) < 1000, 0.08, 0.2)  # the last part, which is tested on, moves farther
+    whole = recording(size * np.sin(np.arange(1500) / 50 * 3))
     found = diagnose([whole], model=model, names=("coulomb_friction", "command_delay"), threads=2, budget=0.0)
     assert found.splits["test"]
     assert found.splits["train"]
     assert any("cut into" in note for note in found.notes)
+    assert any("less far" in note and "hinge" in note for note in found.notes)
     assert found.shrink.before is not None
+
+
+def test_several_long_recordings_are_cut_and_short_ones_beside_them_are_not():
+    long = [replace(recording(np.sin(np.arange(100 * 50) / 50 * (3 + k))), name=f"long{k}") for k in range(3)]
+    short = replace(recording(np.sin(np.arange(1500) / 50)), name="short")  # 30 s
+    parts = cut_long([*long, short])
+    assert not any(too_long(part) for part in parts)
+    assert [part.name for part in parts if part.name.startswith("short")] == ["short"]
+    for k in range(3):
+        own = [part for part in parts if part.name.startswith(f"long{k}")]
+        assert len(own) >= 8
+        assert sum(part.time[-1] for part in own) > 70.0
+    assert len(cut_long([short, replace(short, name="other")])) > 2  # two alone leave nothing to choose by
+
+
+def test_rows_as_well_as_seconds_decide_what_is_too_long():
+    fast = recording(np.sin(np.arange(18_000) / 1000 * 9), rate=1000.0)
+    parts = cut_long([fast] * 3)
+    assert len(parts) > 3
+    assert all(len(part.time) <= 15_000 for part in parts)
+
+
+def test_a_long_stretch_without_rests_among_rests_is_cut_too():
+    swing = np.r_[np.sin(np.arange(500) / 50 * 2), np.zeros(100)]
+    whole = recording(np.concatenate([*[swing] * 20, np.sin(np.arange(4500) / 50 * 3)]))
+    parts = cut_long([whole])
+    assert not any(too_long(part) for part in parts)
+    last = parts[-1]
+    begin, end = last.sidecar.raw["cut_from_s"]
+    row = int(np.searchsorted(whole.time, begin - 1e-9))
+    assert last.positions["hinge"][0] == whole.positions["hinge"][row]
+    assert end == pytest.approx(begin + last.time[-1])
+
+
+@pytest.mark.parametrize(("trained", "tested", "said"), [(0.4, 1.2, True), (1.2, 0.4, False), (1.0, 1.2, False)])
+def test_motions_that_were_smaller_in_training_than_in_the_test_are_told(trained, tested, said):
+    swing = np.sin(np.arange(300) / 50 * 3)
+    made = [
+        replace(recording(size * swing), name=name) for name, size in (("a", trained), ("b", trained), ("c", tested))
+    ]
+    notes = travel.notes(made, {"train": ["a"], "validation": ["b"], "test": ["c"]})
+    assert len(notes) == said
+    if said:
+        assert "hinge (0.8 against 2.4 rad)" in notes[0]
+
+
+def test_motions_that_were_slower_in_training_are_told():
+    slow, fast = (recording(np.sin(np.arange(600) / 50 * speed)) for speed in (1, 4))
+    (note,) = travel.notes([replace(slow, name="a"), replace(fast, name="b")], {"train": ["a"], "test": ["b"]})
+    assert "less fast" in note
+    assert "rad/s" in note
 
 
 def test_a_short_recording_stays_whole():

@@ -8,9 +8,10 @@ import pytest
 
 import tiago_mj  # noqa: F401  (registers the environments)
 from tiago_mj.cli import main
+from tiago_mj.gap.plant import plant_of
 from tiago_mj.gap.read import read_recordings
 from tiago_mj.gap.record import Plan, make, random_motion, read_motion, record, record_model
-from tiago_mj.gap.recording import channels
+from tiago_mj.gap.recording import RecordingError, Sidecar, Trial, channels
 from tiago_mj.models import names
 from tiago_mj.rollout.policies import make_policy
 
@@ -171,6 +172,22 @@ def test_a_plain_model_takes_effects_too(tmp_path):
     assert real.sidecar == nominal.sidecar
 
 
+def test_what_a_calibration_says_and_more_are_recorded_one_on_top_of_the_other(tmp_path):
+    model = tmp_path / "arm.xml"
+    model.write_text(PENDULUM.format(kind="position", gains='kp="5" ctrlrange="-1 1"'))
+    known = tmp_path / "calibration.yaml"
+    known.write_text(
+        "schema: tiago_mj.calibration/1\neffects:\n- name: viscous_friction\n  target: hinge\n"
+        "  parameters: {damping: {value: 0.2, low: 0.1, high: 0.3, unit: N}}\n"
+    )
+    command = ["record", "--model", str(model), "--policy", "random"]
+    both = ["--effects", str(known), "--effects", '{"viscous_friction": {"damping": 0.3}}']
+    assert main([*command, *both, "--out", str(tmp_path / "both")]) == 0
+    assert main([*command, "--effects", '{"viscous_friction": {"damping": 0.5}}', "--out", str(tmp_path / "one")]) == 0
+    two, one = (read_recordings([tmp_path / name]).trials[0] for name in ("both", "one"))
+    np.testing.assert_allclose(two.positions["hinge"], one.positions["hinge"], atol=1e-12)
+
+
 def line_of(capsys, *call):
     with_out = [*call] if "--out" in call else [*call, "--out", "nowhere"]
     try:
@@ -232,3 +249,16 @@ def test_the_sidecar_is_plain_json(tmp_path):
     facts = json.loads((tmp_path / "random-000.json").read_text(), parse_constant=no_constant)
     assert facts["schema"] == "tiago_mj.recording/1"
     assert len(facts["object"]["position_m"]) == 2
+
+
+@pytest.mark.parametrize("name", ["arm.urdf", "arm.xml"])
+def test_a_urdf_as_a_model_says_that_it_is_to_be_converted_first(name, tmp_path, capsys):
+    (tmp_path / name).write_text('<?xml version="1.0"?>\n<robot name="arm"><link name="base"/></robot>')
+    words = ["--model", str(tmp_path / name)]
+    assert main(["record", *words, "--policy", "random", "--out", str(tmp_path / "out")]) == 2
+    said = capsys.readouterr().err
+    assert f"is a URDF, not MJCF: run tiago-mj convert {tmp_path / name} --out arm." in said
+    assert said.count("\n") == 1
+    trial = Trial("a", np.zeros(1), {}, {}, {}, {}, {}, Sidecar(), "a.csv")
+    with pytest.raises(RecordingError, match="is a URDF, not MJCF: run tiago-mj convert"):
+        plant_of([trial], model=tmp_path / name)

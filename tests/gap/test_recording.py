@@ -139,6 +139,116 @@ def test_stated_units_are_applied_and_said(tmp_path):
     assert [(f.code, f.repaired) for f in result.findings] == [("unit_scale", True)]
 
 
+def as_spreadsheets_write(path, table, *, between=";", point=",", mark=True, stated=False):
+    """A CSV file as a spreadsheet of half the world saves it."""
+    lines = [f"sep={between}"] if stated else []
+    lines += [between.join(table)]
+    for row in zip(*table.values(), strict=True):
+        lines.append(between.join("" if np.isnan(v) else repr(float(v)).replace(".", point) for v in row))
+    path.write_bytes((b"\xef\xbb\xbf" if mark else b"") + ("\r\n".join(lines) + "\r\n").encode())
+    path.with_suffix(".json").write_text(json.dumps(FACTS))
+    return path
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({}, "a byte order mark, semicolons between cells, decimal commas"),
+        ({"mark": False, "stated": True}, "semicolons between cells, decimal commas"),
+        ({"mark": False, "point": "."}, "semicolons between cells"),
+        ({"mark": False, "between": "\t"}, "tabs between cells, decimal commas"),
+        ({"between": ",", "point": "."}, "a byte order mark"),
+    ],
+)
+def test_other_csv_files_are_read_as_they_are_meant_and_said_once(tmp_path, options, said):
+    t = columns()
+    t["force.right"][1::2] = np.nan
+    t[f"velocity.{JOINT}"] = 1e-7 * t[f"velocity.{JOINT}"]  # with exponents
+    result = read_recordings([as_spreadsheets_write(tmp_path / "a.csv", t, **options)])
+    (trial,) = result.trials
+    np.testing.assert_array_equal(trial.positions[JOINT], t[f"position.{JOINT}"])
+    np.testing.assert_array_equal(trial.velocities[JOINT], t[f"velocity.{JOINT}"])
+    assert np.isnan(trial.forces["right"]).sum() == 30
+    assert [(f.code, f.repaired, f.message) for f in result.findings] == [
+        ("unit_scale", True, f"it has {said}: read as such")
+    ]
+
+
+def test_quoted_decimal_commas_between_commas_and_a_tsv_file_are_read(tmp_path):
+    t = columns()
+    path = as_spreadsheets_write(tmp_path / "a.csv", t, between='","', mark=False)
+    lines = path.read_text().splitlines()
+    path.write_text("".join(f'"{line}"\n' for line in lines))
+    (trial,) = read_recordings([path]).trials
+    np.testing.assert_array_equal(trial.positions[JOINT], t[f"position.{JOINT}"])
+    noted = write_csv(tmp_path / "c.csv", t)
+    first, *rest = noted.read_text().splitlines()
+    noted.write_text("\n".join([f"{first},note", *(f'{line},"1,2"' for line in rest)]) + "\n")
+    (trial,) = read_recordings([noted]).trials  # a list of two numbers is no decimal comma
+    np.testing.assert_array_equal(trial.positions[JOINT], t[f"position.{JOINT}"])
+    path = as_spreadsheets_write(tmp_path / "b.tsv", t, between="\t", point=".", mark=False)
+    (trial,) = read_recordings([path]).trials
+    np.testing.assert_array_equal(trial.positions[JOINT], t[f"position.{JOINT}"])
+
+
+def test_a_spreadsheets_file_that_ends_within_a_row_or_mixes_points_is_said(tmp_path):
+    path = as_spreadsheets_write(tmp_path / "a.csv", columns())
+    path.write_bytes(path.read_bytes()[:-4])
+    result = read_recordings([path])
+    assert len(result.trials[0].time) == 59
+    assert "too_short" in [f.code for f in result.findings]
+    path.write_text(path.read_text(encoding="utf-8-sig").replace("0,01;", "0.01;", 1))
+    assert "column time: it holds '0.01', not numbers" in refusal(path)
+
+
+@pytest.mark.parametrize(("unit", "factor"), [("ns", 1e9), ("us", 1e6), ("ms", 1e3), ("s", 1)])
+def test_stamps_whose_name_has_their_unit_are_the_time(tmp_path, unit, factor):
+    t = columns()
+    named = {f"timestamp_{unit}": t.pop("time") * factor + 1.7e9 * factor, **t}
+    result = read_recordings([write_csv(tmp_path / "a.csv", named, {**FACTS, "rate_hz": None})])
+    np.testing.assert_allclose(result.trials[0].time, np.arange(60) / 100, atol=1e-6)
+    assert [f.code for f in result.findings] == ["time_origin", "time_unit"][: 1 + (unit != "s")]
+
+
+@pytest.mark.parametrize(("column", "mapped"), [("torque_enabled", False), ("motors_on", False), ("estop_ok", True)])
+def test_rows_with_the_torque_off_are_left_out_and_cut_a_recording_there(tmp_path, column, mapped):
+    t = columns(100)
+    on = np.full(100, np.nan)  # said once in a while
+    on[[0, 30, 42, 90]] = [1, 0, 1, 0]
+    path = write_csv(tmp_path / "a.csv", {**t, column: on})
+    options = {}
+    if mapped:
+        options["map_file"] = tmp_path / "map.yaml"
+        options["map_file"].write_text(f"columns:\n  {column}: {{kind: torque_on}}\n")
+    result = read_recordings([path], **options)
+    assert [trial.name for trial in result.trials] == ["a-01", "a-02"]
+    first, second = result.trials
+    assert (len(first.time), len(second.time)) == (30, 48)
+    assert second.time[0] == 0.0
+    assert second.sidecar.initial["position"][JOINT] == t[f"position.{JOINT}"][42]
+    assert second.sidecar.initial["velocity"][JOINT] == pytest.approx(-0.02)
+    ((code, channel, message),) = [(f.code, f.channel, f.message) for f in result.findings]
+    assert (code, channel) == ("time_gap", column)
+    assert message.startswith("the torque was off in 22 of 100 rows, first at 0.3 s")
+    assert "2 trials" in message
+    path.with_suffix(".json").write_text(json.dumps({**FACTS, "object": {"radius_m": 0.02}}))
+    result = read_recordings([path], **options)
+    assert [trial.name for trial in result.trials] == ["a"]
+    assert "how the object stood" in result.findings[0].message
+
+
+def test_torque_that_was_always_on_says_nothing_and_never_on_is_refused(tmp_path):
+    t = columns(60)
+    on = np.ones(60)
+    result = read_recordings([write_csv(tmp_path / "a.csv", {**t, "torque_on.elbow": on})])
+    assert (len(result.trials), result.findings) == (1, ())
+    on[20:] = 0
+    late = read_recordings([write_csv(tmp_path / "b.csv", {**t, "enabled": on})])
+    assert [(trial.name, len(trial.time)) for trial in late.trials] == [("b", 20)]  # nothing was cut: its own name
+    assert "never for 20 together" in refusal(write_csv(tmp_path / "c.csv", {**t, "enabled": 0 * on}))
+    assert "it reads 3, and whether" in refusal(write_csv(tmp_path / "d.csv", {**t, "enabled": 3 * on}))
+
+
 def test_a_map_file_names_columns_units_and_signs(tmp_path):
     t = columns()
     renamed = {

@@ -38,7 +38,8 @@ def test_a_diagnosis_has_exactly_the_keys_of_its_contract_and_only_finite_number
     assert list(data["verdict"]) == ["kind", "effects", "probability", "alternatives", "remains", "not_excited"]
     assert list(data["verdict"]["remains"]) == ["flag", "where"]
     gap = ["before", "after", "floor", "closed", "low", "high"]
-    assert list(data["shrink"]) == [*gap, "per_channel", "return", "per_phase", "per_channel_and_phase", "resampled"]
+    more = ["per_channel", "return", "per_phase", "per_channel_and_phase", "resampled", "accounted"]
+    assert list(data["shrink"]) == [*gap, *more]
     gap.remove("floor")
     for by in ("per_channel", "per_phase"):
         assert all(list(row) == gap for row in data["shrink"][by].values())
@@ -285,23 +286,6 @@ def test_names_in_brackets_are_printed_as_they_are(tmp_path):
     terminal.show(diagnosis(notes=("trial [red]odd[/red] was left out",)), {"report.html": tmp_path}, console=console)
     assert "[red]odd[/red]" in console.file.getvalue()
     assert f"Written: {tmp_path}" in console.file.getvalue()
-
-
-def test_progress_moves_on_a_terminal_and_is_silent_elsewhere():
-    make = pytest.importorskip("rich.console").Console
-    for is_terminal in (True, False):
-        console = make(file=io.StringIO(), force_terminal=is_terminal, width=100)
-        with terminal.Progress(console=console) as progress:
-            progress.stage("replay [1]", 10)
-            progress.advance(10)
-            progress.stage("fit", None)
-            progress.advance()
-        assert ("replay [1]" in console.file.getvalue() or "fit" in console.file.getvalue()) == is_terminal
-
-
-def test_progress_before_a_stage_is_refused():
-    with terminal.Progress(quiet=True) as progress, pytest.raises(RuntimeError, match=r"stage\(name, total\)"):
-        progress.advance()
 
 
 def test_the_source_of_a_calibration_has_to_exist(tmp_path):

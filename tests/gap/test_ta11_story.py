@@ -93,6 +93,7 @@ def test_a_dead_band_is_named_with_the_measured_width():
     assert "contact_stiffness" in found.not_excited
 
 
+@pytest.mark.slow
 def test_a_slope_set_wrong_on_purpose_is_a_gain_of_the_right_size():
     """Half the measured product of servo stiffness and sensor gain: which of the two, these numbers cannot say."""
     trials = squeezes("A-pringles", slope=165.0, every=2)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shlex
 import signal
 import subprocess
@@ -251,7 +252,7 @@ def entry(text):
         (("--algo", "dqn"), None, "algorithm 'dqn' is unknown: use one of td3, ddpg, sac, ppo, a2c, her-td3"),
         (("--algo", "her-td3"), None, "her-td3 relabels goals"),
         (("--env-option", "servo"), None, "is no key=value"),
-        (("--env-option", "servos=ideal"), None, "unexpected keyword argument 'servos'"),
+        (("--env-option", "servos=ideal"), None, "did you mean 'servo'"),
         (("--env-option", "servo=perfect"), None, "perfect"),
         (("--effects", "nowhere.yaml"), None, "nowhere.yaml"),
         (("--gradient-steps", "0"), None, "--gradient-steps is 0"),
@@ -324,28 +325,16 @@ def test_two_trainings_in_one_folder_are_refused(small, tmp_path, capsys, monkey
         assert "another process is training" in complaint(capsys, words(out, small, "--steps", "80"))
 
 
-def test_progress_is_told_where_there_is_no_terminal(tmp_path, capsys, monkeypatch):
+def test_progress_tells_every_seed_and_counts_what_an_earlier_run_did_as_done(tmp_path, capsys):
     from tiago_mj.learn import progress
 
-    monkeypatch.setattr(progress, "LINE", 0.05)
     folders = [tmp_path / "seed-0", tmp_path / "seed-1"]
     progress.report(folders[0], {"steps": 250, "mean_return": -198.01, "success_rate": 0.5})
-    with progress.shown(folders, 1000, quiet=False):
+    with progress.shown(folders, 1000, quiet=False, every=0.05):
         time.sleep(0.2)
     line = capsys.readouterr().err.splitlines()[0]
-    assert line.endswith(" s: seed-0 25 % return -198.0, success 0.50, seed-1 0 %")
-
-
-def test_a_bar_shows_how_far_every_seed_is(tmp_path, capsys):
-    from tiago_mj.learn import progress
-
-    progress.report(tmp_path / "seed-7", {"steps": 250, "mean_return": -198.01, "success_rate": 0.5})
-    over = progress.threading.Event()
-    over.set()
-    progress._bars([tmp_path / "seed-7"], 1000, over)
-    shown = capsys.readouterr().err
-    assert "seed-7" in shown
-    assert "250/1000" in shown
+    assert line.startswith("train: steps 250 of 2000, 12 %, ")
+    assert line.endswith(" so far, seed-0 25 % return -198.0, success 0.50, seed-1 0 %")
 
 
 def test_events_for_tensorboard_are_written_where_it_is_installed(small, tmp_path):
@@ -373,3 +362,23 @@ def test_the_number_of_steps_may_be_given_in_the_file_or_beside_it(tmp_path):
     assert claim(tmp_path / "run", in_the_file)
     with pytest.raises(ValueError, match="steps is 500 there and 501 here"):
         claim(tmp_path / "run", replace(in_the_file, steps=501))
+
+
+def test_a_training_that_takes_long_says_so_beforehand(small, tmp_path, capsys, monkeypatch):
+    from tiago_mj.learn import duration
+
+    monkeypatch.setattr(duration, "SHORT", 80)
+    monkeypatch.setattr(duration, "MEASURED", 0.1)
+    told = [word for word in words(tmp_path / "run", small, "--steps", "80") if word != "--quiet"]
+    assert cli.main(told) == 0
+    line = capsys.readouterr().err.splitlines()[0]
+    rate = float(re.fullmatch(r"train: 80 steps: about \d+ s \((\d+) steps/s a seed, .*\)", line)[1])
+    assert 5 < rate < 50_000
+
+
+def test_the_estimate_counts_processes_and_what_is_done_already(monkeypatch):
+    from tiago_mj.learn import duration
+
+    monkeypatch.setattr(duration.os, "cpu_count", lambda: 4)
+    said = duration.said(100.0, steps=400_000, seeds=5, jobs=5, left=1_440_000)
+    assert said.startswith("train: 5 seeds of 400000 steps, 4 at a time: about 60 min (100 steps/s a seed")

@@ -13,7 +13,6 @@ try:
     PUBLIC = meshes.example_robot_data()
 except FileNotFoundError as missing:
     pytest.skip(str(missing), allow_module_level=True)
-pytest.importorskip("collada", reason="its collision meshes are DAE: pip install tiago-mj[meshes]")
 
 
 @pytest.fixture(scope="module")

@@ -60,22 +60,20 @@ def test_an_episode_depends_on_its_seed_alone(capsys):
 def test_a_folder_is_diagnosed_among_others_as_alone_and_none_hinders_another(tmp_path, capsys):
     pytest.importorskip("joblib", reason="needs the extra 'scale'")
     pytest.importorskip("pyarrow", reason="needs the extra 'gap'")
-    folder, empty, out = (tmp_path / name for name in ("friction", "empty", "out"))
+    folder, empty, out = (tmp_path / name for name in ("gain", "empty", "out"))
     words = ("record", "--env", "GripperTactile-v0", "--policy", "pi", "--episodes", "3", "--out", str(folder))
-    assert cli.main([*words, "--effects", '{"coulomb_friction": {"force": 2.5}}']) == 0
+    assert cli.main([*words, "--effects", '{"force_gain": {"factor": 1.4}}']) == 0
     empty.mkdir()
-    few = ("--without", ",".join(name for name in EFFECTS if name != "coulomb_friction"))  # as it takes less time
+    few = ("--without", ",".join(name for name in EFFECTS if name != "force_gain"))  # as it takes less time
     assert cli.main(["diagnose", str(folder), "--out", str(tmp_path / "alone"), *few]) == 0
     capsys.readouterr()
     assert cli.main(["diagnose-all", str(folder), str(empty), "--out", str(out), *few, "--jobs", "2"]) == 2
     table = capsys.readouterr().out
-    alone, among = (
-        json.loads((path / "diagnosis.json").read_text()) for path in (tmp_path / "alone", out / "friction")
-    )
+    alone, among = (json.loads((path / "diagnosis.json").read_text()) for path in (tmp_path / "alone", out / "gain"))
     del alone["seconds"], among["seconds"]
     assert among == alone
     summary = json.loads((out / diagnose_all.SUMMARY).read_text())
-    assert summary["friction"] == {
+    assert summary["gain"] == {
         "status": 0,
         "complaint": "",
         "verdict": alone["verdict"],
@@ -84,7 +82,7 @@ def test_a_folder_is_diagnosed_among_others_as_alone_and_none_hinders_another(tm
     assert summary["empty"]["status"] == 2
     assert "holds no recording" in summary["empty"]["complaint"]
     lines = table.splitlines()
-    assert lines[1].split()[:3] == ["friction", "effect", "coulomb_friction"]
+    assert lines[1].split()[:3] == ["gain", "effect", "force_gain"]
     assert "holds no recording" in lines[2]
 
 

@@ -23,25 +23,45 @@ TASKS = 24
 ROLLOUT = ("rollout", "--env", "GripperTactile-v0", "--policy", "pi", "--episodes", "6", "--json")
 
 
-@pytest.fixture
-def cluster(monkeypatch):
-    """Two nodes of two processors; what is written to the environment is for the processes of the cluster."""
+@pytest.fixture(scope="module")
+def nodes():
+    """A cluster of two nodes of two processors; what is written to the environment is for its processes."""
     from ray.cluster_utils import Cluster
 
-    monkeypatch.setenv("RAY_USAGE_STATS_ENABLED", "0")
-    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([os.path.dirname(__file__), os.environ.get("PYTHONPATH", "")]))
-    head = {"num_cpus": 2, "object_store_memory": MEMORY, "include_dashboard": False, "_system_config": SOON}
-    nodes = Cluster(initialize_head=True, head_node_args=head)
-    nodes.other = nodes.add_node(num_cpus=2, object_store_memory=MEMORY)
-    nodes.wait_for_nodes()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("RAY_USAGE_STATS_ENABLED", "0")
+        patch.setenv("PYTHONPATH", os.pathsep.join([os.path.dirname(__file__), os.environ.get("PYTHONPATH", "")]))
+        head = {"num_cpus": 2, "object_store_memory": MEMORY, "include_dashboard": False, "_system_config": SOON}
+        started = Cluster(initialize_head=True, head_node_args=head)
+        started.other = None
+        yield started
+        started.shutdown()
+
+
+@pytest.fixture
+def cluster(nodes, monkeypatch):
+    """Both nodes at work: what a test has killed is started again."""
+    if nodes.other is None:
+        nodes.other = nodes.add_node(num_cpus=2, object_store_memory=MEMORY)
+        nodes.wait_for_nodes()
     monkeypatch.setenv(scale.ADDRESS, nodes.address)
-    yield nodes
-    nodes.shutdown()
+    return nodes
 
 
 def began(folder):
     """Task, node and process of every beginning."""
     return [tuple(mark.name.split("-")) for mark in folder.iterdir()]
+
+
+def test_a_rollout_and_a_fault_are_on_a_cluster_what_they_are_here(cluster, capsys):
+    assert cli.main([*ROLLOUT, "--backend", "ray", "--jobs", "0"]) == 0
+    there = json.loads(capsys.readouterr().out)
+    assert cli.main(ROLLOUT) == 0
+    assert json.loads(capsys.readouterr().out) == there
+    with pytest.raises(ValueError, match="task -1 is negative"):
+        scale.run_all(scale_bench.square, [1, -1, 2], jobs=2, backend="ray")
+    assert cli.main([*ROLLOUT, "--backend", "ray", "--jobs", "9"]) == 2
+    assert "the Ray cluster has 4 processors" in capsys.readouterr().err
 
 
 def test_every_result_arrives_once_though_a_node_is_killed_in_the_middle(cluster, tmp_path, capfd):
@@ -54,7 +74,8 @@ def test_every_result_arrives_once_though_a_node_is_killed_in_the_middle(cluster
         killed.append(len(began(tmp_path)))
         for process in set(there):  # they would outlive their node by a second
             os.kill(int(process), signal.SIGKILL)
-        cluster.remove_node(cluster.other, allow_graceful=False)
+        node, cluster.other = cluster.other, None
+        cluster.remove_node(node, allow_graceful=False)
 
     killer = threading.Thread(target=kill_when_it_works, daemon=True)
     killer.start()
@@ -68,17 +89,6 @@ def test_every_result_arrives_once_though_a_node_is_killed_in_the_middle(cluster
     again = [number for number, count in Counter(number for number, *_ in began(tmp_path)).items() if count > 1]
     assert again, "what the killed node had begun was begun again"
     assert not ray.is_initialized(), "the connection is left"
-
-
-def test_a_rollout_and_a_fault_are_on_a_cluster_what_they_are_here(cluster, capsys):
-    assert cli.main([*ROLLOUT, "--backend", "ray", "--jobs", "0"]) == 0
-    there = json.loads(capsys.readouterr().out)
-    assert cli.main(ROLLOUT) == 0
-    assert json.loads(capsys.readouterr().out) == there
-    with pytest.raises(ValueError, match="task -1 is negative"):
-        scale.run_all(scale_bench.square, [1, -1, 2], jobs=2, backend="ray")
-    assert cli.main([*ROLLOUT, "--backend", "ray", "--jobs", "9"]) == 2
-    assert "the Ray cluster has 4 processors" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("address", ["closed port", "nonsense"])

@@ -102,7 +102,7 @@ def test_a_row_that_is_not_finite_is_named_and_the_others_go_on(bad, control, ef
 @pytest.mark.parametrize("fault", ["speed", "nan"])
 def test_a_simulation_that_diverges_is_begun_again_counted_and_named(fault, mode, effects, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)  # MuJoCo writes a log of it where it runs
-    envs, undisturbed = (make(3, autoreset_mode=mode, effects=effects) for _ in range(2))
+    envs, undisturbed = (make(3, autoreset_mode=mode, effects=effects, episode_statistics=True) for _ in range(2))
     envs.reset(seed=0)
     undisturbed.reset(seed=0)
     actions = np.full((3, 2), -0.7)

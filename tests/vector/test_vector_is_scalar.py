@@ -160,8 +160,8 @@ def test_an_environment_depends_on_nothing_but_its_own_seed_and_actions(effects)
 
 
 def test_statistics_are_those_of_gymnasiums_wrapper():
-    envs = gymnasium.make_vec(GRIPPER, num_envs=2, max_episode_steps=5)
-    plain = gymnasium.make_vec(GRIPPER, num_envs=2, max_episode_steps=5, episode_statistics=False)
+    envs = gymnasium.make_vec(GRIPPER, num_envs=2, max_episode_steps=5, episode_statistics=True)
+    plain = gymnasium.make_vec(GRIPPER, num_envs=2, max_episode_steps=5)
     plain = gymnasium.wrappers.vector.RecordEpisodeStatistics(plain)
     rng = np.random.default_rng(0)
     envs.reset(seed=0)

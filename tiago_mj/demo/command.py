@@ -16,6 +16,7 @@ import numpy as np
 from tiago_mj import __version__, atomic, figures
 from tiago_mj.demo import arm_torque, page, report
 from tiago_mj.demo.grasp import Grasp, grasp, strip
+from tiago_mj.progress import Progress
 from tiago_mj.sensing import ta11_curve
 
 #: Largest film that is put into the page [bytes]; a larger one is left beside it, with the filmstrip in the page.
@@ -39,10 +40,27 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.seed < 0:
         raise ValueError(f"--seed is {arguments.seed}: give 0 or more")
     out: Path = arguments.out
+    if out.exists() and not out.is_dir():
+        raise ValueError(f"--out {out}: this is a file: name a folder")
     out.mkdir(parents=True, exist_ok=True)
+    with Progress("demo") as progress:
+        data = _make(arguments, progress, began)
+    print("\n".join(report.lines(data)))
+    compared = "a real force curve" if data["arm"] is None else "a real force curve and a real arm"
+    print(f"Done in {data['made']['seconds']:.0f} s: a grasp, compared with {compared}.")
+    print(f"Written: {out / 'demo.html'}, its numbers in demo.json, its pictures beside it.")
+    print(f"Next: open {out / 'demo.html'}; then tiago-mj rollout --env TIAGoTactile-v0 --policy pi --film tiago.mp4")
+    return 0
+
+
+def _make(arguments: argparse.Namespace, progress: Progress, began: float) -> dict[str, Any]:
+    """Grasp, compare and write; what ``demo.json`` holds."""
+    out: Path = arguments.out
     folder = arm_torque.find(arguments.data)
     arm = None if folder is None else arm_torque.compare(arm_torque.load(folder))
+    progress.stage("grasping, with a film")
     done = grasp(seed=arguments.seed)
+    progress.stage("comparing the force curve")
     curve = ta11_curve.compare(seed=arguments.seed)
     data: dict[str, Any] = {
         "seed": arguments.seed,
@@ -57,6 +75,7 @@ def run(arguments: argparse.Namespace) -> int:
             "numpy": np.__version__,
         },
     }
+    progress.stage("drawing the pictures")
     pictures = _pictures(done, curve, arm)
     for name, content in pictures.items():
         atomic.write_bytes(out / f"{name}.png", content)
@@ -65,12 +84,7 @@ def run(arguments: argparse.Namespace) -> int:
     data["made"]["seconds"] = time.monotonic() - began
     atomic.write_text(out / "demo.json", json.dumps(data, indent=2) + "\n")
     atomic.write_text(out / "demo.html", page.render(data, embedded))
-    print("\n".join(report.lines(data)))
-    compared = "a real force curve" if arm is None else "a real force curve and a real arm"
-    print(f"Done in {data['made']['seconds']:.0f} s: a grasp, compared with {compared}.")
-    print(f"Written: {out / 'demo.html'}, its numbers in demo.json, its pictures beside it.")
-    print(f"Next: open {out / 'demo.html'}; then tiago-mj rollout --env TIAGoTactile-v0 --policy pi --film tiago.mp4")
-    return 0
+    return data
 
 
 def _pictures(done: Grasp, curve: ta11_curve.Comparison, arm: arm_torque.ArmComparison | None) -> dict[str, bytes]:

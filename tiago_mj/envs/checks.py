@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -54,6 +54,28 @@ def goal_numbers(goal: Any, size: int) -> Array:
     return values
 
 
+def reset_options(options: Any, known: Sequence[str]) -> dict[str, Any]:
+    """The options of a reset.
+
+    Raises:
+        ValueError: they are no mapping, or one of them is unknown.
+    """
+    listed = ", ".join(repr(name) for name in known)
+    if options is None:
+        return {}
+    if not isinstance(options, Mapping):
+        raise ValueError(f"reset options {options!r} are no mapping: give a dict with {listed}, or nothing")
+    for name in options:
+        if name not in known:
+            raise ValueError(f"reset option {name!r} is unknown: there is {listed}")
+    return dict(options)
+
+
+def closed() -> error.ClosedEnvironmentError:
+    """What is said of an environment that was closed."""
+    return error.ClosedEnvironmentError("the environment was closed: make a new one with gymnasium.make")
+
+
 def rendered(frame: Callable[[], Any], mode: str | None, started: Callable[[], bool]) -> Any:
     """A frame, or an error that says what to set.
 
@@ -77,5 +99,10 @@ def rendered(frame: Callable[[], Any], mode: str | None, started: Callable[[], b
             raise
         raise error.DependencyNotInstalled(
             "no OpenGL context could be created. Without a display set the environment variable MUJOCO_GL=egl before "
-            f"Python starts, and install EGL (Debian: libegl1 libegl-mesa0 libgl1-mesa-dri). Cause: {fault}"
+            f"Python starts, and install EGL ({headless.LIBRARIES['egl'][1]}). Cause: {cause_of(fault)}"
         ) from fault
+
+
+def cause_of(fault: Exception) -> str:
+    """Why nothing can be rendered, in one line."""
+    return "; ".join(headless.complaints) or " ".join(str(fault).split())

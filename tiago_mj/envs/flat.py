@@ -16,6 +16,10 @@ Array = NDArray[np.float64]
 #: What marks a goal environment for stable-baselines3; a flat one must not have it.
 _GOAL_FORM_ONLY: Final = frozenset({"compute_reward", "compute_terminated", "compute_truncated"})
 
+#: Attributes that the view has for itself, and those that it has as well as the goal environment.
+_OWN: Final = frozenset({"core", "observation_space", "spec", "_relative", "_np_random", "_np_random_seed"})
+_SHARED: Final = frozenset({"action_space", "metadata", "render_mode"})
+
 
 def core_of(env: gymnasium.Env[Any, Any]) -> Any:
     """The goal environment behind an environment, its wrappers and its flat view."""
@@ -30,7 +34,7 @@ class FlatView(gymnasium.Env[Array, Array]):
 
     It is an environment, not a wrapper, because stable-baselines3 looks through wrappers and would take it for a goal
     environment. Everything else (``model``, ``data``, ``n_substeps``, ``joints`` …) is the goal environment's, which is
-    ``core``.
+    ``core``: read there, and set there.
 
     Args:
         core: the goal environment.
@@ -53,6 +57,17 @@ class FlatView(gymnasium.Env[Array, Array]):
         if name == "core" or name.startswith("__") or name in _GOAL_FORM_ONLY:  # "core": while being unpickled
             raise AttributeError(f"{type(self).__name__} has no attribute {name!r}")
         return getattr(self.core, name)
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        """What is set reaches the goal environment, as what is read comes from there."""
+        if name in _OWN:
+            object.__setattr__(self, name, value)
+            return
+        if name in _SHARED:
+            object.__setattr__(self, name, value)
+        setattr(self.core, name, self.core._checked_goal(value) if name == "goal" else value)
+        if name == "np_random":
+            self._share_generator()
 
     def step(self, action: Any) -> tuple[Array, Any, bool, bool, dict[str, Any]]:
         """As the goal environment's, with the flat observation."""

@@ -10,7 +10,7 @@ from abc import abstractmethod
 from typing import Any, SupportsFloat
 
 import numpy as np
-from gymnasium import spaces
+from gymnasium import error, spaces
 from numpy.typing import NDArray
 
 from tiago_mj.envs import checks
@@ -26,6 +26,9 @@ POSITION_MARGIN, VELOCITY_BOUND, FORCE_BOUND, WORLD_BOUND = 0.5, 100.0, 2000.0, 
 
 class RobotEnv(RobotSimulation):
     """What is seen, asked and rewarded, on the simulation and with its arguments: :class:`RobotSimulation`."""
+
+    #: Whether an episode has begun, and whether the environment was closed.
+    _begun = _closed = False
 
     # Hooks of a task -----------------------------------------------------------------------------------------------
 
@@ -82,7 +85,11 @@ class RobotEnv(RobotSimulation):
 
         Raises:
             ValueError: the action has another shape, is not numeric or not finite. The simulation is unchanged.
+            gymnasium.error.ResetNeeded: no episode has begun.
+            gymnasium.error.ClosedEnvironmentError: the environment was closed.
         """
+        if not self._begun:
+            raise checks.closed() if self._closed else error.ResetNeeded("reset() must be called before step()")
         command = checks.action_in_range(action, self.joints)
         self._set_action(command)
         self._mujoco_step(command)
@@ -114,16 +121,33 @@ class RobotEnv(RobotSimulation):
 
         Raises:
             ValueError: an option is unknown, or the goal cannot be reached or has another shape.
+            gymnasium.error.ClosedEnvironmentError: the environment was closed.
         """
-        chosen = dict(options or {})
-        goal = self._checked_goal(chosen.pop("goal")) if "goal" in chosen else None
-        if chosen:
-            raise ValueError(f"reset option {next(iter(chosen))!r} is unknown: the only option is 'goal'")
+        if self._closed:
+            raise checks.closed()
+        chosen = checks.reset_options(options, ("goal",))
+        goal = self._checked_goal(chosen["goal"]) if "goal" in chosen else None
         super().reset(seed=seed)
+        self._begun = True
         if goal is not None:
             self.goal = goal
         observation = self._get_obs()
         return observation, self._info(observation["achieved_goal"])
+
+    def close(self) -> None:
+        """Release the renderer; the environment can be stepped, reset and rendered no more."""
+        super().close()
+        self._begun, self._closed = False, True
+
+    def render(self) -> Any:
+        """As :class:`RobotSimulation` says.
+
+        Raises:
+            gymnasium.error.ClosedEnvironmentError: the environment was closed.
+        """
+        if self._closed:
+            raise checks.closed()
+        return super().render()
 
     def compute_reward(self, achieved_goal: Any, desired_goal: Any, info: Any) -> Any:
         """Reward of reaching ``achieved_goal`` where ``desired_goal`` was asked; over leading batch axes, as HER needs.

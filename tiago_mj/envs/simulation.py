@@ -218,14 +218,13 @@ class RobotSimulation(MujocoRobotEnv, ABC):  # type: ignore[misc]
 
     def _make_chain(self) -> Chain:
         """The same signal chain that the diagnosis simulates with, for this one simulation."""
-        from tiago_mj.gap.effects import read_effects
+        from tiago_mj.gap.effects import check_sizes, read_effects
         from tiago_mj.gap.effects.chain import Chain
         from tiago_mj.gap.effects.host import ScalarHost
 
-        entries = read_effects(self._effects)
-        return Chain(
-            ScalarHost(self.model, self.data), self.wiring(), [entries], lambda shape: self.np_random.random(shape)
-        )
+        entries, wiring = read_effects(self._effects), self.wiring()
+        check_sizes(entries, wiring.targets)
+        return Chain(ScalarHost(self.model, self.data), wiring, [entries], lambda shape: self.np_random.random(shape))
 
     def wiring(self) -> Wiring:
         """Where commands, joints and sensors are, for effects and the diagnosis."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,7 @@ from tiago_mj.envs.flat import core_of
 from tiago_mj.evaluate import bound, plots, report
 from tiago_mj.evaluate.play import play_policy
 from tiago_mj.film import Film
+from tiago_mj.progress import Progress
 from tiago_mj.rollout import options
 
 #: What the command writes.
@@ -50,21 +51,27 @@ def run(arguments: argparse.Namespace) -> int:
     given = options.read_options(arguments.env_option)
     more = {"render_mode": "rgb_array"} if arguments.film else {}
     env = options.make_env(identifier, given, **more)
-    try:
-        if arguments.bound:
-            bound.check(core_of(env))
-        films: dict[str, Film] = {}
-        played = []
-        for policy, name in zip(arguments.policy, names_of(arguments.policy), strict=True):
-            watch = FirstEpisode(env) if arguments.film else None
-            played.append(play_policy(env, policy, name=name, seeds=seeds, trust=arguments.trust, watch=watch))
-            if watch is not None:
-                films[name] = watch.film
-        bounds = bounds_of(env, seeds) if arguments.bound else []
-    finally:
-        env.close()
-    evaluation = report.Evaluation(identifier, given, played, bounds)
-    written = [] if arguments.out is None else write(evaluation, arguments.out, films)
+    films: dict[str, Film] = {}
+    with Progress("evaluate", quiet=arguments.json) as progress:
+        try:
+            if arguments.bound:
+                bound.check(core_of(env))
+            played = []
+            for policy, name in zip(arguments.policy, names_of(arguments.policy), strict=True):
+                progress.stage(f"{name}, episodes", len(seeds))
+                watch = FirstEpisode(env) if arguments.film else None
+                done = progress.advance
+                one = play_policy(env, policy, name=name, seeds=seeds, trust=arguments.trust, watch=watch, done=done)
+                played.append(one)
+                if watch is not None:
+                    films[name] = watch.film
+            progress.stage("bounds", len(seeds))
+            bounds = bounds_of(env, seeds, progress.advance) if arguments.bound else []
+        finally:
+            env.close()
+        progress.stage("writing")
+        evaluation = report.Evaluation(identifier, given, played, bounds)
+        written = [] if arguments.out is None else write(evaluation, arguments.out, films)
     if arguments.json:
         print(json.dumps(report.as_data(evaluation), indent=1, allow_nan=False))
         return 0
@@ -84,14 +91,17 @@ def names_of(policies: Sequence[str]) -> list[str]:
     return names
 
 
-def bounds_of(env: gymnasium.Env[Any, Any], seeds: Sequence[int]) -> list[bound.LeastCost]:
-    """The bound of each episode."""
+def bounds_of(
+    env: gymnasium.Env[Any, Any], seeds: Sequence[int], done: Callable[[], None] = lambda: None
+) -> list[bound.LeastCost]:
+    """The bound of each episode; ``done`` is called after every one."""
     limit = env.spec.max_episode_steps if env.spec is not None else None
     assert limit is not None, "an environment of the table ends"
     bounds = []
     for seed in seeds:
         env.reset(seed=seed)
         bounds.append(bound.least_cost(core_of(env), limit))
+        done()
     return bounds
 
 

@@ -39,7 +39,14 @@ def play_policy(
     seeds: Sequence[int],
     trust: bool = False,
     watch: Callable[[int], None] | None = None,
+    done: Callable[[], None] = lambda: None,
 ) -> Played:
-    """Play a policy once a seed and measure its episodes; ``name`` is for tables, the rest as of :func:`play_seeds`."""
-    traces = tuple(play_seeds(env, policy, seeds, trust=trust, watch=watch))
-    return Played(name, policy, tuple(seeds), traces, tuple(measure(trace) for trace in traces))
+    """Play a policy once a seed and measure its episodes.
+
+    ``name`` is for tables, ``done`` is called after every episode, the rest is as of :func:`play_seeds`.
+    """
+    traces = []
+    for trace in play_seeds(env, policy, seeds, trust=trust, watch=watch):
+        traces.append(trace)
+        done()
+    return Played(name, policy, tuple(seeds), tuple(traces), tuple(measure(trace) for trace in traces))

@@ -13,13 +13,11 @@ from typing import TYPE_CHECKING, Final
 
 from tiago_mj import extra
 from tiago_mj.gap.recording import RecordingError, Trial
+from tiago_mj.gap.trials import LONGEST, MOST_ROWS, too_long
+from tiago_mj.progress import Progress
 
 if TYPE_CHECKING:
     from tiago_mj.gap.plant import Plant
-
-#: Longest trial that is replayed [s], and its rows: hundreds of explanations at once fit into 1.5 GB.
-LONGEST: Final = 60.0
-MOST_ROWS: Final = 15_000
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -30,7 +28,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     what.add_argument("--model", type=Path, help="MJCF file that they are compared with")
     parser.add_argument("--map", type=Path, help="YAML: column to kind and name")
     parser.add_argument(
-        "--out", type=Path, required=True, help="folder for report.html, diagnosis.json, calibration.yaml"
+        "--effects",
+        action="append",
+        metavar="FILE.yaml|JSON",
+        help="effects that are known already, applied first; may be given several times",
+    )
+    parser.add_argument(
+        "--out",
+        type=Path,
+        required=True,
+        help="folder for report.html, diagnosis.json, calibration.yaml, of a model repaired.xml",
     )
     parser.add_argument("--policy", metavar="pi|FILE.zip", help="predict this policy's return before and after")
     parser.add_argument("--trust", action="store_true", help="load FILE.zip although loading runs what it holds")
@@ -61,35 +68,50 @@ def considered(without: str) -> tuple[str, ...] | None:
     return tuple(name for name in EFFECTS if name not in left_out) if left_out else None
 
 
-def doing(stage: str, total: int) -> str:
-    """What a stage of the diagnosis does, in words."""
-    many = {
-        "replaying": f"replaying {total} recordings",
-        "screening": f"trying {total} explanations",
-        "fitting": f"fitting the {total} most promising",
-        "refitting": f"fitting {total} to all recordings",
-        "pairs": "adding a second effect to the best",
-        "triples": "adding a third effect to the best",
-        "next motion": "choosing the motion to record next",
-        "writing": "writing",
-    }
-    return many.get(stage, stage)
+#: Stages of a diagnosis in their order: what each does, in words, and its share of the time where all of them come (of
+#: two hinges, an arm and a grasp).
+STAGES: Final = {
+    "replaying": ("replaying the recordings", 4),
+    "fitting the nominal model": ("fitting the nominal model", 6),
+    "screening": ("trying effects at several magnitudes", 18),
+    "fitting": ("fitting the most promising", 12),
+    "refitting": ("fitting to all recordings", 25),
+    "pairs": ("adding a second effect to the best", 25),
+    "triples": ("adding a third effect to the best", 6),
+    "next motion": ("choosing the motion to record next", 3),
+    "writing": ("writing", 1),
+}
+
+
+class Told:
+    """Progress of a diagnosis, as its stages are called."""
+
+    def __init__(self, progress: Progress) -> None:
+        self._progress, self._stage = progress, ""
+
+    def __call__(self, stage: str, total: int, done: int = 0) -> None:
+        """See :class:`tiago_mj.gap.select.Tick`."""
+        if stage != self._stage:
+            counted = total if stage == "screening" else None
+            self._stage = stage
+            self._progress.stage(STAGES.get(stage, (stage, 0))[0], counted)
+        if done:
+            self._progress.at(done)
 
 
 def check_length(trials: Sequence[Trial], plant: Plant) -> None:
-    """Refuse what is too long to be replayed again and again. A lone recording of a plain model is cut by itself.
+    """Refuse what is too long to be replayed again and again. Recordings of a plain model are cut by themselves.
 
     Raises:
         RecordingError: a recording of commands is longer than :data:`LONGEST` or :data:`MOST_ROWS`.
     """
-    if plant.environment is None and (len(trials) == 1 or trials[0].sidecar.interface == "effort"):
+    if plant.environment is None:
         return
     for trial in trials:
-        seconds = float(trial.time[-1])
-        if trial.commands and (seconds > LONGEST or len(trial.time) > MOST_ROWS):
+        if trial.commands and too_long(trial):
             raise RecordingError(
-                f"{trial.source}: {seconds:.0f} s in {len(trial.time)} rows are too long to be replayed as one trial, "
-                f"{LONGEST:.0f} s and {MOST_ROWS} rows are the most: cut it where the robot rests, one motion a file"
+                f"{trial.source}: {trial.time[-1]:.0f} s in {len(trial.time)} rows are too long to be replayed as one "
+                f"trial, {LONGEST:.0f} s and {MOST_ROWS} rows are the most: cut it where it rests, one motion a file"
             )
 
 
@@ -112,6 +134,7 @@ def run(arguments: argparse.Namespace) -> int:
     threadpool_limits = extra.load("threadpoolctl", "the same answer on every machine").threadpool_limits
     from tiago_mj.gap import lint
     from tiago_mj.gap.diagnose import diagnose
+    from tiago_mj.gap.effects import read_effects
     from tiago_mj.gap.plant import plant_of
     from tiago_mj.gap.read import read_recordings
     from tiago_mj.gap.report import json, terminal, write
@@ -121,13 +144,16 @@ def run(arguments: argparse.Namespace) -> int:
         if arguments.model:
             defaults = {"robot": str(arguments.model)}
         read = read_recordings(arguments.recordings, map_file=arguments.map, defaults=defaults)
-        plant = plant_of(read.trials, env=arguments.env, model=arguments.model)
+        given = read_effects(arguments.effects)
+        plant = plant_of(read.trials, env=arguments.env, model=arguments.model, given=given)
         findings = (*read.findings, *lint.inspect_all(read.trials, plant))
         lint.refuse(read.trials, findings)
         check_length(read.trials, plant)
         usable = frozenset.intersection(*(lint.usable(trial, findings) for trial in read.trials))
         # One thread of linear algebra: the order of its sums must not depend on the machine.
-        with threadpool_limits(1), terminal.Progress(quiet=arguments.json) as progress:
+        weights = dict(STAGES.values())
+        shown = Progress("diagnose", quiet=arguments.json, weights=weights, budget=arguments.time_budget)
+        with threadpool_limits(1), shown as progress:
             diagnosis = diagnose(
                 read.trials,
                 findings=findings,
@@ -135,21 +161,37 @@ def run(arguments: argparse.Namespace) -> int:
                 env=arguments.env,
                 model=arguments.model,
                 names=considered(arguments.without),
+                given=given,
                 seed=arguments.seed,
                 threads=arguments.jobs,
                 budget=_left(arguments.time_budget, entered),
                 policy=arguments.policy,
                 trust=arguments.trust,
-                tick=lambda stage, total: progress.stage(doing(stage, total)),
+                tick=Told(progress),
             )
     except RecordingError as fault:
         print(f"tiago-mj diagnose: {fault}", file=sys.stderr)
         return 2
-    words = ["tiago-mj", "diagnose", *(path.name for path in arguments.recordings), "--seed", str(arguments.seed)]
-    diagnosis = replace(diagnosis, command=shlex.join(words))
+    diagnosis = replace(diagnosis, command=shlex.join(words(arguments)))
     paths = write(diagnosis, arguments.out)
     if arguments.json:
         print(json.text(diagnosis))
     else:
         terminal.show(diagnosis, paths)
-    return 0
+    if diagnosis.ended is None:
+        return 0
+    return 130 if isinstance(diagnosis.ended, KeyboardInterrupt) else 1
+
+
+def words(arguments: argparse.Namespace) -> list[str]:
+    """The command line, as it can be run again."""
+    out = ["tiago-mj", "diagnose", *(str(path) for path in arguments.recordings)]
+    for name in ("env", "model", "map", "effects", "policy", "without", "time_budget"):
+        value = getattr(arguments, name)
+        several = value if isinstance(value, list) else [value]
+        for one in several:
+            if one is not None and one != "":
+                out += [f"--{name.replace('_', '-')}", str(one)]
+    if arguments.trust:
+        out.append("--trust")
+    return [*out, "--seed", str(arguments.seed), "--out", str(arguments.out)]

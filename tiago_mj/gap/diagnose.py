@@ -6,17 +6,20 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
-from typing import Final
+from typing import Final, TypeVar
 
 import numpy as np
 
 import tiago_mj
+from tiago_mj import mujoco_log
 from tiago_mj.gap import (
     floor,
     hypotheses,
     locate,
     phases,
+    place,
     ripples,
     select,
     set_points,
@@ -27,13 +30,18 @@ from tiago_mj.gap import (
     traces,
     verdict,
 )
+from tiago_mj.gap.effects import Entry
 from tiago_mj.gap.inverse import diagnose_inverse
+from tiago_mj.gap.inverse.way import along_a_motion, efforts_along, torques_along_a_motion
 from tiago_mj.gap.next_motion import next_motion
 from tiago_mj.gap.plant import Plant, plant_of
 from tiago_mj.gap.predict import predictor
-from tiago_mj.gap.recording import Finding, RecordingError, Trial
+from tiago_mj.gap.recording import Finding, Trial
+from tiago_mj.gap.remainder import remainder
+from tiago_mj.gap.repaired import with_model
 from tiago_mj.gap.result import Diagnosis, Explanation
-from tiago_mj.gap.trials import cut
+from tiago_mj.gap.select import Ranked, Tick
+from tiago_mj.gap.trials import cut_long
 
 #: Trials drawn in the report.
 OVERLAYS: Final = 1
@@ -61,12 +69,13 @@ def diagnose(
     env: str | None = None,
     model: Path | None = None,
     names: Sequence[str] | None = None,
+    given: Sequence[Entry] = (),
     seed: int = 0,
     threads: int = 0,
     budget: float | None = None,
     policy: str | None = None,
     trust: bool = False,
-    tick: Callable[[str, int], None] = lambda stage, total: None,
+    tick: Tick = lambda stage, total, done=0: None,
 ) -> Diagnosis:
     """Diagnose recordings of commands and what was measured.
 
@@ -76,6 +85,7 @@ def diagnose(
         usable: channels that the lint trusts; None for all.
         env, model: what to simulate where the recordings do not say.
         names: effects to consider; None for the whole library.
+        given: effects that are known already: part of the nominal simulator, and of what is found beside them.
         seed: of effects that draw at random and of the bootstrap.
         threads: of the simulations; the answer does not depend on it.
         budget: seconds after which the best verdict so far is given.
@@ -86,17 +96,40 @@ def diagnose(
     Raises:
         RecordingError: the recordings hold nothing that can be compared; one line.
     """
+    with mujoco_log.counted() as warned:
+        found = _diagnosed(
+            trials, findings, usable, env, model, names, given, seed, threads, budget, policy, trust, tick
+        )
+    return replace(found, notes=(*found.notes, *mujoco_log.sentences(warned)))
+
+
+def _diagnosed(
+    trials: Sequence[Trial],
+    findings: Sequence[Finding],
+    usable: frozenset[str] | None,
+    env: str | None,
+    model: Path | None,
+    names: Sequence[str] | None,
+    given: Sequence[Entry],
+    seed: int,
+    threads: int,
+    budget: float | None,
+    policy: str | None,
+    trust: bool,
+    tick: Tick,
+) -> Diagnosis:
+    """See :func:`diagnose`."""
     begun = time.monotonic()
-    plant = plant_of(trials, env=env, model=model)
+    plant = plant_of(trials, env=env, model=model, given=given)
     asis, trials = len(trials), _cut(plant, trials)
     if len(trials) > asis:
-        plant = plant_of(trials, env=env, model=model)
+        plant = plant_of(trials, env=env, model=model, given=given)
     splits = split([trial.name for trial in trials])
     tested = [trial for trial in trials if trial.name in splits["test"]]
     asked = None if policy is None else task.ask(plant, tested, policy, trust=trust, seed=seed)
-    if not any(trial.commands for trial in trials) or _torques_along_a_motion(trials):
+    if along_a_motion(plant, trials):
         tick("inverse dynamics", 1)
-        return task.told(_along_the_motion(plant, trials, findings, seed, names), asked)
+        return task.told(with_model(_along_the_motion(plant, trials, findings, seed, names), plant), asked)
     fitted_on = [k for k, t in enumerate(trials) if t.name not in splits["test"]]
     test = [k for k, t in enumerate(trials) if t.name in splits["test"]]
     validation = [k for k, t in enumerate(trials) if t.name in splits["validation"]]
@@ -136,51 +169,53 @@ def diagnose(
         out_of_time=lambda: budget is not None and time.monotonic() - begun > budget,
         tick=tick,
     )
-    predict = ranked.predict
+    placed, ranked = _unless_ended(ranked, partial(place.refined, plant, ranked, part, fitted_on), None)
+    ranked = placed or ranked
     judged = verdict.judge(ranked, strange=bool(tones))
     best = ranked.fits[judged.rivals[0]]
     following = None
     if judged.kind == "ambiguous":
         tick("next motion", 1)
-        following = next_motion(
-            plant,
-            trials[0],
-            part,
-            ranked.weight,
-            [ranked.fits[k] for k in judged.rivals],
-            [judged.probability[k] for k in judged.rivals],
-            seed=seed,
-            threads=threads,
-            until=None if budget is None else begun + budget,
+        rivals = [ranked.fits[k] for k in judged.rivals], [judged.probability[k] for k in judged.rivals]
+        until = None if budget is None else begun + budget
+        choose = partial(
+            next_motion, plant, trials[0], part, ranked.weight, *rivals, seed=seed, threads=threads, until=until
         )
+        following, ranked = _unless_ended(ranked, choose, None)
     tick("writing", 1)
     left_open = telling.left_open(plant, ranked)
-    if left_open:
-        base = predict.all_trials([left_open[telling.nominal(ranked)]], everything)[0]
+    # Before and after are what the simulator itself does: as the environment with these effects, or the repaired model.
+    simulator = ranked.predict.as_simulated()
+    base = simulator.all_trials([left_open.get(telling.nominal(ranked), ())], everything)[0]
     repaired = base
     if best.parts:
-        known_along = left_open.get(judged.rivals[0], ())
-        repaired = predict.closely().all_trials([(*best.effects(), *known_along)], everything)[0]
+        repaired = simulator.all_trials([(*best.effects(), *left_open.get(judged.rivals[0], ()))], everything)[0]
     where = locate.locate(data, base, phase, plant.period, seed)
     left = locate.locate(data, repaired, phase, plant.period, seed)
     explanations = telling.explanations(
-        predict, data, base, ranked, judged.probability, validation or fitted_on, left_open
+        simulator, data, base, ranked, judged.probability, validation or fitted_on, left_open
     )
     shown = [k for k in judged.rivals if ranked.fits[k].parts or judged.kind == "no_gap"]
     if judged.kind == "no_gap":
         shown = shown[:1]
+    closing = shrink.shrink(data, base, repaired, phase, test, period=plant.period, seed=seed)
+    remains = judged.remains
+    if test:
+        rest = remainder(plant, ranked.predict, data, best, ranked.weight, test)
+        closing = replace(closing, accounted=rest.gap)
+        remains = remains or rest.is_left(verdict.calibration().remains)
     found = Diagnosis(
         kind=judged.kind,
         best=Explanation((), explanations[judged.rivals[0]].probability, 0.0)
         if judged.kind == "no_gap"
         else explanations[judged.rivals[0]],
         alternatives=tuple(explanations[k] for k in shown),
-        remains=judged.remains and judged.kind != "no_gap",
-        remains_where=tuple(place for place in left[:5] if place.share > 0) if judged.remains else (),
+        remains=remains and judged.kind != "no_gap",
+        remains_where=tuple(place for place in left[:5] if place.share > 0) if remains else (),
         not_excited=ranked.not_excited,
         where=where,
         stage=telling.stage(best) if best.parts and judged.kind != "unknown" else locate.stage(where),
-        shrink=shrink.shrink(data, base, repaired, phase, test, period=plant.period, seed=seed),
+        shrink=closing,
         ranking=tuple(explanations),
         findings=tuple(findings),
         next_motion=following,
@@ -197,49 +232,46 @@ def diagnose(
             trials,
             tones,
             astray=ranked.astray,
-            was_cut=len(trials) > asis,
+            cut_from=asis if len(trials) > asis else 0,
             tested=bool(test),
             complete=ranked.complete,
+            ended=ranked.ended,
+            diverged=ranked.predict.tally,
+            splits=splits,
+            slides=[name for name, slides in zip(plant.joints, plant.wiring.targets.slides, strict=True) if slides],
         ),
+        given=plant.given,
+        ended=ranked.ended,
     )
-    return task.told(found, asked, tick)
+    return task.told(with_model(found, plant), asked, tick)
+
+
+T = TypeVar("T")
+
+
+def _unless_ended(ranked: Ranked, work: Callable[[], T], otherwise: T) -> tuple[T, Ranked]:
+    """What a stage after the search gives, or else something; and the search, which says so if something ended that."""
+    try:
+        return work(), ranked
+    except (Exception, KeyboardInterrupt) as fault:
+        return otherwise, replace(ranked, complete=False, ended=ranked.ended or fault)
 
 
 def _cut(plant: Plant, trials: Sequence[Trial]) -> Sequence[Trial]:
-    """A lone long recording of a plain model as several trials; where an object is about, nobody knows how it stood in
+    """Long recordings of a plain model as several trials; where an object is about, nobody knows how it stood in
     between."""
-    if len(trials) > 1 or plant.environment is not None or not trials[0].commands:
+    if plant.environment is not None or not trials[0].commands or torques_along_a_motion(plant, trials):
         return trials
-    return trials if _torques_along_a_motion(trials) else cut(trials[0])
-
-
-def _torques_along_a_motion(trials: Sequence[Trial]) -> bool:
-    """Whether what is commanded is the efforts of joints whose motion was measured.
-
-    Nothing pulls such a joint back to where it was, so that a replay of its commands adds up every error of torque;
-    along the measured motion torques are compared with torques.
-    """
-    return all(
-        trial.sidecar.interface == "effort" and bool(trial.commands) and set(trial.commands) <= set(trial.positions)
-        for trial in trials
-    )
+    return cut_long(trials)
 
 
 def _along_the_motion(
     plant: Plant, trials: Sequence[Trial], findings: Sequence[Finding], seed: int, names: Sequence[str] | None
 ) -> Diagnosis:
     """Explain the efforts along the measured motion, or the commands where they are efforts."""
-    if _torques_along_a_motion(trials):
-        trials = [replace(trial, efforts={**trial.commands, **trial.efforts}) for trial in trials]
-    known = {plant.model.joint(j).name for j in range(plant.model.njnt)}
-    joints = [name for name in dict.fromkeys(n for trial in trials for n in trial.efforts) if name in known]
-    if not joints:
-        raise RecordingError(
-            f"{trials[0].source}: no command and no effort of a joint of this robot: nothing can be replayed; add "
-            "command.<actuator>, or effort.<joint>"
-        )
+    trials, joints = efforts_along(plant, trials)
     return diagnose_inverse(
-        tuple(trials),
+        trials,
         plant.model,
         joints,
         findings=findings,
@@ -247,4 +279,5 @@ def _along_the_motion(
         seed=seed,
         version=tiago_mj.__version__,
         names=names,
+        given=plant.given,
     )

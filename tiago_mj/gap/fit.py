@@ -19,8 +19,11 @@ from tiago_mj.gap.effects import EFFECTS
 from tiago_mj.gap.effects.spec import Entry
 from tiago_mj.gap.floor import Data
 from tiago_mj.gap.hypotheses import Candidate, Term
+from tiago_mj.gap.points import NUDGE, Fitted, Point, Start
 from tiago_mj.gap.predict import Predictor
 from tiago_mj.gap.yardstick import Normal, Yardstick
+
+__all__ = ["NUDGE", "Fitted", "Fitter", "Point", "Start", "Steps"]
 
 Array = NDArray[np.float64]
 
@@ -34,82 +37,22 @@ ITERATIONS: Final = 5
 #: [nats]. Chosen: promises are of straight lines, which contacts do not follow.
 PROMISED: Final = 3.0
 LOST: Final = 15.0
+#: Shares of a step of the magnitudes alone that are tried at once; a step that lowers the cost by a smaller share than
+#: this is the last.
+ALONE: Final = (1.0, 0.4)
+LITTLE: Final = 0.01
+#: Curvature that keeps a nuisance where it is, in units of its prior's.
+CERTAIN: Final = 1e12
+#: Responses are taken anew around magnitudes that leave more than this (mean square of the worst channel, in units of
+#: floor and tolerance), unless the best beside it costs so many times less.
+FITS: Final = 1.2
+BEHIND: Final = 3.0
 #: A step that brings nothing corrects the responses that promised it, and another is tried, so many times.
 REFUSALS: Final = 1
 #: Evidence against an effect that is no larger than what the nominal model's own numbers are uncertain by [nats].
 TOLERATED: Final = 6.0
-#: Deviations by which a nuisance is moved to see what it does: contacts do not answer in straight lines.
-NUDGE: Final = 0.3
 #: A magnitude is moved by at least this share of its range to see what it does.
 REACH: Final = 5e-3
-
-
-@dataclass(frozen=True)
-class Fitted:
-    """An explanation at its best.
-
-    Attributes:
-        parts: candidates, none for the nominal model.
-        values: fitted magnitudes, (k,).
-        deviations: of the magnitudes, (k,), one standard deviation.
-        nuisance: deviations of the global terms, then of the per-trial terms trial by trial.
-        evidence: log of the probability of the recordings under the explanation.
-        prior: part of it that does not rest on how well the recordings are met: how far the nominal numbers had to go,
-            and how much of what an effect might have been is left.
-        lasting: mean square of the worst channel's residual over blocks, see :func:`score.lasting`.
-        misfit: mean squared residual of the worst channel, in units of floor and tolerance.
-    """
-
-    parts: tuple[Candidate, ...]
-    values: Array
-    deviations: Array
-    nuisance: Array
-    evidence: float
-    misfit: float
-    prior: float = 0.0
-    lasting: float = 0.0
-
-    def effects(self) -> tuple[Entry, ...]:
-        """The effects at their magnitudes, without the nuisances."""
-        return tuple(part.entry(float(v)) for part, v in zip(self.parts, self.values, strict=True))
-
-
-@dataclass(frozen=True)
-class Start:
-    """Where a fit begins: candidates, their magnitudes (k,), nuisances (size,), all 0 if None.
-
-    Attributes:
-        also: other magnitudes and nuisances of the same candidates: the fit begins where the recordings are met best.
-    """
-
-    parts: tuple[Candidate, ...]
-    values: Array
-    nuisance: Array | None = None
-    also: tuple[tuple[Array, Array], ...] = ()
-
-
-@dataclass(frozen=True)
-class Point:
-    """What is simulated on every trial: candidates, magnitudes (k,), nuisances (size,)."""
-
-    parts: tuple[Candidate, ...]
-    values: Array
-    nuisance: Array
-
-    def beside(self, part: Candidate, value: float) -> Point:
-        """With another candidate."""
-        return Point((*self.parts, part), np.append(self.values, value), self.nuisance)
-
-    def less(self, part: int) -> Point:
-        """Without one of its candidates."""
-        rest = [k for k in range(len(self.parts)) if k != part]
-        return Point(tuple(self.parts[k] for k in rest), self.values[rest], self.nuisance)
-
-    def moved(self, which: slice) -> Point:
-        """A little further in some nuisances."""
-        nuisance = self.nuisance.copy()
-        nuisance[which] += NUDGE
-        return Point(self.parts, self.values, nuisance)
 
 
 T = TypeVar("T")
@@ -213,9 +156,7 @@ class Fitter:
 
     def around(self, at: Point) -> Fitter:
         """The same with the nuisances' responses around a point: contacts do not answer in straight lines."""
-        points = [at, *(at.moved(slice(k, k + 1)) for k in range(len(self.shared)))]
-        points += [at.moved(slice(len(self.shared) + k, None, len(self._own))) for k in range(len(self._own))]
-        predicted = self.predictions(points)
+        predicted = self.predictions([at, *self._nudged(at)])
         return replace(self, responses=(predicted[1:] - predicted[0]) / NUDGE)
 
     def fit_all(self, starts: Sequence[Start]) -> list[Fitted]:
@@ -226,7 +167,7 @@ class Fitter:
 
     def _fit(self, start: Start, costs_beside: list[float]) -> Steps[Fitted]:
         nuisance = np.zeros(self.size) if start.nuisance is None else start.nuisance
-        points = [Point(start.parts, v, n) for v, n in ((start.values, nuisance), *start.also)]
+        points = [self._once(Point(start.parts, v, n)) for v, n in ((start.values, nuisance), *start.also)]
         tried = yield points
         on = Yardstick(self.data, self.weight)
         best = int(np.argmin([on.cost(one, point.nuisance) for one, point in zip(tried, points, strict=True)]))
@@ -237,6 +178,11 @@ class Fitter:
             missed = [np.square(share * (base - one)) for share, one in zip(shares, without, strict=True)]
             on = on.with_shape(np.sqrt(sum(missed)))
         columns = on.columns(self.responses, self.per_trial)
+        if at.parts and not at.nuisance.any():
+            at, base = yield from self._alone(on, at, base)
+            behind = on.cost(base, at.nuisance) > BEHIND * min(costs_beside, default=np.inf) + LOST
+            if self.size and not behind and on.misfit(base).max() > FITS and not self.out_of_time():
+                columns = on.columns((yield from self._responses(at, base)), self.per_trial)
         jacobian = yield from self._value_columns(on, at, base)
         refused = 0
         for iteration in range(self.iterations):
@@ -268,6 +214,53 @@ class Fitter:
             jacobian = yield from self._value_columns(on, at, base)
         return self._finished(on, at, base, np.concatenate([jacobian, columns], axis=1))
 
+    def _twins(self, part: Candidate) -> list[int]:
+        """Places of nuisances that are the same number as a magnitude: of the same effect on some of its targets."""
+        terms = [
+            k for k, term in enumerate(self.terms) if (term.effect, term.parameter) == (part.effect, part.parameter)
+        ]
+        mine = [k for k in terms if part.target is None or set(self.terms[k].target or ()) <= set(part.target)]
+        return [place for k in mine if not self.terms[k].per_trial for place in self.places(k)]
+
+    def _once(self, point: Point) -> Point:
+        """The same with what nuisances hold of a magnitude added to it: one number is not known twice."""
+        values, nuisance = point.values.copy(), point.nuisance.copy()
+        for k, part in enumerate(point.parts):
+            twins = self._twins(part)
+            if not twins or not nuisance[twins].any():
+                continue
+            move = float(np.mean([nuisance[place] * self.terms[self.shared[place]].deviation for place in twins]))
+            moved = values[k] * np.exp(move) if self.terms[self.shared[twins[0]]].factor else values[k] + move
+            values[k], nuisance[twins] = float(np.clip(moved, part.low, part.high)), 0.0
+        return Point(point.parts, values, nuisance)
+
+    def _alone(self, on: Yardstick, at: Point, base: Array) -> Steps[tuple[Point, Array]]:
+        """Magnitudes at their best while the nominal numbers stay where they are: what those mimic would shorten steps
+        that all of them share, and leave them at their bounds."""
+        for _ in range(self.iterations):
+            before = on.cost(base, at.nuisance)
+            jacobian = yield from self._value_columns(on, at, base)
+            normal = self._normal(on, at, base, jacobian, alone=True)
+            points = [Point(at.parts, _moved(at, share * normal.step()), at.nuisance) for share in ALONE]
+            tried = yield points
+            costs = [on.cost(one, at.nuisance) for one in tried]
+            best = int(np.argmin(costs))
+            if costs[best] >= before:
+                break
+            at, base = points[best], tried[best]
+            if before - costs[best] < max(LITTLE * before, self.settled) or self.out_of_time():
+                break
+        return at, base
+
+    def _responses(self, at: Point, base: Array) -> Steps[Array]:
+        """Responses of the nuisances around a point, see :attr:`responses`."""
+        return ((yield self._nudged(at)) - base) / NUDGE
+
+    def _nudged(self, at: Point) -> list[Point]:
+        """A little further in each nuisance; those that every trial has of its own all at once, and last."""
+        own = [slice(len(self.shared) + k, None, len(self._own)) for k in range(len(self._own))]
+        return [at.moved(which) for which in (*(slice(k, k + 1) for k in range(len(self.shared))), *own)]
+
     def _value_columns(self, on: Yardstick, at: Point, base: Array) -> Steps[Array]:
         """Whitened response to each magnitude, per unit of it, (n, k)."""
         if not at.parts:
@@ -285,27 +278,32 @@ class Fitter:
         response = ((yield points) - base) / np.array(steps)[:, None, None, None]
         return np.asarray(on.white(response).T)
 
-    def _normal(self, on: Yardstick, at: Point, base: Array, columns: Array) -> Normal:
-        """The normal equations of a step."""
-        prior = np.concatenate([np.zeros(len(at.parts)), np.ones(self.size)])
-        scale = self._scale(at.parts)
+    def _normal(self, on: Yardstick, at: Point, base: Array, columns: Array, *, alone: bool = False) -> Normal:
+        """The normal equations of a step; ``alone``: of the magnitudes."""
+        count = len(at.parts) if alone else None
+        known = np.ones(self.size)
+        for part in at.parts:
+            known[self._twins(part)] = CERTAIN
+        prior = np.concatenate([np.zeros(len(at.parts)), known])[:count]
+        scale = self._scale(at.parts)[:count]
         r, weighted = on.weighted(base, columns)
         weighted = weighted * scale
-        gradient = weighted.T @ r - prior * np.concatenate([at.values * 0, at.nuisance])
+        gradient = weighted.T @ r - prior * np.concatenate([at.values * 0, at.nuisance])[:count]
         return Normal(weighted.T @ weighted + np.diag(prior + 1e-6), gradient, scale)
 
     def _points(self, normal: Normal, at: Point, steps: Sequence[tuple[float, float]]) -> list[Point]:
-        """Points to try: shares of damped Gauss-Newton steps, with and without a move of the nuisances."""
+        """Points to try: shares of damped Gauss-Newton steps, of magnitudes and nuisances together, and of magnitudes
+        alone, with the nuisances where they are: their responses may be those of another point, and what they mimic
+        shortens a step that both share."""
         count, bound = len(at.parts), score.NUISANCE_BOUND
         points = []
         for share, damping in steps:
             step = normal.step(damping)
-            values = np.array(
-                [_inside(p, v + share * s) for p, v, s in zip(at.parts, at.values, step[:count], strict=True)]
-            )
-            points.append(Point(at.parts, values, np.clip(at.nuisance + share * step[count:], -bound, bound)))
+            nuisance = np.clip(at.nuisance + share * step[count:], -bound, bound)
+            points.append(Point(at.parts, _moved(at, share * step[:count]), nuisance))
             if count:
-                points.append(Point(at.parts, values, at.nuisance))  # the responses may be those of another point
+                alone = normal.first(count).step(damping)
+                points.append(Point(at.parts, _moved(at, share * alone), at.nuisance))
         return points
 
     def _corrected(self, jacobian: Array, columns: Array, at: Point, to: Point, change: Array) -> tuple[Array, Array]:
@@ -376,5 +374,6 @@ def _run(tasks: Sequence[Steps[T]], predict: Callable[[Sequence[Point]], Array])
     return [done[k] for k in range(len(tasks))]
 
 
-def _inside(part: Candidate, value: float) -> float:
-    return float(np.clip(value, part.low, part.high))
+def _moved(at: Point, step: Array) -> Array:
+    """Magnitudes after a step, each within its bounds, (k,)."""
+    return np.array([float(np.clip(v + s, p.low, p.high)) for p, v, s in zip(at.parts, at.values, step, strict=True)])

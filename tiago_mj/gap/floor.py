@@ -51,6 +51,8 @@ QUIET_ROWS: Final = 16
 SHOWN: Final = 0.81
 #: Readings of a load cell that are no noise, in deviations of it.
 TOUCHED: Final = 4.0
+#: So many deviations of the noise beyond everything that was measured nothing is predicted: the simulation diverged.
+HOPELESS: Final = 1e6
 #: The nominal simulator is run with steps so many times shorter, too.
 FINER: Final = 4
 
@@ -296,8 +298,14 @@ def without_repeats(data: Data) -> Data:
 
 
 def predicted(data: Data, signals: Signals) -> Array:
-    """The predictions of the measured channels, (nsim, T, C), of :class:`tiago_mj.gap.replay.Signals`."""
+    """The predictions of the measured channels, (nsim, T, C), of :class:`tiago_mj.gap.replay.Signals`: finite.
+
+    A simulation that diverged, or ran away, is :data:`HOPELESS` off: it loses wherever predictions are compared.
+    """
     sources = {"position": signals.position, "velocity": signals.velocity, "force": signals.reading}
     columns = [sources[kind][:, :, part] for kind, part in zip(data.kinds, data.part, strict=True)]
     length = data.value.shape[1]
-    return np.stack([column[:, :length] for column in columns], axis=-1)
+    most = np.nanmax(np.abs(data.value), axis=(0, 1), initial=0.0) + HOPELESS * data.noise
+    return np.clip(
+        np.nan_to_num(np.stack([column[:, :length] for column in columns], axis=-1), nan=np.inf), -most, most
+    )

@@ -6,6 +6,7 @@ It is built from a recording's sidecar, by the environments' own code: the diagn
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -16,11 +17,14 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from tiago_mj.gap.effects import EFFECTS
 from tiago_mj.gap.effects.chain import Wiring
+from tiago_mj.gap.effects.spec import Entry, arrays
 from tiago_mj.gap.effects.wiring import wire
 from tiago_mj.gap.recording import RecordingError, Sidecar, Trial
 from tiago_mj.gap.stated import known_to
 from tiago_mj.models import names, scene
+from tiago_mj.models.files import refuse_urdf
 from tiago_mj.models.objects import SHAPES, GraspObject
 from tiago_mj.sensing.load_cell import LoadCell
 from tiago_mj.sensing.sources import PadForces
@@ -82,9 +86,11 @@ class Plant:
         period: nominal control period [s].
         cell: load cell, or None without force channels.
         pads: reads the pads' forces; None without.
-        make: rebuilds the environment, for policies; None for a plain model.
+        environment: arguments that make the environment, for policies; None for a plain model.
+        file: of a plain model.
         relative: whether a command is a change from the measured position, as of controllers that follow it.
         known: how well the recordings say that numbers of the model are known (:mod:`tiago_mj.gap.stated`).
+        given: effects that are known already: part of every simulation, whatever else is tried.
     """
 
     name: str
@@ -95,9 +101,16 @@ class Plant:
     cell: LoadCell | None
     pads: PadForces | None
     environment: Mapping[str, Any] | None = None
+    file: Path | None = None
     relative: bool = False
     starts: Mapping[str, Start] = field(default_factory=dict)
     known: Mapping[tuple[str, str | None], float] = field(default_factory=dict)
+    given: tuple[Entry, ...] = ()
+
+    @property
+    def substeps(self) -> int:
+        """Physics steps in a control period."""
+        return substeps(self.period, self.max_timestep)
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -115,16 +128,29 @@ class Plant:
         return self.wiring.targets.sensor
 
 
-def plant_of(trials: Sequence[Trial], *, env: str | None = None, model: Path | None = None) -> Plant:
+def substeps(period: float, longest: float) -> int:
+    """How many physics steps of at most a length make a control period, both in seconds."""
+    return math.ceil(period / longest - 1e-6)
+
+
+def plant_of(
+    trials: Sequence[Trial],
+    *,
+    env: str | None = None,
+    model: Path | None = None,
+    given: Sequence[Entry] = (),
+) -> Plant:
     """The nominal simulator of trials that were recorded on one robot.
 
     Args:
         trials: all of one robot, interface and rate.
         env: environment id, where the sidecars do not say.
         model: MJCF file, where the sidecars do not say.
+        given: effects that are known already; of the sensors, too.
 
     Raises:
         RecordingError: nothing says which robot, or what is said does not fit the columns; one line.
+        ValueError: a given effect has a target that this robot does not have; one line.
     """
     first = trials[0].sidecar
     robot = str(model) if model else env or first.robot
@@ -133,8 +159,11 @@ def plant_of(trials: Sequence[Trial], *, env: str | None = None, model: Path | N
             f"{trials[0].source}: nothing says which robot this is: give --env ID or --model FILE.xml, or 'robot' in "
             "the sidecar"
         )
-    plant = _plain(trials, Path(robot)) if robot.endswith(".xml") else _environment(trials, robot)
-    return replace(plant, known=known_to(trials))
+    file = model is not None or robot.endswith((".xml", ".urdf", ".xacro"))
+    plant = _plain(trials, Path(robot)) if file else _environment(trials, robot)
+    for entry in given:
+        arrays(EFFECTS[entry.name], [[entry]], plant.wiring.targets)
+    return replace(plant, known=known_to(trials), given=tuple(given))
 
 
 # Environments --------------------------------------------------------------------------------------------------------
@@ -289,12 +318,40 @@ def _initial(model: mujoco.MjModel, wiring: Wiring, trial: Trial, qpos: Array, i
     return Start(qpos, qvel, set_point, item)
 
 
+def _held(model: mujoco.MjModel, wiring: Wiring, trial: Trial, start: Start) -> Start:
+    """With the first commands as what plain position servos held before it, where nothing says what that was and the
+    robot stands stiller under them than under its own position: it sags below what it holds."""
+    said = (trial.sidecar.initial or {}).get("set_point")
+    plain = wiring.servo & (wiring.act < 0)
+    if said or wiring.interface != "position" or not plain.any():
+        return start
+    first = start.set_point.copy()
+    for k, name in enumerate(wiring.targets.command):
+        sent = trial.commands.get(name)
+        known = np.flatnonzero(np.isfinite(sent if sent is not None else np.nan))
+        if plain[k] and len(known):
+            first[k] = np.asarray(sent)[known[0]]
+    data = mujoco.MjData(model)
+
+    def acceleration(points: Array) -> float:
+        data.qpos[:], data.qvel[:] = start.qpos, start.qvel
+        data.ctrl[wiring.ctrl] = points
+        mujoco.mj_forward(model, data)
+        return float(np.abs(data.qacc).max())
+
+    return replace(start, set_point=first) if acceleration(first) < acceleration(start.set_point) else start
+
+
 # Plain models --------------------------------------------------------------------------------------------------------
 
 
 def _plain(trials: Sequence[Trial], path: Path) -> Plant:
     if not path.is_file():
         raise RecordingError(f"no model file {str(path)!r}: give --model FILE.xml")
+    try:
+        refuse_urdf(path)
+    except ValueError as fault:
+        raise RecordingError(str(fault)) from fault
     try:
         model = mujoco.MjModel.from_xml_path(str(path))
     except ValueError as fault:
@@ -313,7 +370,7 @@ def _plain(trials: Sequence[Trial], path: Path) -> Plant:
     except ValueError as fault:
         raise RecordingError(f"{trials[0].source}: {fault}") from fault
     base = np.array(model.key_qpos[0] if model.nkey else model.qpos0)
-    starts = {trial.name: _initial(model, wiring, trial, base.copy(), None) for trial in trials}
+    starts = {t.name: _held(model, wiring, t, _initial(model, wiring, t, base.copy(), None)) for t in trials}
     rate = trials[0].sidecar.rate_hz
     period = 1 / rate if rate else float(np.median(np.diff(trials[0].time)))
     return Plant(
@@ -324,6 +381,7 @@ def _plain(trials: Sequence[Trial], path: Path) -> Plant:
         period=period,
         cell=None,
         pads=None,
+        file=path.resolve(),
         relative=_relative(trials),
         starts=starts,
     )

@@ -1,18 +1,20 @@
 """Predictions of many explanations for many trials, each physics run made once.
 
 What the simulator's step gets wrong is the same for all of them but for little: it is taken from the nominal model, run
-once more with shorter steps, and put right in every prediction.
+once more with shorter steps, and put right in every prediction that is compared with a finer reality. What is reported
+is what the simulator itself does, its step's error included (:meth:`Predictor.as_simulated`).
 """
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tiago_mj.gap import floor, replay, score
+from tiago_mj.gap import floor, replay, score, stability
 from tiago_mj.gap.effects.spec import Entry
 from tiago_mj.gap.plant import Plant
 from tiago_mj.gap.recording import RecordingError, Trial
@@ -31,12 +33,14 @@ class Predictor:
     """Runs and remembers simulations of one plant and its trials.
 
     Attributes:
-        plant, on, data: what is simulated and compared.
+        plant, on, data: what is simulated and compared; the plant's given effects are part of every prediction.
         threads: of the batches.
         seed: of random effects.
         off: what the step makes wrong in the nominal signals of every trial (:func:`tiago_mj.gap.floor.off_by_step`);
-            None: not known, predictions are as they are simulated.
+            None: not known.
+        corrected: whether that is put right where it is known; else predictions are as they are simulated.
         runs: number of physics simulations made.
+        tally: numbers of ``simulations`` and of those that ``diverged``, of this one and all that were made of it.
     """
 
     plant: Plant
@@ -45,7 +49,9 @@ class Predictor:
     threads: int = 0
     seed: int = 0
     off: Signals | None = None
+    corrected: bool = True
     runs: int = 0
+    tally: Counter[str] = field(default_factory=Counter)
     _kept: dict[tuple[int, Effects], tuple[Array, ...]] = field(default_factory=dict)
 
     def __call__(self, wanted: Sequence[tuple[int, Effects]], *, keep: bool = False) -> Array:
@@ -55,9 +61,10 @@ class Predictor:
             wanted: pairs; effects that draw at random are averaged over draws.
             keep: remember the physics for later calls (of the nominal model, say).
         """
+        given = self.plant.given
         drawn = self.on.luck is None
         draws = [
-            DRAWS if drawn and any(e.name in RANDOM and not sensor_only(e) for e in effects) else 1
+            DRAWS if drawn and any(e.name in RANDOM and not sensor_only(e) for e in (*given, *effects)) else 1
             for _, effects in wanted
         ]
         keys: dict[tuple[int, Effects, int], None] = {}
@@ -66,6 +73,8 @@ class Predictor:
             for draw in range(count):
                 keys[(trial, physics, draw)] = None
         true = self._physics(list(keys), keep)
+        if self.off is not None and self.corrected:
+            true = {key: self._put_right(key[0], run) for key, run in true.items()}
         rows, sims, owner = [], [], []
         for k, ((trial, effects), count) in enumerate(zip(wanted, draws, strict=True)):
             physics = tuple(e for e in effects if not sensor_only(e))
@@ -74,11 +83,11 @@ class Predictor:
                 sims.append((trial, tuple(e for e in effects if sensor_only(e) and e.name not in RANDOM)))
                 owner.append(k)
         signals = Signals(*(np.stack(parts) for parts in zip(*rows, strict=True)))
-        measuring = np.array([bool(effects) for _, effects in sims])
+        measuring = np.array([bool(effects) or any(sensor_only(e) for e in given) for _, effects in sims])
         if measuring.any():
             index = np.nonzero(measuring)[0]
             some = Signals(*(getattr(signals, f)[index] for f in Signals.__dataclass_fields__))
-            measured = replay.measure(self.plant, self.on, some, [sims[i] for i in index], seed=self.seed)
+            measured = replay.measure(_certain(self.plant), self.on, some, [sims[i] for i in index], seed=self.seed)
             for name in ("position", "velocity", "reading"):
                 getattr(signals, name)[index] = getattr(measured, name)
         channels = floor.predicted(self.data, signals)
@@ -96,16 +105,21 @@ class Predictor:
 
     def with_luck(self, luck: Array) -> Predictor:
         """The same with the commands that were lost, (ntrials, T - 1, nactuators), instead of drawn ones."""
-        kept = {key: run for key, run in self._kept.items() if not any(entry.name in RANDOM for entry in key[1])}
+        given = any(entry.name in RANDOM for entry in self.plant.given)
+        kept = {key: run for key, run in self._kept.items() if not given and all(e.name not in RANDOM for e in key[1])}
         return replace(self, on=replace(self.on, luck=luck), runs=0, _kept=kept)
 
-    def closely(self) -> Predictor:
-        """The same with the shorter steps that ``off`` is known from: for what changes what the step gets wrong."""
-        if self.off is None:
-            return self
-        plant = replace(self.plant, max_timestep=self.plant.max_timestep / floor.FINER)
-        off = Signals(*(getattr(self.off, f) / floor.FINER for f in Signals.__dataclass_fields__))
-        return Predictor(plant, self.on, self.data, self.threads, self.seed, off)
+    def as_simulated(self) -> Predictor:
+        """The same with the error of the physics step in it: what the environment, or the repaired model, does."""
+        return replace(self, corrected=False)
+
+    def otherwise_corrected(self) -> Predictor | None:
+        """The same with the step's error put right where it was not, or the other way round; None: it is not known."""
+        return None if self.off is None else replace(self, corrected=not self.corrected)
+
+    def _put_right(self, trial: int, run: tuple[Array, ...]) -> tuple[Array, ...]:
+        fields = Signals.__dataclass_fields__
+        return tuple(one - getattr(self.off, f)[trial] for one, f in zip(run, fields, strict=True))
 
     def _physics(
         self, keys: list[tuple[int, Effects, int]], keep: bool
@@ -118,13 +132,9 @@ class Predictor:
             self.runs += len(todo)
             seed = self.seed + 7919 * draw
             signals = replay.simulate(
-                self.plant, self.on, [(t, e) for t, e, _ in todo], threads=self.threads, seed=seed
+                replay.unmeasured(self.plant), self.on, [(t, e) for t, e, _ in todo], threads=self.threads, seed=seed
             )
-            if self.off is not None:
-                index = [t for t, _, _ in todo]
-                signals = Signals(
-                    *(getattr(signals, f) - getattr(self.off, f)[index] for f in Signals.__dataclass_fields__)
-                )
+            self.tally.update(simulations=len(todo), diverged=int(signals.diverged.sum()))
             for row, key in enumerate(todo):
                 done[key] = tuple(getattr(signals, f)[row] for f in Signals.__dataclass_fields__)
                 if keep:
@@ -153,14 +163,28 @@ def predictor(
             f"{trials[0].source}: no measured column is of this robot ({', '.join(plant.joints)}): give a map file"
         )
     everything: list[tuple[int, Effects]] = [(k, ()) for k in range(len(trials))]
-    nominal = replay.simulate(plant, on, everything, threads=threads, seed=seed)
-    fine = replace(plant, max_timestep=plant.max_timestep / floor.FINER)
+    bare = replay.unmeasured(plant)
+    true = replay.simulate(bare, on, everything, threads=threads, seed=seed)
+    stability.check_nominal(plant, on, true)
+    fine = replace(bare, max_timestep=plant.max_timestep / floor.FINER)
     finer = replay.simulate(fine, on, everything, threads=threads, seed=seed)
-    as_simulated, off = floor.predicted(data, nominal), floor.off_by_step(nominal, finer)
+    if finer.diverged.any():  # a step that is not fine enough tells nothing of another
+        finer = true
+    off = floor.off_by_step(true, finer)  # of true signals: a given quantum would make steps of it
+    nominal = true
+    if bare.given != plant.given:
+        sensed = _certain(plant)
+        nominal, finer = (replay.measure(sensed, on, one, everything, seed=seed) for one in (true, finer))
+    as_simulated = floor.predicted(data, nominal)
     data = floor.with_numerics(data, as_simulated, floor.predicted(data, finer))
-    # What was recorded in this very simulator is off by the same steps.
+    # What was recorded in this very simulator is off by the same steps: decided anew beside explanations (select).
     same = score.distance(data, as_simulated) < score.distance(data, as_simulated - floor.predicted(data, off))
-    return Predictor(plant, on, data, threads, seed, None if same else off), nominal
+    return Predictor(plant, on, data, threads, seed, off, corrected=not same), nominal
+
+
+def _certain(plant: Plant) -> Plant:
+    """Without given effects of the sensors that draw at random: a reading that was missed is no other reading."""
+    return replace(plant, given=tuple(e for e in plant.given if not (sensor_only(e) and e.name in RANDOM)))
 
 
 def _plain(key: tuple[int, Effects, int]) -> tuple[int, Effects]:

@@ -143,6 +143,7 @@ class Trial:
         sidecar: what is known beside the columns.
         source: name of the file, without its folder.
         extras: columns ``extra.NAME``, in whatever unit: kept, never used.
+        units: in which channels came that were converted while reading, by column's name.
     """
 
     name: str
@@ -155,6 +156,7 @@ class Trial:
     sidecar: Sidecar
     source: str
     extras: Mapping[str, Array] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

@@ -8,9 +8,8 @@ from __future__ import annotations
 
 import copy
 import itertools
-import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import mujoco
 import mujoco.batch
@@ -18,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tiago_mj.gap.effects import EFFECTS
-from tiago_mj.gap.effects.chain import BLIND, EACH_STEP, EACH_SUBSTEP, Chain
+from tiago_mj.gap.effects.chain import EACH_STEP, EACH_SUBSTEP, Chain
 from tiago_mj.gap.effects.declare import overrides
 from tiago_mj.gap.effects.host import BatchHost
 from tiago_mj.gap.effects.spec import Entry
@@ -31,8 +30,8 @@ Effects = tuple[Entry, ...]
 
 #: Simulations in one batch: enough to fill any number of threads, few enough to stay within memory.
 BATCH = 256
-#: Rows that an open loop runs at once: few enough to stay within memory.
-ROWS = 64
+#: Physics steps that an open loop runs at once: few enough to stay within memory.
+AT_ONCE = 512
 
 
 @dataclass(frozen=True)
@@ -59,7 +58,7 @@ class Grid:
 
 @dataclass(frozen=True)
 class Signals:
-    """What was simulated, row by row, (nsim, T, ...).
+    """What was simulated, row by row, (nsim, T, ...); NaN from where a simulation diverged.
 
     Attributes:
         position, velocity, effort: of the joints, measured, (nsim, T, njoints).
@@ -72,6 +71,19 @@ class Signals:
     effort: Array
     reading: Array
     newtons: Array
+
+    @property
+    def diverged(self) -> NDArray[np.bool_]:
+        """Simulations that did not reach their end, (nsim,)."""
+        return np.asarray(~np.isfinite(self.velocity[:, -1]).all(axis=-1))
+
+    def until(self, rows: NDArray[np.int_]) -> Signals:
+        """With NaN from a row on, (nsim,) of them."""
+        length = self.position.shape[1]
+        if (rows >= length).all():
+            return self
+        gone = np.arange(length) >= rows[:, None]
+        return Signals(*(np.where(gone[..., None], np.nan, getattr(self, f)) for f in Signals.__dataclass_fields__))
 
 
 def grid(plant: Plant, trials: Sequence[Trial]) -> Grid:
@@ -104,12 +116,13 @@ def simulate(
     """Run simulations.
 
     Args:
-        plant: the nominal simulator.
+        plant: the nominal simulator; its given effects are part of every simulation.
         on: commands and times.
         sims: (trial index, effects) of each.
         threads: of the batch; 0 is all processors. The result does not depend on it.
         seed: of what effects draw at random: the same for every simulation of a trial.
     """
+    sims = [(trial, (*plant.given, *effects)) for trial, effects in sims]
     parts = [_parted(plant, on, sims[k : k + BATCH], threads, seed) for k in range(0, len(sims), BATCH)]
     return Signals(*(np.concatenate([getattr(p, f) for p in parts]) for f in Signals.__dataclass_fields__))
 
@@ -130,7 +143,7 @@ def _needs_no_one(entry: Entry) -> bool:
     """Whether an effect changes the model alone, or a signal without asking what the joints do."""
     hooks = (*EACH_SUBSTEP, *EACH_STEP)
     declared = EFFECTS[entry.name]
-    return declared.stage != "timing" and (entry.name in BLIND or not any(overrides(declared, hook) for hook in hooks))
+    return declared.signal_only or not any(overrides(declared, hook) for hook in hooks)
 
 
 def measure(plant: Plant, on: Grid, true: Signals, sims: Sequence[tuple[int, Effects]], *, seed: int = 0) -> Signals:
@@ -138,10 +151,11 @@ def measure(plant: Plant, on: Grid, true: Signals, sims: Sequence[tuple[int, Eff
 
     Args:
         plant, on, sims, seed: as for :func:`simulate`; effects that are not the sensors' are ignored.
-        true: signals of runs without sensor effects, (nsim, ...), row by row those of ``sims``.
+        true: signals of runs without sensor effects, (nsim, ...), row by row those of ``sims``: of
+            :func:`unmeasured` where sensors' effects are given.
     """
     host = _Silent(plant.model, len(sims))
-    sensing = [[e for e in entries if sensor_only(e)] for _, entries in sims]
+    sensing = [[e for e in (*plant.given, *entries) if sensor_only(e)] for _, entries in sims]
     chain = Chain(host, plant.wiring, sensing, _uniform(sims, None, seed))  # type: ignore[arg-type]
     chain.now.dt = np.full(len(sims), plant.period)
     for effect in chain.effects:
@@ -169,7 +183,13 @@ def measure(plant: Plant, on: Grid, true: Signals, sims: Sequence[tuple[int, Eff
 def only_commands(plant: Plant, sims: Sequence[Effects]) -> Chain:
     """The chain of effects on commands, without a simulation: for what it makes of them before a servo moves."""
     host = _Silent(plant.model, len(sims))
+    sims = [(*plant.given, *effects) for effects in sims]
     return Chain(host, plant.wiring, sims, _uniform([(0, effects) for effects in sims], None, 0))  # type: ignore[arg-type]
+
+
+def unmeasured(plant: Plant) -> Plant:
+    """The plant without the given effects that act on readings alone: its signals are what :func:`measure` takes."""
+    return replace(plant, given=tuple(entry for entry in plant.given if not sensor_only(entry)))
 
 
 def sensor_only(entry: Entry) -> bool:
@@ -198,12 +218,12 @@ def _batch(plant: Plant, on: Grid, sims: Sequence[tuple[int, Effects]], threads:
     chain = Chain(host, wiring, [entries for _, entries in sims], _uniform(sims, on.luck, seed))
     qpos = host.state("qpos")
     qpos[:, wiring.qpos] = chain.true_position(qpos[:, wiring.qpos])
-    substeps = math.ceil(plant.period / plant.max_timestep - 1e-6)
+    substeps = plant.substeps
     item = starts[0].item
     contact = None if item is None else (item.stiffness, item.damping, scene.CONTACT_POINTS[item.shape])
     if not on.uniform or substeps * plant.model.opt.timestep != plant.period:
         host.set_timestep(np.full(nsim, plant.period / substeps))
-    chain.start(plant.period, substeps, contact)
+    chain.start(plant.period, substeps, contact, np.array([start.set_point for start in starts]))
     host.forward()
     tare = plant.pads.tare(host.output("sensordata")) if plant.pads is not None else 0.0
     shape = (nsim, length)
@@ -211,13 +231,21 @@ def _batch(plant: Plant, on: Grid, sims: Sequence[tuple[int, Effects]], threads:
     reading, newtons = np.zeros((*shape, len(plant.sensors))), np.zeros((*shape, len(plant.sensors)))
     quiet = np.zeros((nsim, len(plant.sensors)))
 
-    def read(k: int, qpos: Array, qvel: Array, force: Array, sensordata: Array) -> None:
-        position[:, k] = chain.position(qpos[:, wiring.qpos])
-        velocity[:, k] = chain.velocity(qvel[:, wiring.dof])
-        effort[:, k] = force[:, wiring.dof]
+    def read(k: int | slice, qpos: Array, qvel: Array, force: Array, sensordata: Array) -> None:
+        position[:, k] = chain.position(qpos[..., wiring.qpos])
+        velocity[:, k] = chain.velocity(qvel[..., wiring.dof])
+        effort[:, k] = force[..., wiring.dof]
         if plant.pads is not None and plant.cell is not None:
-            newtons[:, k] = plant.pads.read(sensordata, tare)
-            reading[:, k] = chain.reading(newtons[:, k], plant.cell.signal, quiet)
+            of_rows = tare if isinstance(k, int) else np.asarray(tare)[..., None, :]
+            newtons[:, k] = plant.pads.read(sensordata, of_rows)
+            reading[:, k] = chain.reading(
+                newtons[:, k], plant.cell.signal, quiet if isinstance(k, int) else quiet[:, None]
+            )
+
+    ends = np.full(nsim, length)
+
+    def note_ends(row: int) -> None:
+        ends[:] = np.where(host.diverged, np.minimum(ends, row), ends)
 
     def present() -> tuple[Array, ...]:
         return host.state("qpos"), host.state("qvel"), host.output("qfrc_actuator"), host.output("sensordata")
@@ -228,15 +256,23 @@ def _batch(plant: Plant, on: Grid, sims: Sequence[tuple[int, Effects]], threads:
     if on.uniform and not plant.relative and chain.open_loop:
         idle = host.state("ctrl")
         fields = ("qpos", "qvel", "qfrc_actuator", "sensordata")
-        for first in range(0, length - 1, ROWS):
-            rows = min(ROWS, length - 1 - first)
+        most = max(AT_ONCE // substeps, 1)
+        for first in range(0, length - 1, most):
+            rows = min(most, length - 1 - first)
             some = np.repeat(idle[:, None], rows * substeps, axis=1)
+            some[:, :, wiring.ctrl] = chain.ahead(on.commands[trial, first : first + rows])
+            seen = host.rollout(some, fields)
+            note_ends(first + 1)
+            if chain.passes_readings:
+                ends_of_rows = {name: seen[name][:, substeps - 1 :: substeps] for name in fields}
+                read(slice(first + 1, first + rows + 1), *ends_of_rows.values())
+                continue
+            then = chain.now.elapsed
             for k in range(rows):
-                some[:, k * substeps : (k + 1) * substeps, wiring.ctrl] = chain.ahead(on.commands[trial, first + k])
-            seen = host.batch.rollout(some.shape[1], some, record=fields)
-            for k in range(rows):
+                chain.now.step, chain.now.elapsed = first + k + 1, (first + k + 1) * chain.now.dt
                 read(first + k + 1, *(seen[name][:, (k + 1) * substeps - 1] for name in fields))
-        return Signals(position, velocity, effort, _averaged(plant, reading), newtons)
+            chain.now.step, chain.now.elapsed = first + rows, then
+        return Signals(position, velocity, effort, _averaged(plant, reading), newtons).until(ends)
     held = np.array([start.set_point for start in starts])
     for k in range(length - 1):
         sent = on.commands[trial, k]
@@ -245,8 +281,9 @@ def _batch(plant: Plant, on: Grid, sims: Sequence[tuple[int, Effects]], threads:
             here = host.state("qpos")[:, wiring.qpos[list(wiring.targets.actuated)]]
             sent = held = np.where(np.isnan(sent), held, here + sent)
         chain.advance(sent, None if on.uniform else on.period[trial, k])
+        note_ends(k + 1)
         read(k + 1, *present())
-    return Signals(position, velocity, effort, _averaged(plant, reading), newtons)
+    return Signals(position, velocity, effort, _averaged(plant, reading), newtons).until(ends)
 
 
 def _averaged(plant: Plant, reading: Array) -> Array:

@@ -13,6 +13,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from tiago_mj.gap.effects.spec import Entry
 from tiago_mj.gap.recording import Finding
 
 Array = NDArray[np.float64]
@@ -123,6 +124,8 @@ class Shrink:
         per_phase: the same by phase, all channels together.
         per_place: the same by channel, then by phase.
         resampled: what the intervals are drawn over, in words.
+        accounted: ``after``, were the nominal model's own numbers as they were fitted, each object where it stood, and
+            the physics step infinitely short.
     """
 
     before: float | None
@@ -136,6 +139,7 @@ class Shrink:
     per_phase: Mapping[str, Closing] = field(default_factory=dict)
     per_place: Mapping[str, Mapping[str, Closing]] = field(default_factory=dict)
     resampled: str = ""
+    accounted: float | None = None
 
 
 @dataclass(frozen=True)
@@ -171,6 +175,31 @@ class Overlay:
 
 
 @dataclass(frozen=True)
+class Repaired:
+    """A user's own model with the effects in it that a model file holds, and how it was simulated.
+
+    Attributes:
+        xml: MJCF; empty where it could not be written.
+        fault: why not.
+        holds, lacks: names of effects.
+        rate_hz: of commands.
+        interface: what they are.
+        timestep: physics step [s].
+        joints, actuators: names, in the order in which effects know them.
+    """
+
+    xml: str
+    fault: str
+    holds: tuple[str, ...]
+    lacks: tuple[str, ...]
+    rate_hz: float
+    interface: str
+    timestep: float
+    joints: tuple[str, ...]
+    actuators: tuple[str, ...]
+
+
+@dataclass(frozen=True)
 class Diagnosis:
     """The whole answer.
 
@@ -188,6 +217,9 @@ class Diagnosis:
         complete: False when a time budget ran out.
         overlays: for the pictures, not in the JSON.
         notes: sentences that a reader should know (no test trial, channels left out, what the log cannot show).
+        given: effects that were known before, and are part of the nominal and of the repaired simulator.
+        repaired: the user's own model, repaired; None for an environment.
+        ended: what ended the search before its end, apart from the time: a fault, or the user.
         command: the command line that made it; in the page, not in the JSON, since the answer does not depend on it.
     """
 
@@ -211,4 +243,7 @@ class Diagnosis:
     seconds: float
     overlays: tuple[Overlay, ...] = ()
     notes: tuple[str, ...] = ()
+    given: tuple[Entry, ...] = ()
+    repaired: Repaired | None = None
+    ended: BaseException | None = None
     command: str = ""

@@ -13,6 +13,7 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import signal
 
 from tiago_mj.gap.effects import EFFECTS
 from tiago_mj.gap.floor import Data
@@ -159,10 +160,10 @@ def _between(position: Array, times: int) -> Array:
 def _followed(force: Array, share: float) -> Array:
     """Where a joint is that follows a force over the rows, (..., T): in fast motion it is behind a ripple by more than
     a quarter of it."""
-    out = force.copy()  # it begins at rest
-    for k in range(1, force.shape[-1]):
-        pushed = force[..., k] if share == 1 else (force[..., k - 1] + force[..., k]) / 2
-        out[..., k] = out[..., k - 1] + share * (pushed - out[..., k - 1])
+    if share == 1:
+        return force
+    begun = (1 - share / 2) * force[..., :1]  # it begins at rest
+    out: Array = signal.lfilter([share / 2, share / 2], [1, share - 1], force, zi=begun)[0]
     return out
 
 

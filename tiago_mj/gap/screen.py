@@ -56,6 +56,7 @@ def screen(
     at: Point,
     base: Array,
     out_of_time: Callable[[], bool] = lambda: False,
+    how_far: Callable[[int, int], None] = lambda total, done: None,
 ) -> list[Screened]:
     """Score every candidate at every magnitude of its grid.
 
@@ -69,6 +70,7 @@ def screen(
         at: effects and nominal numbers beside which the pool is tried.
         base: predictions there, (ntrials, T, C).
         out_of_time: asked between portions; what was not simulated by then is left out.
+        how_far: told between portions how many magnitudes there are, and how many were simulated.
 
     Returns:
         One entry a candidate, best first.
@@ -82,6 +84,7 @@ def screen(
     for first in range(0, len(wanted), PORTION):
         if first and out_of_time():
             break
+        how_far(len(wanted), first)
         portion = wanted[first : first + PORTION]
         predicted = fitter.predictions([at.beside(c, value) for c, value in portion])
         for (c, value), one in zip(portion, predicted, strict=True):

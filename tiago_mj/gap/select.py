@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Final, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tiago_mj.gap import another, extend, floor, lost, rounds, score, shortlist, starts
+from tiago_mj.gap import another, extend, floor, lost, rounds, score, shortlist, starts, step_error
 from tiago_mj.gap.another import Search
 from tiago_mj.gap.fit import NUDGE, Fitted, Fitter, Point, Start
 from tiago_mj.gap.floor import Data
 from tiago_mj.gap.hypotheses import Candidate, Term
 from tiago_mj.gap.predict import Predictor
+from tiago_mj.gap.recording import RecordingError
 from tiago_mj.gap.screen import Screened, screen
 from tiago_mj.gap.set_points import Told
 from tiago_mj.gap.traces import ONLY_READ_OFF, Known
@@ -24,8 +25,8 @@ Array = NDArray[np.float64]
 
 #: Physics steps of all trials that are fitted, and of those of the first pass; no fewer than so many trials: ten
 #: grasps of a second and a quarter are all fitted, of ten-second ones those in which the nominal model fails most.
-FIT_STEPS: Final = 12_000
-FIRST_STEPS: Final = 6_000
+FIT_STEPS: Final = 8_000
+FIRST_STEPS: Final = 4_000
 FIT_TRIALS: Final = 3
 FIRST_TRIALS: Final = 1
 #: Trials of the first pass at most.
@@ -52,7 +53,23 @@ QUIET: Final = (1.3, 2.0)
 #: A change below this share of floor and tolerance (rms, largest magnitude tried) cannot be seen in the recording.
 INVISIBLE: Final = 0.05
 
-Tick = Callable[[str, int], None]
+
+class Tick(Protocol):
+    """Told how far a diagnosis is."""
+
+    def __call__(self, stage: str, total: int, done: int = 0) -> None:
+        """A stage of so many steps (begins, or) has done some of them."""
+
+
+@dataclass
+class SoFar:
+    """What a search has found until now: all that is left of one that something ends.
+
+    Attributes:
+        ranked: None before the first explanations were fitted.
+    """
+
+    ranked: Ranked | None = None
 
 
 @dataclass(frozen=True)
@@ -70,6 +87,7 @@ class Ranked:
         weight: square root of what a sample of each channel counts for, (C,).
         predict: simulations, in which those commands are lost that were.
         astray: trials that were set aside, by index: a motion goes another way in them.
+        ended: what ended the search before its end, apart from the time: a fault, or the user.
     """
 
     fits: tuple[Fitted, ...]
@@ -81,6 +99,7 @@ class Ranked:
     weight: Array
     predict: Predictor
     astray: tuple[int, ...] = ()
+    ended: BaseException | None = None
 
 
 def select(
@@ -95,9 +114,9 @@ def select(
     *,
     steps: int = 0,
     out_of_time: Callable[[], bool] = lambda: False,
-    tick: Tick = lambda stage, total: None,
+    tick: Tick = lambda stage, total, done=0: None,
 ) -> Ranked:
-    """Rank explanations of the trials.
+    """Rank explanations of the trials; where something ends the search, those that were found until then.
 
     Args:
         predict: simulations.
@@ -112,6 +131,30 @@ def select(
         out_of_time: asked between stages.
         tick: told what begins.
     """
+    so_far = SoFar()
+    try:
+        return _searched(predict, data, trials, pool, terms, base, known, seen, so_far, steps, out_of_time, tick)
+    except (Exception, KeyboardInterrupt) as fault:
+        if so_far.ranked is None or isinstance(fault, RecordingError):
+            raise
+        return replace(so_far.ranked, complete=False, ended=fault)
+
+
+def _searched(
+    predict: Predictor,
+    data: Data,
+    trials: Sequence[int],
+    pool: Sequence[Candidate],
+    terms: Sequence[Term],
+    base: Array,
+    known: Sequence[Known],
+    seen: Told | None,
+    so_far: SoFar,
+    steps: int,
+    out_of_time: Callable[[], bool],
+    tick: Tick,
+) -> Ranked:
+    """See :func:`select`; ``so_far`` is told what was found, from stage to stage."""
     read_off = {*ONLY_READ_OFF, *(k.candidate.effect for k in known)}
     pool = _with_something_to_explain([c for c in pool if c.effect not in read_off], data, base)
     tick("fitting the nominal model", NOMINAL_ROUNDS)
@@ -134,7 +177,9 @@ def select(
     base = everywhere.predictions([Point((), np.zeros(0), at)], keep=True)[0]
     first = extend.spread(base, data, min(max(FIRST_STEPS // max(steps, 1), FIRST_TRIALS), SCREEN_TRIALS))
     few, here = everywhere.part(first), Point((), np.zeros(0), everywhere.of(first, at))
-    screened = screen(few, rounds.frame(few, here), pool, here, base[first], out_of_time=out_of_time)
+    screened = screen(
+        few, rounds.frame(few, here), pool, here, base[first], out_of_time, lambda *how_far: tick("screening", *how_far)
+    )
     visible = {s.candidate.effect for s in screened if s.visible > INVISIBLE}
     names = dict.fromkeys(c.effect for c in pool)
     unseen = tuple(name for name in names if name not in visible)
@@ -145,9 +190,31 @@ def select(
     moved = starts.moved(everywhere, at, {s.candidate.label for s in promising})
     singles = [starts.beginning(s, few, here.nuisance) for s in shortlist.to_fit(promising, count, moved)]
     ranked = shortlist.ordered(few.fit_all([Start((), np.zeros(0), here.nuisance), *singles]))
+    other = step_error.otherwise(few, ranked)
+    if other is not None:
+        few, everywhere = replace(few, predict=other), replace(everywhere, predict=other)
+        base = everywhere.predictions([Point((), np.zeros(0), at)], keep=True)[0]
+        (nominal,) = everywhere.fit_all([starts.again(nominal)])
+        ranked = shortlist.ordered(few.fit_all([starts.again(f) for f in ranked]))
+
+    def told(fits: Sequence[Fitted], by: Fitter) -> Ranked:
+        shown = shortlist.worth_showing(shortlist.once_each(shortlist.ordered(fits)))
+        astray = tuple(k for k in trials if k not in by.trials) if by is not few else ()
+        return Ranked(
+            tuple(_with(fit, known, shared) for fit in shown),
+            tuple(screened),
+            unseen,
+            len(known),
+            len(names),
+            not out_of_time(),
+            by.weight,
+            by.predict,
+            astray,
+        )
+
+    so_far.ranked = told(ranked, few)
     if out_of_time():
-        fits = [_with(f, known, shared) for f in ranked]
-        return Ranked(tuple(fits), tuple(screened), unseen, len(known), len(names), False, weight, few.predict)
+        return so_far.ranked
     # Once something explains the bulk, what is left shows how correlated the residuals really are.
     reference = few.predictions([Point(ranked[0].parts, ranked[0].values, ranked[0].nuisance)])[0]
     weight = np.maximum(rounds.counts(few.data, reference), weight)
@@ -173,9 +240,10 @@ def select(
         weight = np.maximum(weight, another.UNEXPLAINED)
         few, everywhere = replace(few, weight=weight), replace(everywhere, weight=weight)
         fits = everywhere.fit_all([starts.again(f) for f in rounds.again(fits)])
-    everywhere, told = _losing(everywhere, pool, shortlist.ordered(fits)[0], seen)
-    if told is not pool:
-        lose = {c.label: c for c in told if c.effect == lost.EFFECT}
+    so_far.ranked = told(fits, everywhere)
+    everywhere, losing = _losing(everywhere, pool, shortlist.ordered(fits)[0], seen)
+    if losing is not pool:
+        lose = {c.label: c for c in losing if c.effect == lost.EFFECT}
         weight = everywhere.weight
         few = replace(few, predict=everywhere.predict, weight=weight)
         promising = [s for s in promising if s.candidate.label not in lose]
@@ -194,13 +262,8 @@ def select(
         if len(search.everywhere.trials) == len(trials):
             everywhere, fits, at = rounds.without_astray(search.everywhere, search.fits, search.at)
             search = replace(search, everywhere=everywhere, fits=fits, at=at)
-    complete, found_by = not out_of_time(), search.everywhere
-    fits = shortlist.worth_showing(shortlist.once_each(shortlist.ordered(search.fits)))
-    fits = [_with(fit, known, shared) for fit in fits]
-    astray = tuple(k for k in trials if k not in found_by.trials)
-    counts = len(known), len(names)
-    weight, predict = found_by.weight, found_by.predict
-    return Ranked(tuple(fits), tuple(screened), unseen, *counts, complete, weight, predict, astray)
+        so_far.ranked = told(search.fits, search.everywhere)
+    return told(search.fits, search.everywhere)
 
 
 def _calibrated(fitter: Fitter) -> tuple[Fitter, Fitted]:

@@ -176,7 +176,7 @@ def _make(asked: Asked, trial: Trial, effects: Sequence[Named]) -> gymnasium.Env
     """The environment with effects, without a time limit: episodes are as long as what they are compared with."""
     assert asked.plant.environment is not None
     arguments = {**_arguments(trial, asked.plant), **asked.plant.environment}
-    given = [
+    given: list[Any] = [
         {
             "name": effect.name,
             "target": effect.target if isinstance(effect.target, str) else list(effect.target),
@@ -185,6 +185,7 @@ def _make(asked: Asked, trial: Trial, effects: Sequence[Named]) -> gymnasium.Env
         for effect in effects
     ]
     try:
+        given = [*asked.plant.given, *given]
         return gymnasium.make(**arguments, effects=given or None, max_episode_steps=-1, disable_env_checker=True)
     except (TypeError, ValueError) as fault:
         raise RecordingError(f"{trial.source}: {asked.plant.name} cannot be made for --policy: {fault}") from fault

@@ -8,15 +8,15 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from tiago_mj.gap import verdict
+from tiago_mj.gap import travel, verdict
 from tiago_mj.gap.effects import EFFECTS
 from tiago_mj.gap.effects.spec import Entry
 from tiago_mj.gap.fit import Fitted
 from tiago_mj.gap.floor import Data
-from tiago_mj.gap.hypotheses import terms
 from tiago_mj.gap.plant import Plant
 from tiago_mj.gap.predict import Predictor
 from tiago_mj.gap.recording import Trial
+from tiago_mj.gap.remainder import own_numbers
 from tiago_mj.gap.result import Explanation, Named, Overlay, Value
 from tiago_mj.gap.select import Ranked
 from tiago_mj.gap.traces import Tone
@@ -38,13 +38,8 @@ def left_open(plant: Plant, ranked: Ranked) -> dict[int, tuple[Entry, ...]]:
     stated = {name for name, _ in plant.known}
     if not stated:
         return {}
-    shared = [term for term in terms(plant) if not term.per_trial]
     return {
-        k: tuple(
-            term.entry(float(size))
-            for term, size in zip(shared, fit.nuisance, strict=False)
-            if term.effect in stated and size
-        )
+        k: tuple(entry for entry in own_numbers(plant, fit) if entry.name in stated)
         for k, fit in enumerate(ranked.fits)
     }
 
@@ -112,6 +107,12 @@ def named(plant: Plant, fit: Fitted, k: int) -> Named:
             if fixed != declared.forms[name].values[0]:
                 parameters[name] = Value(fixed, None, None, "-")
             continue
+        if name in declared.details:
+            off = NINETY * verdict.calibration().widens * fit.spreads[name]
+            detail = declared.details[name]
+            ends = max(fixed - off, detail.bounds[0]), min(fixed + off, detail.bounds[1])
+            parameters[name] = Value(fixed, *ends, detail.unit, fit.spreads[name])
+            continue
         index = 0 if part.target is None else plant.wiring.targets.names(declared.targets).index(part.target[0])
         side = 0 if plant.wiring.targets.slide(declared.targets, index) else 1
         parameters[name] = Value(fixed, None, None, declared.parameters[name].unit[side])
@@ -168,9 +169,13 @@ def notes(
     tones: Sequence[Tone],
     *,
     astray: Sequence[int] = (),
-    was_cut: bool,
+    cut_from: int = 0,
     tested: bool,
     complete: bool,
+    splits: Mapping[str, Sequence[str]],
+    slides: Sequence[str] = (),
+    ended: BaseException | None = None,
+    diverged: Mapping[str, int] | None = None,
 ) -> tuple[str, ...]:
     """Sentences that a reader should know.
 
@@ -178,16 +183,22 @@ def notes(
         trials: that were compared.
         tones: that load cells hum.
         astray: indices of trials that were set aside.
-        was_cut: whether the trials are parts of one recording.
+        cut_from: how many recordings were cut into the trials; 0 where none was.
         tested: whether a trial was kept for testing.
-        complete: whether the time sufficed.
+        complete: whether the search came to its end.
+        ended: what ended it, apart from the time.
+        diverged: number of ``simulations``, and of those that ``diverged``.
+        splits: names of the train, validation and test trials.
+        slides: joints that slide.
     """
     said = []
-    if was_cut:
+    if cut_from:
+        what = "The recording was" if cut_from == 1 else f"The {cut_from} recordings, of which some are long, were"
         said.append(
-            f"The recording was cut into {len(trials)} trials: at its rests, or where it has too few of them into "
-            "parts with gaps between them."
+            f"{what} cut into {len(trials)} trials: at rests, or where there are too few of them into parts with gaps "
+            "between them."
         )
+    said += travel.notes(trials, splits, slides)
     if not tested:
         said.append("There is no test trial, so no share of the gap can be said to be closed: record more than one.")
     if any(trial.efforts for trial in trials):
@@ -204,6 +215,15 @@ def notes(
         "something slipped, tipped or got stuck there. What is said rests on the others."
         for k in astray
     ]
-    if not complete:
+    if diverged and diverged["diverged"]:
+        said.append(
+            f"{diverged['diverged']} of {diverged['simulations']} simulations diverged: what they were of was dropped."
+        )
+    if isinstance(ended, KeyboardInterrupt):
+        said.append("The search was interrupted: what is said is the best so far.")
+    elif ended is not None:
+        fault = f"{type(ended).__name__}: {' '.join(str(ended).split())[:200]}"
+        said.append(f"A fault of this program ended the search ({fault}): what is said is the best so far.")
+    elif not complete:
         said.append("The time budget ran out: what is said is the best so far.")
     return tuple(said)

@@ -1,4 +1,4 @@
-"""One long recording as several trials: cut at its rests, or else into blocks with gaps between them.
+"""Long recordings as several trials each: cut at its rests, or else into blocks with gaps between them.
 
 Parts of one motion are no independent trials where one goes on as the other ends. A rest makes a robot forget; without
 rests the gap must be longer than what is left of an error after it (its correlation time). What is not known yet is the
@@ -20,6 +20,11 @@ from tiago_mj.gap.recording import Array, Trial
 #: Length of a part that is aimed at, and the shortest [s].
 LENGTH: Final = 10.0
 SHORTEST: Final = 2.0
+#: Longest trial that is replayed [s], and its rows: hundreds of explanations at once fit into 1.5 GB.
+LONGEST: Final = 60.0
+MOST_ROWS: Final = 15_000
+#: With fewer recordings nothing is left to choose by or to test on, unless they are cut.
+ENOUGH: Final = 3
 #: A rest is so long at least [s]; nothing is commanded anew and no joint leaves this share of its range.
 REST: Final = 0.5
 STILL: Final = 0.01
@@ -28,6 +33,26 @@ LOOK_BACK: Final = 0.4
 REPEATS: Final = 4
 #: No more than this share of a recording is given up to gaps.
 GIVEN_UP: Final = 0.25
+
+
+def too_long(trial: Trial) -> bool:
+    """Whether a trial is too long to be replayed again and again."""
+    return float(trial.time[-1] - trial.time[0]) > LONGEST or len(trial.time) > MOST_ROWS
+
+
+def cut_long(trials: Sequence[Trial]) -> tuple[Trial, ...]:
+    """Every trial that is too long to be replayed in parts that are not, the others as they are. Fewer than
+    :data:`ENOUGH` are all cut, as :func:`cut` does."""
+    found: list[Trial] = []
+    for trial in trials:
+        if not too_long(trial):
+            found += cut(trial) if len(trials) < ENOUGH else (trial,)
+            continue
+        seconds = float(trial.time[-1] - trial.time[0])
+        length = min(LENGTH, seconds * MOST_ROWS / len(trial.time) / 2)
+        for piece in cut(trial, length):
+            found += _blocks(piece, length) if too_long(piece) else (piece,)
+    return tuple(found)
 
 
 def cut(trial: Trial, length: float = LENGTH) -> tuple[Trial, ...]:
@@ -44,18 +69,28 @@ def cut(trial: Trial, length: float = LENGTH) -> tuple[Trial, ...]:
     time = trial.time
     if len(time) < 4 or time[-1] - time[0] < 2 * length:
         return (trial,)
-    rests = _rests(trial)
-    edges = _at_rests(time, rests, length)
-    gap = 0.0
+    edges = _at_rests(time, _rests(trial), length)
     if len(edges) - 1 < (time[-1] - time[0]) / (2 * length):  # too few rests
-        gap = min(correlation_time(trial), GIVEN_UP * length)
-        edges = np.linspace(time[0], time[-1], round((time[-1] - time[0]) / (length + gap)) + 1)
+        return _blocks(trial, length)
+    return _between(trial, edges, 0.0)
+
+
+def _blocks(trial: Trial, length: float) -> tuple[Trial, ...]:
+    """Parts of equal length, with gaps between them that are longer than an error lasts."""
+    time = trial.time
+    gap = min(correlation_time(trial), GIVEN_UP * length)
+    return _between(trial, np.linspace(time[0], time[-1], round((time[-1] - time[0]) / (length + gap)) + 1), gap)
+
+
+def _between(trial: Trial, edges: Array, gap: float) -> tuple[Trial, ...]:
+    """Parts from edge to edge, each ``gap`` [s] before the next one's beginning."""
+    time = trial.time
     parts: list[Trial] = []
     for begin, end in itertools.pairwise(edges):
         first = int(np.searchsorted(time, begin))
         last = int(np.searchsorted(time, end - gap if end < time[-1] else end, side="right"))
-        if last - first >= 4 and time[last - 1] - time[first] >= SHORTEST:
-            parts.append(_part(trial, first, last, len(parts)))
+        if last - first >= 4 and time[last - 1] - time[first] >= min(SHORTEST, 0.2 * (end - begin)):
+            parts.append(part(trial, first, last, f"{trial.name}-{len(parts) + 1:02d}"))
     return tuple(parts)
 
 
@@ -130,7 +165,8 @@ def _at_rests(time: Array, rests: NDArray[np.bool_], length: float) -> Array:
     return np.array([*edges, float(time[-1])])
 
 
-def _part(trial: Trial, first: int, last: int, number: int) -> Trial:
+def part(trial: Trial, first: int, last: int, name: str) -> Trial:
+    """Rows ``first`` to ``last`` (exclusive) as a trial of its own, with what is known of how it began."""
     rows = slice(first, last)
 
     def of(channels: object) -> dict[str, Array]:
@@ -148,10 +184,10 @@ def _part(trial: Trial, first: int, last: int, number: int) -> Trial:
         before = values[: first + 1][np.isfinite(values[: first + 1])]
         if side.interface == "position" and len(before):
             initial["set_point"][joint] = float(before[-1])
-    name = f"{trial.name}-{number + 1:02d}"
     if not first:  # what is known of the recording's own start
         initial = {key: {**initial[key], **(side.initial or {}).get(key, {})} for key in initial}
-    raw = {**side.raw, "cut_from_s": [float(trial.time[first]), float(trial.time[last - 1])]}
+    since = _cut_from(trial)
+    raw = {**side.raw, "cut_from_s": [since + float(trial.time[first]), since + float(trial.time[last - 1])]}
     return replace(
         trial,
         name=name,
@@ -165,6 +201,12 @@ def _part(trial: Trial, first: int, last: int, number: int) -> Trial:
         sidecar=replace(side, trial=name, initial=initial, raw=raw),
         source=f"{name}.parquet" if trial.source == f"{trial.name}.parquet" else trial.source,
     )
+
+
+def _cut_from(trial: Trial) -> float:
+    """When a part that is cut again began in its recording [s]; 0 for a whole one."""
+    said = trial.sidecar.raw.get("cut_from_s")
+    return float(said[0]) if isinstance(said, list) and said and isinstance(said[0], (int, float)) else 0.0
 
 
 def _slope(time: Array, values: Array, row: int) -> float:

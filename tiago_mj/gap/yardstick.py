@@ -83,6 +83,10 @@ class Normal:
         damped = self.curvature + damping * np.diag(np.diag(self.curvature))
         return self.scale * np.linalg.solve(damped, self.gradient)
 
+    def first(self, count: int) -> Normal:
+        """Of the first unknowns alone, the others where they are."""
+        return Normal(self.curvature[:count, :count], self.gradient[:count], self.scale[:count])
+
     @property
     def promised(self) -> float:
         """By how much the whole step lowers the cost, if responses are straight lines [nats]."""

@@ -6,12 +6,13 @@ import argparse
 import json
 import os
 import shlex
+import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from tiago_mj import atomic, extra, figures, scale
-from tiago_mj.learn import card, curves, plots, progress
+from tiago_mj.learn import card, curves, duration, plots, progress
 from tiago_mj.learn.loop import BEST, Task, train_seed
 from tiago_mj.learn.settings import Settings, claim, provenance
 from tiago_mj.learn.zoo_form import ALGORITHMS, read_hyperparameters
@@ -57,18 +58,18 @@ def run(arguments: argparse.Namespace) -> int:
     settings = settings_of(arguments)
     if arguments.tensorboard:
         extra.load("tensorboard", "--tensorboard", "tensorboard")
-    _try_out(settings)
     out = arguments.out.resolve()
+    folders = [out / f"seed-{seed}" for seed in range(arguments.seeds)]
+    left = sum(max(settings.steps - progress.look(folder).get("steps", 0), 0) for folder in folders)
+    rate = _try_out(settings, measure=not arguments.quiet and left >= duration.SHORT)
     claim(out, settings)
     starter = os.getpid() if arguments.backend == "local" else None
-    tasks = [
-        Task(settings, seed, str(out / f"seed-{seed}"), arguments.tensorboard, starter)
-        for seed in range(arguments.seeds)
-    ]
+    tasks = [Task(settings, seed, str(folder), arguments.tensorboard, starter) for seed, folder in enumerate(folders)]
     jobs = arguments.jobs
     if jobs is None:  # more processes than processors share them evenly; waves of processes leave some idle at the end
         jobs = min(arguments.seeds, 2 * (os.cpu_count() or 1)) if arguments.backend == "local" else 0
-    folders = [Path(task.folder) for task in tasks]
+    if rate:
+        print(duration.said(rate, settings.steps, arguments.seeds, jobs or len(tasks), left), file=sys.stderr)
     with progress.shown(folders, settings.steps, quiet=arguments.quiet):
         results = scale.run_all(train_seed, tasks, jobs=jobs, backend=arguments.backend)
     data = _conclude(out, settings, results)
@@ -163,13 +164,18 @@ def _ranges(path: Path | None) -> Any:
     return read_ranges(given, f"--randomise {path}")
 
 
-def _try_out(settings: Settings) -> None:
-    """Make one environment and a model, so that what is unusable is said once, before anything is written."""
+def _try_out(settings: Settings, *, measure: bool) -> float:
+    """Make one environment and a model, so that what is unusable is said once, before anything is written.
+
+    Returns:
+        Environment steps a second of a seed; 0 where they are not measured.
+    """
     from tiago_mj.learn.build import make_env, make_model
 
     env = make_env(settings, settings.hyperparameters["n_envs"])
     try:
-        make_model(settings, env, 0)
+        model = make_model(settings, env, 0)
+        return duration.steps_per_second(model) if measure else 0.0
     finally:
         env.close()
 

@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import json
-import sys
 import threading
-import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final
 
 from tiago_mj import atomic
+from tiago_mj.progress import EVERY, Progress
 
 FILE: Final = "progress.json"
-#: Seconds between looks, on a terminal and elsewhere.
-LOOK, LINE = 0.5, 60.0
+#: Seconds between looks at what the seeds say.
+LOOK: Final = 0.5
 
 
 def report(folder: Path, facts: Mapping[str, Any]) -> None:
@@ -33,65 +32,37 @@ def look(folder: Path) -> dict[str, Any]:
 
 
 @contextmanager
-def shown(folders: Sequence[Path], total: int, *, quiet: bool) -> Iterator[None]:
-    """Show progress on stderr while the block runs: a bar a seed on a terminal, elsewhere a line a minute.
+def shown(folders: Sequence[Path], total: int, *, quiet: bool, every: float = EVERY) -> Iterator[None]:
+    """Show progress on stderr while the block runs: how far all seeds are, and what each one's episodes return.
 
     Args:
         folders: of the seeds.
         total: environment steps of each.
         quiet: show nothing.
+        every: seconds between two lines of a log.
     """
-    if quiet:
-        yield
-        return
     over = threading.Event()
-    show = _bars if sys.stderr.isatty() and _has_rich() else _lines
-    shower = threading.Thread(target=show, args=(folders, total, over), daemon=True)
-    shower.start()
-    try:
-        yield
-    finally:
-        over.set()
-        shower.join()
+    with Progress("train", quiet=quiet, every=every) as progress:
+        # What was trained before this run counts as done, and says nothing of the speed.
+        begun = sum(min(look(folder).get("steps", 0), total) for folder in folders)
+        progress.stage("steps", total * len(folders), done=begun)
+        watcher = threading.Thread(target=_watch, args=(progress, folders, total, over), daemon=True)
+        watcher.start()
+        try:
+            yield
+        finally:
+            over.set()
+            watcher.join()
 
 
-def _has_rich() -> bool:
-    try:
-        import rich.progress  # noqa: F401
-    except ModuleNotFoundError:
-        return False
-    return True
-
-
-def _bars(folders: Sequence[Path], total: int, over: threading.Event) -> None:
-    from rich import progress
-    from rich.console import Console
-
-    columns = (
-        progress.TextColumn("{task.description}"),
-        progress.BarColumn(),
-        progress.MofNCompleteColumn(),
-        progress.TimeRemainingColumn(),
-        progress.TextColumn("{task.fields[said]}"),
-    )
-    with progress.Progress(*columns, console=Console(stderr=True)) as bars:
-        rows = [bars.add_task(folder.name, total=total, said="") for folder in folders]
-        while True:
-            last = over.wait(LOOK)
-            for row, folder in zip(rows, folders, strict=True):
-                facts = look(folder)
-                bars.update(row, completed=min(facts.get("steps", 0), total), said=_said(facts))
-            if last:
-                return
-
-
-def _lines(folders: Sequence[Path], total: int, over: threading.Event) -> None:
-    begun, last = time.monotonic(), False
+def _watch(progress: Progress, folders: Sequence[Path], total: int, over: threading.Event) -> None:
+    """Pass on what the seeds say."""
+    last = False
     while not last:
-        last = over.wait(LINE)
-        if not last:
-            told = ", ".join(f"{folder.name} {_share(look(folder), total)}" for folder in folders)
-            print(f"{time.monotonic() - begun:.0f} s: {told}", file=sys.stderr, flush=True)
+        facts = [look(folder) for folder in folders]
+        told = (f"{folder.name} {_share(one, total)}" for folder, one in zip(folders, facts, strict=True))
+        progress.at(sum(min(one.get("steps", 0), total) for one in facts), ", ".join(told))
+        last = over.wait(LOOK)
 
 
 def _share(facts: Mapping[str, Any], total: int) -> str:

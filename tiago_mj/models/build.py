@@ -34,7 +34,7 @@ def build(folder: Path) -> dict[str, str]:
             texts[f"sources/{name}.urdf"] = urdf_text(table, name)
             urdf = Path(work) / f"{name}.urdf"
             urdf.write_text(texts[f"sources/{name}.urdf"], encoding="utf-8")
-            texts[f"robots/{name}.xml"] = convert(urdf, extras=sources / f"{name}.yaml").xml
+            texts[f"robots/{name}.xml"] = convert(urdf, extras=sources / f"{name}.yaml", scene=False).xml
     return texts
 
 

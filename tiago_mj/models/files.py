@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from importlib import resources
 from pathlib import Path
+from xml.etree import ElementTree
 
 CHECKOUT = Path(__file__).resolve().parents[2] / "models"
 
@@ -19,6 +20,29 @@ def models_folder() -> Path:
         if (folder / "robots").is_dir():
             return folder
     raise FileNotFoundError(f"no model files under {installed} or {CHECKOUT}: reinstall tiago-mj")
+
+
+def refuse_urdf(path: Path) -> None:
+    """Refuse a URDF, or what makes one, where an MJCF is wanted; MuJoCo would load it without servos and limits.
+
+    Raises:
+        ValueError: says which command makes an MJCF of it.
+    """
+    if path.suffix.lower() == ".xacro":
+        urdf = path.stem if path.stem.endswith(".urdf") else f"{path.stem}.urdf"
+        raise ValueError(f"{path} is xacro, not MJCF: run xacro {path} > {urdf}, then tiago-mj convert {urdf}")
+    if path.suffix.lower() == ".urdf" or _root_of(path) == "robot":
+        mjcf = path.with_suffix(".mjcf.xml" if path.suffix == ".xml" else ".xml").name
+        raise ValueError(f"{path} is a URDF, not MJCF: run tiago-mj convert {path} --out {mjcf}, and give {mjcf}")
+
+
+def _root_of(path: Path) -> str:
+    """Tag of an XML file's root; empty where it is no XML."""
+    try:
+        with path.open("rb") as file:
+            return next((element.tag for _, element in ElementTree.iterparse(file, events=("start",))), "")
+    except (OSError, ElementTree.ParseError):
+        return ""
 
 
 def model_file(name: str) -> Path:

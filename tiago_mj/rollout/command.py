@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from tiago_mj import scale
-from tiago_mj.film import SUFFIXES, Film, check_suffix
+from tiago_mj.film import SUFFIXES, Film, Shoot, check_suffix
+from tiago_mj.progress import Progress
 from tiago_mj.rollout import options
 from tiago_mj.rollout.episode import Episode
 from tiago_mj.rollout.policies import RANDOM
@@ -52,7 +53,9 @@ def run(arguments: argparse.Namespace) -> int:
     batch = Batch(options.environment_id(arguments.env), given, policy, seeds, arguments.trust)
     film = None
     if arguments.film is None:
-        episodes = play_all(batch, jobs=arguments.jobs, backend=arguments.backend)
+        with Progress("rollout", quiet=arguments.json) as progress:
+            progress.stage("episodes", len(seeds))
+            episodes = play_all(batch, jobs=arguments.jobs, backend=arguments.backend, done=progress.advance)
     else:
         check_suffix(arguments.film)
         if arguments.jobs != 1 or arguments.backend != "local":
@@ -60,8 +63,10 @@ def run(arguments: argparse.Namespace) -> int:
         env = options.make_env(batch.env, given, render_mode="rgb_array")
         try:
             film = Film(env)
-            episodes = play_in(env, batch, watch=film)
-            film.write(arguments.film)
+            with Progress("rollout", quiet=arguments.json) as progress:
+                episodes = play_in(env, batch, watch=Shoot(film, progress, len(seeds)))
+                progress.stage(f"writing {arguments.film.name}")
+                film.write(arguments.film)
         finally:
             env.close()
     if arguments.json:

@@ -79,14 +79,18 @@ def play_batch(batch: Batch) -> list[Episode]:
         env.close()
 
 
-def play_all(batch: Batch, *, jobs: int = 1, backend: str = "local") -> list[Episode]:
+def play_all(
+    batch: Batch, *, jobs: int = 1, backend: str = "local", done: Callable[[int], None] | None = None
+) -> list[Episode]:
     """Play a batch in many processes; the episodes are those of :func:`play_batch`.
 
     Args:
         batch: what is played.
         jobs, backend: as :func:`tiago_mj.scale.run_all` takes them.
+        done: called with the number of episodes that are done since it was called last.
     """
     size = max(1, min(EPISODES, len(batch.seeds) // (jobs or os.cpu_count() or 1)))
     parts = [replace(batch, seeds=batch.seeds[first : first + size]) for first in range(0, len(batch.seeds), size)]
-    played: Sequence[list[Episode]] = scale.run_all(play_batch, parts, jobs=jobs, backend=backend)
+    told = None if done is None else lambda part: done(len(part.seeds))
+    played: Sequence[list[Episode]] = scale.run_all(play_batch, parts, jobs=jobs, backend=backend, done=told)
     return [episode for part in played for episode in part]

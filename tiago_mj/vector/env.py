@@ -13,6 +13,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
+from tiago_mj.envs import checks
 from tiago_mj.envs.flat import FlatView
 from tiago_mj.envs.robot_env import RobotEnv
 from tiago_mj.vector import given, report
@@ -34,7 +35,7 @@ class VectorRobotEnv(VectorEnv[Any, Any, Any]):
 
     | key | meaning |
     |---|---|
-    | `episode` | of episodes that ended: return `r`, length `l`, seconds `t` |
+    | `episode` | with `episode_statistics`, of episodes that ended: return `r`, length `l`, seconds `t` |
     | `final_obs`, `final_info` | with `SameStep`: the last ones of episodes that ended |
     | `diverged` | how often each simulation has diverged so far |
     | `action_refused` | rows of actions that were not finite; absent where there were none |
@@ -50,8 +51,8 @@ class VectorRobotEnv(VectorEnv[Any, Any, Any]):
         autoreset_mode: ``NextStep`` (gymnasium's default), ``SameStep`` or ``Disabled`` (then
             ``reset(options={"reset_mask": ...})`` begins the next episodes of those that ended).
         threads: to step on; 0: one a processor.
-        episode_statistics: whether ``info`` has ``episode``; without it gymnasium's RecordEpisodeStatistics can be
-            used.
+        episode_statistics: whether ``info`` has ``episode``, which is otherwise left to gymnasium's
+            RecordEpisodeStatistics.
 
     Raises:
         ValueError: an argument is unusable, or there is not enough memory; one line.
@@ -65,7 +66,7 @@ class VectorRobotEnv(VectorEnv[Any, Any, Any]):
         max_episode_steps: int | None = None,
         autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
         threads: int = 0,
-        episode_statistics: bool = True,
+        episode_statistics: bool = False,
     ) -> None:
         self.autoreset_mode = given.autoreset(autoreset_mode)
         self._limit = given.time_limit(max_episode_steps)
@@ -109,13 +110,12 @@ class VectorRobotEnv(VectorEnv[Any, Any, Any]):
         Raises:
             ValueError: a seed, an option or a goal is unusable. Nothing is changed then.
         """
-        chosen = dict(options or {})
+        self._check_open()
+        chosen = checks.reset_options(options, ("goal", "reset_mask"))
         rows = np.arange(self.num_envs)
         if "reset_mask" in chosen:
-            rows = given.rows_to_reset(chosen.pop("reset_mask"), self.num_envs)
-        goal = self._goals(chosen.pop("goal")) if "goal" in chosen else None
-        if chosen:
-            raise ValueError(f"reset option {next(iter(chosen))!r} is unknown: there are 'goal' and 'reset_mask'")
+            rows = given.rows_to_reset(chosen["reset_mask"], self.num_envs)
+        goal = self._goals(chosen["goal"]) if "goal" in chosen else None
         listed = given.seeds(seed, self.num_envs)
         for row in rows.tolist():
             if (one := listed[row]) is not None:
@@ -140,7 +140,9 @@ class VectorRobotEnv(VectorEnv[Any, Any, Any]):
         Raises:
             ValueError: the actions are not numeric or of another shape. Nothing is changed then.
             gymnasium.error.ResetNeeded: an environment was never reset, or has ended and is not reset by itself.
+            gymnasium.error.ClosedEnvironmentError: they were closed.
         """
+        self._check_open()
         command, refused = given.actions_in_range(actions, self._shape)
         self._check_begun()
         starting = None
@@ -204,6 +206,10 @@ class VectorRobotEnv(VectorEnv[Any, Any, Any]):
         if asked.ndim > 1:
             raise ValueError(f"goal has shape {asked.shape}: give ({size},), or ({self.num_envs}, {size}) for one each")
         return np.broadcast_to(self.core._checked_goal(goal), (self.num_envs, size))
+
+    def _check_open(self) -> None:
+        if self.closed:
+            raise checks.closed()
 
     def _check_begun(self) -> None:
         if not self._ready:

@@ -38,7 +38,8 @@ def make_sb3(env_id: str, num_envs: int, *, seed: int | None = None, **arguments
         seed: of the first; the others' follow. Used at the next reset.
         **arguments: of the environment and of :class:`tiago_mj.vector.env.VectorRobotEnv`.
     """
-    made: Any = gymnasium.make_vec(env_id, num_envs=num_envs, autoreset_mode=AutoresetMode.SAME_STEP, **arguments)
+    given: dict[str, Any] = {"episode_statistics": True, **arguments}
+    made: Any = gymnasium.make_vec(env_id, num_envs=num_envs, autoreset_mode=AutoresetMode.SAME_STEP, **given)
     env = SB3VecEnv(made.unwrapped)
     env.seed(seed)
     return env
@@ -51,7 +52,7 @@ class SB3VecEnv(VecEnv):  # type: ignore[misc]
     ``episode`` has return and length as ``Monitor`` gives them, in that environment's info.
 
     Args:
-        envs: made with ``autoreset_mode="SameStep"``.
+        envs: made with ``autoreset_mode="SameStep"`` and, for ``episode``, ``episode_statistics=True``.
         info_keys: what of ``info`` every step's dictionaries have. At the end of an episode they have all of it.
 
     Raises:

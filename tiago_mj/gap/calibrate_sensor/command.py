@@ -8,6 +8,7 @@ from pathlib import Path
 
 from tiago_mj import atomic, extra
 from tiago_mj.gap.recording import RecordingError
+from tiago_mj.progress import told
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -18,6 +19,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--env", metavar="ID", help="environment that grasps are compared with, where they do not say")
     parser.add_argument("--map", type=Path, help="YAML: column to kind and name")
+    parser.add_argument(
+        "--effects",
+        action="append",
+        metavar="FILE.yaml|JSON",
+        help="effects that are known already, applied first; may be given several times",
+    )
     parser.add_argument(
         "--false-contacts",
         type=float,
@@ -33,6 +40,7 @@ def run(arguments: argparse.Namespace) -> int:
     from tiago_mj.gap import lint
     from tiago_mj.gap.calibrate_sensor.rest import FALSE_CONTACTS
     from tiago_mj.gap.calibrate_sensor.sheet import UNKNOWN, Calibration, calibrate, text
+    from tiago_mj.gap.effects import read_effects
     from tiago_mj.gap.read import read_recordings
 
     if arguments.out.suffix not in (".yaml", ".yml"):
@@ -42,12 +50,14 @@ def run(arguments: argparse.Namespace) -> int:
         read = read_recordings(arguments.recordings, map_file=arguments.map, defaults=defaults, replayed=False)
         findings = (*read.findings, *lint.inspect(read.trials))
         lint.refuse(read.trials, [f for f in findings if f.refuses])
-        found: Calibration = calibrate(
-            read.trials,
-            env=arguments.env,
-            false_contacts=FALSE_CONTACTS if arguments.false_contacts is None else arguments.false_contacts,
-            threads=max(arguments.jobs, 0),
-        )
+        with told("calibrate-sensor", f"{len(read.trials)} recordings"):
+            found: Calibration = calibrate(
+                read.trials,
+                env=arguments.env,
+                given=read_effects(arguments.effects),
+                false_contacts=FALSE_CONTACTS if arguments.false_contacts is None else arguments.false_contacts,
+                threads=max(arguments.jobs, 0),
+            )
     except RecordingError as fault:
         print(f"tiago-mj calibrate-sensor: {fault}", file=sys.stderr)
         return 2

@@ -13,12 +13,15 @@ from scipy import stats
 import tiago_mj
 from tiago_mj.gap.calibrate_sensor.rest import FALSE_CONTACTS, Rest, at_rest
 from tiago_mj.gap.calibrate_sensor.scale import Scale, scales, simulated
+from tiago_mj.gap.effects import EFFECTS, Entry
 from tiago_mj.gap.plant import plant_of
 from tiago_mj.gap.recording import RecordingError, Trial
 from tiago_mj.models import names
 from tiago_mj.sensing.load_cell import TA11_CONTACT_UNIT
 from tiago_mj.sensing.sheet import SCHEMA
 
+#: Share of the newtons that press from which it is said that the drive's force may be off by so much.
+TOLD: Final = 0.02
 #: Stands for a robot that nobody named: rest needs none.
 UNKNOWN: Final = "unknown"
 HEADER: Final = """\
@@ -57,6 +60,7 @@ def calibrate(
     trials: Sequence[Trial],
     *,
     env: str | None = None,
+    given: Sequence[Entry] = (),
     false_contacts: float = FALSE_CONTACTS,
     threads: int = 0,
 ) -> Calibration:
@@ -65,17 +69,24 @@ def calibrate(
     Args:
         trials: of one robot.
         env: environment to simulate, where the recordings do not say.
+        given: effects that are known already: the simulated grasps have them. Those of the load cells are left out,
+            they are what is measured here.
         false_contacts: probability of a reading above the threshold without contact, above 0 and below 0.5.
         threads: of the simulations.
 
     Raises:
         RecordingError: no load cell, no rest, a cell without noise; one line.
-        ValueError: the probability is none.
+        ValueError: the probability is none, or a given effect has a target that the robot does not have.
     """
     if not 0 < false_contacts < 0.5:
         raise ValueError(f"a probability of false contacts of {false_contacts:g}: give one above 0 and below 0.5")
     notes: list[str] = []
     known, robot = None, ""
+    found: tuple[Scale, ...] = ()
+    cells = [entry.name for entry in given if EFFECTS[entry.name].stage == "force_sensor"]
+    if cells:
+        notes.append(f"{', '.join(cells)} of --effects: left out, as the load cells are what is measured here.")
+    given = [entry for entry in given if entry.name not in cells]
     pressed = [trial for trial in trials if trial.commands]
     if len(pressed) < len(trials):
         notes.append(
@@ -85,7 +96,7 @@ def calibrate(
         if pressed and not env and pressed[0].sidecar.robot in ("", UNKNOWN):
             notes.append("Nothing says which robot this is, so there is no scale: give --env ID.")
         elif pressed:
-            plant = plant_of(pressed, env=env)
+            plant = plant_of(pressed, env=env, given=given)
             robot = plant.name
             if plant.pads is not None:
                 known = simulated(plant, pressed, threads=threads)
@@ -98,7 +109,9 @@ def calibrate(
         by_name = {trial.name: rows for trial, rows in zip(pressed, known.touched, strict=True)}
         touched = [by_name.get(trial.name, trial.time < 0) for trial in trials]
     rests = at_rest(trials, touched)
-    found = () if known is None else scales(pressed, known, {rest.sensor: rest.bias for rest in rests})
+    if known is not None:
+        found = scales(plant, pressed, known, rests)
+        notes += _about_drives(found)
     sensing = trials[0].sidecar.sensing or {}
     for rest in rests:
         if rest.heavy_tailed:
@@ -116,11 +129,11 @@ def calibrate(
     notes += [
         f"force.{s.sensor}: {s.unlike} grasps are not as simulated and were left out: is the object as in the sidecar?"
         for s in found
-        if s.unlike
+        if s.unlike and s.known
     ]
     return Calibration(
         rests=rests,
-        scales=found,
+        scales=tuple(scale for scale in found if scale.known),
         false_contacts=false_contacts,
         contact_unit=float(sensing.get("contact_unit") or TA11_CONTACT_UNIT),
         average=int(sensing.get("average") or 1),
@@ -128,6 +141,33 @@ def calibrate(
         recordings=tuple(trial.name for trial in trials),
         notes=tuple(notes),
     )
+
+
+def _about_drives(found: Sequence[Scale]) -> list[str]:
+    """Why scales are not known, or less well than grasps agree: a sentence for all cells that it concerns."""
+    mend = "record the robot moving without contact, diagnose that, and give what it finds (--effects calibration.yaml)"
+    lost = [s for s in found if not s.known]
+    wide = [s for s in found if s.known and s.lost[0] > TOLD * s.lost[1]]
+    turned = [s for s in found if s.known and s not in wide and abs(s.turned) > TOLD]
+    out = []
+    for some, so in ((lost, "no scale"), (wide, "a wide interval")):
+        if some:
+            force, of = (", ".join(f"{s.lost[k]:.2g}" for s in some) for k in (0, 1))
+            out.append(
+                f"{_cells(some)}: {so}: the drive needs {force} N else than simulated to move a finger freely, as with "
+                f"friction, where {of} N press the pad: {mend}."
+            )
+    if turned:
+        apart = ", ".join(f"{s.turned:+.1%}" for s in turned)
+        out.append(
+            f"{_cells(turned)}: a wide interval: {apart} per newton where the force has fallen against where it has "
+            f"risen, as with friction of the drive or hysteresis of the cell: {mend}."
+        )
+    return out
+
+
+def _cells(some: Sequence[Scale]) -> str:
+    return ", ".join(f"force.{scale.sensor}" for scale in some)
 
 
 def text(calibration: Calibration, name: str = "sensor.yaml") -> str:

@@ -12,7 +12,7 @@ from tiago_mj.gap.effects import (  # noqa: F401  (their import declares the eff
 )
 from tiago_mj.gap.effects.declare import EFFECTS, Effect, Parameter, effect, parameter
 from tiago_mj.gap.effects.describe import Description, describe
-from tiago_mj.gap.effects.spec import Entry, read_effects
+from tiago_mj.gap.effects.spec import Entry, check_sizes, read_effects
 
 __all__ = [
     "EFFECTS",
@@ -20,6 +20,7 @@ __all__ = [
     "Effect",
     "Entry",
     "Parameter",
+    "check_sizes",
     "describe",
     "effect",
     "parameter",

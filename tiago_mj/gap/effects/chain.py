@@ -36,9 +36,9 @@ EACH_STEP: Final = (
     "sample",
 )
 
-#: Effects of those that ask for nothing but the signal and the time: with them the commands of a whole run are known
-#: before it.
-BLIND: Final = ("command_delay", "command_lag", "encoder_bias", "encoder_scale")
+
+#: And of those what stands between a simulation and its recording.
+READINGS: Final = ("measure_position", "measure_velocity", "contact_force", "reading", "noise", "sample")
 
 
 class Chain:
@@ -76,7 +76,7 @@ class Chain:
         self._on_its_way = self._any("given")
         self._per_substep = any(self._hooks[hook] for hook in EACH_SUBSTEP)
         if self._per_substep:
-            for name in ("qfrc_actuator", "qfrc_smooth"):
+            for name in ("qfrc_actuator", "qfrc_smooth", "actuator_force"):
                 host.output(name)  # a batch fills what is asked for at its next call: ask before the first
         self._timestep = float(host.model.opt.timestep)
         self._base_friction: Any = None
@@ -97,13 +97,21 @@ class Chain:
         if (self.now.clock != 1).any():
             self._host.set_timestep(np.full(self._host.nsim, self._timestep))
 
-    def start(self, period: float, substeps: int, contact: tuple[float, float, int] | None = None) -> None:
+    def start(
+        self,
+        period: float,
+        substeps: int,
+        contact: tuple[float, float, int] | None = None,
+        held: Array | None = None,
+    ) -> None:
         """Apply the effects to the nominal model and the initial state, which must be set, and forget what was.
 
         Args:
             period: nominal control period [s].
             substeps: physics steps in it.
             contact: stiffness [N/m], damping [N·s/m] and contact points of one pad with the object.
+            held: set points of plain position servos before the first command, (nsim, nactuators) [m, rad]; None: where
+                the joints are.
         """
         self.restore()
         now = self.now
@@ -142,7 +150,8 @@ class Chain:
                 self._base_bias = recording.field("actuator_biasprm")[:, wiring.actuators, 0].copy()
             if self._limits_force:
                 self._base_range = recording.field("actuator_forcerange")[:, wiring.actuators].copy()
-        self._plain = self.now.joint_position[:, list(self._wiring.targets.actuated)]
+        here = self.now.joint_position[:, list(self._wiring.targets.actuated)]
+        self._plain = here if held is None else np.array(held)
         self._target = self.set_points()
         self._shift = np.zeros_like(self._target)
         if self._wiring.ideal:
@@ -169,6 +178,11 @@ class Chain:
 
             renew_contacts(now, touched, factors)
 
+    @property
+    def asked(self) -> tuple[str, ...]:
+        """Fields of the model that effects asked for, to change them or to know them, since :meth:`start`."""
+        return tuple(self._nominal)
+
     # A control step -------------------------------------------------------------------------------------------------
 
     def set_points(self) -> Array:
@@ -194,48 +208,83 @@ class Chain:
             self._host.set_timestep(now.dt / self._substeps)
         if wiring.ideal:
             self._hold_set_points()
+        self._run(self._commanded(command))
+        now.step += 1
+        now.elapsed = now.elapsed + now.dt
+
+    def _commanded(self, command: Array) -> Array:
+        """Inputs of the servos for a command, (nsim, nactuators), before what delays them on their way."""
+        now, wiring = self.now, self._wiring
         command = self._through("command", command)
-        limit = wiring.targets.velocity
+        # A plain position servo takes what it is given at once, as it does in MuJoCo.
+        limit = np.where(now.takes_set_points, np.inf, wiring.targets.velocity)
         if wiring.interface == "effort":
             ctrl = command
         else:
             present = self._ahead()
             if wiring.interface == "velocity":
                 wanted = self._target + command * now.period
-                ctrl = command
+                ctrl, reached = command, present + command * now.period
             else:
                 wanted = command
-                ctrl = _towards(command, present, now.period, limit)
+                ctrl, reached = _towards(command, present, now.period, limit)
             low, high = wiring.span[:, 0] - self._shift, wiring.span[:, 1] - self._shift
             self._target = np.clip(wanted, low, high)
             if self._moves_set_point is not None:
                 effective = self.set_point(self._target) + self._shift
-                moved = _towards(effective, present, now.period, limit)
+                moved, there = _towards(effective, present, now.period, limit)
                 ctrl = np.where(self._moves_set_point, moved, ctrl)
-            self._coming = np.clip(present + ctrl * now.period, *wiring.span.T)
-        self._run(self._inputs(ctrl))
-        now.step += 1
-        now.elapsed = now.elapsed + now.dt
+                reached = np.where(self._moves_set_point, there, reached)
+            self._coming = np.clip(reached, *wiring.span.T)
+            if now.takes_set_points.any():
+                self._plain = np.where(now.takes_set_points, self._coming, self._plain)
+                ctrl = np.where(now.takes_set_points, self._plain, ctrl)
+        return ctrl
 
     @property
     def open_loop(self) -> bool:
-        """Whether what the servos are given depends on commands alone, so that a run needs no one between its steps."""
-        wiring = self._wiring
-        servos = wiring.interface == "velocity" and bool((wiring.act >= 0).all())
-        if wiring.ideal or not (servos or wiring.interface == "effort"):
-            return False
-        users = [effect for hook in (*EACH_SUBSTEP, *EACH_STEP) for effect, _ in self._hooks[hook]]
-        return all(effect.name in BLIND for effect in users) and bool((self.now.clock == 1).all())
+        """Whether what the servos are given depends on commands alone, so that a run needs no one between its steps.
 
-    def ahead(self, command: Array) -> Array:
-        """Inputs that an open loop gives the servos in each physics step of the next command, (nsim, nsubsteps,
-        nactuators); one for all of them where they are the same."""
-        inputs = self._through("command", command)[:, None]
-        if self._on_its_way is not None:
-            inputs = self._arriving(inputs[:, 0])
-        self.now.step += 1
-        self.now.elapsed = self.now.elapsed + self.now.dt
+        Set points that an actuator integrates (``act``) lie in the simulation: what moves them by their position needs
+        it at every command.
+        """
+        wiring = self._wiring
+        integrated = wiring.interface != "effort" and bool((wiring.act >= 0).any())
+        by_position = wiring.interface == "position" or self._moves_set_point is not None or not (wiring.act >= 0).all()
+        if wiring.ideal or (integrated and by_position):
+            return False
+        return all(effect.signal_only for hook in (*EACH_SUBSTEP, *EACH_STEP) for effect, _ in self._hooks[hook])
+
+    def ahead(self, commands: Array) -> Array:
+        """Inputs that an open loop gives the servos in each physics step of the next commands, (nsim, rows,
+        nactuators) to (nsim, rows * nsubsteps, nactuators)."""
+        if self._passes_commands:
+            plain = self.now.takes_set_points
+            each = np.where(plain, np.clip(commands, *self._wiring.span.T), commands) if plain.any() else commands
+            self.now.step += commands.shape[1]
+            self.now.elapsed = self.now.elapsed + commands.shape[1] * self.now.dt
+        else:
+            rows = []
+            for k in range(commands.shape[1]):
+                rows.append(self._commanded(commands[:, k]))
+                self.now.step += 1
+                self.now.elapsed = self.now.elapsed + self.now.dt
+            each = np.stack(rows, axis=1)
+        inputs = np.repeat(each, self._substeps, axis=1)
+        for effect, mask in self._hooks["given"]:
+            inputs = np.where(mask[:, None], effect.given(inputs, self.now), inputs)
         return inputs
+
+    @property
+    def _passes_commands(self) -> bool:
+        """Whether each command of an open loop is what the servos are given, whatever was commanded before."""
+        moved = self.now.takes_set_points.any() and self._wiring.interface == "velocity"
+        return not (moved or self._hooks["command"] or self._hooks["set_point"])
+
+    @property
+    def passes_readings(self) -> bool:
+        """Whether what is measured is what is simulated: no effect of a sensor is there."""
+        return not any(self._hooks[hook] for hook in READINGS)
 
     def _hold_set_points(self) -> None:
         """An ideal servo has no set point to run away: what the effort limit cannot hold is forgotten."""
@@ -261,15 +310,6 @@ class Chain:
         """Where set points will be once all that is on its way has arrived, (nsim, nactuators) [m, rad]."""
         present = self.set_points()
         return present if self._on_its_way is None else np.where(self._on_its_way, self._coming, present)
-
-    def _inputs(self, ctrl: Array) -> Array:
-        """Speeds for integrating servos, set points for plain position actuators, forces for motors."""
-        plain = self._takes_set_points()
-        if plain.any():
-            span = self._wiring.span
-            self._plain = np.clip(self._plain + ctrl * self.now.period, span[:, 0], span[:, 1])
-            ctrl = np.where(plain, self._plain, ctrl)
-        return ctrl
 
     def _takes_set_points(self) -> NDArray[np.bool_]:
         """Which actuators are plain position servos, (nactuators,)."""
@@ -304,17 +344,21 @@ class Chain:
 
     def _physics_step(self) -> None:
         now, host, dof = self.now, self._host, self._wiring.dof
-        friction, damping = self._base_friction, self._base_damping
-        force = np.zeros((now.nsim, len(dof)))
-        for effect, mask in self._hooks["added_friction"]:
-            friction = np.where(mask, friction + effect.added_friction(now), friction)
-        for effect, mask in self._hooks["added_damping"]:
-            damping = np.where(mask, damping + effect.added_damping(now), damping)
-        for effect, mask in self._hooks["added_force"]:
-            force = np.where(mask, force + effect.added_force(now), force)
-        host.field("dof_frictionloss")[:, dof] = np.maximum(friction, 0.0)
-        host.field("dof_damping")[:, dof] = np.maximum(damping, 0.0)
-        host.state("qfrc_applied")[:, dof] = force
+        if self._hooks["added_friction"]:
+            friction = self._base_friction
+            for effect, mask in self._hooks["added_friction"]:
+                friction = np.where(mask, friction + effect.added_friction(now), friction)
+            host.field("dof_frictionloss")[:, dof] = np.maximum(friction, 0.0)
+        if self._hooks["added_damping"]:
+            damping = self._base_damping
+            for effect, mask in self._hooks["added_damping"]:
+                damping = np.where(mask, damping + effect.added_damping(now), damping)
+            host.field("dof_damping")[:, dof] = np.maximum(damping, 0.0)
+        if self._hooks["added_force"]:
+            force = np.zeros((now.nsim, len(dof)))
+            for effect, mask in self._hooks["added_force"]:
+                force = np.where(mask, force + effect.added_force(now), force)
+            host.state("qfrc_applied")[:, dof] = force
         if self._adds_force:
             own = self._base_bias
             for effect, mask in self._hooks["servo_force"]:
@@ -392,6 +436,7 @@ class _Recording:
         return getattr(self._host, name)
 
 
-def _towards(target: Array, present: Array, period: Array, limit: Array) -> Array:
-    """Speed that reaches the target within a control period, or the limit."""
-    return np.clip((target - present) / period, -limit, limit)
+def _towards(target: Array, present: Array, period: Array, limit: Array) -> tuple[Array, Array]:
+    """Speed that reaches the target within a control period, or the limit; and what it reaches."""
+    speed = np.clip((target - present) / period, -limit, limit)
+    return speed, np.where(np.isfinite(limit), present + speed * period, target)

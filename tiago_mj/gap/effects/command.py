@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from typing import Final
 
 import numpy as np
@@ -16,6 +17,10 @@ LENGTH = ("m", "rad")
 SPEED = ("m/s", "rad/s")
 #: Speed at which a set point may jump [m/s, rad/s].
 AT_ONCE: Final = 1e6
+#: So near to a whole number of physics steps is one.
+WHOLE: Final = 1e-9
+#: ``interp="linear"`` of an actuator, as MuJoCo numbers it.
+LINEAR: Final = 1
 
 
 @effect("command_delay", stage="command", targets="command", gap_class="delay")
@@ -31,10 +36,12 @@ class CommandDelay(Effect):
 
     Source: PACE; fitted on so101.
 
-    MuJoCo: an actuator's ``delay`` and ``nsample`` delay its control by history samples; here the line takes fractions
-    of a physics step and vanishes exactly. It lies right before the servo: what else happens to a command does not
-    depend on when.
+    MuJoCo: an actuator's ``delay``, with ``nsample`` and ``interp="linear"``, is the same from one physics step on;
+    here the line takes fractions of a step and vanishes exactly. It lies right before the servo: what else happens to a
+    command does not depend on when.
     """
+
+    signal_only = True
 
     seconds = parameter("s", identity=0.0, default=0.03, bounds=(0.0, 0.2))
 
@@ -43,6 +50,15 @@ class CommandDelay(Effect):
 
     def given(self, inputs: Array, now: Now) -> Array:
         return self._line(inputs, now.period / now.substeps)
+
+    def model_attributes(self, now: Now) -> Mapping[str, Array] | None:
+        steps = self.seconds / (now.period / now.substeps)
+        # MuJoCo reads before it writes: its shortest delay is one step.
+        if (self.present & (steps < 1 - WHOLE)).any():
+            return None
+        # One sample more than the delay needs, so that rounding never asks for what is forgotten.
+        samples = np.where(self.present, np.ceil(steps - WHOLE) + 1, 0)
+        return {"delay": self.seconds, "nsample": samples, "interp": np.where(self.present, LINEAR, 0)}
 
 
 @effect("dropped_commands", stage="command", targets="command")
@@ -58,6 +74,8 @@ class DroppedCommands(Effect):
 
     Source: chosen.
     """
+
+    signal_only = True
 
     probability = parameter("-", identity=0.0, default=0.1, bounds=(0.0, 0.6))
 
@@ -85,6 +103,8 @@ class CommandLag(Effect):
     MuJoCo: ``dyntype="filterexact"`` filters an actuator's control; an integrating servo has no room for a second
     state.
     """
+
+    signal_only = True
 
     time_constant = parameter("s", identity=0.0, default=0.04, bounds=(0.0, 0.3))
     poles = form(1, 2)
@@ -126,6 +146,8 @@ class RateLimit(Effect):
 
     MuJoCo: ``slewmax`` of a ``pid`` actuator.
     """
+
+    signal_only = True
 
     velocity = parameter(SPEED, identity=np.inf, default=0.6, bounds=(0.05, 1.0), nominal="velocity")
 
@@ -208,6 +230,8 @@ class CommandDeadband(Stepping):
     Source: force_vs_displacement; llach/learning_fc sends no command below 0.3 mm.
     """
 
+    signal_only = True
+
     width = parameter(LENGTH, identity=0.0, default=0.0003, bounds=((0.0, 0.003), (0.0, 0.03)))
 
     def took(self, wanted: Array) -> Array:
@@ -227,6 +251,8 @@ class CommandQuantization(Stepping):
 
     Source: so101.
     """
+
+    signal_only = True
 
     step = parameter(LENGTH, identity=0.0, default=0.0005, bounds=((0.0, 0.003), (0.0, 0.03)))
 

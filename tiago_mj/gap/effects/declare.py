@@ -55,7 +55,7 @@ STAGES: Final = (
 TARGETS: Final = ("command", "joint", "sensor", "object", "clock")
 
 #: Hooks that any effect may have, beside those whose arrays have the shape of its targets.
-COMMON_HOOKS: Final = ("start", "change", "place")
+COMMON_HOOKS: Final = ("start", "change", "place", "model_attributes")
 HOOKS: Final = {
     "command": ("command", "set_point", "given", "servo_force", "force_range"),
     "joint": (
@@ -141,6 +141,30 @@ def form(*values: float) -> Any:
     return Form(tuple(float(value) for value in values))
 
 
+@dataclass(frozen=True)
+class Detail:
+    """Where that is of which an effect's first parameter is the amount: 0 where nobody says more, and sought only once
+    the amount is known. Of two amounts on one target it is their common centre.
+
+    Attributes:
+        unit: as a parameter's.
+        bounds: (low, high), what a fit may try.
+        name: as in the class.
+    """
+
+    unit: str
+    bounds: tuple[float, float]
+    name: str = ""
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        object.__setattr__(self, "name", name)
+
+
+def detail(unit: str, bounds: tuple[float, float]) -> Any:
+    """Declare in an effect's body a number that says more of it."""
+    return Detail(unit, bounds)
+
+
 class Effect:
     """Base of every effect. A declaration overrides the hooks of its stage and leaves the others.
 
@@ -154,9 +178,13 @@ class Effect:
     gap_class: ClassVar[str]
     parameters: ClassVar[Mapping[str, Parameter]]
     forms: ClassVar[Mapping[str, Form]]
+    details: ClassVar[Mapping[str, Detail]]
     #: Real effects have not quite the form that is declared of them: they may differ by this share of what they change.
     #: Without it the rest of a large effect is taken for another one.
     form_known_to: ClassVar[float] = 0.03
+    #: Whether its hooks ask for nothing but the signal that they are given and the time: then nobody has to look at the
+    #: joints between two physics steps, and the diagnosis simulates a whole run in one go.
+    signal_only: ClassVar[bool] = False
 
     def __init__(self, values: Mapping[str, Array], targets: Sequence[str] = ()) -> None:
         for key, value in values.items():
@@ -177,6 +205,11 @@ class Effect:
 
     def change(self, now: Now) -> None:
         """Change the model, once per reset, through ``now.host.field(name)``, which holds nominal values before."""
+
+    def model_attributes(self, now: Now) -> Mapping[str, Array] | None:
+        """Attributes of the actuators' elements in a model file by which MuJoCo does the same, by their names in MJCF,
+        each (nsim, nactuators); None: there are none. Not asked where :meth:`change` is all that the effect does."""
+        return None
 
     def contact_factors(self, factors: Array, now: Now) -> Array:
         """Factors on stiffness and damping of pad and object's contact, once per reset, (nsim, 2); those that hold."""
@@ -285,6 +318,7 @@ def effect(name: str, *, stage: str, targets: str, gap_class: str | None = None)
         parameters = {key: value for key, value in inherited.items() if isinstance(value, Parameter)}
         _check_parameters(name, parameters)
         declared.forms = {key: value for key, value in inherited.items() if isinstance(value, Form)}
+        declared.details = {key: value for key, value in inherited.items() if isinstance(value, Detail)}
         _check_hooks(name, declared, stage, targets)
         declared.name, declared.stage, declared.targets = name, stage, targets
         declared.gap_class = gap_class or name
@@ -326,7 +360,7 @@ def _check_parameters(name: str, parameters: Mapping[str, Parameter]) -> None:
 
 def _check_hooks(name: str, declared: type[Effect], stage: str, targets: str) -> None:
     own = [hook for hook in _ALL_HOOKS if overrides(declared, hook)]
-    if not set(own) - {"start"}:
+    if not set(own) - {"start", "model_attributes"}:
         raise ValueError(f"effect {name!r} does nothing: give it one of {', '.join(_ALL_HOOKS)}")
     possible = (*COMMON_HOOKS, *HOOKS.get(targets, _ALL_HOOKS))
     for hook in own:

@@ -26,6 +26,8 @@ class PadCreep(Effect):
     Source: chosen.
     """
 
+    signal_only = True
+
     fraction = parameter("-", identity=0.0, default=0.2, bounds=(0.0, 0.8))
     time_constant = parameter("s", identity=None, default=0.3, bounds=(0.03, 3.0))
 
@@ -49,6 +51,8 @@ class ForceCrosstalk(Effect):
     Source: chosen.
     """
 
+    signal_only = True
+
     ratio = parameter("-", identity=0.0, default=0.1, bounds=(-0.6, 0.6))
 
     def reading(self, reading: Array, now: Now) -> Array:
@@ -67,6 +71,8 @@ class ForceGain(Effect):
 
     Source: force_vs_displacement.
     """
+
+    signal_only = True
 
     factor = parameter("-", identity=1.0, default=1.3, bounds=(0.2, 4.0))
 
@@ -87,6 +93,8 @@ class ForceNonlinearity(Effect):
     Source: chosen.
     """
 
+    signal_only = True
+
     quadratic = parameter("1/sensor unit", identity=0.0, default=0.1, bounds=(-0.3, 1.0))
 
     def reading(self, reading: Array, now: Now) -> Array:
@@ -105,6 +113,8 @@ class ForceHysteresis(Effect):
 
     Source: chosen.
     """
+
+    signal_only = True
 
     width = parameter(UNITS, identity=0.0, default=0.1, bounds=(0.0, 0.8))
 
@@ -128,6 +138,8 @@ class ForceDeadZone(Effect):
     Source: force_vs_displacement, where the command's dead band explains it as well.
     """
 
+    signal_only = True
+
     width = parameter(UNITS, identity=0.0, default=0.08, bounds=(0.0, 0.8))
 
     def reading(self, reading: Array, now: Now) -> Array:
@@ -146,6 +158,8 @@ class ForceDrift(Effect):
 
     Source: chosen.
     """
+
+    signal_only = True
 
     rate = parameter("sensor units/s", identity=0.0, default=0.1, bounds=(-1.0, 1.0))
 
@@ -166,6 +180,8 @@ class ForceBias(Effect):
     Source: chosen.
     """
 
+    signal_only = True
+
     offset = parameter(UNITS, identity=0.0, default=0.1, bounds=(-1.0, 1.0))
 
     def reading(self, reading: Array, now: Now) -> Array:
@@ -184,6 +200,8 @@ class ForceLag(Effect):
 
     Source: chosen.
     """
+
+    signal_only = True
 
     time_constant = parameter("s", identity=0.0, default=0.03, bounds=(0.0, 0.3))
     poles = form(1, 2)
@@ -210,6 +228,8 @@ class ForceSaturation(Effect):
     MuJoCo: a sensor's ``cutoff``.
     """
 
+    signal_only = True
+
     limit = parameter(UNITS, identity=np.inf, default=0.8, bounds=(0.05, 3.0))
 
     def reading(self, reading: Array, now: Now) -> Array:
@@ -231,6 +251,8 @@ class ForceNoise(Effect):
     MuJoCo: a sensor's ``noise`` is stored and not applied; it is drawn by the load cell.
     """
 
+    signal_only = True
+
     factor = parameter("-", identity=1.0, default=3.0, bounds=(0.2, 20.0))
 
     def noise(self, noise: Array, now: Now) -> Array:
@@ -249,6 +271,8 @@ class ForceQuantization(Effect):
 
     Source: chosen.
     """
+
+    signal_only = True
 
     step = parameter(UNITS, identity=0.0, default=0.05, bounds=(0.0, 0.4))
 
@@ -270,6 +294,8 @@ class ForceDelay(Effect):
 
     MuJoCo: a sensor's ``delay``.
     """
+
+    signal_only = True
 
     seconds = parameter("s", identity=0.0, default=0.03, bounds=(0.0, 0.2))
 
@@ -294,6 +320,8 @@ class ForceDropout(Effect):
 
     MuJoCo: a sensor's ``interval`` repeats regularly, not at random.
     """
+
+    signal_only = True
 
     probability = parameter("-", identity=0.0, default=0.05, bounds=(0.0, 0.8))
 

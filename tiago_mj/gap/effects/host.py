@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any, Final, Protocol
 
 import mujoco
 import mujoco.batch
@@ -83,13 +85,31 @@ class ScalarHost:
         mujoco.mj_setConst(self.model, mujoco.MjData(self.model))
 
 
+#: Warnings after which MuJoCo gives up a state and starts anew: what follows is no prediction.
+DIVERGING: Final = [
+    int(warning)
+    for warning in (
+        mujoco.mjtWarning.mjWARN_BADQPOS,
+        mujoco.mjtWarning.mjWARN_BADQVEL,
+        mujoco.mjtWarning.mjWARN_BADQACC,
+        mujoco.mjtWarning.mjWARN_BADCTRL,
+    )
+]
+
+
 class BatchHost:
-    """Many simulations of one model, each with its own values of the fields that are asked for."""
+    """Many simulations of one model, each with its own values of the fields that are asked for.
+
+    A simulation that diverges, or whose model MuJoCo refuses (nothing is left of an inertia), stops where it is:
+    :attr:`diverged` says which have.
+    """
 
     def __init__(self, batch: mujoco.batch.Batch) -> None:
         self.batch = batch
         self.model = batch.model
         self.nsim = batch.nsim
+        self._refused = np.zeros(batch.nsim, dtype=bool)
+        self._alive: NDArray[np.intp] | None = None
         self._fields: dict[str, Any] = {}
         self._states: dict[str, Any] = {}
 
@@ -115,12 +135,48 @@ class BatchHost:
 
     def step(self, count: int) -> None:
         """See :class:`Host`."""
-        self.batch.step(nstep=count)
+        if self._alive is None or len(self._alive):
+            with self._refusing():
+                self.batch.step(self._alive, nstep=count)
+
+    def rollout(self, control: Array, record: Sequence[str]) -> dict[str, Array]:
+        """Steps with their controls, (nsim, nsteps, nu), and what was recorded after each, (nsim, nsteps, ...)."""
+        alive = np.arange(self.nsim) if self._alive is None else self._alive
+        shapes = {name: (control.shape[1], *self.output(name).shape[1:]) for name in record}
+        seen = {name: np.zeros((len(alive), *shape)) for name, shape in shapes.items()}
+        if len(alive):
+            with self._refusing():
+                self.batch.rollout(control.shape[1], control[alive], record=record, ids=alive, out=seen)
+        if len(alive) == self.nsim:
+            return seen
+        whole = {name: np.zeros((self.nsim, *shape)) for name, shape in shapes.items()}
+        for name, values in seen.items():
+            whole[name][alive] = values
+        return whole
 
     def forward(self) -> None:
         """See :class:`Host`."""
-        self.batch.forward()
+        if self._alive is None or len(self._alive):
+            with self._refusing():
+                self.batch.forward(self._alive)
 
     def set_const(self) -> None:
         """See :class:`Host`."""
-        self.batch.set_const()
+        with self._refusing():
+            self.batch.set_const()
+
+    @property
+    def diverged(self) -> NDArray[np.bool_]:
+        """Simulations whose state became infinite or no number, or whose model was refused, (nsim,)."""
+        counts = self.batch.warning.reshape(self.nsim, -1, 2)[:, DIVERGING, 1]
+        return np.asarray(counts.any(axis=1) | self._refused)
+
+    @contextmanager
+    def _refusing(self) -> Iterator[None]:
+        """What MuJoCo raises in some simulations ends those; a diverged one is not stepped on."""
+        try:
+            yield
+        except mujoco.batch.SimulationError as fault:
+            self._refused[np.asarray(fault.ids)] = True
+        if self._refused.any() or self.batch.warning.any():
+            self._alive = np.flatnonzero(~self.diverged)

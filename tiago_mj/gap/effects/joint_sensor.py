@@ -23,6 +23,8 @@ class EncoderBias(Effect):
     Source: chosen.
     """
 
+    signal_only = True
+
     offset = parameter(LENGTH, identity=0.0, default=0.001, bounds=((-0.01, 0.01), (-0.2, 0.2)))
 
     def measure_position(self, position: Array, now: Now) -> Array:
@@ -44,6 +46,8 @@ class EncoderScale(Effect):
 
     Source: chosen.
     """
+
+    signal_only = True
 
     factor = parameter("-", identity=1.0, default=1.05, bounds=(0.7, 1.4))
 
@@ -70,6 +74,8 @@ class EncoderQuantization(Effect):
     Source: so101.
     """
 
+    signal_only = True
+
     step = parameter(LENGTH, identity=0.0, default=0.0005, bounds=((0.0, 0.005), (0.0, 0.1)))
 
     def measure_position(self, position: Array, now: Now) -> Array:
@@ -88,6 +94,8 @@ class VelocityFilter(Effect):
 
     Source: chosen.
     """
+
+    signal_only = True
 
     time_constant = parameter("s", identity=0.0, default=0.04, bounds=(0.0, 0.3))
     poles = form(1, 2)

@@ -13,11 +13,14 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from tiago_mj.gap.effects.declare import EFFECTS, Effect, Parameter
+from tiago_mj.gap.effects.declare import EFFECTS, Detail, Effect, Parameter
+from tiago_mj.quantities import SMALLER, quantity
 
 Array = NDArray[np.float64]
 
 SCHEMA: Final = "tiago_mj.calibration/1"
+#: What a user gives may lie this many times farther than what a fit tries.
+FAR: Final = 10.0
 
 
 @dataclass(frozen=True)
@@ -28,11 +31,13 @@ class Entry:
         name: of the effect.
         target: names of actuators, joints or sensors; None is all of them.
         parameters: by name.
+        fitted: whether a diagnosis found them; they are not questioned then.
     """
 
     name: str
     target: tuple[str, ...] | None = None
     parameters: Mapping[str, float] = field(default_factory=dict)
+    fitted: bool = field(default=False, compare=False)
 
     def __hash__(self) -> int:
         return hash((self.name, self.target, tuple(sorted(self.parameters.items()))))
@@ -81,7 +86,8 @@ def read_effects(given: Any) -> tuple[Entry, ...]:
     Args:
         given: None, a list of ``{"name", "target", "parameters"}``, a mapping ``{name: parameters}`` (target all;
         ``{}``
-            means the defaults), a list of :class:`Entry`, the path of a calibration YAML, or JSON text of the above.
+            means the defaults), a list of :class:`Entry`, the path of a calibration YAML, or JSON text of the above;
+            or a list of several of these, one on top of the other.
 
     Raises:
         ValueError: an unknown effect or parameter, a value that is no finite number, a file of another schema; one
@@ -102,7 +108,7 @@ def read_effects(given: Any) -> tuple[Entry, ...]:
         raise ValueError(
             f"effects are {type(given).__name__}: give a list, a mapping name to parameters, or a YAML file"
         )
-    return tuple(item if isinstance(item, Entry) else _entry(item) for item in given)
+    return tuple(entry for item in given for entry in _entries(item))
 
 
 def arrays(declared: type[Effect], sims: Sequence[Sequence[Entry]], targets: Targets) -> Effect:
@@ -116,12 +122,17 @@ def arrays(declared: type[Effect], sims: Sequence[Sequence[Entry]], targets: Tar
         key: np.full((len(sims), len(names)), p.default[0] if p.identity is None else p.identity)
         for key, p in declared.parameters.items()
     }
+    values |= {key: np.zeros((len(sims), len(names))) for key in declared.details}
     values |= {key: np.full((len(sims), len(names)), form.values[0]) for key, form in declared.forms.items()}
     for sim, entries in enumerate(sims):
         for entry in entries:
             if entry.name != declared.name:
                 continue
             for index in _reach(entry, declared, names):
+                for key in declared.details:
+                    there = _amount(declared, entry, 0 if targets.slide(declared.targets, index) else 1)
+                    before = values[next(iter(declared.parameters))][sim, index], values[key][sim, index]
+                    values[key][sim, index] = _centre(before, (there, entry.parameters.get(key, 0.0)))
                 for key, p in declared.parameters.items():
                     slide = targets.slide(declared.targets, index)
                     default = p.default[0 if slide else 1]
@@ -143,6 +154,18 @@ def _together(identity: float | None, present: float, value: float) -> float:
     return present + value if identity == 0.0 else min(present, value)
 
 
+def _amount(declared: type[Effect], entry: Entry, side: int) -> float:
+    """How much there is of what an effect's details are the place of."""
+    first = next(iter(declared.parameters.values()))
+    return entry.parameters.get(first.name, first.default[side])
+
+
+def _centre(one: tuple[float, float], other: tuple[float, float]) -> float:
+    """Common centre of two (amount, place); the other's place where the first amount is 0, or both together are."""
+    both = one[0] + other[0]
+    return (one[0] * one[1] + other[0] * other[1]) / both if one[0] and both else other[1]
+
+
 def _reach(entry: Entry, declared: type[Effect], names: tuple[str, ...]) -> list[int]:
     if entry.target is None:
         return [len(names) - 1] if declared.name == "payload" else list(range(len(names)))
@@ -153,6 +176,19 @@ def _reach(entry: Entry, declared: type[Effect], names: tuple[str, ...]) -> list
             f"{', '.join(names) or 'none'}"
         )
     return [names.index(name) for name in entry.target]
+
+
+def _entries(item: Any) -> tuple[Entry, ...]:
+    if isinstance(item, Entry):
+        return (item,)
+    if isinstance(item, Path) or (isinstance(item, str) and _is_source(item)):
+        return read_effects(item)
+    return (_entry(item),)
+
+
+def _is_source(text: str) -> bool:
+    """Whether a text is JSON or names a file, rather than an effect."""
+    return text.lstrip().startswith(("{", "[")) or text.lower().endswith((".yaml", ".yml")) or Path(text).is_file()
 
 
 def _entry(item: Any) -> Entry:
@@ -172,21 +208,78 @@ def _entry(item: Any) -> Entry:
     parameters = item.get("parameters") or {}
     if not isinstance(parameters, Mapping):
         raise ValueError(f"effect {name!r} has parameters {parameters!r}: give a mapping of names to numbers")
-    declared, forms = EFFECTS[name].parameters, EFFECTS[name].forms
+    declared, forms, details = EFFECTS[name].parameters, EFFECTS[name].forms, EFFECTS[name].details
     values = {}
     for key, value in parameters.items():
-        if key not in declared and key not in forms:
-            raise ValueError(f"effect {name!r} has no parameter {key!r}: use {', '.join(declared)}")
+        if key not in declared and key not in forms and key not in details:
+            raise ValueError(f"effect {name!r} has no parameter {key!r}: use {', '.join((*declared, *details))}")
         number = value.get("value") if isinstance(value, Mapping) else value  # a calibration carries low and high too
         if isinstance(number, bool) or not isinstance(number, (int, float, np.number)) or math.isnan(number):
             raise ValueError(f"effect {name!r}: {key} is {number!r}, give a number")
         if key in declared:
             _check_possible(name, declared[key], float(number))
+        elif key in details:
+            _check_detail(name, details[key], float(number))
         elif number not in forms[key].values:
             possible = ", ".join(f"{one:g}" for one in forms[key].values)
             raise ValueError(f"effect {name!r}: {key} is {number:g}, use one of {possible}")
         values[key] = float(number)
-    return Entry(name, None if target is None else tuple(target), values)
+    fitted = any(isinstance(value, Mapping) for value in parameters.values())
+    if not fitted:
+        for key, number in values.items():
+            _check_size(name, declared.get(key), number, (0, 1))
+    return Entry(name, None if target is None else tuple(target), values, fitted)
+
+
+def check_sizes(entries: Sequence[Entry], targets: Targets) -> None:
+    """Refuse magnitudes that cannot be meant, now that it is known which targets slide and which turn.
+
+    Raises:
+        ValueError: says what is typical, and the likely slip.
+    """
+    for entry in entries:
+        declared = EFFECTS[entry.name]
+        names = targets.names(declared.targets)
+        for index in () if entry.fitted else _reach(entry, declared, names):
+            side = 0 if targets.slide(declared.targets, index) else 1
+            for key, number in entry.parameters.items():
+                _check_size(entry.name, declared.parameters.get(key), number, (side,))
+
+
+def _check_size(name: str, p: Parameter | None, number: float, sides: Sequence[int]) -> None:
+    """A value may lie beyond what a fit tries, as large robots have it, but not :data:`FAR` times as far.
+
+    What has no unit of its own, is a share of a limit, or is absent when large, may be as large as it is given.
+    """
+    if p is None or p.nominal is not None or p.identity == math.inf or not math.isfinite(number):
+        return
+    if any("sensor unit" in unit or unit == "-" for unit in p.unit):
+        return
+    if any(FAR * min(p.bounds[side][0], 0.0) <= number <= FAR * p.bounds[side][1] for side in sides):
+        return
+    units: dict[str, int] = {}
+    for side in sides:
+        units.setdefault(p.unit[side], side)
+    given = " or ".join(f"{number:g} {unit}" for unit in units)
+    typical = " or ".join(quantity(p.default[side], unit) for unit, side in units.items())
+    most = " or ".join(quantity(FAR * p.bounds[side][number > 0], unit) for unit, side in units.items())
+    slips = dict.fromkeys(slip for unit, side in units.items() for slip in _slips(number, unit, p.bounds[side])[:1])
+    hint = f"did you mean {' or '.join(slips)}?" if slips else f"give it in {' or '.join(units)}"
+    raise ValueError(
+        f"effect {name!r}: {p.name} is {given}, where {typical} is typical and {most} the most that is taken: {hint}"
+    )
+
+
+def _slips(number: float, unit: str, bounds: tuple[float, float]) -> list[str]:
+    """Other units in which the number would be one that is tried."""
+    others = [("°", math.pi / 180)] if unit == "rad" else []
+    if unit in SMALLER:
+        others.append((f" {SMALLER[unit][0]}", 1e-3))
+    return [
+        f"{number:g}{other} ({number * factor:.3g})"
+        for other, factor in others
+        if bounds[0] <= number * factor <= bounds[1]
+    ]
 
 
 def _check_possible(name: str, p: Parameter, number: float) -> None:
@@ -200,6 +293,15 @@ def _check_possible(name: str, p: Parameter, number: float) -> None:
         )
     if p.name == "probability" and number > 1:
         raise ValueError(f"effect {name!r}: {p.name} is {number:g}, give a number from 0 to 1")
+
+
+def _check_detail(name: str, detail: Detail, number: float) -> None:
+    low, high = (FAR * bound for bound in detail.bounds)
+    if not low <= number <= high:
+        raise ValueError(
+            f"effect {name!r}: {detail.name} is {number:g} {detail.unit}, give a number from {low:g} to {high:g} "
+            f"{detail.unit}"
+        )
 
 
 def _load(source: str | Path) -> Any:

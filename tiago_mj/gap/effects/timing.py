@@ -22,6 +22,8 @@ class ClockOffset(Effect):
     MuJoCo: a sensor's ``delay`` shifts that sensor alone; here one delay line holds every measured channel.
     """
 
+    signal_only = True
+
     seconds = parameter("s", identity=0.0, default=0.03, bounds=(0.0, 0.2))
 
     def start(self, now: Now) -> None:

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Iterator, Mapping
+import os
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
 from tiago_mj import atomic
-from tiago_mj.gap.imports import so101, ta11_curve, tiago_arm, xl330
+from tiago_mj.gap.imports import lerobot, minari, so101, ta11_curve, tiago_arm, xl330
 from tiago_mj.gap.lint import inspect
 from tiago_mj.gap.read import read_recordings
-from tiago_mj.gap.recording import Trial
+from tiago_mj.gap.recording import Finding, Trial
 from tiago_mj.gap.write import write_trial
+from tiago_mj.progress import told
 from tiago_mj.sensing.load_cell import TA11_SLOPE
 
 #: Importer: trials of a source, each with its folder below the output.
@@ -25,17 +27,39 @@ PUBLIC: Final[Mapping[str, Callable[[argparse.Namespace], Iterator[tuple[str, Tr
     "ta11-curve": lambda arguments: ta11_curve.trials(arguments.source, arguments.slope),
 }
 
+#: Recordings of a user's own robot; the rest are public data sets.
+OWN: Final = ("bag", "lerobot", "minari")
+#: Options that only some of the kinds take.
+_OPTIONS: Final[Mapping[str, tuple[str, ...]]] = {
+    "map": ("bag", "minari"),
+    "robot": ("bag", "minari"),
+    "model": ("lerobot",),
+    "units": ("lerobot",),
+    "joints": ("lerobot",),
+}
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of the command."""
-    parser.add_argument(
-        "kind", choices=[*PUBLIC, "bag"], metavar="tiago-arm|so101|xl330|ta11-curve|bag", help="what SRC holds"
-    )
+    parser.add_argument("kind", choices=[*PUBLIC, *OWN], metavar="|".join([*PUBLIC, *OWN]), help="what SRC holds")
     parser.add_argument(
         "source", metavar="SRC", help="folder or bag; 'download' fetches a public data set and checks every file"
     )
-    parser.add_argument("--map", type=Path, metavar="FILE", help="YAML: topics of a bag (docs/recordings.md)")
-    parser.add_argument("--robot", metavar="ID|FILE.xml", help="of a bag: environment id or MJCF")
+    parser.add_argument(
+        "--map", type=Path, metavar="FILE", help="YAML: topics of a bag, columns of minari (docs/recordings.md)"
+    )
+    parser.add_argument("--robot", metavar="ID|FILE.xml", help="of a bag or minari: environment id or MJCF")
+    parser.add_argument(
+        "--model", type=Path, metavar="FILE.xml", help="of lerobot: MJCF of the arm, whose joints the names are"
+    )
+    parser.add_argument(
+        "--units",
+        metavar="degrees|normalised|radians",
+        help="of lerobot: what the joints' numbers are, where they do not prove it; single ones as ,JOINT=percent",
+    )
+    parser.add_argument(
+        "--joints", metavar="NAME=JOINT,...", help="of lerobot: the model's joints, where the names do not tell"
+    )
     parser.add_argument(
         "--commands",
         choices=xl330.COMMANDS,
@@ -62,12 +86,18 @@ def run(arguments: argparse.Namespace) -> int:
     Raises:
         ValueError: the source is unusable; one line says what and how to mend it.
     """
+    for option, kinds in _OPTIONS.items():
+        if getattr(arguments, option) is not None and arguments.kind not in kinds:
+            raise ValueError(f"--{option} is of {' and '.join(kinds)}")
     if arguments.kind == "bag":
         trials = _of_bags(arguments)
+    elif arguments.kind == "lerobot":
+        trials = _of_lerobot(arguments)
+    elif arguments.kind == "minari":
+        trials = _told(*minari.read(arguments.source, map_file=arguments.map, robot=arguments.robot))
     else:
-        if arguments.map is not None or arguments.robot is not None:
-            raise ValueError("--map and --robot are of bags")
-        trials = list(PUBLIC[arguments.kind](arguments))
+        with told("import", arguments.kind):
+            trials = list(PUBLIC[arguments.kind](arguments))
     for folder, trial in trials:
         write_trial(trial, arguments.out / folder)
         if arguments.kind == "xl330":
@@ -81,13 +111,31 @@ def run(arguments: argparse.Namespace) -> int:
         first = next(finding for finding in found if finding.code == code)
         print(f"  {code}: {', '.join(listed) or first.message}")
     folders = dict.fromkeys(str(arguments.out / folder) for folder, _ in trials)
-    print(f"next: tiago-mj diagnose {next(iter(folders))} --out DIR")
+    modelless = arguments.kind == "lerobot" and arguments.model is None
+    print(f"next: tiago-mj diagnose {next(iter(folders))}{' --model FILE.xml' if modelless else ''} --out DIR")
     return 0
 
 
 def _of_bags(arguments: argparse.Namespace) -> list[tuple[str, Trial]]:
     defaults = {"robot": arguments.robot} if arguments.robot else {}
     result = read_recordings([Path(arguments.source)], map_file=arguments.map, defaults=defaults)
-    for finding in result.findings:
+    return _told(result.trials, result.findings)
+
+
+def _of_lerobot(arguments: argparse.Namespace) -> list[tuple[str, Trial]]:
+    model = arguments.model
+    return _told(
+        *lerobot.read(
+            arguments.source,
+            model=model,
+            robot=None if model is None else Path(os.path.relpath(model, arguments.out)).as_posix(),
+            units=arguments.units,
+            joints=arguments.joints,
+        )
+    )
+
+
+def _told(trials: Sequence[Trial], findings: Sequence[Finding]) -> list[tuple[str, Trial]]:
+    for finding in findings:
         print(f"{finding.code}: {finding}")
-    return [("", trial) for trial in result.trials]
+    return [("", trial) for trial in trials]

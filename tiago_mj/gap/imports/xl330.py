@@ -43,6 +43,9 @@ JOINT: Final = "pendulum"
 COMMANDS: Final = ("torque", "position")
 MODEL: Final = "pendulum.xml"
 
+#: The motor's name in the files. Others of the same repository hang on the same pendulum.
+MOTOR: Final = "xl330"
+
 #: Torque [N·m] and current [A] at stall, at 5.0 V (ROBOTIS e-Manual, XL330-M288-T). Their ratio is the torque constant,
 #: which is the constant of the back electromotive force, too [V·s/rad]. The speed without load of the same sheet would
 #: give 0.46 V·s/rad, but the friction that is to be found has slowed that down.
@@ -165,7 +168,7 @@ def read_run(path: Path) -> Run:
     """A recording from its file.
 
     Raises:
-        RecordingError: it is cut off, or of another format.
+        RecordingError: it is cut off, of another format or of another motor.
     """
     try:
         facts = json.loads(path.read_text(encoding="utf-8"))
@@ -176,6 +179,13 @@ def read_run(path: Path) -> Run:
         facts["trajectory"] = str(facts["trajectory"])
     except (KeyError, TypeError, ValueError, AttributeError) as fault:
         raise RecordingError(f"{path.name}: not the data set's format, or cut off ({fault})") from fault
+    motor = facts.get("motor")
+    if motor != MOTOR:
+        said = "it does not say which motor it is of" if motor is None else f"it is of the motor {motor!r}"
+        raise RecordingError(
+            f"{path.name}: {said}, and the torque is made with the constants of the {MOTOR!r} alone: leave the file "
+            "out, or write its torques as a recording of your own (docs/recordings.md)"
+        )
     if not entries:
         raise RecordingError(f"{path.name}: the recording is empty: leave it out")
     return Run(path.name, facts, columns)

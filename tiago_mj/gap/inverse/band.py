@@ -12,6 +12,7 @@ from collections.abc import Collection, Mapping, Sequence
 import mujoco
 import numpy as np
 
+from tiago_mj.gap.effects import Entry
 from tiago_mj.gap.inverse.channels import Usable, choose
 from tiago_mj.gap.inverse.evidence import Evidence
 from tiago_mj.gap.inverse.strips import HEADROOMS
@@ -26,6 +27,7 @@ def clearest(
     seed: int,
     known: Mapping[tuple[str, str | None], float],
     names: Collection[str] | None = None,
+    given: Sequence[Entry] = (),
 ) -> tuple[Usable, Evidence]:
     """Channels and evidence, the cut-off lowered from the highest for as long as the gap stands out more.
 
@@ -33,15 +35,16 @@ def clearest(
         trials, model, joints, findings, seed: as for :func:`tiago_mj.gap.inverse.diagnose_inverse`.
         known: what the recordings say of the model's numbers.
         names: effects to consider; None for all.
+        given: effects that are known already.
 
     Raises:
         RecordingError: as :func:`tiago_mj.gap.inverse.channels.choose` does at the highest cut-off.
         ValueError: the model lacks a joint.
     """
-    found = _at(HEADROOMS[0], trials, model, joints, findings, seed, known, names)
+    found = _at(HEADROOMS[0], trials, model, joints, findings, seed, known, names, given)
     for headroom in HEADROOMS[1:]:
         try:
-            lower = _at(headroom, trials, model, joints, findings, seed, known, names)
+            lower = _at(headroom, trials, model, joints, findings, seed, known, names, given)
         except RecordingError:
             break  # too short a recording for so long a filter
         same = lower[1].course.channels == found[1].course.channels
@@ -68,6 +71,7 @@ def _at(
     seed: int,
     known: Mapping[tuple[str, str | None], float],
     names: Collection[str] | None = None,
+    given: Sequence[Entry] = (),
 ) -> tuple[Usable, Evidence]:
-    usable = choose(trials, model, joints, findings, headroom)
+    usable = choose(trials, model, joints, findings, headroom, given)
     return usable, Evidence(usable.course, usable.torques, seed, known, names)

@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from tiago_mj.gap.effects import EFFECTS
+from tiago_mj.gap.effects import EFFECTS, Entry
 from tiago_mj.gap.inverse.strips import HEADROOMS, Course, lay_out
 from tiago_mj.gap.inverse.torques import Torques
 from tiago_mj.gap.recording import Finding, RecordingError, Trial, sampled
@@ -23,6 +23,10 @@ DEAD_SHARE: Final = 0.5
 BEYOND: Final = 3.0
 #: A correlation of measured and predicted torque below this says that the sign is wrong.
 AGAINST: Final = -0.5
+#: Share of the largest torque that a robot's joints carry which the drive of any of them may well need for itself.
+CARRIED: Final = 0.02
+#: Correlations with the torque needed at the own joint below which, and at another above which, columns are exchanged.
+OWN, OTHERS = 0.4, 0.8
 
 
 @dataclass(frozen=True)
@@ -48,6 +52,7 @@ def choose(
     joints: Sequence[str],
     known: Sequence[Finding],
     headroom: float = HEADROOMS[0],
+    given: Sequence[Entry] = (),
 ) -> Usable:
     """Pick the channels.
 
@@ -57,6 +62,7 @@ def choose(
         joints: whose efforts are asked for.
         known: what the lint found; channels that it discredits are left out.
         headroom: of the low-pass over what moves.
+        given: effects that are known already.
 
     Raises:
         RecordingError: no channel can be used; says why.
@@ -96,7 +102,7 @@ def choose(
         raise RecordingError(f"{files}: no effort can be used: {why}")
     order = sorted(moving, key=lambda name: int(model.joint(name).dofadr[0]))
     course = lay_out(trials, order, channels, headroom)
-    torques = Torques(model, course)
+    torques = Torques(model, course, given)
     keep, more, said = _comparable(course, torques, files)
     findings += more
     notes += said
@@ -104,7 +110,7 @@ def choose(
         raise RecordingError(f"{files}: no effort can be used: {' '.join(notes)}")
     if keep != channels:
         course = lay_out(trials, order, keep, headroom)
-        torques = Torques(model, course)
+        torques = Torques(model, course, given)
     have = {(f.code, f.channel) for f in known}
     return Usable(course, torques, tuple(f for f in findings if (f.code, f.channel) not in have), tuple(notes))
 
@@ -133,14 +139,36 @@ def _comparable(course: Course, torques: Torques, files: str) -> tuple[list[str]
     keep, findings, notes = [], [], []
     moves = course.moving()[:, course.columns]
     measured, predicted = course.stack("effort"), torques.nominal[:, course.columns]
+    enough = moves.sum(axis=0) >= 5 * course.rate / course.cutoff
+    slides = np.array([torques.wiring.targets.slides[j] for j in course.columns])
+    sizes, needed = (_sizes(values, moves) for values in (measured, predicted))
+    exchanged = _exchanged(measured, predicted, moves, enough)
     for c, name in enumerate(course.channels):
         there = moves[:, c]
-        unit = "N" if torques.wiring.targets.slides[course.columns[c]] else "N·m"
-        if there.sum() < 5 * course.rate / course.cutoff:
+        unit = "N" if slides[c] else "N·m"
+        if not enough[c]:
             notes.append(f"effort.{name} is left out: the joint hardly moves, and dry friction hides torque at rest.")
             continue
-        size, expected = (float(np.sqrt(np.mean(values[there, c] ** 2))) for values in (measured, predicted))
-        if size < expected / (high * BEYOND) or size > BEYOND * 100 * max(expected, 1e-9) / low:
+        if c in exchanged:
+            other = course.channels[exchanged[c]]
+            said = f"follows the torque that the model needs at '{other}', and effort.{other} that of '{name}'"
+            findings.append(
+                Finding(
+                    "swapped_channels",
+                    files,
+                    f"effort.{name}",
+                    f"{said}: their columns are exchanged; left out: rename them, or map them (--map)",
+                    discredits=True,
+                )
+            )
+            notes.append(f"effort.{name} is left out: it {said}: the columns are exchanged.")
+            continue
+        size, expected = sizes[c], needed[c]
+        # A model without friction needs next to nothing of a joint that carries nothing: what its drive may well lose
+        # is seen from the joints that do carry something, and from what its actuator can give.
+        like = max(expected, CARRIED * float(needed[enough & (slides == slides[c])].max()))
+        most = max(BEYOND * 100 * max(like, 1e-9) / low, _strongest(torques, course.columns[c]))
+        if size < expected / (high * BEYOND) or size > most:
             findings.append(
                 Finding(
                     "unit_scale",
@@ -169,3 +197,37 @@ def _comparable(course: Course, torques: Torques, files: str) -> tuple[list[str]
             )
         keep.append(name)
     return keep, findings, notes
+
+
+def _sizes(values: Array, moves: NDArray[np.bool_]) -> Array:
+    """Root mean square of every channel while it moves, (c,)."""
+    return np.array([float(np.sqrt(np.mean(values[m, c] ** 2))) if m.any() else 0.0 for c, m in enumerate(moves.T)])
+
+
+def _strongest(torques: Torques, joint: int) -> float:
+    """What the actuators of a joint can give [N, N·m]; 0 where no limit is known."""
+    model, dof = torques.model, torques.wiring.dof[joint]
+    j = int(model.dof_jntid[dof])
+    limits = [float(np.abs(model.jnt_actfrcrange[j]).max())] if model.jnt_actfrclimited[j] else []
+    for a in range(model.nu):
+        own = model.actuator_trntype[a] == mujoco.mjtTrn.mjTRN_JOINT and int(model.actuator_trnid[a, 0]) == j
+        if own and model.actuator_forcelimited[a]:
+            limits.append(float(np.abs(model.actuator_forcerange[a]).max() * abs(model.actuator_gear[a, 0])))
+    return max(limits, default=0.0)
+
+
+def _exchanged(
+    measured: Array, predicted: Array, moves: NDArray[np.bool_], enough: NDArray[np.bool_]
+) -> dict[int, int]:
+    """Channels of which each follows the torque that the model needs at the other, and not its own."""
+    found: dict[int, int] = {}
+    some = [c for c in range(measured.shape[1]) if enough[c]]
+    for k, a in enumerate(some):
+        for b in some[k + 1 :]:
+            rows = moves[:, a] & moves[:, b]
+            if rows.sum() < 2 or min(np.ptp(v[rows, c]) for v in (measured, predicted) for c in (a, b)) == 0:
+                continue
+            both = np.corrcoef(measured[rows][:, [a, b]].T, predicted[rows][:, [a, b]].T)[:2, 2:]
+            if max(both[0, 0], both[1, 1]) < OWN and min(both[0, 1], both[1, 0]) > OTHERS:
+                found |= {a: b, b: a}
+    return found

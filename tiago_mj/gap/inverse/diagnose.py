@@ -4,19 +4,26 @@ from __future__ import annotations
 
 import time as clock
 from collections.abc import Collection, Sequence
+from typing import Final
 
 import mujoco
 import numpy as np
 
-from tiago_mj.gap.effects import EFFECTS
+from tiago_mj.gap.effects import EFFECTS, Entry
 from tiago_mj.gap.inverse import intervals, notes, tables
 from tiago_mj.gap.inverse.band import clearest
 from tiago_mj.gap.inverse.evidence import Evidence
-from tiago_mj.gap.inverse.judge import Verdict, judge, up_to_class
+from tiago_mj.gap.inverse.judge import OWN, Verdict, judge, up_to_class
 from tiago_mj.gap.inverse.search import Scored, Search
+from tiago_mj.gap.inverse.terms import ON_THE_EFFORT, Term
 from tiago_mj.gap.recording import Finding, RecordingError, Trial
 from tiago_mj.gap.result import Diagnosis, Explanation, Named, Value
 from tiago_mj.gap.stated import known_to
+
+#: 90 % of a normal distribution lie within so many standard deviations.
+NINETY: Final = 1.645
+#: Units of what is told by torques alone, in proportion to the motors' constants.
+OF_TORQUE: Final = ("N", "N·m", "N·s/m", "N·m·s/rad", "kg", "kg·m²")
 
 
 def diagnose_inverse(
@@ -29,6 +36,7 @@ def diagnose_inverse(
     seed: int,
     version: str,
     names: Collection[str] | None = None,
+    given: Sequence[Entry] = (),
 ) -> Diagnosis:
     """Which unmodelled effect makes a robot's joint efforts differ from what its model needs for the same motion.
 
@@ -42,13 +50,15 @@ def diagnose_inverse(
         seed: of the split and the bootstraps.
         version: of the package.
         names: effects to consider; None for the whole library.
+        given: effects that are known already: part of the torque that every explanation predicts.
 
     Returns:
         The diagnosis. The noise floor is what the effort channels' noise leaves after the low-pass; "closed" is
         computed on blocks that were neither fitted nor chosen on, rows at rest left out.
 
     Raises:
-        RecordingError: nothing moves, no effort can be used, or the recording is too short; names the file.
+        RecordingError: nothing moves, no effort can be used, the recording is too short, or what is given changes
+            the log of efforts; one line.
         ValueError: the model lacks a joint.
     """
     began = clock.perf_counter()
@@ -58,7 +68,8 @@ def diagnose_inverse(
         np.nanmax(p) > np.nanmin(p) for trial in trials for p in trial.positions.values() if np.isfinite(p).any()
     ):
         raise RecordingError(f"{trials[0].source}: no joint moves: torque along a motion needs a motion")
-    usable, evidence = clearest(trials, model, joints, findings, seed, known_to(trials), names)
+    check_given(trials, given)
+    usable, evidence = clearest(trials, model, joints, findings, seed, known_to(trials), names, given)
     if len(evidence.blocks.names) < 2:
         files = ", ".join(dict.fromkeys(trial.source for trial in trials))
         raise RecordingError(f"{files}: the motion is too short to choose between explanations: record longer")
@@ -99,7 +110,22 @@ def diagnose_inverse(
         seconds=clock.perf_counter() - began,
         overlays=tables.overlays(evidence, verdict.null, verdict.best),
         notes=notes.sentences(trials, usable, search, verdict),
+        given=tuple(given),
     )
+
+
+def check_given(trials: Sequence[Trial], given: Sequence[Entry]) -> None:
+    """Refuse what is said of the log of efforts itself: along a motion it is the log that has to be put right.
+
+    Raises:
+        RecordingError: one line.
+    """
+    for entry in given:
+        if entry.name in ON_THE_EFFORT:
+            raise RecordingError(
+                f"{trials[0].source}: {entry.name} cannot be given where efforts are explained along a motion: put "
+                "the log right (--map with scale, or the time of its rows), and take it out of --effects"
+            )
 
 
 def _named(
@@ -111,7 +137,7 @@ def _named(
 ) -> Named:
     """One term as an effect with parameters."""
     term, strength = evidence.terms[index], scored.strengths[index]
-    low, high = spans.get(index, (None, None))
+    low, high = _with_gain(term, strength, *spans.get(index, (None, None)))
     parameters = {
         term.parameter: Value(
             term.identity + strength,
@@ -125,6 +151,15 @@ def _named(
         shortest, longest = ends or (None, None)
         parameters[name] = Value(value, shortest, longest, dict(term.shape_units)[name])
     return Named(term.effect, term.target, parameters)
+
+
+def _with_gain(term: Term, strength: float, low: float | None, high: float | None) -> tuple[float | None, float | None]:
+    """An interval of a strength that counts how well the motors' constants are known, where it is told by torques: no
+    recording of efforts tells that."""
+    if low is None or high is None or term.unit not in OF_TORQUE:
+        return low, high
+    reach = NINETY * OWN["torque_constant"] * abs(strength)
+    return strength - float(np.hypot(strength - low, reach)), strength + float(np.hypot(high - strength, reach))
 
 
 def _not_excited(evidence: Evidence) -> tuple[str, ...]:

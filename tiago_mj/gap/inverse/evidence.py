@@ -15,6 +15,7 @@ from tiago_mj.gap.inverse.strips import Course
 from tiago_mj.gap.inverse.structure import Shape, shapes
 from tiago_mj.gap.inverse.terms import ON_THE_EFFORT, Term, all_terms, per_unit, reading_gain
 from tiago_mj.gap.inverse.torques import Torques
+from tiago_mj.gap.recording import RecordingError
 from tiago_mj.gap.stated import deviation
 
 Array = NDArray[np.float64]
@@ -94,6 +95,9 @@ class Evidence:
         _, residual = self.reference()
         correlation = blocking.correlation_time(residual, self.moving, course)
         self.blocks = blocking.cut(course, self.moving, float(np.median(correlation)), seed)
+        if not self.blocks.names:
+            files = ", ".join(dict.fromkeys(strip.trial for strip in course.strips))
+            raise RecordingError(f"{files}: the motion is too short to choose between explanations: record longer")
         self._build(Floor(noise, first, correlation))
         spread, residual = self.reference()
         correlation = blocking.correlation_time(residual, self.moving & self.fitted_rows[:, None], course)

@@ -21,6 +21,12 @@ HOPELESS: Final = 10.0
 LIKELY: Final = 0.05
 #: Squared residual over squared noise above which a gap remains.
 ABOVE: Final = 4.0
+#: What a nominal model's own numbers are known to, one standard deviation: a share of the motor's constant and of the
+#: joint's inertia (:data:`tiago_mj.gap.hypotheses.NUISANCES`), and how level a base stands [rad]: a spirit
+#: level shows a tenth of a degree. A name is given beyond so many deviations.
+OWN: Final = {"torque_constant": 0.04, "armature": 0.03, "gravity_tilt": 0.002}
+OF_ALL: Final = ("gravity_tilt",)
+CERTAIN: Final = 2.5
 #: Structure in place of a named effect: of position or time, which no effect that is named there would be.
 RIVALS: Final = ("position", "time")
 
@@ -67,8 +73,16 @@ def judge(search: Search, seed: int) -> Verdict:
         supported = closes >= KNOWN_SHARE and _closes_each(search.evidence, best)
         if closes < KNOWN_SHARE:
             best, unnamed, equal = null, search.unnamed(null), []
+    beyond = [k for k in best.terms if _is_beyond(search.evidence, k, best.strengths[k])]
+    within = len(beyond) < len(best.terms)
+    if within:  # what a nominal model's own numbers are known to is no effect
+        best = search.score(beyond)
+        equal = [one for one in equal if all(_is_beyond(search.evidence, k, one.strengths[k]) for k in one.terms)]
     remains = _remains(search.evidence, best)
-    if not best.terms:
+    if not best.terms and within and supported:
+        kind, equal = "no_gap", []
+        remains &= False
+    elif not best.terms:
         generic = search.unnamed(null)
         kind = "unknown" if unsupported or clearly(null.left_out - generic.left_out, EQUAL) else "no_gap"
         remains &= kind == "unknown"
@@ -152,6 +166,18 @@ def residual(evidence: Evidence, scored: Scored, *, with_tolerance: bool = True)
         for amount, column in zip(fitted, evidence.tolerance_columns, strict=True):
             values = values - amount * column
     return values
+
+
+def _is_beyond(evidence: Evidence, term: int, strength: float) -> bool:
+    """Whether a strength goes beyond what the nominal model's own number of that kind is known to."""
+    declared = evidence.terms[term]
+    deviation = OWN.get(declared.effect)
+    if deviation is None or (declared.joint is None and declared.effect not in OF_ALL):
+        return True
+    own = 1.0
+    if declared.effect == "armature" and declared.joint is not None:
+        own = evidence.torques.inertia(declared.joint)
+    return abs(strength) > CERTAIN * deviation * own
 
 
 def _share(null: Scored, best: Scored, unnamed: Scored) -> float:

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from tiago_mj.gap import travel
 from tiago_mj.gap.inverse.channels import Usable
 from tiago_mj.gap.inverse.judge import Verdict
 from tiago_mj.gap.inverse.search import Scored, Search
@@ -20,6 +21,7 @@ def sentences(trials: Sequence[Trial], usable: Usable, search: Search, verdict: 
         *usable.notes,
         *_given(search, verdict),
         *_method(search),
+        *_unequal(trials, search),
         *_late(trials),
         *_commands(trials),
         "At rest dry friction takes any value within its bounds, so rows at rest are neither fitted nor counted in "
@@ -100,6 +102,13 @@ def _method(search: Search) -> Iterator[str]:
         )
     if not blocks.test:
         yield "There are too few blocks to keep one aside: how much of the gap closes is not known."
+
+
+def _unequal(trials: Sequence[Trial], search: Search) -> tuple[str, ...]:
+    """Of whole trials: joints that went less far in those that were fitted."""
+    blocks = search.evidence.blocks
+    splits = {part: [blocks.names[b] for b in getattr(blocks, part)] for part in ("train", "validation", "test")}
+    return travel.notes(trials, splits)
 
 
 def _late(trials: Sequence[Trial]) -> Iterator[str]:

@@ -96,6 +96,11 @@ def all_terms(torques: Torques, effort: Array) -> tuple[Term, ...]:
     return tuple(found)
 
 
+def possible(torques: Torques) -> tuple[str, ...]:
+    """Names of the effects that may show along a course, whether this one excites them or not."""
+    return tuple(name for name, declared in EFFECTS.items() if any(True for _ in _declared(declared, torques)))
+
+
 def _reaches_others(declared: type[Effect]) -> bool:
     """Whether an effect at one joint changes the torque of others."""
     return declared.stage in ("body", "joint_sensor")

@@ -37,13 +37,15 @@ class Torques:
     Args:
         model: nominal; it is copied.
         course: the motion.
+        given: effects that are known already: part of every torque.
 
     Raises:
         ValueError: the model lacks a joint of the course.
     """
 
-    def __init__(self, model: mujoco.MjModel, course: Course) -> None:
+    def __init__(self, model: mujoco.MjModel, course: Course, given: Sequence[Entry] = ()) -> None:
         self.course = course
+        self._given = tuple(entry for entry in given if EFFECTS[entry.name].stage in STAGES)
         self._model = copy.copy(model)
         self._model.body_gravcomp[:] = 0.0
         self._model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_LIMIT
@@ -55,6 +57,15 @@ class Torques:
         self._rigid: Array | None = None
         self._nominal: Array | None = None
 
+    def inertia(self, joint: int) -> float:
+        """What a joint moves, in the model's reference pose [kg, kg·m²]."""
+        return float(self._model.dof_M0[self.wiring.dof[joint]])
+
+    @property
+    def model(self) -> mujoco.MjModel:
+        """The nominal model, without contacts, limits and what is accounted for joint by joint."""
+        return self._model
+
     @property
     def rigid(self) -> Array:
         """Gravity, inertia and springs of the nominal model, (T, m) [N, N·m], as filtered as the efforts are."""
@@ -64,7 +75,7 @@ class Torques:
 
     @property
     def nominal(self) -> Array:
-        """Torque of the nominal model, (T, m) [N, N·m], filtered."""
+        """Torque of the nominal model and what is given, (T, m) [N, N·m], filtered."""
         if self._nominal is None:
             self._nominal = self.of(())
         return self._nominal
@@ -126,6 +137,7 @@ class Torques:
         """Effects whose changes are made to the host's copy of the model."""
         host = _Host(self._model, self._motion, self.wiring, self._joint, effort)
         now, effects = Now(host, self.wiring, _no_chance), []
+        entries = (*self._given, *entries)
         for name in dict.fromkeys(entry.name for entry in entries):
             effects.append(arrays(EFFECTS[name], [[e for e in entries if e.name == name]], self.wiring.targets))
             effects[-1].change(now)

@@ -9,11 +9,15 @@ without sign, not the derivative that it claims to be), :func:`usable` leaves it
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from tiago_mj.gap.lint import clocks, consistency, exchange, facts, ranges, sensors
 from tiago_mj.gap.lint.ranges import JointRanges, check_names
-from tiago_mj.gap.recording import CODES, Finding, RecordingError, Trial, channels
+from tiago_mj.gap.lint.summary import Found, summary
+from tiago_mj.gap.recording import CODES, KINDS, Finding, RecordingError, Trial, channels, sampled
 
 if TYPE_CHECKING:
     from tiago_mj.gap.plant import Plant
@@ -57,7 +61,22 @@ def inspect_all(trials: Sequence[Trial], plant: Plant) -> tuple[Finding, ...]:
     """The same with the robot that is to replay the trials: names that it has, and what its joints can do."""
     known = [plant.model.joint(j).name for j in range(plant.model.njnt)]
     names = check_names(trials, known, plant.actuators, plant.sensors)
-    return (*names, *inspect(trials, JointRanges.of_model(plant.model)))
+    joints = _driven(plant)
+    actuators = {f"command.{joint}": f"command.{actuator}" for actuator, joint in joints.items()}
+    by_joint = [
+        replace(trial, commands={joints.get(name, name): sent for name, sent in trial.commands.items()})
+        for trial in trials
+    ]
+    found = inspect(by_joint, JointRanges.of_model(plant.model))
+    return (*names, *(replace(f, channel=actuators.get(f.channel, f.channel)) for f in found))
+
+
+def _driven(plant: Plant) -> dict[str, str]:
+    """Joints by actuator, where what is commanded is in the joint's own direction: columns are compared by joint."""
+    targets = plant.wiring.targets
+    gear = plant.model.actuator_gear[plant.wiring.actuators, 0]
+    named = {name: targets.joint[targets.actuated[k]] for k, name in enumerate(targets.command) if gear[k] > 0}
+    return named if len(set(named.values())) == len(named) else {}
 
 
 def refuse(trials: Sequence[Trial], findings: Sequence[Finding]) -> None:
@@ -73,9 +92,22 @@ def refuse(trials: Sequence[Trial], findings: Sequence[Finding]) -> None:
         raise RecordingError(f"{refusing[0]} ({refusing[0].code}){tail}")
     for trial in trials:
         left = [name for name in usable(trial, findings) if not (trial.commands and name.startswith("effort."))]
-        if not left:  # efforts are not compared where commands are replayed
-            why = next((str(f) for f in findings if f.file == trial.source and f.discredits), trial.source)
+        dead = [f for f in findings if f.file == trial.source and f.discredits]
+        # Efforts are not compared where commands are replayed; one value throughout tells nothing beside dead channels.
+        if not left or (dead and not any(_changes(name, [trial]) for name in left)):
+            why = str(dead[0]) if dead else trial.source
             raise RecordingError(f"{why} (no usable channel is left in this recording)")
+    if not any(_changes(name, trials) for name in {n for trial in trials for n in channels(trial, kinds=tuple(KINDS))}):
+        raise RecordingError(
+            f"{trials[0].source}: every column keeps one value throughout (no usable channel): record a motion"
+        )
+
+
+def _changes(name: str, trials: Sequence[Trial]) -> bool:
+    """Whether a channel takes two values or more, within a trial or between trials that each hold still."""
+    seen = [sampled(trial, name)[1] for trial in trials if name in channels(trial, kinds=tuple(KINDS))]
+    values = np.concatenate(seen) if seen else np.empty(0)
+    return len(values) > 0 and bool(np.ptp(values))
 
 
 def usable(trial: Trial, findings: Sequence[Finding]) -> frozenset[str]:
@@ -84,4 +116,4 @@ def usable(trial: Trial, findings: Sequence[Finding]) -> frozenset[str]:
     return frozenset(channels(trial)) - bad
 
 
-__all__ = ["JointRanges", "check_names", "inspect", "inspect_all", "refuse", "usable"]
+__all__ = ["Found", "JointRanges", "check_names", "inspect", "inspect_all", "refuse", "summary", "usable"]

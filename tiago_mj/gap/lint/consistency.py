@@ -29,20 +29,26 @@ LATE: Final = 0.1
 ENOUGH: Final = 6
 #: Percentage of the samples in which a pad must read below zero: one that is hit from the side does so for a moment.
 PRESSED: Final = 5
+#: What commands may be of that are said to be efforts.
+INTERFACES: Final = ("velocity", "position")
 
 
 def check(trials: Sequence[Trial], exchanged: frozenset[str]) -> Iterator[Finding]:
     """Findings of channels that disagree; joints whose columns are exchanged are left out."""
-    joints = dict.fromkeys(joint for trial in trials for joint in trial.positions)
+    joints = [j for j in dict.fromkeys(j for trial in trials for j in trial.positions) if j not in exchanged]
+    of = {joint: [trial for trial in trials if joint in trial.positions] for joint in joints}
+    followed = {joint: _command_and_motion(joint, of[joint], "position") for joint in joints}
+    sent = [joint for joint in joints if any(joint in trial.commands for trial in trials)]
+    if trials[0].sidecar.interface == "effort" and not all(followed[joint] in INTERFACES for joint in sent):
+        # Where friction takes all of it, one joint's effort looks like its velocity; a log of velocities is one of all.
+        followed = {joint: "ok" if found in INTERFACES else found for joint, found in followed.items()}
     for joint in joints:
-        if joint in exchanged:
-            continue
-        yield from _joint(joint, [trial for trial in trials if joint in trial.positions])
+        yield from _joint(joint, of[joint], followed[joint])
     yield from _effort_signs(trials)
     yield from _force_signs(trials)
 
 
-def _joint(joint: str, trials: Sequence[Trial]) -> Iterator[Finding]:
+def _joint(joint: str, trials: Sequence[Trial], command: str) -> Iterator[Finding]:
     against = {id(trial): _position_and_velocity(trial, joint) for trial in trials}
     factor = next((found for found in against.values() if found[0] == "factor"), None)
     if factor is not None:  # the unit is the log's, whether the joint moved in this trial or not
@@ -52,7 +58,6 @@ def _joint(joint: str, trials: Sequence[Trial]) -> Iterator[Finding]:
         # A slow filter leaves little of short motions: it is the same one in all trials.
         against = {key: late[0] if found[0] == "unrelated" else found for key, found in against.items()}
     reversed_velocity = any(verdict == "sign" for verdict, _ in against.values())
-    command = _command_and_motion(joint, trials, "position")
     for trial in trials:
         verdict, ratio = against[id(trial)]
         yield from _about_velocity(
@@ -70,7 +75,7 @@ def _joint(joint: str, trials: Sequence[Trial]) -> Iterator[Finding]:
                 "the joint moves against it: flip its sign in the log, or map it with scale: -1 (--map)",
                 refuses=True,
             )
-    if command in ("velocity", "position"):
+    if command in INTERFACES:
         for trial in trials:
             yield Finding(
                 "contradiction",
@@ -140,14 +145,20 @@ def _about_velocity(trial: Trial, joint: str, verdict: str, ratio: float, culpri
     elif verdict == "factor":
         kind, factor = ("position", ratio) if ratio > 1 else ("velocity", 1 / ratio)
         unit = next((u for f, u in FACTORS if max(factor / f, f / factor) < FACTOR_SLACK), None)
+        other = "velocity" if kind == "position" else "position"
         if unit is not None:
+            said = f"it is {factor:.4g} times what the {other} says, "
+            mend = (
+                f"so it is in {unit}{'/s' if kind == 'velocity' else ''}: state that in the sidecar's units, or map it "
+                "(--map)"
+            )
+            if stated := trial.units.get(f"{other}.{joint}"):
+                mend = (
+                    f"which was stated to be in {stated} and converted: take that unit out, or state this one's, too "
+                    "(units of the sidecar, or --map)"
+                )
             yield Finding(
-                "degrees" if unit == "degrees" else "unit_scale",
-                file,
-                f"{kind}.{joint}",
-                f"it is {factor:.4g} times what the {'velocity' if kind == 'position' else 'position'} says, so it is "
-                f"in {unit}{'/s' if kind == 'velocity' else ''}: state that in the sidecar's units, or map it (--map)",
-                refuses=True,
+                "degrees" if unit == "degrees" else "unit_scale", file, f"{kind}.{joint}", said + mend, refuses=True
             )
         else:
             yield Finding(

@@ -9,13 +9,16 @@ from typing import Final
 import numpy as np
 
 from tiago_mj.gap.lint.consistency import DIFFERENT, ENOUGH, SAME, follows
-from tiago_mj.gap.lint.motion import CLEAR, commanded, integrated, measured
+from tiago_mj.gap.lint.motion import CLEAR, Travel, commanded, integrated, lags, measured
 from tiago_mj.gap.lint.numbers import correlation, noise, rms
 from tiago_mj.gap.recording import Finding, Trial, sampled
 from tiago_mj.models import names
 
 #: Unexplained variance by the other finger's channel over that by the finger's own that shows an exchange.
 EXCHANGED: Final = 0.3
+#: Cosine of a joint's motion and the other's command, and of their differences backwards, that show an exchange where
+#: the two move much alike.
+CROSSED: Final = 0.7
 #: Cosine below which two joints' difference runs backwards beyond doubt, and how far it must then rise above the floor.
 BACKWARDS, RISES = -0.95, 2.0
 
@@ -31,12 +34,13 @@ def check(trials: Sequence[Trial]) -> Iterator[tuple[Finding, frozenset[str]]]:
         if velocity and not command and _more_exchanged(velocity, one, other) == "position":
             kind = "position"
         for trial in both if command else velocity:
+            either = kind == "command" and not {one, other} <= set(trial.velocities)
             finding = Finding(
                 "swapped_channels",
                 trial.source,
                 f"{kind}.{one}",
-                f"the columns {kind} of '{one}' and '{other}' are exchanged: each follows the other joint; rename "
-                "them, or map them (--map)",
+                f"the columns {'position or command' if either else kind} of '{one}' and '{other}' are exchanged: each "
+                "follows the other joint; rename them, or map them (--map)",
                 refuses=True,
             )
             yield finding, frozenset({one, other})
@@ -86,11 +90,31 @@ def _commands_exchanged(trials: Sequence[Trial], one: str, other: str) -> bool:
     if sum(len(a.windows) for _, a, _ in having) < ENOUGH:
         return False
     first, second = [(t, a) for t, a, _ in having], [(t, b) for t, _, b in having]
-    own = max(follows(one, first, None).max(initial=-1), follows(other, second, None).max(initial=-1))
-    if own >= DIFFERENT:
-        return False
+    own = [follows(one, first, None).max(initial=-1), follows(other, second, None).max(initial=-1)]
     crossed = [follows(other, first, None).max(initial=-1), follows(one, second, None).max(initial=-1)]
-    return bool(min(crossed) > SAME)
+    if max(own) < DIFFERENT:
+        return bool(min(crossed) > SAME)
+    return min(crossed) > max(max(own), CROSSED) and _differ_backwards(having, one, other)
+
+
+def _differ_backwards(having: Sequence[tuple[Trial, Travel, Travel]], one: str, other: str) -> bool:
+    """Whether the difference of two joints runs against that of their commands, whatever the lag.
+
+    Joints that move alike have commands that each explain either: what tells them apart is in which they differ.
+    """
+    clear = [(t, a, b) for t, a, b in having if rms(a.windows - b.windows) > CLEAR * float(np.hypot(a.floor, b.floor))]
+    gone = [a.windows - b.windows for _, a, b in clear]
+    cosines = []
+    for lag in lags():
+        sent = [
+            tuple(commanded(trial, joint, trial.sidecar.interface, lag) for joint in (one, other))
+            for trial, _, _ in clear
+        ]
+        wanted = [a.windows - b.windows for a, b in sent if a is not None and b is not None]
+        if not wanted or len(wanted) < len(gone):
+            return False
+        cosines.append(correlation(np.concatenate(wanted), np.concatenate(gone)))
+    return bool(cosines) and min(cosines) < -CROSSED and max(cosines) < DIFFERENT
 
 
 def _forces_exchanged(trials: Sequence[Trial]) -> Iterator[Finding]:
@@ -105,7 +129,7 @@ def _forces_exchanged(trials: Sequence[Trial]) -> Iterator[Finding]:
     unexplained = np.empty((2, 2))
     for s, side in enumerate(names.SIDES):
         force = np.concatenate([sampled(trial, f"force.{side}")[1] for trial, _ in usable])
-        if np.ptp(force) < 4 * CLEAR * noise(force):
+        if np.ptp(force) <= 4 * CLEAR * noise(force):
             return
         for f in range(2):
             columns = [

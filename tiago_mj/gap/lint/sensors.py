@@ -15,6 +15,8 @@ from tiago_mj.gap.recording import Array, Finding, Trial, names, sampled
 DEAD_SHARE: Final = 0.75
 #: And that value, relative to the largest: a servo at its limit reads one value, too.
 NOTHING: Final = 0.05
+#: Steps of a grid that a reading may lack without being dead.
+FEW: Final = 3.0
 #: Commanded net displacement [m, rad] that a working joint shows, whatever its dead band, play or quantum.
 UNMISTAKABLE: Final = 0.01
 #: Identical samples in a row that are looked at; an analogue reading repeats by chance once or twice.
@@ -36,7 +38,7 @@ def check(trials: Sequence[Trial]) -> Iterator[Finding]:
         coarse = float(np.diff(np.unique(pooled)).min(initial=np.inf))
         unsigned = _is_unsigned(name, having, pooled)
         for trial in having:
-            found = list(_dead(trial, name, coarse))
+            found = list(_dead(trial, name, having, coarse))
             if not found:
                 found = [*_stuck(trial, name), *_saturated(trial, name)]
                 if unsigned:
@@ -54,7 +56,15 @@ def _all(trial: Trial) -> tuple[str, ...]:
     return names((trial,))
 
 
-def _dead(trial: Trial, name: str, coarse: float) -> Iterator[Finding]:
+def _dead(trial: Trial, name: str, having: Sequence[Trial], coarse: float) -> Iterator[Finding]:
+    """A channel that does not change although something else says that it must have.
+
+    Args:
+        trial: that is looked at.
+        name: of the channel.
+        having: all trials with it.
+        coarse: smallest difference between any two of its readings; infinite where it has but one.
+    """
     kind, _, joint = name.partition(".")
     values = sampled(trial, name)[1]
     if len(values) < RUN:
@@ -62,25 +72,54 @@ def _dead(trial: Trial, name: str, coarse: float) -> Iterator[Finding]:
     constant = bool((values == values[0]).all())
     because = ""
     if kind == "force":
-        expected = (trial.sidecar.sensing or {}).get("noise")
-        rounded = np.isfinite(coarse) and coarse > 4 * (expected or np.inf)  # in other trials: coarser than its noise
-        if constant and expected != 0 and not rounded:
-            because = f"it reads {values[0]:.4g} throughout, without any noise"
-    elif constant and kind == "position" and _moves(trial, joint, by=("velocity", "command")):
+        if constant and (why := _must_have_read(trial, name, having, coarse)):
+            because = f"it reads {values[0]:.4g} throughout, {why}"
+    elif constant and kind == "position" and _moves(trial, joint, ("velocity", "command"), coarse):
         because = f"it reads {values[0]:.4g} throughout, while the joint is commanded or said to move"
-    elif constant and kind == "velocity" and _moves(trial, joint, by=("position", "command")):
-        because = f"it reads {values[0]:.4g} throughout, while the joint moves or is commanded to"
+    elif constant and kind == "velocity" and not _slower(trial, joint, coarse):
+        if _moves(trial, joint, ("position", "command")):
+            because = f"it reads {values[0]:.4g} throughout, while the joint moves or is commanded to"
     elif (
         kind == "effort"
         and not _commanded_effort(trial, joint)
-        and _moves(trial, joint, by=("position", "velocity", *(("command",) if constant else ())))
+        and _moves(trial, joint, ("position", "velocity", *(("command",) if constant else ())))
     ):
         value, share = _most_frequent(trial, joint)
-        if constant or (share > DEAD_SHARE and abs(value) <= NOTHING * float(np.abs(values).max())):
+        largest = float(np.abs(values).max())
+        grid = not constant and largest <= FEW * coarse  # what little it read was a step or two
+        if constant or (share > DEAD_SHARE and abs(value) <= NOTHING * largest and not grid):
             because = f"it reads {value + 0.0:.4g} in {share:.0%} of the samples in which the joint moves"
     if because:
         said = because + ": left out of use; check the sensor and its cable"
         yield Finding("dead_channel", trial.source, name, said, discredits=True)
+
+
+def _must_have_read(trial: Trial, name: str, having: Sequence[Trial], coarse: float) -> str:
+    """Why a load cell that reads one value is dead; "" where a coarse grid, or that nothing touched it, explains it."""
+    for other in having:
+        values = sampled(other, name)[1]
+        start, _ = runs(values)
+        if other is not trial and len(values) >= RUN and len(start) > ANALOGUE * len(values):
+            return "without any noise, which it has elsewhere"
+    step = coarse if np.isfinite(coarse) else 0.0
+    for cell in trial.forces:
+        if f"force.{cell}" == name:
+            continue
+        values = sampled(trial, f"force.{cell}")[1]
+        if len(values) < RUN:
+            continue
+        floor = max(noise(values), float(np.diff(np.unique(values)).min(initial=0.0)))
+        if float(np.ptp(values)) > max(FEW * step, 4 * CLEAR * floor):
+            return f"while force.{cell} is pressed"
+    return ""
+
+
+def _slower(trial: Trial, joint: str, coarse: float) -> bool:
+    """Whether a joint is slower, by its position, than the steps of its velocity can show."""
+    if not np.isfinite(coarse) or joint not in trial.positions:
+        return False
+    time, position = sampled(trial, f"position.{joint}")
+    return float(np.percentile(np.abs(np.gradient(position, time)), 95)) < coarse
 
 
 def _commanded_effort(trial: Trial, joint: str) -> bool:
@@ -88,7 +127,8 @@ def _commanded_effort(trial: Trial, joint: str) -> bool:
     return trial.sidecar.interface == "effort" and joint in trial.commands
 
 
-def _moves(trial: Trial, joint: str, by: tuple[str, ...]) -> bool:
+def _moves(trial: Trial, joint: str, by: tuple[str, ...], coarse: float = np.inf) -> bool:
+    """Whether a joint moves, by other channels; farther than two steps of the one in question, where they are known."""
     travels = {
         "position": lambda: measured(trial, joint),
         "velocity": lambda: integrated(trial, joint),
@@ -98,7 +138,10 @@ def _moves(trial: Trial, joint: str, by: tuple[str, ...]) -> bool:
         travel = travels[kind]()
         if travel is None or not travel.moved:
             continue
-        if kind != "command" or abs(float(travel.windows[::2].sum())) > UNMISTAKABLE:
+        gone = np.append(0.0, np.cumsum(travel.windows[::2]))
+        if np.isfinite(coarse) and float(np.ptp(gone)) < 2 * coarse:
+            continue
+        if kind != "command" or abs(gone[-1]) > UNMISTAKABLE:
             return True
     return False
 

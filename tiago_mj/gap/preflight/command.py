@@ -11,6 +11,8 @@ from typing import Any
 
 from tiago_mj import atomic, extra
 from tiago_mj.gap.recording import Finding, RecordingError
+from tiago_mj.progress import told
+from tiago_mj.quantities import quantity
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -20,6 +22,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     what.add_argument("--env", metavar="ID", help="environment that they are compared with, where they do not say")
     what.add_argument("--model", type=Path, metavar="FILE.xml", help="MJCF file that they are compared with")
     parser.add_argument("--map", type=Path, metavar="FILE", help="YAML: column to kind and name")
+    parser.add_argument(
+        "--effects",
+        action="append",
+        metavar="FILE.yaml|JSON",
+        help="effects that are known already, applied first; may be given several times",
+    )
     parser.add_argument("--out", type=Path, metavar="FILE.json", help="write the same as JSON")
     parser.add_argument(
         "--jobs", type=int, default=0, metavar="N", help="threads of the simulations; 0: all processors"
@@ -31,7 +39,10 @@ def run(arguments: argparse.Namespace) -> int:
     extra.load("pandas", "reading recordings")
     extra.load("rich", "the table")
     from tiago_mj.gap import lint
+    from tiago_mj.gap.effects import read_effects
+    from tiago_mj.gap.inverse.way import along_a_motion
     from tiago_mj.gap.plant import plant_of
+    from tiago_mj.gap.preflight.along import preflight_along
     from tiago_mj.gap.preflight.excitation import preflight
     from tiago_mj.gap.read import read_recordings
 
@@ -39,18 +50,23 @@ def run(arguments: argparse.Namespace) -> int:
         robot = arguments.env or (str(arguments.model) if arguments.model else None)
         defaults = {"robot": robot} if robot else {}
         read = read_recordings(arguments.recordings, map_file=arguments.map, defaults=defaults)
-        plant = plant_of(read.trials, env=arguments.env, model=arguments.model)
+        given = read_effects(arguments.effects)
+        plant = plant_of(read.trials, env=arguments.env, model=arguments.model, given=given)
         findings = (*read.findings, *lint.inspect_all(read.trials, plant))
         lint.refuse(read.trials, findings)
         usable = frozenset.intersection(*(lint.usable(trial, findings) for trial in read.trials))
-        found = preflight(plant, read.trials, usable=usable, threads=max(arguments.jobs, 0))
+        with told("preflight", "trying what these recordings would show"):
+            if along_a_motion(plant, read.trials):
+                found = preflight_along(plant, read.trials, findings)
+            else:
+                found = preflight(plant, read.trials, usable=usable, threads=max(arguments.jobs, 0))
     except RecordingError as fault:
         print(f"tiago-mj preflight: {fault}", file=sys.stderr)
         return 2
     data = as_data(found, findings)
     if arguments.out:
         atomic.write_text(arguments.out, json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
-    _show(data)
+    _show(data, findings)
     return 0
 
 
@@ -63,6 +79,7 @@ def as_data(found: Any, findings: Sequence[Finding]) -> dict[str, Any]:
         "effects": [
             {
                 "name": one.effect,
+                "target": one.target or "all",
                 "visible": one.visible,
                 "parameter": one.parameter,
                 "smallest_visible": one.smallest,
@@ -72,31 +89,66 @@ def as_data(found: Any, findings: Sequence[Finding]) -> dict[str, Any]:
             }
             for one in found.effects
         ],
-        "not_excited": [one.effect for one in found.effects if not one.visible],
+        "not_excited": _not_excited(found.effects),
         "alike": [list(group) for group in found.alike],
+        "notes": list(found.notes),
         "lint": [{"code": f.code, "file": f.file, "channel": f.channel, "message": f.message} for f in findings],
     }
 
 
-def _show(data: dict[str, Any]) -> None:
+def _not_excited(effects: Sequence[Any]) -> list[str]:
+    """Effects that no target shows."""
+    seen = {one.effect for one in effects if one.visible}
+    return list(dict.fromkeys(one.effect for one in effects if one.effect not in seen))
+
+
+def _show(data: dict[str, Any], findings: Sequence[Finding]) -> None:
     from rich.console import Console
     from rich.table import Table
 
+    from tiago_mj.gap.lint.summary import summary
+
     console = Console()
-    table = Table(title=f"What {data['trials']} recordings of {data['robot']} can tell", title_justify="left")
-    for name in ("effect", "visible from", "its default stands out by"):
+    count = f"{data['trials']} recording{'s' if data['trials'] > 1 else ''}"
+    table = Table(title=f"What {count} of {data['robot']} can tell", title_justify="left")
+    by_target = any(one["target"] != "all" for one in data["effects"])
+    for name in ("effect", *(("on",) if by_target else ()), "visible from", "its default stands out by"):
         table.add_column(name)
-    for one in sorted(data["effects"], key=lambda one: -one["distance_at_default"]):
+    for one in _sorted(data["effects"]):
+        on = (one["target"],) if by_target else ()
         if one["by_readings"]:
-            table.add_row(one["name"], "the readings betray it", "")
+            table.add_row(one["name"], *on, "the readings betray it", "")
         elif one["visible"]:
-            unit = "" if one["unit"] in ("-", "–") else f" {one['unit']}"
-            amount = "any limit" if one["smallest_visible"] is None else f"{one['smallest_visible']:.3g}{unit}"
-            table.add_row(one["name"], f"{one['parameter']} {amount}", f"{one['distance_at_default']:.0f} deviations")
+            least = one["smallest_visible"]
+            amount = "any limit" if least is None else quantity(least, one["unit"])
+            stands_out = f"{one['distance_at_default']:.0f} deviations"
+            table.add_row(one["name"], *on, f"{one['parameter']} {amount}", stands_out)
     console.print(table)
     if data["not_excited"]:
         console.print(f"Not excited, so not ruled out: {', '.join(data['not_excited'])}", soft_wrap=True)
-    for group in data["alike"]:
-        console.print(f"Cannot be told apart: {', '.join(group)}", soft_wrap=True)
-    for finding in data["lint"]:
-        console.print(f"{finding['code']}: {finding['file']}: {finding['message']}", soft_wrap=True, markup=False)
+    for line in _alike(data["alike"]):
+        console.print(f"Cannot be told apart: {line}", soft_wrap=True)
+    for note in data["notes"]:
+        console.print(note, soft_wrap=True, markup=False)
+    for kind in summary(findings):
+        console.print(str(kind), soft_wrap=True, markup=False)
+
+
+def _sorted(effects: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """By how far the clearest target of an effect stands out; the targets of one effect stay together."""
+    clearest: dict[str, float] = {}
+    for one in effects:
+        clearest[one["name"]] = max(clearest.get(one["name"], 0.0), one["distance_at_default"])
+    return sorted(effects, key=lambda one: (-clearest[one["name"]], one["name"]))
+
+
+def _alike(groups: Sequence[Sequence[str]]) -> list[str]:
+    """One line a group; groups of the same effects on one joint each are one line."""
+    joints: dict[tuple[str, ...], list[str]] = {}
+    for group in groups:
+        names, targets = zip(*(name.partition(" on ")[::2] for name in group), strict=True)
+        if len(set(targets)) == 1:
+            joints.setdefault(names, []).append(targets[0])
+        else:
+            joints[tuple(group)] = []
+    return [", ".join(names) + (f" (on {', '.join(on)})" if any(on) else "") for names, on in joints.items()]

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg
 
-from tiago_mj.gap import floor, hypotheses, replay, score
+from tiago_mj.gap import floor, hypotheses, replay, score, stability
 from tiago_mj.gap.effects import EFFECTS
 from tiago_mj.gap.fit import NUDGE
 from tiago_mj.gap.hypotheses import Candidate
@@ -39,13 +39,14 @@ TRIALS: Final = 3
 
 @dataclass(frozen=True)
 class Excited:
-    """One effect, on all its targets.
+    """One effect, on all its targets or on one.
 
     Attributes:
         effect: name.
         parameter, unit: of its magnitude.
         smallest: value nearest to the identity that would be clear in this recording; None if none within bounds is.
         distance: length of the signature at the effect's default, in standard deviations.
+        target: on which it is; None: on all of its targets.
         by_readings: whether the readings themselves betray it (grids, repeats, noise), whatever the motion.
     """
 
@@ -55,6 +56,7 @@ class Excited:
     smallest: float | None
     distance: float
     by_readings: bool = False
+    target: str | None = None
 
     @property
     def visible(self) -> bool:
@@ -70,13 +72,16 @@ class Preflight:
         robot: that was simulated.
         trials: number of recordings that were looked at.
         effects: in the library's order.
-        alike: sets of effects that cannot be told apart at their default magnitudes, in these trials alone.
+        alike: sets of effects that cannot be told apart at their default magnitudes, in these trials alone; where one
+            target is meant, ``EFFECT on TARGET``.
+        notes: what was not looked at, a sentence each.
     """
 
     robot: str
     trials: int
     effects: tuple[Excited, ...]
     alike: tuple[tuple[str, ...], ...]
+    notes: tuple[str, ...] = ()
 
 
 def preflight(
@@ -135,6 +140,7 @@ def preflight(
 
 def _fastest(plant: Plant, on: replay.Grid, threads: int) -> Array:
     nominal = replay.simulate(plant, on, [(k, ()) for k in range(len(on.trials))], threads=threads)
+    stability.check_nominal(plant, on, nominal)
     fastest: Array = np.abs(nominal.velocity).max(axis=(0, 1))
     return fastest
 

@@ -12,11 +12,11 @@ import numpy as np
 
 from tiago_mj.gap.read.columns import trial_from_table
 from tiago_mj.gap.read.mapping import FACTS, column_map, load_map
-from tiago_mj.gap.read.tables import Table, read_table
+from tiago_mj.gap.read.tables import TEXT, Table, read_table
 from tiago_mj.gap.recording import KINDS, Finding, ReadResult, RecordingError, Trial, channel, channels
 from tiago_mj.gap.sidecar import load_sidecar
 
-TABLES: Final = (".parquet", ".csv")
+TABLES: Final = (".parquet", *TEXT)
 BAGS: Final = (".bag", ".mcap", ".db3")
 
 
@@ -30,8 +30,8 @@ def read_recordings(
     """Read recordings; nothing is guessed silently.
 
     Args:
-        paths: files (``.parquet``, ``.csv``, ``.bag``, ``.mcap``, ``.db3``) or folders of them; a folder with a
-            ``metadata.yaml`` is a ROS 2 bag.
+        paths: files (``.parquet``, ``.csv``, ``.tsv``, ``.bag``, ``.mcap``, ``.db3``) or folders of them; a folder with
+            a ``metadata.yaml`` is a ROS 2 bag.
         map_file: YAML, see :mod:`tiago_mj.gap.read.mapping` and :mod:`tiago_mj.gap.read.bags`.
         defaults: sidecar fields from the command line (``robot``, ``interface``, ``sensing`` ...), for what sidecars
             lack.
@@ -48,10 +48,11 @@ def read_recordings(
     columns = column_map(content, "" if map_file is None else Path(map_file).name)
     trials: list[Trial] = []
     findings: list[Finding] = []
-    files = list(find_recordings(paths))
-    for path in files:
-        trial, found = trial_from_table(_load(path, content), columns, _defaults(path, content, defaults), replayed)
-        trials.append(_model_found(trial, path))
+    files: list[Path] = []
+    for path in find_recordings(paths):
+        parts, found = trial_from_table(_load(path, content), columns, _defaults(content, defaults), replayed)
+        trials += [_model_found(trial, path) for trial in parts]
+        files += [path] * len(parts)
         findings += found
     trials = _unique_names(trials, files)
     kept, copies = _without_copies(trials)
@@ -98,13 +99,9 @@ def is_ros2_bag(path: Path) -> bool:
     return path.is_dir() and (path / "metadata.yaml").is_file()
 
 
-def _defaults(path: Path, content: Mapping[str, Any], given: Mapping[str, Any] | None) -> dict[str, Any]:
-    """What sidecars lack: from the command line, else from the map file; a bag without a map is of the real TIAGo."""
-    facts: dict[str, Any] = {key: content[key] for key in FACTS if key in content}
-    if "topics" not in content and (path.is_dir() or path.suffix.lower() in BAGS):
-        from tiago_mj.gap.read.bags import TIAGO_FACTS
-
-        facts = {**TIAGO_FACTS, **facts}
+def _defaults(content: Mapping[str, Any], given: Mapping[str, Any] | None) -> dict[str, Any]:
+    """What sidecars lack: from the command line, else from the map file."""
+    facts = {key: content[key] for key in FACTS if key in content}
     return {**facts, **{key: value for key, value in (given or {}).items() if value is not None}}
 
 
@@ -121,7 +118,7 @@ def _load(path: Path, content: Mapping[str, Any]) -> Table:
 def _model_found(trial: Trial, path: Path) -> Trial:
     """An MJCF that the sidecar names lies where the sidecar says, seen from the recording's folder."""
     model = path.parent / trial.sidecar.robot
-    if not trial.sidecar.robot.endswith(".xml") or not model.is_file():
+    if not trial.sidecar.robot.endswith((".xml", ".urdf")) or not model.is_file():
         return trial
     return replace(trial, sidecar=replace(trial.sidecar, robot=str(model.resolve())))
 

@@ -9,8 +9,9 @@ Which topic holds what is said by a map file's ``topics``:
     robot: tiago_mj/TIAGoTactile-v0
     interface: position
 
-Without a map it is the real TIAGo's, :data:`TIAGO_TOPICS`. A message is stamped by its header where it has one that
-agrees with the bag's clock, else by when the bag received it.
+Without a map it is the real TIAGo's, :data:`TIAGO_TOPICS`, or, where the bag has none of its commands and forces, what
+``ros2_control`` publishes (:mod:`tiago_mj.gap.read.ros2_control`). A message is stamped by its header where it has one
+that agrees with the bag's clock, else by when the bag received it.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tiago_mj.extra import load
+from tiago_mj.gap.read import ros2_control
 from tiago_mj.gap.read.tables import Table, check_size
 from tiago_mj.gap.recording import KINDS, Array, Finding, RecordingError
 from tiago_mj.models import names
@@ -38,6 +40,10 @@ TIAGO_TOPICS: Final[Mapping[str, Mapping[str, Any]]] = {
 TIAGO_FACTS: Final[Mapping[str, Any]] = {"robot": "tiago_ta11", "interface": "position"}
 #: A header's stamp that is farther from the bag's clock [s] is of another clock.
 SAME_CLOCK: Final = 1.0
+#: Of topics that are not of a map file: a controller's state, and numbers whose joints are not named.
+_REFERENCE, _NUMBERS = "reference", "numbers"
+_STATES: Final = "/joint_states"
+Streams = dict[str, tuple[NDArray[np.int64], Array]]
 _KEYS: Final = {"kind", "names", "joints", "optional", "stamp"}
 _JOINT_STATE: Final = (("position", "position"), ("velocity", "velocity"), ("effort", "effort"))
 
@@ -67,7 +73,7 @@ def read_bag(path: Path, content: Mapping[str, Any], sidecar: Mapping[str, Any],
 
     Args:
         path: a ``.bag``, ``.mcap`` or ``.db3`` file, or the folder of a ROS 2 bag.
-        content: of the map file; without ``topics``, :data:`TIAGO_TOPICS` are read.
+        content: of the map file; without ``topics``, what the bag's own topics are is found out, and told.
         sidecar: its mapping.
         sidecar_file: its name.
 
@@ -75,9 +81,9 @@ def read_bag(path: Path, content: Mapping[str, Any], sidecar: Mapping[str, Any],
         RecordingError: the bag is cut off, lacks a topic, or holds messages of another kind.
         ModuleNotFoundError: rosbags is not installed; says how to.
     """
-    topics = topic_map(content.get("topics", TIAGO_TOPICS))
+    topics = topic_map(content["topics"]) if "topics" in content else None
     try:
-        streams, findings = _read(path, topics)
+        streams, findings, facts = _read(path, topics)
     except RecordingError:
         raise
     except Exception as fault:  # rosbags, sqlite3, struct, lz4 ...: each has its own errors for a broken file
@@ -94,7 +100,7 @@ def read_bag(path: Path, content: Mapping[str, Any], sidecar: Mapping[str, Any],
         column[np.searchsorted(stamps, stream)] = values
         columns[name] = column
     check_size(path.name, len(stamps), len(columns))
-    return Table(columns, path.name, sidecar, sidecar_file, {}, findings=tuple(findings))
+    return Table(columns, path.name, sidecar, sidecar_file, {}, findings=tuple(findings), facts=facts)
 
 
 def topic_map(section: Any) -> tuple[Topic, ...]:
@@ -126,29 +132,84 @@ def topic_map(section: Any) -> tuple[Topic, ...]:
     return tuple(found)
 
 
-Streams = dict[str, tuple[NDArray[np.int64], Array]]
-
-
-def _read(path: Path, topics: Sequence[Topic]) -> tuple[Streams, list[Finding]]:
+def _read(path: Path, topics: Sequence[Topic] | None) -> tuple[Streams, list[Finding], Mapping[str, Any]]:
+    """Streams, findings, and what sidecars may lack; without topics, of what the bag is found to hold."""
     highlevel: Any = load("rosbags.highlevel", "reading ROS bags")
     typesys: Any = load("rosbags.typesys", "reading ROS bags")
     store = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)  # for ROS 2 bags that do not hold their own types
     streams: Streams = {}
     findings: list[Finding] = []
+    facts: Mapping[str, Any] = {}
     with highlevel.AnyReader([path], default_typestore=store) as reader:
-        there = {connection.topic for connection in reader.connections}
+        there = {connection.topic: connection.msgtype for connection in reader.connections}
+        check_size(path.name, reader.message_count, 1)
+        if topics is None:
+            own = any(name in there for name in TIAGO_TOPICS if name != _STATES)
+            driven = None if own else ros2_control.topics(there, reader.typestore.fielddefs, path.name)
+            if driven is not None:
+                return _driven(path.name, reader, driven)
+            topics, facts = topic_map(TIAGO_TOPICS), TIAGO_FACTS
         missing = [topic.name for topic in topics if topic.name not in there and not topic.optional]
         if missing:
             raise RecordingError(
                 f"{path.name}: topic {missing[0]} is missing, the bag has {', '.join(sorted(there)) or 'none'}: "
                 "record it, or name the topics in a map file (--map)"
             )
-        check_size(path.name, reader.message_count, 1)
         for topic in topics:
-            connections = [connection for connection in reader.connections if connection.topic == topic.name]
-            if connections:
-                findings += _stream(path.name, topic, _messages(reader, connections), streams)
-    return streams, findings
+            if topic.name in there:
+                findings += _stream(path.name, topic, _of(reader, topic.name), streams)
+    return streams, findings, facts
+
+
+def _driven(file: str, reader: Any, topics: ros2_control.Topics) -> tuple[Streams, list[Finding], Mapping[str, Any]]:
+    """States and commands of a robot that ``ros2_control`` drives."""
+    states: Streams = {}
+    findings = _stream(file, Topic(topics.states, "joint_state", ()), _of(reader, topics.states), states)
+    sent: Streams = {}
+    said: dict[str, str] = {}
+    interfaces: dict[str, str] = {}
+
+    def add(topic: str, joint: str, stream: tuple[NDArray[np.int64], Array], interface: str) -> None:
+        if f"command.{joint}" not in sent:
+            sent[f"command.{joint}"] = stream
+            said[topic] = f"{said[topic]}, {joint}" if topic in said else f"{interface} commands of {joint}"
+            interfaces[topic] = interface
+
+    for topic in topics.references:
+        found: Streams = {}
+        findings += _stream(file, Topic(topic, _REFERENCE, ()), _of(reader, topic), found)
+        for name, stream in found.items():
+            add(topic, name.partition(".")[2], stream, "position")
+    for topic in topics.numbers:
+        found = {}
+        findings += _stream(file, Topic(topic, _NUMBERS, ()), _of(reader, topic), found)
+        kind = ros2_control.interface_of(topic)
+        if found:
+            joints = ros2_control.followers(file, topic, list(found.values()), states, kind)
+            for joint, stream in zip(joints, found.values(), strict=True):
+                add(topic, joint, stream, kind)
+    for topic in topics.trajectories:
+        parts: dict[str, list[ros2_control.Piece]] = {}
+        for received, message in _of(reader, topic):
+            header = _header(message)
+            header = header if abs(header - received) * 1e-9 < SAME_CLOCK else 0
+            for joint, piece in ros2_control.pieces(file, topic, received, header, message).items():
+                parts.setdefault(joint, []).append(piece)
+        for joint, pieces in parts.items():
+            if f"position.{joint}" in states:
+                add(topic, joint, ros2_control.sampled(pieces, *states[f"position.{joint}"]), "position")
+    if len(set(interfaces.values())) > 1:
+        raise RecordingError(
+            f"{file}: its commands are {' and '.join(f'{kind}s on {topic}' for topic, kind in interfaces.items())}: a "
+            "recording holds one kind; name the topics that count in a map file (--map)"
+        )
+    findings.append(ros2_control.told(file, said, topics.states, topics.skipped))
+    return {**states, **sent}, findings, {"interface": next(iter(interfaces.values()), None)}
+
+
+def _of(reader: Any, topic: str) -> Iterator[tuple[int, Any]]:
+    """Messages of a topic."""
+    return _messages(reader, [connection for connection in reader.connections if connection.topic == topic])
 
 
 def _messages(reader: Any, connections: Sequence[Any]) -> Iterator[tuple[int, Any]]:
@@ -218,6 +279,9 @@ def _numbers(file: str, topic: Topic, message: Any) -> dict[str, float]:
     """A message's numbers by column."""
     if topic.kind == "joint_state":
         return _joint_state(file, topic, message)
+    if topic.kind == _REFERENCE:
+        found = ros2_control.reference(file, topic.name, message)
+        return {f"command.{joint}": value for joint, value in found.items()}
     data = getattr(message, "data", None)
     if data is None or isinstance(data, (str, bytes)):
         raise RecordingError(
@@ -225,6 +289,8 @@ def _numbers(file: str, topic: Topic, message: Any) -> dict[str, float]:
             "Float64MultiArray"
         )
     values = np.atleast_1d(np.asarray(data, dtype=np.float64))
+    if topic.kind == _NUMBERS:
+        return {f"command.{k}": float(value) for k, value in enumerate(values)}
     if len(values) != len(topic.names):
         raise RecordingError(
             f"{file}: topic {topic.name} has {len(values)} numbers, the map names {len(topic.names)}: name each"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import PurePath
@@ -12,18 +13,21 @@ import numpy as np
 from tiago_mj.gap.read.clock import check_clock, repair_clock
 from tiago_mj.gap.read.mapping import Target
 from tiago_mj.gap.read.tables import Table
+from tiago_mj.gap.read.torque import TORQUE, says_torque, without_torque_off
 from tiago_mj.gap.read.units import factor
 from tiago_mj.gap.recording import KINDS, Array, Finding, RecordingError, Sidecar, Trial
 from tiago_mj.gap.sidecar import parse_sidecar
 
+#: A column of stamps that has its unit in its name, taken where there is no column ``time``.
+_STAMPS: Final = re.compile(r"^(?:time|timestamp|stamp|t)[ _]?[\[(]?(s|ms|us|µs|ns)[\])]?$", re.IGNORECASE)
 #: Stamps in nanoseconds since 1970 are 2e18; what is larger is no number that was measured.
 LARGEST: Final = 1e20
 
 
 def trial_from_table(
     table: Table, columns: Mapping[str, Target], defaults: Mapping[str, Any], replayed: bool = True
-) -> tuple[Trial, list[Finding]]:
-    """A trial, and what was found while making it.
+) -> tuple[list[Trial], list[Finding]]:
+    """A trial, or the parts of it that are left where its torque was off, and what was found while making it.
 
     Args:
         table: as it stands in its file.
@@ -35,7 +39,7 @@ def trial_from_table(
         RecordingError: the table cannot be used; one line says why.
     """
     file = table.source
-    sidecar = parse_sidecar(table.sidecar, table.sidecar_file, defaults)
+    sidecar = parse_sidecar(table.sidecar, table.sidecar_file, {**table.facts, **defaults})
     _check_known(sidecar, file, table.sidecar_file)
     targets, findings = _targets(table, columns)
     findings += table.findings
@@ -51,7 +55,9 @@ def trial_from_table(
     channels: dict[str, dict[str, Array]] = {kind: {} for kind in KINDS}
     time: Array | None = None
     declared = False
+    torque: dict[str, Array] = {}
     taken: dict[str, str] = {}
+    stated: dict[str, str] = {}
     for column, target in targets.items():
         if target.column is None:
             continue
@@ -72,10 +78,13 @@ def trial_from_table(
         if unit is not None:
             scale *= _factor(kind, unit, column, file)
             findings += _converted(kind, unit, column, file, scale)
+            stated[target.column] = unit
         if scale != 1.0:
             values = values * scale
         if kind == "time":
             time, declared = values, unit is not None
+        elif kind == TORQUE:
+            torque[column] = values
         elif np.isnan(values).all() and len(values):
             findings.append(Finding("empty", file, target.column, "it has no value in any row; left out"))
         else:
@@ -95,9 +104,11 @@ def trial_from_table(
         time=time,
         sidecar=replace(sidecar, trial=name, units=None),
         source=file,
+        units=stated,
         **{KINDS[kind]: found for kind, found in channels.items()},
     )
-    return trial, repairs + findings
+    trials, cuts = without_torque_off(trial, torque)
+    return trials, [*repairs, *findings, *cuts]
 
 
 def _targets(table: Table, columns: Mapping[str, Target]) -> tuple[dict[str, Target], list[Finding]]:
@@ -111,6 +122,7 @@ def _targets(table: Table, columns: Mapping[str, Target]) -> tuple[dict[str, Tar
             )
     targets: dict[str, Target] = {}
     findings: list[Finding] = []
+    stamps, stamps_unit = _named_stamps(table, columns)
     for column in [*table.columns, *table.text]:
         kind, _, name = column.partition(".")
         ours = column == "time" or (kind in KINDS and name != "")
@@ -123,6 +135,10 @@ def _targets(table: Table, columns: Mapping[str, Target]) -> tuple[dict[str, Tar
             )
         elif ours:
             targets[column] = Target(column)
+        elif says_torque(column) and column in table.columns:
+            targets[column] = Target(f"{TORQUE}.{column}")
+        elif column == stamps:
+            targets[column] = Target("time", stamps_unit)
         else:
             findings.append(
                 Finding(
@@ -135,10 +151,19 @@ def _targets(table: Table, columns: Mapping[str, Target]) -> tuple[dict[str, Tar
     return targets, findings
 
 
+def _named_stamps(table: Table, columns: Mapping[str, Target]) -> tuple[str | None, str | None]:
+    """The one column whose name says that it holds stamps and in which unit; None where ``time`` is there or mapped."""
+    if "time" in table.columns or any(t.column == "time" and c in table.columns for c, t in columns.items()):
+        return None, None
+    named = {column: match[1].lower() for column in table.columns if (match := _STAMPS.match(column))}
+    return next(iter(named.items())) if len(named) == 1 else (None, None)
+
+
 def _check_known(sidecar: Sidecar, file: str, sidecar_file: str) -> None:
     if not sidecar.robot:
         raise RecordingError(
-            f'{file}: which robot is recorded is unknown: write "robot" into {sidecar_file}, or give --env or --model'
+            f'{file}: which robot is recorded is unknown: write "robot" into {sidecar_file}, or give --env or --model '
+            "(of import: --robot)"
         )
 
 

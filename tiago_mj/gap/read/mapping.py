@@ -6,6 +6,7 @@ YAML, column -> kind and name, optionally unit and scale (``-1`` flips a sign):
       stamp: {kind: time, unit: us}
       q_right: {kind: position, name: gripper_right_finger_joint, unit: mm}
       tau_right: effort.gripper_right_finger_joint        # the short form
+      estop: {kind: torque_on}                             # 0 where the motors are off: those rows are left out
       battery: null                                        # left out
 
 A file may hold ``columns`` (for CSV and Parquet) and ``topics`` (for bags) at once, and what sidecars lack: ``robot``,
@@ -21,11 +22,14 @@ from typing import Any, Final
 
 import yaml
 
+from tiago_mj.gap.read.torque import TORQUE
 from tiago_mj.gap.read.units import factor
 from tiago_mj.gap.recording import KINDS, RecordingError
 
 #: Of a sidecar, what a map file may say for all its recordings.
 FACTS: Final = ("robot", "rate_hz", "interface", "servo", "sensing", "object")
+#: Kinds of which there is no joint, actuator or sensor to be named.
+NAMELESS: Final = ("time", TORQUE)
 _KEYS: Final = {"kind", "name", "unit", "scale"}
 
 
@@ -84,9 +88,9 @@ def _target(column: str, entry: Any, file: str) -> Target:
     if not isinstance(entry, Mapping) or not set(entry) <= _KEYS or "kind" not in entry:
         raise RecordingError(f"{where} is {entry!r}: write {{kind: KIND, name: NAME}}, optionally unit and scale")
     kind, name, unit, scale = entry["kind"], entry.get("name"), entry.get("unit"), entry.get("scale", 1.0)
-    if kind != "time" and kind not in KINDS:
-        raise RecordingError(f"{where}: kind {kind!r} is unknown: use time, {', '.join(KINDS)}")
-    if kind != "time" and not (isinstance(name, str) and name):
+    if kind not in (*NAMELESS, *KINDS):
+        raise RecordingError(f"{where}: kind {kind!r} is unknown: use {', '.join((*NAMELESS, *KINDS))}")
+    if kind not in NAMELESS and not (isinstance(name, str) and name):
         raise RecordingError(f"{where}: name is missing: give the joint's, actuator's or sensor's")
     if isinstance(scale, bool) or not isinstance(scale, (int, float)) or scale == 0:
         raise RecordingError(f"{where}: scale is {scale!r}: give a number other than 0, such as -1")
@@ -95,4 +99,6 @@ def _target(column: str, entry: Any, file: str) -> Target:
             factor(kind, unit)
         except ValueError as fault:
             raise RecordingError(f"{where}: {fault}") from fault
+    if kind == TORQUE:
+        return Target(f"{TORQUE}.{column}")
     return Target("time" if kind == "time" else f"{kind}.{name}", unit, float(scale))

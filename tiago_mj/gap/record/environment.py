@@ -103,7 +103,12 @@ def record_episode(
 
 
 def record(
-    plan: Plan, policy: Callable[[gymnasium.Env[Any, Any]], Any], *, episodes: int, seed: int
+    plan: Plan,
+    policy: Callable[[gymnasium.Env[Any, Any]], Any],
+    *,
+    episodes: int,
+    seed: int,
+    through: Callable[[gymnasium.Env[Any, Any]], gymnasium.Env[Any, Any]] = lambda env: env,
 ) -> Iterator[Trial]:
     """Record episodes; each later one has a seed higher by 1.
 
@@ -112,11 +117,12 @@ def record(
         policy: makes the policy for the environment; not asked where the plan has a motion.
         episodes: how many.
         seed: of the first.
+        through: wraps the environment.
 
     Raises:
         ValueError: the environment, an effect, the motion or the policy is unusable.
     """
-    env = make(plan)
+    env = through(make(plan))
     nominal = make(Plan(plan.identifier, plan.arguments, None, plan.motion, plan.label))
     try:
         core = core_of(env)
@@ -140,7 +146,7 @@ def record(
                 raw={"arguments": dict(plan.arguments)},
                 **facts,
             )
-            yield Trial(name=name, time=time, sidecar=sidecar, source=f"{name}.parquet", **channels)
+            yield Trial(name=name, time=time, sidecar=sidecar, source=f"{name}.parquet", units={}, **channels)
     finally:
         env.close()
         nominal.close()

@@ -10,12 +10,13 @@ import mujoco
 import numpy as np
 
 from tiago_mj import __version__
-from tiago_mj.gap.effects import read_effects
+from tiago_mj.gap.effects import check_sizes, read_effects
 from tiago_mj.gap.effects.chain import Chain
 from tiago_mj.gap.effects.host import ScalarHost
 from tiago_mj.gap.effects.wiring import wire
 from tiago_mj.gap.record.motion import Motion, random_motion
 from tiago_mj.gap.recording import SCHEMA, Array, Sidecar, Trial
+from tiago_mj.models.files import refuse_urdf
 
 #: Control rate where neither the motion nor the command line says one [Hz].
 RATE: Final = 100.0
@@ -35,6 +36,7 @@ def load_model(path: Path) -> mujoco.MjModel:
     """
     if not path.is_file():
         raise ValueError(f"model {path}: no such file")
+    refuse_urdf(path)
     try:
         return mujoco.MjModel.from_xml_path(str(path))
     except (ValueError, mujoco.FatalError) as fault:
@@ -121,7 +123,9 @@ def record_model(
     )
     rng = np.random.default_rng(seed)
     servo = _servo_facts(model, actuators)
-    chain = Chain(ScalarHost(model, data), wiring, [read_effects(effects)], lambda shape: rng.random(shape))
+    entries = read_effects(effects)
+    check_sizes(entries, wiring.targets)
+    chain = Chain(ScalarHost(model, data), wiring, [entries], lambda shape: rng.random(shape))
     for number in range(seed, seed + episodes):
         rng = np.random.default_rng(number)
         chain.restore()

@@ -1,19 +1,27 @@
-"""A diagnosis as files and on the terminal: ``diagnosis.json``, ``calibration.yaml``, ``report.html``."""
+"""A diagnosis as files (``diagnosis.json``, ``calibration.yaml``, ``repaired.xml``, the page) and on the terminal."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Final
 
 from tiago_mj import atomic
 from tiago_mj.gap.report import calibration, html, json
 from tiago_mj.gap.result import Diagnosis
 
+#: The user's own model with what was found.
+REPAIRED: Final = "repaired.xml"
+
 
 def write(diagnosis: Diagnosis, folder: Path) -> dict[str, Path]:
-    """Write all files, each whole or not at all, into ``folder``, which is made where it is missing; paths by name."""
-    paths = {name: folder / name for name in ("diagnosis.json", "calibration.yaml", "report.html")}
+    """Write all files into ``folder``, which is made where it is missing: all or none; paths by name."""
     page = html.render(diagnosis)
-    json.write(diagnosis, paths["diagnosis.json"])
-    calibration.write(diagnosis, paths["calibration.yaml"], paths["diagnosis.json"])
-    atomic.write_text(paths["report.html"], page)
-    return paths
+    with atomic.replacing_set(folder) as new:
+        json.write(diagnosis, new / "diagnosis.json")
+        calibration.write(diagnosis, new / "calibration.yaml", new / "diagnosis.json")
+        if diagnosis.repaired is not None and diagnosis.repaired.xml:
+            atomic.write_text(new / REPAIRED, diagnosis.repaired.xml)
+        atomic.write_text(new / "report.html", page)
+        names = sorted(path.name for path in new.iterdir())
+    order = ("diagnosis.json", "calibration.yaml", REPAIRED, "report.html")
+    return {name: folder / name for name in sorted(names, key=lambda n: order.index(n) if n in order else len(order))}

@@ -8,12 +8,12 @@ from typing import Any
 import yaml
 
 from tiago_mj import atomic
-from tiago_mj.gap.effects.spec import SCHEMA
+from tiago_mj.gap.effects.spec import SCHEMA, Entry
 from tiago_mj.gap.report.json import clean, fingerprint, target
 from tiago_mj.gap.result import Diagnosis, Named, Value
 
 HEADER = """\
-# Made by tiago-mj diagnose. Load it with gymnasium.make(ID, effects="calibration.yaml").
+# Made by tiago-mj diagnose. Load it with {load}.
 # Every value has a 90 % interval, low to high. source: the diagnosis that this is from, and the SHA-256 of what it says
 # without "seconds", so that the same recordings and seed give the same file.
 """
@@ -29,13 +29,25 @@ def text(diagnosis: Diagnosis, source: Path) -> str:
     Raises:
         FileNotFoundError: there is no such file.
     """
-    data = {
-        "schema": SCHEMA,
-        "robot": diagnosis.robot,
-        "effects": [_effect(effect) for effect in diagnosis.best.effects],
+    load, plain = 'gymnasium.make(ID, effects="calibration.yaml")', diagnosis.repaired
+    data: dict[str, Any] = {"schema": SCHEMA, "robot": diagnosis.robot}
+    if plain is not None:
+        load = 'tiago_mj.gap.apply(model, "calibration.yaml"), the model being that which was diagnosed'
+        data |= {
+            "rate_hz": plain.rate_hz,
+            "interface": plain.interface,
+            "timestep": plain.timestep,
+            "joints": list(plain.joints),
+            "actuators": list(plain.actuators),
+        }
+    data |= {
+        "effects": [
+            *(_given(entry) for entry in diagnosis.given),
+            *(_effect(effect) for effect in diagnosis.best.effects),
+        ],
         "source": {"file": source.name, "sha256": fingerprint(source)},
     }
-    return HEADER + yaml.safe_dump(data, sort_keys=False, allow_unicode=True, width=120)
+    return HEADER.format(load=load) + yaml.safe_dump(data, sort_keys=False, allow_unicode=True, width=120)
 
 
 def write(diagnosis: Diagnosis, path: Path, source: Path) -> None:
@@ -46,6 +58,16 @@ def write(diagnosis: Diagnosis, path: Path, source: Path) -> None:
 def _effect(effect: Named) -> dict[str, Any]:
     parameters = {key: _value(value) for key, value in sorted(effect.parameters.items())}
     return {"name": effect.name, "target": target(effect), "parameters": parameters}
+
+
+def _given(entry: Entry) -> dict[str, Any]:
+    """What was known before; it is part of the repaired simulator."""
+    parameters = {name: {"value": value} for name, value in sorted(entry.parameters.items())}
+    return {
+        "name": entry.name,
+        "target": "all" if entry.target is None else list(entry.target),
+        "parameters": parameters,
+    }
 
 
 def _value(given: Value) -> dict[str, Any]:

@@ -19,6 +19,7 @@ import jinja2
 from markupsafe import Markup
 
 from tiago_mj import atomic, extra
+from tiago_mj.gap.lint.summary import summary
 from tiago_mj.gap.report import overlays, shrinking, tables, verdict, words
 from tiago_mj.gap.result import PHASES, Diagnosis
 
@@ -57,6 +58,7 @@ def render(diagnosis: Diagnosis) -> str:
         kind=KIND_NAMES.get(diagnosis.kind, diagnosis.kind),
         headline=verdict.headline(diagnosis),
         remainder=verdict.remainder(diagnosis),
+        on_model=verdict.on_model(diagnosis),
         sure=verdict.sure(diagnosis.best) if diagnosis.best.effects else "",
         best=[tables.shown(effect) for effect in diagnosis.best.effects],
         heat=tables.heat(diagnosis.where, shares=diagnosis.kind != "no_gap"),
@@ -71,7 +73,7 @@ def render(diagnosis: Diagnosis) -> str:
         ranking=tables.ranking(diagnosis),
         ranked=RANKED,
         not_excited=tables.not_excited(diagnosis),
-        lint=tables.lint(diagnosis.findings),
+        lint=summary(diagnosis.findings),
         next_motion=_next_motion(diagnosis),
         overlays=drawn,
         figures={row["id"]: row["figure"] for trial in drawn for row in trial["rows"]},

@@ -63,6 +63,7 @@ def as_data(diagnosis: Diagnosis) -> dict[str, Any]:
                 for name, places in sorted(shrink.per_place.items())
             },
             "resampled": shrink.resampled,
+            "accounted": shrink.accounted,
         },
         "ranking": [
             {
@@ -221,6 +222,7 @@ def _diagnosis(data: Mapping[str, Any]) -> Diagnosis:
                 name: _read_closings(places) for name, places in shrink.get("per_channel_and_phase", {}).items()
             },
             resampled=shrink.get("resampled", ""),
+            accounted=_number(shrink.get("accounted")),
         ),
         ranking=ranking,
         findings=tuple(Finding(**finding) for finding in data["lint"]),

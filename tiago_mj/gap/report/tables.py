@@ -8,7 +8,6 @@ from typing import Any, Final
 
 from tiago_mj.gap.effects import EFFECTS
 from tiago_mj.gap.effects.declare import STAGES
-from tiago_mj.gap.recording import Finding
 from tiago_mj.gap.report import words
 from tiago_mj.gap.result import BANDS, PHASES, Diagnosis, Explanation, Named, Place, Value
 
@@ -203,27 +202,6 @@ def not_excited(diagnosis: Diagnosis) -> list[tuple[str, list[tuple[str, str]]]]
         by.setdefault(stage, []).append((words.title(name), words.meaning(name)))
     order = [*STAGES, "other"]
     return [(STAGE_NAMES.get(stage, stage), by[stage]) for stage in order if stage in by]
-
-
-@dataclass(frozen=True)
-class Found:
-    """Lint findings of one kind that read the same: the files are listed once."""
-
-    code: str
-    channel: str
-    message: str
-    repaired: bool
-    discredits: bool
-    files: tuple[str, ...]
-
-
-def lint(findings: tuple[Finding, ...]) -> list[Found]:
-    """Findings, equal ones of several files as one; those that were not repaired first."""
-    files: dict[tuple[str, str, str, bool, bool], list[str]] = {}
-    for f in findings:
-        files.setdefault((f.code, f.channel, f.message, f.repaired, f.discredits), []).append(f.file)
-    rows = [Found(*key, tuple(dict.fromkeys(which))) for key, which in files.items()]
-    return sorted(rows, key=lambda row: (row.repaired, not row.discredits))
 
 
 def _order(known: tuple[str, ...], present: set[str]) -> list[str]:

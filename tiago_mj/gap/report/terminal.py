@@ -1,77 +1,19 @@
-"""The answer in short on the terminal, and what is being done until it is there (rich)."""
+"""The answer in short on the terminal (rich)."""
 
 from __future__ import annotations
 
 import shlex
 from collections.abc import Mapping
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 from tiago_mj import extra
+from tiago_mj.gap.lint.summary import summary
 from tiago_mj.gap.report import shrinking, tables, verdict, words
 from tiago_mj.gap.result import Diagnosis
 
 #: Lines of each list, and of the channels before and after.
 MOST, CHANNELS = 5, 3
-
-
-class Progress:
-    """What is done, and since when, on standard error. Nothing is shown where that is no terminal.
-
-    The time is that since the beginning.
-
-    Use it as a context: ``with Progress() as progress: progress.stage("fit", 120); progress.advance()``.
-    """
-
-    def __init__(self, *, console: Any = None, quiet: bool = False) -> None:
-        """Take a ``rich.console.Console`` (standard error if None); ``quiet`` shows nothing."""
-        rich_progress = extra.load("rich.progress", "the progress bar")
-        console = console or extra.load("rich.console", "the progress bar").Console(stderr=True)
-        self._bar = rich_progress.Progress(
-            rich_progress.SpinnerColumn(),
-            rich_progress.TimeElapsedColumn(),
-            rich_progress.TextColumn("{task.description}", markup=False),
-            console=console,
-            transient=True,
-            disable=quiet or not console.is_terminal,
-        )
-        self._task: Any = None
-        self._name, self._done = "", 0
-        self._total: int | None = None
-
-    def __enter__(self) -> Progress:
-        self._bar.start()
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, fault: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._bar.stop()
-
-    def stage(self, name: str, total: int | None = None) -> None:
-        """Begin a stage of so many steps (None: not known); the one before counts as done."""
-        self._name, self._total, self._done = name, total, 0
-        if self._task is None:
-            self._task = self._bar.add_task(self._said())
-        else:
-            self._bar.update(self._task, description=self._said())
-
-    def advance(self, steps: int = 1) -> None:
-        """So many steps of the stage are done.
-
-        Raises:
-            RuntimeError: no stage has begun.
-        """
-        if self._task is None:
-            raise RuntimeError("progress before its first stage: call stage(name, total) first")
-        self._done += steps
-        self._bar.update(self._task, description=self._said())
-
-    def _said(self) -> str:
-        if self._total is None:
-            return self._name
-        return f"{self._name}, {self._done} of {self._total}" if self._done else f"{self._name} {self._total}"
 
 
 def show(diagnosis: Diagnosis, written: Mapping[str, Path] | None = None, *, console: Any = None) -> None:
@@ -93,7 +35,7 @@ def lines(diagnosis: Diagnosis, written: Mapping[str, Path]) -> list[tuple[str, 
     d = diagnosis
     colour = {"no_gap": "bold green", "effect": "bold green"}.get(d.kind, "bold yellow")
     shown = [(colour, verdict.headline(d))]
-    if not d.complete and not any("time budget" in note for note in d.notes):
+    if not d.complete and d.ended is None and not any("time budget" in note for note in d.notes):
         shown.append(("yellow", "The time budget ran out: this is the best answer so far."))
     if d.kind != "unknown" and verdict.remainder(d):
         shown.append(("", verdict.remainder(d)))
@@ -103,17 +45,18 @@ def lines(diagnosis: Diagnosis, written: Mapping[str, Path]) -> list[tuple[str, 
         names = [words.title(name) for name in d.not_excited]
         more = f" and {len(names) - 2 * MOST} more" if len(names) > 2 * MOST else ""
         shown.append(("", f"Not excited, so not ruled out: {', '.join(names[: 2 * MOST])}{more}"))
-    found = tables.lint(d.findings)
+    found = summary(d.findings)
     left = [row for row in found if not row.repaired]
     if found:
-        shown.append(("", f"Check of the recordings: {len(found) - len(left)} repaired, {len(left)} left as they are"))
-        for row in left[:MOST]:
-            which = row.files[0] if len(row.files) == 1 else f"{row.files[0]} and {len(row.files) - 1} more"
-            shown.append(("dim", f"  {row.code}: {which}: {row.message}"))
+        kinds = f"{len(found) - len(left)} kinds of repair, {len(left)} kinds left as they are"
+        shown.append(("", f"Check of the recordings: {kinds}"))
+        shown += [("dim", f"  {row}") for row in left[:MOST]]
     if d.next_motion is not None:
         chance = words.percent(d.next_motion.expected_probability)
         play = f"record --motion {shlex.quote(d.next_motion.file)}"
         shown.append(("", f"Next: {play}; one recording decides with a chance of {chance}"))
+    if verdict.on_model(d):
+        shown.append(("", verdict.on_model(d)))
     shown += [("dim", f"Written: {path}") for path in written.values()]
     return shown
 

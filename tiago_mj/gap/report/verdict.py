@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 
-from tiago_mj.gap.report.words import begin, channel, clauses, interval_percent, labels, number, percent
+from tiago_mj.gap.report.words import begin, channel, clauses, interval_percent, labels, listed, number, percent, title
 from tiago_mj.gap.result import Diagnosis, Explanation, Place
 
 #: Alternatives up to this number are spelled out in the first sentence; of more, only the effects' names are given.
 SPELLED = 2
+#: A mean squared residual below this is noise, in units of the noise floor.
+NOISE = 2.0
 #: A larger share than this of the gap has to close before a report says that it does.
 CLOSES = 0.02
 
@@ -34,10 +36,21 @@ def headline(diagnosis: Diagnosis) -> str:
 def remainder(diagnosis: Diagnosis) -> str:
     """What is left after the best explanation, as a sentence; empty where nothing is."""
     if not diagnosis.remains:
-        return ""
+        return within(diagnosis)
     place = main_place(diagnosis.remains_where)
     what = "A gap above the noise is left after that" if diagnosis.best.effects else "All of the gap remains"
     return f"{what}, most of it in {place}." if place else f"{what}."
+
+
+def within(diagnosis: Diagnosis) -> str:
+    """What is left and yet no gap: of the simulator's own numbers and its step; empty where noise alone is left."""
+    after, accounted = diagnosis.shrink.after, diagnosis.shrink.accounted
+    if diagnosis.kind == "no_gap" or after is None or accounted is None or after < NOISE:
+        return ""
+    return (
+        f"What is left, {number(after)} times the noise, is no further effect: with the simulator's own numbers moved "
+        f"within what they are known to, and without the error of its step, {number(accounted)} is left."
+    )
 
 
 def closing(diagnosis: Diagnosis, subject: str) -> str:
@@ -78,6 +91,20 @@ def on_task(diagnosis: Diagnosis) -> str:
             "measured: the recordings are not all of this policy, or do not hold what the reward is of."
         )
     return f"Return of policy {task.get('policy')} in {recordings}: {number(measured, 4)} measured; {said}."
+
+
+def on_model(diagnosis: Diagnosis) -> str:
+    """What the repaired model of a user's own robot holds, and how to have the rest; empty where nothing was found."""
+    model = diagnosis.repaired
+    if model is None or not (model.holds or model.lacks):
+        return ""
+    whole = 'tiago_mj.gap.apply(model, "calibration.yaml")'
+    if model.fault:
+        return f"repaired.xml could not be written ({model.fault}): {whole} simulates what was found."
+    said = [f"repaired.xml is the model with {listed([title(name) for name in model.holds])}."] if model.holds else []
+    if model.lacks:
+        said.append(f"No model file can hold {listed([title(name) for name in model.lacks], 'or')}: {whole} does.")
+    return " ".join(said)
 
 
 def main_place(places: tuple[Place, ...]) -> str:

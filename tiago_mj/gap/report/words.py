@@ -12,9 +12,10 @@ from tiago_mj.gap.effects import EFFECTS
 from tiago_mj.gap.report.clauses import CLAUSES, LESS
 from tiago_mj.gap.result import Explanation, Named, Value
 from tiago_mj.models import names
+from tiago_mj.quantities import bare, fixed, number, quantity, scaled
 
-#: Unit, and the thousandth of it in which a reader expects small amounts.
-SMALLER: Final = {"m": "mm", "s": "ms", "rad": "mrad", "m/s": "mm/s", "rad/s": "mrad/s"}
+__all__ = ["bare", "fixed", "number", "quantity", "scaled"]
+
 #: A reader's word for the one part that an effect acts on, and for all of them.
 PARTS: Final = {
     "command": ("{}", "every actuator"),
@@ -28,35 +29,20 @@ QUANTITIES: Final = {"position": "position", "velocity": "velocity", "effort": "
 LISTED: Final = 3
 
 
-def number(value: float | None, digits: int = 3) -> str:
-    """To so many significant digits, with a true minus sign; a dash where nothing is known."""
-    if value is None or math.isnan(value):
-        return "–"
-    if math.isinf(value):
-        return "∞" if value > 0 else "−∞"
-    if value == 0:
-        return "0"
-    decimals = digits - 1 - math.floor(math.log10(abs(value)))
-    return _fixed(round(value, decimals), max(decimals, 0))
-
-
-def bare(text: str) -> str:
-    """Without zeros at the end of its decimals."""
-    return text.rstrip("0").rstrip(".") if "." in text else text
-
-
 def percent(share: float | None) -> str:
     """A share in whole per cent; with a decimal below ten."""
     if share is None or not math.isfinite(share):
         return "–"
-    return f"{_fixed(100 * share, 1 if 0 < abs(share) < 0.0995 else 0)} %"
+    if 0.995 <= share < 1:  # nearly all is not all
+        return f"{100 * math.floor(1000 * share) / 1000:.1f} %" if share < 0.999 else "over 99.9 %"
+    return f"{fixed(100 * share, 1 if 0 < abs(share) < 0.0995 else 0)} %"
 
 
 def span(low: float | None, high: float | None, decimals: int) -> str:
     """An interval, or nothing where it is not known."""
     if low is None or high is None or not (math.isfinite(low) and math.isfinite(high)):
         return ""
-    return f"{_fixed(low, decimals)}{' to ' if low < 0 else '–'}{_fixed(high, decimals)}"
+    return f"{fixed(low, decimals)}{' to ' if low < 0 else '–'}{fixed(high, decimals)}"
 
 
 def interval_percent(low: float | None, high: float | None) -> str:
@@ -75,11 +61,7 @@ def amount(given: Value, *, share: bool = False, flip: bool = False) -> str:
     value, low, high, unit = given.value, given.low, given.high, given.unit
     if flip:
         value, low, high = -value, None if high is None else -high, None if low is None else -low
-    scale = 1.0
-    if share:
-        scale, unit = 100.0, "%"
-    elif unit in SMALLER and 0 < abs(value) < (0.1 if unit.startswith("rad") else 1.0):
-        scale, unit = 1000.0, SMALLER[unit]
+    scale, unit = (100.0, "%") if share else scaled(value, unit)
     value, low, high = value * scale, None if low is None else low * scale, None if high is None else high * scale
     known = low is not None and high is not None and math.isfinite(high - low)
     if not known or high == low:
@@ -88,8 +70,7 @@ def amount(given: Value, *, share: bool = False, flip: bool = False) -> str:
         assert low is not None
         assert high is not None
         decimals = min(6, max(0, -math.floor(math.log10(abs(high - low) / 2))))
-        text, between = _fixed(value, decimals), span(low, high, decimals)
-    unit = "" if unit in ("-", "–", "1") else unit
+        text, between = fixed(value, decimals), span(low, high, decimals)
     return " ".join(piece for piece in (text, unit, between and f"({between})") if piece)
 
 
@@ -181,7 +162,10 @@ def clause(effect: Named) -> str:
             return grammar[key]
         return amount(parameters[key], share=found.group(2) == "%", flip=less and parameters[key] is first)
 
-    return re.sub(r"{(\w+)(%?)}", fill, template)
+    said = re.sub(r"{(\w+)(%?)}", fill, template)
+    details = EFFECTS[effect.name].details if effect.name in EFFECTS else {}
+    where = ", ".join(f"{key} {amount(parameters[key])}" for key in details if key in parameters)
+    return f"{said}, at {where}" if where else said
 
 
 #: Effects of an explanation that are spelled out one by one.
@@ -214,10 +198,3 @@ def begin(sentence: str) -> str:
     """With a capital letter, unless it begins with a name such as ``arm_1_joint``."""
     first = sentence.partition(" ")[0]
     return sentence if re.search(r"[_\d./]", first) else sentence[:1].upper() + sentence[1:]
-
-
-def _fixed(value: float, decimals: int) -> str:
-    text = f"{value + 0.0:.{decimals}f}"
-    if float(text) == 0:
-        text = text.lstrip("-")
-    return text.replace("-", "−")

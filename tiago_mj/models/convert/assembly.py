@@ -84,6 +84,9 @@ class Assembly:
         # The file holds what is written here, not what the compiler made of it: full precision, gains as gains.
         spec.compiler.savecompiled = False
         spec.compiler.savecanonical = False
+        # Servos from the URDF's limits are stiff: with MuJoCo's default, which steps their damping explicitly, they
+        # shake once a link is lighter in some pose than at rest.
+        spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
         collision, visual = spec.add_default("collision", spec.default), spec.add_default("visual", spec.default)
         collision.geom.group, visual.geom.group = COLLISION_GROUP, VISUAL_GROUP
         collision.geom.mass = visual.geom.mass = 0.0  # all mass comes from the URDF's inertials

@@ -11,6 +11,7 @@ from pathlib import Path
 from tiago_mj.models.convert.errors import ConversionError
 from tiago_mj.models.convert.report import ConversionReport
 from tiago_mj.models.convert.urdf_to_mjcf import BASES, COLLISIONS, VISUALS, convert
+from tiago_mj.progress import told
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -30,6 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--visual", choices=VISUALS, default="mesh", help="what meshes look like")
     parser.add_argument("--base", choices=BASES, default="fixed", help="root link fixed in the world, or free")
     parser.add_argument("--mass-floor", type=float, metavar="KG", help="mass of links that move and have none")
+    parser.add_argument("--no-scene", action="store_true", help="no light and no floor: a robot for a scene of yours")
     parser.add_argument("--json", action="store_true", help="print the report as JSON")
 
 
@@ -37,16 +39,18 @@ def run(arguments: argparse.Namespace) -> int:
     """Convert and print what was done; 2 with one line on standard error when the input cannot be used."""
     out = arguments.out or Path(arguments.urdf.stem + ".xml")
     try:
-        report = convert(
-            arguments.urdf,
-            out,
-            extras=arguments.extras,
-            package_paths=arguments.package_path,
-            collision=arguments.collision,
-            visual=arguments.visual,
-            base=arguments.base,
-            mass_floor=arguments.mass_floor,
-        )
+        with told("convert", f"reading {arguments.urdf.name} and its meshes", quiet=arguments.json):
+            report = convert(
+                arguments.urdf,
+                out,
+                extras=arguments.extras,
+                package_paths=arguments.package_path,
+                collision=arguments.collision,
+                visual=arguments.visual,
+                base=arguments.base,
+                mass_floor=arguments.mass_floor,
+                scene=not arguments.no_scene,
+            )
     except ConversionError as error:
         print(error, file=sys.stderr)
         return 2

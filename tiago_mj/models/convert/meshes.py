@@ -65,11 +65,7 @@ def load(shape: Shape, path: Path) -> Any:
     try:
         mesh = trimesh.load(path, force="mesh", process=False)
     except ImportError as error:
-        mend = (
-            "pip install pycollada (extra tiago-mj[meshes])"
-            if path.suffix.lower() == ".dae"
-            else f"install {error.name}"
-        )
+        mend = f"pip install {'pycollada' if path.suffix.lower() == '.dae' else error.name}"
         raise ConversionError(shape.where, f"mesh {path.name} needs a reader that is not installed", mend) from None
     except Exception as error:  # trimesh's readers raise whatever the file makes them trip over
         reason = f"{type(error).__name__}: {error}"

@@ -10,8 +10,9 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
-from tiago_mj.models.convert import additions, tree, urdf
+from tiago_mj.models.convert import additions, surroundings, tree, urdf
 from tiago_mj.models.convert import extras as extras_file
 from tiago_mj.models.convert.assembly import Assembly, Options
 from tiago_mj.models.convert.errors import ConversionError
@@ -32,6 +33,7 @@ def convert(
     visual: str = "mesh",
     base: str = "fixed",
     mass_floor: float | None = None,
+    scene: bool = True,
 ) -> ConversionReport:
     """Convert a URDF to MJCF.
 
@@ -47,6 +49,8 @@ def convert(
         visual: ``mesh`` keeps meshes, ``primitives`` fits them, ``none``.
         base: ``fixed`` fixes the root link in the world, ``free`` gives it a free joint.
         mass_floor: mass [kg] for links that move and have none; None refuses them.
+        scene: whether the model has a light and a floor, below the robot where it stands at rest. A robot with a free
+            base stands on it; below one that is fixed in the world it is only seen.
 
     Returns:
         What was repaired, fitted, excluded, added and dropped, with the model as an MjSpec and as XML text.
@@ -77,7 +81,10 @@ def convert(
     assembly.build()
     try:
         additions.apply(assembly)
-        excluded = _exclude_touching(assembly.spec)
+        pose = _rest(assembly.spec.compile())
+        excluded = _exclude_touching(assembly.spec, pose)
+        if scene:
+            assembly.added.append(surroundings.add(assembly.spec, pose, solid=base == "free"))
         assembly.spec.compile()
     except (mujoco.FatalError, ValueError) as error:
         if isinstance(error, ConversionError):
@@ -101,14 +108,21 @@ def convert(
     )
 
 
-def _exclude_touching(spec: mujoco.MjSpec) -> tuple[tuple[str, str], ...]:
-    """Exclude contacts of links that overlap at rest: their shapes are too big, the robot does not collide there."""
-    model = spec.compile()
-    data = mujoco.MjData(model)
+def _rest(model: mujoco.MjModel) -> NDArray[np.float64]:
+    """Where the robot stands at rest, (nq,): zero, or as near to it as a joint's range allows."""
+    pose: NDArray[np.float64] = model.qpos0.copy()
     for i in range(model.njnt):
         if model.jnt_limited[i]:
             address = model.jnt_qposadr[i]
-            data.qpos[address] = np.clip(data.qpos[address], *model.jnt_range[i])
+            pose[address] = np.clip(pose[address], *model.jnt_range[i])
+    return pose
+
+
+def _exclude_touching(spec: mujoco.MjSpec, pose: NDArray[np.float64]) -> tuple[tuple[str, str], ...]:
+    """Exclude contacts of links that overlap at rest: their shapes are too big, the robot does not collide there."""
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    data.qpos[:] = pose
     mujoco.mj_forward(model, data)
     pairs: dict[tuple[str, str], None] = {}
     for geoms in data.contact.geom:

@@ -1,0 +1,178 @@
+"""What people do with any gymnasium environment: its wrappers, attributes of ``unwrapped``, slips."""
+
+import copy
+import re
+import subprocess
+import sys
+from types import ModuleType
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium import wrappers
+from gymnasium.error import ClosedEnvironmentError, DependencyNotInstalled, ResetNeeded
+from stable_baselines3.common.monitor import Monitor
+
+import tiago_mj  # noqa: F401
+
+FLAT, GOAL = "tiago_mj/GripperTactile-v0", "tiago_mj/GripperTactileGoal-v0"
+
+
+def played(env, steps):
+    """Steps after a reset; the infos."""
+    env.reset(seed=0)
+    still = np.zeros(env.action_space.shape)
+    return [env.step(still)[-1] for _ in range(steps)]
+
+
+@pytest.mark.parametrize("make", [Monitor, wrappers.RecordEpisodeStatistics], ids=["Monitor", "gymnasium"])
+def test_episode_statistics_are_recorded_around_one_environment(make):
+    infos = played(make(gymnasium.make(FLAT, max_episode_steps=4)), 4)
+    assert infos[-1]["episode"]["l"] == 4
+    assert infos[-1]["episode"]["r"] < 0
+
+
+def test_episode_statistics_are_recorded_around_many():
+    envs = wrappers.vector.RecordEpisodeStatistics(gymnasium.make_vec(FLAT, num_envs=2, max_episode_steps=4))
+    infos = played(envs, 4)
+    assert all("episode" not in info for info in infos[:-1])
+    np.testing.assert_array_equal(infos[-1]["episode"]["l"], [4, 4])
+    envs.close()
+
+
+def test_frames_of_the_flat_observation_are_stacked():
+    env = wrappers.FrameStackObservation(gymnasium.make(FLAT), 3)
+    assert env.reset(seed=0)[0].shape == (3, 6)
+    assert env.step(np.zeros(2))[0].shape == (3, 6)
+
+
+def test_environments_run_in_processes_of_their_own():
+    envs = gymnasium.make_vec(FLAT, num_envs=2, vectorization_mode="async", max_episode_steps=4)
+    try:
+        ours, _ = envs.reset(seed=3)
+        one, _ = gymnasium.make(FLAT).reset(seed=4)
+        np.testing.assert_array_equal(ours[1], one)
+        assert envs.step(np.zeros((2, 2)))[1].shape == (2,)
+    finally:
+        envs.close()
+
+
+def test_a_video_is_recorded(tmp_path, monkeypatch):
+    """The frames are ours, the encoder is moviepy's: it need not be installed here."""
+    clips = []
+
+    class Clip:
+        def __init__(self, frames, fps):
+            clips.append((np.array(frames), fps))
+
+        def write_videofile(self, path, **options):
+            pass
+
+    sequence = ModuleType("moviepy.video.io.ImageSequenceClip")
+    sequence.ImageSequenceClip = Clip
+    for name in ("moviepy", "moviepy.video", "moviepy.video.io"):
+        monkeypatch.setitem(sys.modules, name, ModuleType(name))
+    monkeypatch.setitem(sys.modules, sequence.__name__, sequence)
+    env = gymnasium.make(FLAT, render_mode="rgb_array", max_episode_steps=3, width=64, height=48)
+    try:
+        env.reset(seed=0)
+        env.render()
+    except DependencyNotInstalled as fault:
+        pytest.skip(str(fault))
+    recorder = wrappers.RecordVideo(env, str(tmp_path), episode_trigger=lambda _: True, disable_logger=True)
+    played(recorder, 3)
+    recorder.close()
+    ((frames, fps),) = clips
+    assert frames.shape == (4, 48, 64, 3)
+    assert fps == 240
+    assert frames.std() > 1
+
+
+def test_what_is_set_on_a_flat_view_reaches_the_environment():
+    env = gymnasium.make(FLAT)
+    env.reset(seed=0)
+    view = env.unwrapped
+    view.n_substeps = 5
+    assert view.core.n_substeps == 5
+    before = view.data.time
+    env.step(np.zeros(2))
+    assert view.data.time == pytest.approx(before + 5 * view.model.opt.timestep)
+    view.goal = 0.5
+    np.testing.assert_array_equal(env.step(np.zeros(2))[-1]["goal"], view.core.goal)
+    assert set(view.core.goal) == {0.5}
+    view.np_random = np.random.default_rng(7)
+    assert view.core.np_random is view.np_random
+    twin = copy.deepcopy(view)
+    twin.n_substeps = 3
+    assert (view.n_substeps, twin.core.n_substeps) == (5, 3)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "said"),
+    [("goal", "high", "goal 'high' is not usable"), ("goal", 99.0, "out of range"), ("dt", 0.1, "dt")],
+)
+def test_what_cannot_be_set_on_a_flat_view_is_refused_in_one_line(name, value, said):
+    view = gymnasium.make(FLAT).unwrapped
+    with pytest.raises((ValueError, AttributeError), match=said) as caught:
+        setattr(view, name, value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "make", [gymnasium.make, lambda name: gymnasium.make_vec(name, num_envs=2)], ids=["one", "many"]
+)
+@pytest.mark.parametrize("options", [3, "goal", [1.0]], ids=str)
+def test_reset_options_that_are_no_mapping_are_refused_in_one_line(make, options):
+    env = make(FLAT)
+    with pytest.raises(ValueError, match=r"reset options .* are no mapping: give a dict with"):
+        env.reset(options=options)
+
+
+@pytest.mark.parametrize("name", [FLAT, GOAL])
+def test_an_unwrapped_environment_is_stepped_neither_before_its_reset_nor_after_its_end(name):
+    env = gymnasium.make(name).unwrapped
+    with pytest.raises(ResetNeeded, match=re.escape("reset() must be called before step()")):
+        env.step(np.zeros(2))
+    env.reset(seed=0)
+    env.step(np.zeros(2))
+    env.close()
+    env.close()  # as often as one likes
+    for call in (lambda: env.step(np.zeros(2)), env.reset, env.render):
+        with pytest.raises(ClosedEnvironmentError, match=r"was closed: make a new one with gymnasium\.make"):
+            call()
+
+
+def test_many_environments_are_stepped_no_more_after_their_end():
+    envs = gymnasium.make_vec(FLAT, num_envs=2)
+    envs.reset(seed=0)
+    envs.close()
+    for call in (lambda: envs.step(np.zeros((2, 2))), envs.reset):
+        with pytest.raises(ClosedEnvironmentError, match="was closed"):
+            call()
+
+
+@pytest.mark.parametrize(
+    ("make", "given", "said"),
+    [
+        (gymnasium.make, {"objekt": "box"}, "HoldForce has no argument 'objekt': did you mean 'object'?"),
+        (gymnasium.make, {"rewardtype": "sparse"}, "did you mean 'reward_type'?"),
+        (gymnasium.make, {"zzz": 1}, "there are control, control_hz"),
+        (gymnasium.make_vec, {"num_envs": 2, "thread": 1}, "did you mean 'threads'?"),
+    ],
+    ids=lambda one: getattr(one, "__name__", str(one)),
+)
+def test_a_mistyped_argument_gets_the_nearest_name(make, given, said):
+    with pytest.raises(ValueError, match=re.escape(said)) as caught:
+        make(FLAT, **given)
+    assert "\n" not in str(caught.value)
+
+
+def test_importing_it_and_making_an_environment_prints_nothing():
+    code = "import tiago_mj, gymnasium; gymnasium.make('tiago_mj/GripperTactile-v0').reset(seed=0)\n"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert (done.stdout, done.stderr) == ("", "")
+
+
+def test_notices_of_other_packages_are_left_to_them():
+    notifications = pytest.importorskip("farama_notifications").notifications
+    assert "gymnasium_robotics" in notifications

@@ -1,0 +1,43 @@
+"""MuJoCo's warnings: counted by kind and told once, instead of a line each on the terminal and in ``MUJOCO_LOG.TXT``.
+
+MuJoCo calls one handler for the whole process (``mju_user_warning``), from whichever thread simulates.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from typing import Final
+
+import mujoco
+
+#: Warnings of one kind differ by what follows: a degree of freedom, a time, a size.
+DETAIL: Final = re.compile(r"( at DOF \d+|[.,:;]? Time = [-+\d.einfa]+|\d+)")
+
+
+@contextmanager
+def counted() -> Iterator[Counter[str]]:
+    """Count MuJoCo's warnings by kind while the block runs; nothing is printed and no log file is written.
+
+    What was set before is set again afterwards. Blocks may lie in one another: the innermost counts.
+    """
+    kinds: Counter[str] = Counter()
+    before = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(lambda text: kinds.update([kind(text)]))
+    try:
+        yield kinds
+    finally:
+        mujoco.set_mju_user_warning(before)
+
+
+def kind(text: str) -> str:
+    """What a warning is about, without where and when."""
+    return " ".join(DETAIL.sub("", text).split()).replace(",.", ".").rstrip(".,")
+
+
+def sentences(kinds: Mapping[str, int]) -> tuple[str, ...]:
+    """One sentence a kind, the most frequent first."""
+    ordered = sorted(kinds.items(), key=lambda item: -item[1])
+    return tuple(f"MuJoCo warned {count} time{'s' if count > 1 else ''}: {said}." for said, count in ordered)

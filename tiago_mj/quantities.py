@@ -1,0 +1,59 @@
+"""Amounts as people say them: 0.5 mm rather than 0.0005 m, 30 ms rather than 0.03 s. Files keep SI units."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+#: Unit: the thousandth of it in which a reader expects small amounts, and below which amount.
+SMALLER: Final = {
+    "m": ("mm", 1.0),
+    "s": ("ms", 1.0),
+    "m/s": ("mm/s", 1.0),
+    "rad": ("mrad", 0.1),
+    "rad/s": ("mrad/s", 0.1),
+    "kg": ("g", 0.1),
+}
+#: What stands for no unit.
+BARE: Final = ("-", "–", "1", "")
+
+
+def scaled(value: float, unit: str) -> tuple[float, str]:
+    """Factor and unit in which an amount of about ``value`` [unit] is said."""
+    smaller, below = SMALLER.get(unit, ("", 0.0))
+    return (1000.0, smaller) if 0 < abs(value) < below else (1.0, "" if unit in BARE else unit)
+
+
+def quantity(value: float, unit: str, digits: int = 3) -> str:
+    """An amount with its unit, to so many significant digits: ``0.5 mm``."""
+    factor, said = scaled(value, unit)
+    return f"{bare(number(value * factor, digits))} {said}".rstrip()
+
+
+#: Smaller amounts are what sums of floating-point numbers leave of nothing.
+NOTHING: Final = 1e-9
+
+
+def number(value: float | None, digits: int = 3) -> str:
+    """To so many significant digits, with a true minus sign; a dash where nothing is known."""
+    if value is None or math.isnan(value):
+        return "–"
+    if math.isinf(value):
+        return "∞" if value > 0 else "−∞"
+    if abs(value) < NOTHING:
+        return "0"
+    decimals = digits - 1 - math.floor(math.log10(abs(value)))
+    return fixed(round(value, decimals), max(decimals, 0))
+
+
+def fixed(value: float, decimals: int) -> str:
+    """With so many decimals and a true minus sign, which zero has not."""
+    text = f"{value + 0.0:.{decimals}f}"
+    if float(text) == 0:
+        text = text.lstrip("-")
+    return text.replace("-", "−")
+
+
+def bare(text: str) -> str:
+    """Without zeros at the end of its decimals."""
+    return text.rstrip("0").rstrip(".") if "." in text else text
