@@ -1,10 +1,11 @@
 """Calibrate the verdict: fit its numbers to finished runs of the blind check, and write them down.
 
-    python -m benchmarks.calibrate RUN... [--unseen RUN...] --out tiago_mj/gap/verdict.json
+    python -m benchmarks.calibrate RUN... [--unseen RUN...] --out tiago_mj/gap/decision/verdict.json
 
 A diagnosis stores the evidence for every explanation; the verdict is a function of it and of a few numbers
-(:func:`tiago_mj.gap.verdict.decide`), so that it can be judged again without simulating anything. Each number is fitted
-to what it is for, and drawn towards what was chosen by hand before there were any runs: with few cases it stays there.
+(:func:`tiago_mj.gap.decision.verdict.decide`), so that it can be judged again without simulating anything. Each number
+is fitted to what it is for, and drawn towards what was chosen by hand before there were any runs: with few cases it
+stays there.
 
 * ``temperature``: the log loss of the true explanation, up to its classes.
 * ``stands``: as few effects as possible are missed while at most 3 % of the cases without a gap get a name.
@@ -39,10 +40,10 @@ from benchmarks.blind import score
 from benchmarks.blind.score import Judged
 from benchmarks.verdicts_again import Case, again, read
 from tiago_mj import atomic
-from tiago_mj.gap import verdict
-from tiago_mj.gap.effects import EFFECTS
-from tiago_mj.gap.hypotheses import of_form
-from tiago_mj.gap.verdict import SCHEMA, Calibration, probabilities
+from tiago_mj.effects import EFFECTS
+from tiago_mj.gap.decision import verdict
+from tiago_mj.gap.decision.verdict import SCHEMA, Calibration, probabilities
+from tiago_mj.gap.inference.hypotheses import of_form
 
 Array = NDArray[np.float64]
 Verdicts = Sequence[Judged]
@@ -266,7 +267,8 @@ def written(
         "schema": SCHEMA,
         **{name: getattr(new, name) for name in Calibration.__dataclass_fields__},
         "calibration": {
-            "command": "python -m benchmarks.calibrate RUN... [--unseen RUN...] --out tiago_mj/gap/verdict.json",
+            "command": "python -m benchmarks.calibrate RUN... [--unseen RUN...] "
+            "--out tiago_mj/gap/decision/verdict.json",
             "seeds": sorted({run["seed"] for run in runs}),
             "cases": len(cases),
             "carried_by": carried(cases, unseen),

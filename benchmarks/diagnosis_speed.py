@@ -50,14 +50,15 @@ from numpy.typing import NDArray
 
 import tiago_mj  # noqa: F401
 from tiago_mj import compliance
-from tiago_mj.gap import floor, hypotheses, replay, score
-from tiago_mj.gap.effects.transmission import STICKING_SOLIMP, STICKING_SOLREF
-from tiago_mj.gap.fit import Fitter, Point, Start
-from tiago_mj.gap.hypotheses import Candidate, Term
-from tiago_mj.gap.plant import Plant, plant_of
-from tiago_mj.gap.predict import Predictor
-from tiago_mj.gap.record.environment import Plan, record
-from tiago_mj.gap.recording import Trial
+from tiago_mj.effects.transmission import STICKING_SOLIMP, STICKING_SOLREF
+from tiago_mj.gap.data.recording import Trial
+from tiago_mj.gap.inference import hypotheses, likelihood, noise_model
+from tiago_mj.gap.inference.fit import Fitter, Point, Start
+from tiago_mj.gap.inference.hypotheses import Candidate, Term
+from tiago_mj.gap.inference.predictor import Predictor
+from tiago_mj.gap.simulation import replay
+from tiago_mj.gap.simulation.plant import Plant, plant_of
+from tiago_mj.gap.tools.record.environment import Plan, record
 from tiago_mj.models import names, scene
 from tiago_mj.rollout.policies import make_policy
 
@@ -87,7 +88,7 @@ class Case:
 
     plant: Plant
     on: replay.Grid
-    data: floor.Data
+    data: noise_model.Data
     weight: Array
     base: Array
     parts: tuple[Candidate, ...]
@@ -101,7 +102,7 @@ class Case:
 
     def cost(self, predicted: Array) -> float:
         """Half the sum of squares of the whitened residual, which both minimise."""
-        return float(0.5 * (score.whiten(self.data, self.data.value - predicted, self.weight) ** 2).sum())
+        return float(0.5 * (likelihood.whiten(self.data, self.data.value - predicted, self.weight) ** 2).sum())
 
     def predicted(self, values: Array) -> Array:
         entries = tuple(p.entry(float(v)) for p, v in zip(self.parts, values, strict=True))
@@ -120,7 +121,7 @@ def make_case(seed: int) -> Case:
     effects = {name: {OFF[name][0]: float(v)} for name, v in zip(OFF, truth, strict=True)}
     trials = recordings(effects, 1000 * seed)
     plant = plant_of(trials)
-    on, data = replay.grid(plant, trials), floor.collect(plant, trials)
+    on, data = replay.grid(plant, trials), noise_model.collect(plant, trials)
     data = replace(data, common=np.zeros_like(data.common), block=1)  # sysid knows errors of single samples only
     predict = Predictor(plant, on, data)
     base = predict.all_trials([()], range(TRIALS))[0]
@@ -128,7 +129,7 @@ def make_case(seed: int) -> Case:
     parts = tuple(pool[name] for name in OFF)
     low, high = (np.array([getattr(p, side) for p in parts]) for side in ("low", "high"))
     start = np.clip([p.identity for p in parts], low + OFF_BOUND * (high - low), high - OFF_BOUND * (high - low))
-    weight = score.independence(data, base)
+    weight = likelihood.independence(data, base)
     terms = tuple(sorted(hypotheses.terms(plant), key=lambda term: term.per_trial))
     return Case(plant, on, data, weight, base, parts, terms, truth, start, predict)
 
@@ -293,7 +294,7 @@ def fit(seeds: Sequence[int]) -> dict[str, Any]:
     for seed in seeds:
         case = make_case(seed)
         at_truth = case.predicted(case.truth)
-        white = score.whiten(case.data, case.data.value - at_truth, case.weight)[:, 1:]
+        white = likelihood.whiten(case.data, case.data.value - at_truth, case.weight)[:, 1:]
         fast: dict[str, Any] = {"fields": True, "batched": True, "normalised": True}
         runs: dict[str, Callable[[], tuple[Array, int]]] = {
             "ours": ours(case),

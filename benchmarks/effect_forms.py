@@ -21,12 +21,12 @@ from benchmarks.blind import cases, recordings
 from benchmarks.blind.cases import Case, EffectChoice
 from benchmarks.blind.dictionary import ABOVE, BELOW, FACTOR, FLAT, GRIPPER, KINDS, available
 from benchmarks.machine import save
-from tiago_mj.gap import score
-from tiago_mj.gap.effects import EFFECTS
-from tiago_mj.gap.effects.spec import Entry
-from tiago_mj.gap.plant import plant_of
-from tiago_mj.gap.predict import RANDOM, Predictor, predictor
-from tiago_mj.gap.read import read_recordings
+from tiago_mj.effects import EFFECTS
+from tiago_mj.effects.spec import Entry
+from tiago_mj.gap.data.read import read_recordings
+from tiago_mj.gap.inference import likelihood
+from tiago_mj.gap.inference.predictor import RANDOM, Predictor, predictor
+from tiago_mj.gap.simulation.plant import plant_of
 
 NAME: Final = "effect_forms"
 #: How far up its range a magnitude is taken.
@@ -52,8 +52,8 @@ def left(predict: Predictor, effects: tuple[Entry, ...]) -> dict[str, Any]:
     data = predict.data
     difference = data.value - predict.all_trials([effects], range(len(data.value)))[0]
     known = np.maximum(np.isfinite(data.value).sum(axis=(0, 1)), 1)
-    misfit = (score.scaled(data, difference) ** 2).sum(axis=(0, 1)) / known
-    lasting = np.nan_to_num(score.lasting(data, difference))
+    misfit = (likelihood.scaled(data, difference) ** 2).sum(axis=(0, 1)) / known
+    lasting = np.nan_to_num(likelihood.lasting(data, difference))
     return {"misfit": round(float(misfit.max()), 2), "lasting": round(float(lasting.max()), 2)}
 
 

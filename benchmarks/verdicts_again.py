@@ -13,9 +13,9 @@ from typing import Any
 
 from benchmarks.blind import kept, score
 from benchmarks.blind.score import Judged
+from tiago_mj.gap.analysis.outcome import STRANGE
+from tiago_mj.gap.decision.verdict import Calibration, Option, decide
 from tiago_mj.gap.result import Evidence
-from tiago_mj.gap.telling import STRANGE
-from tiago_mj.gap.verdict import Calibration, Option, decide
 
 
 @dataclass(frozen=True)

@@ -3,8 +3,8 @@
 import math
 from pathlib import Path
 
-from tiago_mj.gap.effects import EFFECTS, describe
-from tiago_mj.gap.effects.declare import STAGES, Detail, Effect, Parameter
+from tiago_mj.effects import EFFECTS, describe
+from tiago_mj.effects.declare import STAGES, Detail, Effect, Parameter
 
 PAGE = Path(__file__).parent / "effects.md"
 SOURCES = {

@@ -14,9 +14,10 @@ import mujoco
 import numpy as np
 import pytest
 
-from tiago_mj.gap import lint, replay
-from tiago_mj.gap.plant import plant_of
-from tiago_mj.gap.read import read_recordings
+from tiago_mj.gap.data import lint
+from tiago_mj.gap.data.read import read_recordings
+from tiago_mj.gap.simulation import replay
+from tiago_mj.gap.simulation.plant import plant_of
 from tiago_mj.models.convert import convert
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -25,15 +25,15 @@ COMMANDS: Final[Mapping[str, tuple[str, str]]] = MappingProxyType(
         "train": ("tiago_mj.learn.command", "train agents with stable-baselines3; the same command again goes on"),
         "agents": ("tiago_mj.learn.shipped", "list the agents that come with the package, or export one of your own"),
         "convert": ("tiago_mj.models.convert.command", "turn a robot's URDF into MJCF"),
-        "preflight": ("tiago_mj.gap.preflight.command", "what recordings can tell, before anything is fitted"),
+        "preflight": ("tiago_mj.gap.design.preflight.command", "what recordings can tell, before anything is fitted"),
         "diagnose": ("tiago_mj.gap.command", "say why recordings differ from the simulator, and mend it"),
         "diagnose-all": ("tiago_mj.diagnose_all", "diagnose many folders, each by itself, in many processes"),
         "calibrate-sensor": (
-            "tiago_mj.gap.calibrate_sensor.command",
+            "tiago_mj.gap.tools.calibrate_sensor.command",
             "noise, threshold and scale of your own load cells",
         ),
-        "record": ("tiago_mj.gap.record.command", "log an environment or any MJCF as a real robot would be"),
-        "import": ("tiago_mj.gap.imports.command", "turn public recordings and ROS bags into recordings"),
+        "record": ("tiago_mj.gap.tools.record.command", "log an environment or any MJCF as a real robot would be"),
+        "import": ("tiago_mj.gap.tools.imports.command", "turn public recordings and ROS bags into recordings"),
         "blind": ("tiago_mj.blind", "check the diagnosis on data whose effect is withheld from it"),
     }
 )

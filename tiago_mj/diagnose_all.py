@@ -85,7 +85,7 @@ def run(arguments: argparse.Namespace) -> int:
     Raises:
         ValueError: an argument is unusable; says which and how to mend it.
     """
-    from tiago_mj.gap.effects import EFFECTS
+    from tiago_mj.effects import EFFECTS
 
     for name in ("seed", "jobs", "threads"):
         if (getattr(arguments, name) or 0) < 0:
@@ -123,7 +123,7 @@ def run(arguments: argparse.Namespace) -> int:
 def _jobs(folders: int) -> int:
     """Processes where nobody says how many: one a processor, where there is more than one folder, joblib is installed,
     and no effect is declared in the user's own program, which other processes do not run."""
-    from tiago_mj.gap.effects import EFFECTS
+    from tiago_mj.effects import EFFECTS
 
     own = any(not declared.__module__.startswith("tiago_mj.") for declared in EFFECTS.values())
     return 1 if folders < 2 or own or importlib.util.find_spec("joblib") is None else 0
@@ -147,7 +147,7 @@ def names(folders: Sequence[Path]) -> list[str]:
 
 def diagnose(task: Task) -> Outcome:
     """Run the command in this process and read what it wrote."""
-    from tiago_mj.gap.effects import EFFECTS
+    from tiago_mj.effects import EFFECTS
 
     unknown = sorted(set(task.effects) - set(EFFECTS))
     if unknown:

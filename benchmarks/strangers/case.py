@@ -183,7 +183,7 @@ def judged(case: Case, label: dict[str, Any], found: dict[str, Any] | None) -> d
 
 def classes(names: list[str]) -> set[str]:
     """Classes of effects, as the library declares them."""
-    from tiago_mj.gap.effects import EFFECTS
+    from tiago_mj.effects import EFFECTS
 
     return {EFFECTS[name].gap_class for name in names}
 

@@ -11,7 +11,7 @@ from benchmarks import calibrate, verdicts_again
 from benchmarks.blind import score
 from benchmarks.calibrate import BY_HAND
 from benchmarks.verdicts_again import Case
-from tiago_mj.gap.verdict import Calibration
+from tiago_mj.gap.decision.verdict import Calibration
 
 TRUE, RIVAL = "coulomb_friction", "force_gain"
 

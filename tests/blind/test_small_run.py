@@ -10,7 +10,7 @@ import pytest
 from benchmarks import verdicts_again
 from benchmarks.blind.score import Judged, classes
 from tiago_mj import cli
-from tiago_mj.gap import verdict
+from tiago_mj.gap.decision import verdict
 
 #: Grasps of 1 s at 240 Hz, three a case, and no pairs: a diagnosis costs what it simulates.
 SMALL = ["--settings", "gripper", "--kinds", "none,one", "--rates", "240", "--trials", "3", "--seconds", "1.0"]

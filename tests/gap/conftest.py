@@ -3,9 +3,10 @@
 import pytest
 
 from tiago_mj.cli import main
-from tiago_mj.gap import floor, replay
-from tiago_mj.gap.plant import plant_of
-from tiago_mj.gap.read import read_recordings
+from tiago_mj.gap.data.read import read_recordings
+from tiago_mj.gap.inference import noise_model
+from tiago_mj.gap.simulation import replay
+from tiago_mj.gap.simulation.plant import plant_of
 
 
 @pytest.fixture(scope="module")
@@ -16,4 +17,4 @@ def grasps(tmp_path_factory):
     assert main([*words, "--out", str(folder)]) == 0
     trials = read_recordings([folder]).trials
     plant = plant_of(trials)
-    return plant, replay.grid(plant, trials), floor.collect(plant, trials)
+    return plant, replay.grid(plant, trials), noise_model.collect(plant, trials)

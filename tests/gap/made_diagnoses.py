@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tiago_mj.gap.recording import Finding
+from tiago_mj.gap.data.recording import Finding
 from tiago_mj.gap.result import (
     BANDS,
     PHASES,

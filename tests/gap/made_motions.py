@@ -11,10 +11,10 @@ from collections.abc import Callable
 import mujoco
 import numpy as np
 
-from tiago_mj.gap.effects import Entry
-from tiago_mj.gap.inverse import diagnose_inverse
-from tiago_mj.gap.recording import Sidecar, Trial
+from tiago_mj.effects import Entry
+from tiago_mj.gap.data.recording import Sidecar, Trial
 from tiago_mj.gap.result import Diagnosis, Explanation, Value
+from tiago_mj.gap.torque import diagnose_inverse
 from tiago_mj.models.files import model_file
 
 RATE, TIMESTEP = 100, 0.002

@@ -14,7 +14,7 @@ import pytest
 
 import tiago_mj  # noqa: F401  (registers the environments)
 from tiago_mj.cli import main
-from tiago_mj.gap.effects import EFFECTS
+from tiago_mj.effects import EFFECTS
 from tiago_mj.models import names
 
 RIGHT, LEFT = names.FINGERS

@@ -10,8 +10,8 @@ from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_typestore
 
 from tiago_mj.cli import main
-from tiago_mj.gap.read import read_recordings
-from tiago_mj.gap.recording import RecordingError
+from tiago_mj.gap.data.read import read_recordings
+from tiago_mj.gap.data.recording import RecordingError
 from tiago_mj.models import names
 
 RIGHT, LEFT = names.FINGERS

@@ -7,13 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tiago_mj.gap import hypotheses, replay
-from tiago_mj.gap.effects import EFFECTS
-from tiago_mj.gap.effects.spec import Entry
-from tiago_mj.gap.plant import Plant, plant_of
-from tiago_mj.gap.predict import RANDOM
-from tiago_mj.gap.record.environment import Plan, record
-from tiago_mj.gap.recording import Sidecar, Trial
+from tiago_mj.effects import EFFECTS
+from tiago_mj.effects.spec import Entry
+from tiago_mj.gap.data.recording import Sidecar, Trial
+from tiago_mj.gap.inference import hypotheses
+from tiago_mj.gap.inference.predictor import RANDOM
+from tiago_mj.gap.simulation import replay
+from tiago_mj.gap.simulation.plant import Plant, plant_of
+from tiago_mj.gap.tools.record.environment import Plan, record
 from tiago_mj.rollout.policies import make_policy
 
 PENDULUM = """

@@ -9,13 +9,13 @@ import pytest
 
 import tiago_mj  # noqa: F401
 from tiago_mj.cli import main
-from tiago_mj.gap import replay
-from tiago_mj.gap.diagnose import diagnose, split
-from tiago_mj.gap.effects import EFFECTS, read_effects
-from tiago_mj.gap.plant import plant_of
-from tiago_mj.gap.read import read_recordings
-from tiago_mj.gap.traces import grid_step
-from tiago_mj.gap.verdict import calibration
+from tiago_mj.effects import EFFECTS, read_effects
+from tiago_mj.gap.data.read import read_recordings
+from tiago_mj.gap.decision.verdict import calibration
+from tiago_mj.gap.detectors.readings import grid_step
+from tiago_mj.gap.pipeline import diagnose, split
+from tiago_mj.gap.simulation import replay
+from tiago_mj.gap.simulation.plant import plant_of
 
 #: Enough rivals to be confused with, few enough for a test.
 SHORT = (

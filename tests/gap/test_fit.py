@@ -5,14 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tiago_mj.gap import floor, hypotheses, replay, rounds, score, shortlist, starts, telling
-from tiago_mj.gap.another import Search, with_another
-from tiago_mj.gap.effects.spec import Entry
-from tiago_mj.gap.fit import Fitted, Fitter, Point, Start
-from tiago_mj.gap.predict import Predictor
-from tiago_mj.gap.screen import Screened, _sharpened, screen
-from tiago_mj.gap.select import _with_something_to_explain
-from tiago_mj.gap.yardstick import Yardstick
+from tiago_mj.effects.spec import Entry
+from tiago_mj.gap.analysis import outcome
+from tiago_mj.gap.inference import hypotheses, likelihood, noise_model
+from tiago_mj.gap.inference.fit import Fitted, Fitter, Point, Start
+from tiago_mj.gap.inference.predictor import Predictor
+from tiago_mj.gap.inference.whitening import Whitening
+from tiago_mj.gap.search import refinement, shortlist, starts
+from tiago_mj.gap.search.combinations import Search, with_another
+from tiago_mj.gap.search.screen import Screened, _sharpened, screen
+from tiago_mj.gap.search.select import _with_something_to_explain
+from tiago_mj.gap.simulation import replay
 
 
 def shortened(plant, factor):
@@ -25,10 +28,10 @@ def shortened(plant, factor):
 def test_predictions_are_nearer_to_those_of_steps_sixteen_times_shorter(grasps, effects):
     plant, on, data = grasps
     sims = [(k, ()) for k in range(2)]
-    runs = [replay.simulate(p, on, sims) for p in (plant, shortened(plant, floor.FINER))]
-    wanted = floor.predicted(data, replay.simulate(shortened(plant, 16), on, [(k, effects) for k in range(2)]))
+    runs = [replay.simulate(p, on, sims) for p in (plant, shortened(plant, noise_model.FINER))]
+    wanted = noise_model.predicted(data, replay.simulate(shortened(plant, 16), on, [(k, effects) for k in range(2)]))
     left = {}
-    put_right = Predictor(plant, on, data, off=floor.off_by_step(*runs))
+    put_right = Predictor(plant, on, data, off=noise_model.off_by_step(*runs))
     several = {"as simulated": put_right.as_simulated(), "put right": put_right}
     for name, predict in several.items():
         predicted = predict.all_trials([effects], range(2))[0]
@@ -57,14 +60,14 @@ def test_responses_foretell_the_step_that_corrected_them(grasps):
 def made_up(value):
     """Two channels of one trial, noise 1."""
     zeros = np.zeros_like(value)
-    return floor.Data(("position.a", "position.b"), np.arange(2), value, np.ones(2), zeros + 1.0, zeros)
+    return noise_model.Data(("position.a", "position.b"), np.arange(2), value, np.ones(2), zeros + 1.0, zeros)
 
 
 def test_what_a_large_effect_s_form_may_miss_is_no_second_effect_but_costs():
     change = np.zeros((1, 100, 2))
     change[0, 40:, 0] = 200.0  # deviations of the noise
     data = made_up(1.02 * change)  # reality does 2 % more
-    plain = Yardstick(data, np.ones(2))
+    plain = Whitening(data, np.ones(2))
     wide = plain.with_shape(0.03 * change)
     assert plain.misfit(change).max() > 5
     assert wide.misfit(change).max() < 1
@@ -92,7 +95,7 @@ def test_a_joint_without_a_gap_of_its_own_has_no_effect_of_its_own(grasps):
 def test_recordings_are_compared_with_the_simulator_that_is_nearer():
     value = np.zeros((1, 50, 2))
     data = made_up(value)
-    assert score.distance(data, value + 0.1) < score.distance(data, value + 0.2)
+    assert likelihood.distance(data, value + 0.1) < likelihood.distance(data, value + 0.2)
 
 
 def test_predictions_that_hold_some_of_the_nominal_numbers_already_are_scored_as_those_that_do_not():
@@ -103,8 +106,10 @@ def test_predictions_that_hold_some_of_the_nominal_numbers_already_are_scored_as
     moved = np.array([0.4, -0.3, 0.2, -0.1])  # two that trials share, then each trial's own
     there = base + np.tensordot(moved[:2], responses[:2], 1)
     there += moved[2:, None, None] * responses[2]
-    plain, ahead = (score.frame(data, np.ones(2), responses, own, at) for at in (None, moved))
-    assert score.log_likelihood(ahead, there[None]) == pytest.approx(score.log_likelihood(plain, base[None]), abs=1e-9)
+    plain, ahead = (likelihood.frame(data, np.ones(2), responses, own, at) for at in (None, moved))
+    assert likelihood.log_likelihood(ahead, there[None]) == pytest.approx(
+        likelihood.log_likelihood(plain, base[None]), abs=1e-9
+    )
 
 
 def test_a_fit_begins_where_the_recordings_are_met_best(grasps):
@@ -140,7 +145,7 @@ def test_a_third_of_a_nominal_factor_is_as_far_off_as_three_times_it_and_no_nomi
     """A fifth off each way, contact damping of a third passed for 3.3 deviations (blind check, seed 10, case 50)."""
     (damping,) = (t for t in hypotheses.terms(grasps[0]) if t.effect == "contact_damping")
     assert damping.deviations(1 / 3) == pytest.approx(-damping.deviations(3.0))
-    assert damping.deviations(1 / 3) < -score.NUISANCE_BOUND
+    assert damping.deviations(1 / 3) < -likelihood.NUISANCE_BOUND
     assert damping.entry(damping.deviations(1.4)).parameters["factor"] == pytest.approx(1.4)
 
 
@@ -227,7 +232,7 @@ def test_an_interval_says_how_large_an_effect_is_that_is_there(grasps):
     (drift,) = (c for c in hypotheses.candidates(grasps[0], ["force_drift"]) if c.target is None)
     (gain,) = (c for c in hypotheses.candidates(grasps[0], ["force_gain"]) if c.target is None)
     fit = Fitted((drift, gain), np.array([0.008, 0.9]), np.array([0.003, 0.05]), np.zeros(0), 0.0, 1.0)
-    (rate,), (factor,) = (tuple(telling.named(grasps[0], fit, k).parameters.values()) for k in range(2))
+    (rate,), (factor,) = (tuple(outcome.named(grasps[0], fit, k).parameters.values()) for k in range(2))
     assert (rate.low, rate.value) == (0, 0.008)
     assert rate.high > 0.016
     assert factor.low < 0.7
@@ -254,17 +259,17 @@ def test_a_peak_far_narrower_than_the_grid_is_found(grasps):
     reach = np.linspace(-1, 1, 400)[None, :, None] * np.array([300.0, 0.0])  # of a joint, in deviations of its noise
     rng = np.random.default_rng(0)
     data = made_up(1.006 * reach + rng.normal(size=reach.shape))
-    frame = score.frame(data, np.ones(2), np.zeros((0, *reach.shape)), np.zeros(0, dtype=bool), np.zeros(0))
+    frame = likelihood.frame(data, np.ones(2), np.zeros((0, *reach.shape)), np.zeros(0, dtype=bool), np.zeros(0))
     values = [0.9823, 0.991, 0.99965, 1.0084, 1.017]
     stack = np.stack([value * reach for value in values])
-    before = score.log_likelihood(frame, stack)
-    there, predicted, likelihood = _sharpened(frame, values, stack)
+    before = likelihood.log_likelihood(frame, stack)
+    there, predicted, found = _sharpened(frame, values, stack)
     assert there == sorted(there)
-    best = int(np.argmax(likelihood))
+    best = int(np.argmax(found))
     assert there[best] == pytest.approx(1.006, abs=3e-4)
     np.testing.assert_allclose(predicted[best], there[best] * reach, atol=1e-9)
-    assert likelihood[best] > before.max() + 20
-    assert likelihood[best] == pytest.approx(float(score.log_likelihood(frame, 1.006 * reach[None])[0]), abs=2)
+    assert found[best] > before.max() + 20
+    assert found[best] == pytest.approx(float(likelihood.log_likelihood(frame, 1.006 * reach[None])[0]), abs=2)
 
 
 def test_an_effect_that_may_be_nothing_is_not_shown(grasps):
@@ -316,9 +321,9 @@ def test_a_second_effect_is_sought_as_if_samples_told_what_they_tell_beside_both
     fitter = Fitter(Predictor(plant, on, data), (0, 1), data, np.ones(6), (), np.zeros((0, *exact.shape)))
     here = Point((), np.zeros(0), np.zeros(0))
     base, alone = fitter.predictions([here, Point((bend,), np.array([0.2]), np.zeros(0))], keep=True)
-    fitter = replace(fitter, weight=rounds.counts(data, alone))
+    fitter = replace(fitter, weight=refinement.counts(data, alone))
     fits = fitter.fit_all([Start((), np.zeros(0)), Start((bend,), np.array([0.2]))])
-    promising = screen(fitter, rounds.frame(fitter, here), pool, here, base)
+    promising = screen(fitter, refinement.frame(fitter, here), pool, here, base)
     before = Search(fitter, fitter, fits, np.zeros(0), here, base)
     assert max(fits[1].misfit, fits[1].lasting) < 2
     assert (fitter.weight[4] < 0.2) == (rate > 0)

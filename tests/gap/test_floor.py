@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from tiago_mj.gap import floor, score
-from tiago_mj.gap.floor import Data
+from tiago_mj.gap.inference import likelihood, noise_model
+from tiago_mj.gap.inference.noise_model import Data
 
 ROWS, NOISE = 60, 0.1
 
@@ -18,22 +18,22 @@ def flat(value=0.0) -> Data:
 
 
 def cost(data: Data, difference) -> float:
-    return float((score.whiten(data, difference, np.ones(1)) ** 2).sum())
+    return float((likelihood.whiten(data, difference, np.ones(1)) ** 2).sum())
 
 
 def test_a_joint_that_chatters_in_the_simulator_alone_may_stand_still_in_another_explanation():
     """Half a deviation would be charged for each sample if the chatter were believed to err alike over a block."""
     chatter = 0.4 * (-1.0) ** np.arange(ROWS)[None, :, None]
-    data = floor.with_numerics(flat(), chatter, np.zeros_like(chatter))
-    off = chatter * floor.FINER / (floor.FINER - 1)
+    data = noise_model.with_numerics(flat(), chatter, np.zeros_like(chatter))
+    off = chatter * noise_model.FINER / (noise_model.FINER - 1)
     assert (data.common < 1e-9).all()
     assert cost(data, off) < ROWS
 
 
 def test_what_a_step_shifts_for_good_is_one_error_and_not_many():
     shifted = np.full((1, ROWS, 1), 0.4)
-    data = floor.with_numerics(flat(), shifted, np.zeros_like(shifted))
-    off = shifted * floor.FINER / (floor.FINER - 1)
+    data = noise_model.with_numerics(flat(), shifted, np.zeros_like(shifted))
+    off = shifted * noise_model.FINER / (noise_model.FINER - 1)
     assert data.common == pytest.approx(np.abs(off))
     assert cost(data, off) < ROWS / data.block * 1.01  # of each block once
     assert cost(data, off * (-1.0) ** np.arange(ROWS)[None, :, None]) > 20 * ROWS / data.block
@@ -48,7 +48,7 @@ def test_readings_on_a_grid_differ_by_what_is_allowed_for_it(share):
     one = rng.uniform(0, 100, 200_000)
     other = one + rng.normal(0, deviation, one.size)
     apart = np.round(one / step) * step - np.round(other / step) * step
-    data = floor.on_grid(
+    data = noise_model.on_grid(
         Data(
             ("position.hinge",),
             np.array([0]),
@@ -64,14 +64,14 @@ def test_readings_on_a_grid_differ_by_what_is_allowed_for_it(share):
     allowed = float(data.sigma[0, 0, 0])
     assert np.sqrt(np.mean(apart**2)) <= allowed < 1.25 * np.sqrt(np.mean(apart**2))
     whole = np.full((1, 1, 1), step)
-    assert score.lasting(data, whole)[0] < (step / deviation) ** 2  # what stands still stays apart
-    assert (floor.on_grid(data, "force", None, step).sigma == data.sigma).all()
+    assert likelihood.lasting(data, whole)[0] < (step / deviation) ** 2  # what stands still stays apart
+    assert (noise_model.on_grid(data, "force", None, step).sigma == data.sigma).all()
 
 
 @pytest.mark.parametrize("rows", [150, 600])
 def test_white_noise_is_its_own_floor(rows):
     values = 0.3 * np.random.default_rng(rows).standard_normal((10, rows))
-    assert floor.noise_floor(values, 0.0) == pytest.approx(0.3, rel=0.1)  # known to 5 % of so many rows
+    assert noise_model.noise_floor(values, 0.0) == pytest.approx(0.3, rel=0.1)  # known to 5 % of so many rows
 
 
 @pytest.mark.parametrize("rate", [25.0, 240.0])
@@ -80,7 +80,7 @@ def test_a_joint_that_never_rests_has_no_more_noise_than_one_at_rest(rate):
     rng, noise = np.random.default_rng(3), 5e-4
     time = np.arange(int(6 * rate)) / rate
     swing = [np.sin(4 * time + phase) + 0.2 * np.sin(7 * time) for phase in rng.uniform(0, 6, 8)]
-    found = floor.noise_floor(np.array(swing) + noise * rng.standard_normal((8, len(time))), 0.0)
+    found = noise_model.noise_floor(np.array(swing) + noise * rng.standard_normal((8, len(time))), 0.0)
     assert noise * 0.9 < found < noise * 1.6
 
 
@@ -90,7 +90,7 @@ def test_a_trial_in_which_an_error_lasts_stands_out():
     data = Data(("force.left",), np.array([0]), values, np.array([NOISE]), sigma, np.zeros_like(values), block=6)
     error = np.random.default_rng(0).normal(0, NOISE, values.shape)
     error[1] += NOISE  # as large as the noise, but all along
-    fails = score.lasting_in(data, error)
+    fails = likelihood.lasting_in(data, error)
     assert fails[1] > 4
     assert fails[[0, 2]] == pytest.approx(1, abs=0.7)  # ten blocks: scatter of 0.45
 
@@ -110,8 +110,10 @@ def test_one_motion_may_go_another_way(channel, wrong, said):
     data = Data((channel,), np.array([0]), values, np.array([NOISE]), sigma, np.zeros_like(values), block=6)
     error = np.random.default_rng(0).normal(0, NOISE, values.shape)
     error[wrong, 40:] += 10 * NOISE
-    assert list(np.nonzero(score.astray(data, error))[0]) == said
-    assert not score.astray(floor.part(data, [0, 1, 2]), error[:3]).any()  # of three trials none is the odd one
+    assert list(np.nonzero(likelihood.astray(data, error))[0]) == said
+    assert not likelihood.astray(
+        noise_model.part(data, [0, 1, 2]), error[:3]
+    ).any()  # of three trials none is the odd one
 
 
 def test_where_the_simulator_itself_cannot_tell_what_happens_little_is_held_against_an_explanation():
@@ -119,7 +121,7 @@ def test_where_the_simulator_itself_cannot_tell_what_happens_little_is_held_agai
     rng = np.random.default_rng(0)
     alike = np.zeros((7, 1, ROWS, 1))
     alike[:, :, ROWS // 2 :] = rng.normal(0, 5 * NOISE, (7, 1, 1, 1))
-    data = floor.with_scatter(flat(), alike)
+    data = noise_model.with_scatter(flat(), alike)
     assert data.sigma[0, : ROWS // 2] == pytest.approx(NOISE)
     spread = float(alike[:, 0, -1, 0].std(ddof=1))
     assert data.sigma[0, ROWS // 2 :] == pytest.approx(np.hypot(NOISE, spread))
@@ -138,8 +140,8 @@ def test_a_swing_is_no_event_but_a_stop_is(rate):
     swing = 0.5 * np.sin(2 * np.pi * time)
     stopped = np.where(time < 2, 2.0 * (time - 2), 0.0)
     values, noise = np.stack([swing, stopped])[..., None], np.array([1e-4])
-    share = np.array([floor.SHARE["position"][1]])
-    sigma, _ = floor.sigma(values, noise, share, ("position.hinge",), 1 / rate)
+    share = np.array([noise_model.SHARE["position"][1]])
+    sigma, _ = noise_model.sigma(values, noise, share, ("position.hinge",), 1 / rate)
     there = np.abs(time - 2) < 2 / rate
-    assert 1.0 < sigma[1, there, 0].max() / floor.TIMING < 2.2
+    assert 1.0 < sigma[1, there, 0].max() / noise_model.TIMING < 2.2
     assert np.median(sigma[0]) < 2.5 * noise[0] < 0.15 * sigma[1, there, 0].max()

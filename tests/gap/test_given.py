@@ -8,11 +8,12 @@ import pytest
 from made_motions import diagnosed, pendulum, record
 
 from tiago_mj.cli import main
-from tiago_mj.gap import floor, replay
-from tiago_mj.gap.effects import read_effects
-from tiago_mj.gap.plant import plant_of
-from tiago_mj.gap.predict import predictor
-from tiago_mj.gap.read import read_recordings
+from tiago_mj.effects import read_effects
+from tiago_mj.gap.data.read import read_recordings
+from tiago_mj.gap.inference import noise_model
+from tiago_mj.gap.inference.predictor import predictor
+from tiago_mj.gap.simulation import replay
+from tiago_mj.gap.simulation.plant import plant_of
 
 FRICTION = {"coulomb_friction": {"force": 2.5}}
 PAIRS = [
@@ -47,7 +48,7 @@ def test_a_recording_with_two_effects_is_replayed_by_one_that_is_given_and_the_o
     # The same through what the fits call, where sensors' effects are applied to kept runs.
     predict, _ = predictor(plant, trials)
     np.testing.assert_allclose(
-        replace(predict, off=None)(sims), floor.predicted(predict.data, signals), rtol=0, atol=1e-9
+        replace(predict, off=None)(sims), noise_model.predicted(predict.data, signals), rtol=0, atol=1e-9
     )
 
 

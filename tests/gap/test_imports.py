@@ -8,10 +8,10 @@ import pytest
 from real_recordings import real
 
 from tiago_mj.cli import main
-from tiago_mj.gap.imports import public, so101, tiago_arm, xl330
-from tiago_mj.gap.lint import inspect, refuse, usable
-from tiago_mj.gap.read import read_recordings
-from tiago_mj.gap.recording import RecordingError
+from tiago_mj.gap.data.lint import inspect, refuse, usable
+from tiago_mj.gap.data.read import read_recordings
+from tiago_mj.gap.data.recording import RecordingError
+from tiago_mj.gap.tools.imports import public, so101, tiago_arm, xl330
 from tiago_mj.models import names
 
 

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from made_motions import ARM, diagnosed, named, pendulum, record, robot, trial
 
-from tiago_mj.gap.inverse import diagnose_inverse
-from tiago_mj.gap.inverse.channels import Usable, choose
-from tiago_mj.gap.recording import RecordingError, Trial
+from tiago_mj.gap.data.recording import RecordingError, Trial
 from tiago_mj.gap.report import json as report
+from tiago_mj.gap.torque import diagnose_inverse
+from tiago_mj.gap.torque.channels import Usable, choose
 
 
 def test_a_dead_effort_channel_is_left_out_and_named() -> None:

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import tiago_mj
-from tiago_mj.gap.lint import JointRanges, check_names, inspect, refuse, usable
-from tiago_mj.gap.record import Motion, Plan, make, random_motion, record
-from tiago_mj.gap.recording import CODES, KINDS, Finding, RecordingError, channels
+from tiago_mj.gap.data.lint import JointRanges, check_names, inspect, refuse, usable
+from tiago_mj.gap.data.recording import CODES, KINDS, Finding, RecordingError, channels
+from tiago_mj.gap.tools.record import Motion, Plan, make, random_motion, record
 from tiago_mj.models import names
 from tiago_mj.rollout.policies import make_policy
 
@@ -102,7 +102,7 @@ def test_clean_recordings_of_every_environment_raise_no_alarm(seeds):
 @pytest.mark.parametrize("policy", ["pi", "random"])
 def test_no_effect_of_the_library_at_its_default_is_taken_for_a_fault_of_the_log(policy, ranges):
     """A refusal would keep the effect from being diagnosed."""
-    from tiago_mj.gap.effects import EFFECTS
+    from tiago_mj.effects import EFFECTS
 
     for name in EFFECTS:
         trials = recorded("GripperTactile-v0", policy, episodes=2, effects={name: {}})

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from tiago_mj.cli import main
-from tiago_mj.gap.lint import inspect_all, refuse, summary, usable
-from tiago_mj.gap.plant import plant_of
-from tiago_mj.gap.read import read_recordings
-from tiago_mj.gap.record import Motion
-from tiago_mj.gap.record.plain import record_model
-from tiago_mj.gap.recording import Finding, RecordingError
-from tiago_mj.gap.write import write_trial
+from tiago_mj.gap.data.lint import inspect_all, refuse, summary, usable
+from tiago_mj.gap.data.read import read_recordings
+from tiago_mj.gap.data.recording import Finding, RecordingError
+from tiago_mj.gap.data.write import write_trial
+from tiago_mj.gap.simulation.plant import plant_of
+from tiago_mj.gap.tools.record import Motion
+from tiago_mj.gap.tools.record.plain import record_model
 
 ARM = """
 <mujoco>

@@ -9,14 +9,16 @@ import pytest
 
 from benchmarks.blind import cases, recordings, robots
 from benchmarks.blind.cases import FAST_RATE, Case, EffectChoice
-from tiago_mj.gap import floor, hypotheses, lost, set_points, starts
-from tiago_mj.gap.diagnose import diagnose
-from tiago_mj.gap.effects.spec import Entry
-from tiago_mj.gap.fit import Fitted
-from tiago_mj.gap.plant import plant_of
-from tiago_mj.gap.predict import Predictor, predictor
-from tiago_mj.gap.read import read_recordings
-from tiago_mj.gap.set_points import Told
+from tiago_mj.effects.spec import Entry
+from tiago_mj.gap.data.read import read_recordings
+from tiago_mj.gap.detectors import set_points
+from tiago_mj.gap.detectors.set_points import Told
+from tiago_mj.gap.inference import hypotheses, noise_model
+from tiago_mj.gap.inference.fit import Fitted
+from tiago_mj.gap.inference.predictor import Predictor, predictor
+from tiago_mj.gap.pipeline import diagnose
+from tiago_mj.gap.search import lost_commands, starts
+from tiago_mj.gap.simulation.plant import plant_of
 
 HINGE = Case(seed=5252, setting="plain", interface="position", spread=0.04, rate=FAST_RATE, seconds=1.6, trials=4)
 #: Of what moves the joint by less than its noise nobody can say whether it was lost.
@@ -42,7 +44,7 @@ def with_losses(predict: Predictor, share: float) -> tuple[Predictor, np.ndarray
     rng = np.random.default_rng(0)
     luck = (rng.random(predict.on.commands.shape) > share).astype(float)
     trials = range(len(predict.on.trials))
-    losing = Entry(lost.EFFECT, None, {"probability": 0.5})
+    losing = Entry(lost_commands.EFFECT, None, {"probability": 0.5})
     value = predict.with_luck(luck).all_trials([(losing,)], trials)[0]
     value = value + predict.data.noise * rng.standard_normal(value.shape)
     return replace(predict, data=replace(predict.data, value=value)), luck
@@ -52,12 +54,12 @@ def test_commands_that_were_lost_are_told_and_so_is_their_share(hinge: tuple[Pre
     predict, seen, _ = hinge
     losing, luck = with_losses(predict, SHARE)
     trials = range(len(predict.on.trials))
-    found = lost.decode(losing, seen, [()] * len(trials), trials)
+    found = lost_commands.decode(losing, seen, [()] * len(trials), trials)
     step = np.abs(np.diff(predict.on.commands, axis=1, prepend=seen.start[:, None]))
     told = step > np.quantile(step, 0.7)  # those that change most
     assert np.mean(found.luck[told] == luck[told]) > 0.9
-    pool = hypotheses.candidates(predict.plant, (lost.EFFECT,))
-    (candidate,) = lost.candidates(pool, found, predict.plant.wiring.targets.command, trials) or [None]
+    pool = hypotheses.candidates(predict.plant, (lost_commands.EFFECT,))
+    (candidate,) = lost_commands.candidates(pool, found, predict.plant.wiring.targets.command, trials) or [None]
     assert candidate is not None
     assert candidate.spread is not None
     # Three deviations of it, and what the few hundred draws themselves are off.
@@ -68,18 +70,18 @@ def test_commands_that_were_lost_are_told_and_so_is_their_share(hinge: tuple[Pre
 def test_where_no_command_was_lost_none_is_told(hinge: tuple[Predictor, Told, Path]) -> None:
     predict, seen, _ = hinge
     trials = range(len(predict.on.trials))
-    pool = hypotheses.candidates(predict.plant, (lost.EFFECT,))
+    pool = hypotheses.candidates(predict.plant, (lost_commands.EFFECT,))
     for measured in (predict, with_losses(predict, 0.0)[0]):
-        found = lost.decode(measured, seen, [()] * len(trials), trials)
-        assert lost.candidates(pool, found, predict.plant.wiring.targets.command, trials) is None
+        found = lost_commands.decode(measured, seen, [()] * len(trials), trials)
+        assert lost_commands.candidates(pool, found, predict.plant.wiring.targets.command, trials) is None
 
 
 def test_a_trial_counts_only_where_it_is_fitted(hinge: tuple[Predictor, Told, Path]) -> None:
     predict, seen, _ = hinge
     losing, _ = with_losses(predict, SHARE)
-    without = replace(losing, data=floor.part(losing.data, range(4)))
+    without = replace(losing, data=noise_model.part(losing.data, range(4)))
     without.data.value[1:] = np.nan
-    found = lost.decode(without, seen, [()] * 4, (0,))
+    found = lost_commands.decode(without, seen, [()] * 4, (0,))
     assert (found.luck[1:] == 1).all()
     assert found.cost[:, 1:].max() == pytest.approx(0.0)
 
@@ -87,7 +89,7 @@ def test_a_trial_counts_only_where_it_is_fitted(hinge: tuple[Predictor, Told, Pa
 def test_a_servo_whose_joint_is_not_measured_tells_nothing(hinge: tuple[Predictor, Told, Path]) -> None:
     predict, seen, _ = hinge
     blind = replace(predict.data, channels=tuple(f"position.{name}" for name in ("other", "else")))
-    found = lost.decode(replace(predict, data=blind), seen, [()] * 4, range(4))
+    found = lost_commands.decode(replace(predict, data=blind), seen, [()] * 4, range(4))
     assert (found.luck == 1).all()
     assert found.least(range(4)) == 0
 
@@ -96,7 +98,9 @@ def test_losses_of_two_servos_that_become_one_effect_cost_what_both_cost() -> No
     names = ("right", "left")
 
     def losing(target: str, paid: tuple[float, ...]) -> hypotheses.Candidate:
-        return hypotheses.Candidate(lost.EFFECT, (target,), "probability", (), 0.0, 0.0, 0.6, (0.2,), "-", paid=paid)
+        return hypotheses.Candidate(
+            lost_commands.EFFECT, (target,), "probability", (), 0.0, 0.0, 0.6, (0.2,), "-", paid=paid
+        )
 
     parts = (losing("right", (30.0, 1.0)), losing("left", (20.0, 3.0)))
     both = Fitted(parts, np.array([0.2, 0.3]), np.zeros(2), np.zeros(0), 0.0, 1.0)

@@ -12,8 +12,8 @@ import pytest
 import tiago_mj  # noqa: F401  (registers the environments)
 from tiago_mj.cli import main
 from tiago_mj.envs.flat import core_of
-from tiago_mj.gap.plant import plant_of
-from tiago_mj.gap.read import read_recordings
+from tiago_mj.gap.data.read import read_recordings
+from tiago_mj.gap.simulation.plant import plant_of
 
 STEPS = 40
 

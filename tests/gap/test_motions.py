@@ -15,8 +15,8 @@ from tiago_mj.cli import main
 from tiago_mj.gap import motions
 from tiago_mj.gap.motions import make
 from tiago_mj.gap.motions.menu import items
-from tiago_mj.gap.record import Plan, read_motion, record
-from tiago_mj.gap.record import make as make_env
+from tiago_mj.gap.tools.record import Plan, read_motion, record
+from tiago_mj.gap.tools.record import make as make_env
 from tiago_mj.models import names
 
 ITEMS = {item.name: item for item in items()}

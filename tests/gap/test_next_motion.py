@@ -11,18 +11,21 @@ import pytest
 
 import tiago_mj  # noqa: F401  (registers the environments)
 from tiago_mj.cli import main
-from tiago_mj.gap import floor, hypotheses, motions, rehearse, rounds
-from tiago_mj.gap.diagnose import diagnose
-from tiago_mj.gap.fit import Fitted
+from tiago_mj.gap import motions
+from tiago_mj.gap.data.read import read_recordings
+from tiago_mj.gap.data.recording import channel, channels
+from tiago_mj.gap.decision.verdict import classes_of
+from tiago_mj.gap.design import rehearse
+from tiago_mj.gap.design.next_motion import next_motion
+from tiago_mj.gap.design.rehearse import PRESS
+from tiago_mj.gap.inference import hypotheses, noise_model
+from tiago_mj.gap.inference.fit import Fitted
 from tiago_mj.gap.motions.menu import OPEN, items
-from tiago_mj.gap.next_motion import next_motion
-from tiago_mj.gap.plant import plant_of
-from tiago_mj.gap.read import read_recordings
-from tiago_mj.gap.record import Plan, read_motion, record
-from tiago_mj.gap.recording import channel, channels
-from tiago_mj.gap.rehearse import PRESS
+from tiago_mj.gap.pipeline import diagnose
 from tiago_mj.gap.report import json as written
-from tiago_mj.gap.verdict import classes_of
+from tiago_mj.gap.search import refinement
+from tiago_mj.gap.simulation.plant import plant_of
+from tiago_mj.gap.tools.record import Plan, read_motion, record
 from tiago_mj.models import names
 
 #: What plain squeezes hardly tell apart: each holds back some of the force, or of the motion that makes it.
@@ -47,16 +50,16 @@ def explanation(plant, name, value):
 
 def proposed(trials, rivals=ALIKE, threads=2, **options):
     plant = plant_of(trials)
-    data = floor.collect(plant, trials)
+    data = noise_model.collect(plant, trials)
     fits = [explanation(plant, name, *parameters.values()) for name, parameters in rivals.items()]
     share = [1 / len(fits)] * len(fits)
-    weight = np.full(len(data.channels), 1 / np.sqrt(rounds.REPEATED))
+    weight = np.full(len(data.channels), 1 / np.sqrt(refinement.REPEATED))
     return next_motion(plant, trials[0], data, weight, fits, share, threads=threads, **options)
 
 
 def distance(one, other):
     """Between two recordings, in units of what the diagnosis trusts the sensors to."""
-    data = floor.collect(plant_of([one]), [one])
+    data = noise_model.collect(plant_of([one]), [one])
     noise = dict(zip(data.channels, data.noise, strict=True))
     return sum(
         float((((channel(one, name) - channel(other, name)) / noise[name]) ** 2).sum())
@@ -148,7 +151,7 @@ def test_a_robot_that_does_not_start_open_is_opened_first(short_menu):
     near = replace(trial, positions=positions, sidecar=replace(trial.sidecar, initial=initial))
     plant = plant_of([near])
     assert plant.starts[near.name].set_point[0] == 0.03
-    rehearsed = rehearse.rehearse(plant, near, floor.collect(plant, [near]), [], seed=0, threads=2)
+    rehearsed = rehearse.rehearse(plant, near, noise_model.collect(plant, [near]), [], seed=0, threads=2)
     begins = rehearsed.nominal[:, 0, : len(names.FINGERS)]
     np.testing.assert_allclose(begins, OPEN, atol=1e-9)
 

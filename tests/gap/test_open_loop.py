@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tiago_mj.gap import replay
-from tiago_mj.gap.effects.chain import Chain
-from tiago_mj.gap.effects.spec import Entry
-from tiago_mj.gap.plant import plant_of
-from tiago_mj.gap.record.environment import Plan, record
+from tiago_mj.effects.chain import Chain
+from tiago_mj.effects.spec import Entry
+from tiago_mj.gap.simulation import replay
+from tiago_mj.gap.simulation.plant import plant_of
+from tiago_mj.gap.tools.record.environment import Plan, record
 from tiago_mj.rollout.policies import make_policy
 
 MIXED = (

@@ -9,17 +9,19 @@ import numpy as np
 import pytest
 from test_repaired import robot
 
-from tiago_mj.gap import floor, place, replay, telling
-from tiago_mj.gap.effects import EFFECTS, read_effects
-from tiago_mj.gap.effects.spec import arrays
-from tiago_mj.gap.fit import Fitted
-from tiago_mj.gap.hypotheses import candidates, terms
-from tiago_mj.gap.model_file import changed
-from tiago_mj.gap.plant import Plant
-from tiago_mj.gap.predict import predictor
-from tiago_mj.gap.recording import Trial
-from tiago_mj.gap.repaired import entry
-from tiago_mj.gap.select import Ranked
+from tiago_mj.effects import EFFECTS, read_effects
+from tiago_mj.effects.model_file import changed
+from tiago_mj.effects.spec import arrays
+from tiago_mj.gap.analysis import outcome, place
+from tiago_mj.gap.data.recording import Trial
+from tiago_mj.gap.inference import noise_model
+from tiago_mj.gap.inference.fit import Fitted
+from tiago_mj.gap.inference.hypotheses import candidates, terms
+from tiago_mj.gap.inference.predictor import predictor
+from tiago_mj.gap.report.repaired import entry
+from tiago_mj.gap.search.select import Ranked
+from tiago_mj.gap.simulation import replay
+from tiago_mj.gap.simulation.plant import Plant
 
 NOISE = 2e-4
 
@@ -44,7 +46,7 @@ def after(plant: Plant, trials: list[Trial], mass: float) -> Fitted:
     predict, _ = predictor(plant, trials, threads=1)
     part = next(c for c in candidates(plant, ["payload"]))
     fit = Fitted((part,), np.array([mass]), np.array([0.02]), np.zeros(len(terms(plant))), 0.0, 9.0)
-    data = floor.part(predict.data, [0, 1])
+    data = noise_model.part(predict.data, [0, 1])
     weight = np.full(len(data.channels), 0.5)
     ranked = Ranked((fit,), (), (), 0, 1, True, weight, predict)
     return place.refined(plant, ranked, data, [0, 1]).fits[0]
@@ -54,19 +56,19 @@ def test_a_payload_beside_the_centre_is_placed_in_the_plane_of_the_motion(tmp_pa
     plant, trial, _ = robot(tmp_path)
     plant, trials = measured(plant, trial, {"mass": 0.4, "x": 0.11, "z": -0.05})
     fit = after(plant, trials, 0.5)
-    told = telling.named(plant, fit, 0).parameters
+    told = outcome.named(plant, fit, 0).parameters
     assert set(told) == {"mass", "x", "z"}, "the joints turn about y, along which no place shows"
     for key, truth, near in (("mass", 0.4, 0.05), ("x", 0.11, 0.02), ("z", -0.05, 0.01)):
         assert told[key].low <= truth <= told[key].high, key
         assert told[key].value == pytest.approx(truth, abs=near)
-    assert read_effects([{"name": "payload", "parameters": dict(entry(telling.named(plant, fit, 0)).parameters)}])
+    assert read_effects([{"name": "payload", "parameters": dict(entry(outcome.named(plant, fit, 0)).parameters)}])
 
 
 def test_a_payload_at_the_centre_is_given_no_other_place(tmp_path):
     plant, trial, _ = robot(tmp_path)
     plant, trials = measured(plant, trial, {"mass": 0.4})
     fit = after(plant, trials, 0.4)
-    assert set(telling.named(plant, fit, 0).parameters) == {"mass"}
+    assert set(outcome.named(plant, fit, 0).parameters) == {"mass"}
     assert fit.values[0] == 0.4
 
 

@@ -6,10 +6,10 @@ import mujoco
 import numpy as np
 import pytest
 
-from tiago_mj.gap.effects.chain import Chain
-from tiago_mj.gap.effects.host import ScalarHost
-from tiago_mj.gap.effects.spec import Entry
-from tiago_mj.gap.effects.wiring import wire
+from tiago_mj.effects.chain import Chain
+from tiago_mj.effects.host import ScalarHost
+from tiago_mj.effects.spec import Entry
+from tiago_mj.effects.wiring import wire
 
 PENDULUM = """
 <mujoco><option timestep="0.001" integrator="implicitfast"/><worldbody><body>

@@ -13,14 +13,14 @@ import pytest
 from real_recordings import real
 
 from tiago_mj.cli import main
-from tiago_mj.gap import lint, travel
-from tiago_mj.gap.diagnose import diagnose
-from tiago_mj.gap.effects import EFFECTS
-from tiago_mj.gap.imports import so101
-from tiago_mj.gap.read import read_recordings
-from tiago_mj.gap.recording import RecordingError, Sidecar, Trial
-from tiago_mj.gap.stated import known_to
-from tiago_mj.gap.trials import correlation_time, cut, cut_long, repeatability, too_long
+from tiago_mj.effects import EFFECTS
+from tiago_mj.gap.data import lint, travel
+from tiago_mj.gap.data.nominal_priors import known_to
+from tiago_mj.gap.data.read import read_recordings
+from tiago_mj.gap.data.recording import RecordingError, Sidecar, Trial
+from tiago_mj.gap.data.trials import correlation_time, cut, cut_long, repeatability, too_long
+from tiago_mj.gap.pipeline import diagnose
+from tiago_mj.gap.tools.imports import so101
 
 #: Rhoban/bam, bam/params/xl330/m1.json: reflected inertia [kg·m²] that its authors fitted to their own runs.
 PUBLISHED_ARMATURE = 0.0018

@@ -10,10 +10,10 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from tiago_mj.gap.read import read_recordings
-from tiago_mj.gap.read.tables import MAX_ROWS
-from tiago_mj.gap.recording import RecordingError, Sidecar, Trial, channels
-from tiago_mj.gap.write import write_trial
+from tiago_mj.gap.data.read import read_recordings
+from tiago_mj.gap.data.read.tables import MAX_ROWS
+from tiago_mj.gap.data.recording import RecordingError, Sidecar, Trial, channels
+from tiago_mj.gap.data.write import write_trial
 
 JOINT = "gripper_right_finger_joint"
 FACTS = {"robot": "tiago_mj/GripperTactile-v0", "interface": "velocity", "rate_hz": 100.0}

@@ -12,8 +12,8 @@ import pytest
 import yaml
 from made_diagnoses import CASES, COULOMB, LAG, LEFT, RIGHT, STIFFNESS, diagnosis, every_case, squeezed
 
+from tiago_mj.effects import EFFECTS, read_effects
 from tiago_mj.gap import report
-from tiago_mj.gap.effects import EFFECTS, read_effects
 from tiago_mj.gap.report import calibration, terminal, verdict, words
 from tiago_mj.gap.report import json as report_json
 from tiago_mj.gap.report.clauses import CLAUSES, LESS

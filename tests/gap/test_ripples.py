@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tiago_mj.gap.ripples import Trace, peaks
+from tiago_mj.gap.detectors.ripples import Trace, peaks
 
 NOISE = 2.7e-5
 

@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tiago_mj.gap import draws, hypotheses, rounds, shortlist, starts
-from tiago_mj.gap.fit import Fitted, Fitter, Point, Start
-from tiago_mj.gap.predict import Predictor
+from tiago_mj.gap.inference import hypotheses
+from tiago_mj.gap.inference.fit import Fitted, Fitter, Point, Start
+from tiago_mj.gap.inference.predictor import Predictor
+from tiago_mj.gap.search import ensemble, refinement, shortlist, starts
 
 
 def test_where_contacts_are_rough_draws_of_the_nominal_numbers_lead_to_what_small_moves_do_not(grasps):
@@ -39,9 +40,9 @@ def test_where_contacts_are_rough_draws_of_the_nominal_numbers_lead_to_what_smal
     exact = none.predictions([Point((lag,), np.array([0.03]), moved)])[0]
     fitter = replace(none, data=replace(data, value=exact + data.noise * rng.normal(size=exact.shape)))
     (stuck,) = fitter.around(Point((lag,), np.array([0.02]), 0 * moved)).fit_all([Start((lag,), np.array([0.02]))])
-    led = draws.fitted(fitter, stuck)
-    assert rounds.fails(stuck, rounds.SHORT)
-    assert not rounds.fails(led, rounds.DONE)
+    led = ensemble.fitted(fitter, stuck)
+    assert refinement.fails(stuck, refinement.SHORT)
+    assert not refinement.fails(led, refinement.DONE)
     assert led.values == pytest.approx([0.03], rel=0.02)
 
 
@@ -65,9 +66,9 @@ def test_draws_lead_what_explains_nearly_all_and_yet_fails(grasps, monkeypatch, 
     start = Fitted((lag,), np.array([0.03]), np.ones(1), np.zeros(fitter.size), 100.0, leaves)
     nominal = Fitted((), np.zeros(0), np.zeros(0), np.zeros(fitter.size), 0.0, without)
     led = replace(start, evidence=200.0, misfit=0.5)
-    monkeypatch.setattr(draws, "fitted", lambda fitter, fit: led)
-    monkeypatch.setattr(rounds, "_around_itself", lambda fitter, begin, until=1.0: start)
-    assert any(f is led for f in rounds.renewed(fitter, [nominal, start])) == drawn
+    monkeypatch.setattr(ensemble, "fitted", lambda fitter, fit: led)
+    monkeypatch.setattr(refinement, "_around_itself", lambda fitter, begin, until=1.0: start)
+    assert any(f is led for f in refinement.renewed(fitter, [nominal, start])) == drawn
 
 
 def test_fits_go_on_around_themselves_as_long_as_that_brings_something(grasps, monkeypatch):
@@ -85,10 +86,10 @@ def test_fits_go_on_around_themselves_as_long_as_that_brings_something(grasps, m
     gain = next(c for c in hypotheses.candidates(plant, ["force_gain"]) if c.target is None)
     (pair,) = fitter.fit_all([Start((lag, gain), np.array([0.03, 1.001]), moved)])
     assert pair.evidence > fits[1].evidence + starts.VALLEY
-    alone = next(f for f in shortlist.ordered(rounds.renewed(fitter, [*fits, pair])) if f.parts == (lag,))
+    alone = next(f for f in shortlist.ordered(refinement.renewed(fitter, [*fits, pair])) if f.parts == (lag,))
     assert alone.evidence > pair.evidence - 1
-    best = shortlist.ordered(rounds.renewed(fitter, fits))[0]
-    monkeypatch.setattr(rounds, "AROUND", 0)
-    once = shortlist.ordered(rounds.renewed(fitter, fits))[0]
+    best = shortlist.ordered(refinement.renewed(fitter, fits))[0]
+    monkeypatch.setattr(refinement, "AROUND", 0)
+    once = shortlist.ordered(refinement.renewed(fitter, fits))[0]
     assert best.parts == once.parts == (lag,)
     assert shortlist.left(once) > 1.5 * shortlist.left(best)

@@ -10,14 +10,17 @@ import numpy as np
 import pytest
 
 from tiago_mj import cli
-from tiago_mj.gap import command, floor, replay, report, select, stability
-from tiago_mj.gap.diagnose import diagnose
-from tiago_mj.gap.effects import EFFECTS
-from tiago_mj.gap.effects.spec import Entry, read_effects
-from tiago_mj.gap.plant import Plant, plant_of
-from tiago_mj.gap.predict import Predictor, predictor
-from tiago_mj.gap.recording import RecordingError, Sidecar, Trial
-from tiago_mj.gap.verdict import judge
+from tiago_mj.effects import EFFECTS
+from tiago_mj.effects.spec import Entry, read_effects
+from tiago_mj.gap import command, report
+from tiago_mj.gap.data.recording import RecordingError, Sidecar, Trial
+from tiago_mj.gap.decision.verdict import judge
+from tiago_mj.gap.inference import noise_model
+from tiago_mj.gap.inference.predictor import Predictor, predictor
+from tiago_mj.gap.pipeline import diagnose
+from tiago_mj.gap.search import select
+from tiago_mj.gap.simulation import replay, stability
+from tiago_mj.gap.simulation.plant import Plant, plant_of
 
 ARM = """
 <mujoco model="arm"><option timestep="0.002"/><worldbody><body name="upper" pos="0 0 1">
@@ -102,7 +105,7 @@ def test_predictions_are_finite_and_what_diverged_is_hopeless(tmp_path):
     wild = (Entry("servo_damping", None, {"damping": 1e4}),)
     out = predict([(0, ()), (0, wild)])
     assert np.isfinite(out).all()
-    assert np.abs(out[1] - out[0]).max() > 0.5 * floor.HOPELESS * predict.data.noise.min()
+    assert np.abs(out[1] - out[0]).max() > 0.5 * noise_model.HOPELESS * predict.data.noise.min()
     assert predict.tally["diverged"] == 1
 
 
@@ -170,7 +173,7 @@ def test_what_was_found_until_something_ends_the_search_is_the_answer(tmp_path, 
 
 
 def test_an_interrupted_command_writes_its_best_verdict_and_says_so(tmp_path, monkeypatch, capsys):
-    from tiago_mj.gap.write import write_trial
+    from tiago_mj.gap.data.write import write_trial
 
     for trial in played(arm(tmp_path), {"coulomb_friction": {"force": 0.6}}, tmp_path):
         write_trial(trial, tmp_path / "logs")
@@ -224,12 +227,12 @@ def test_predictions_as_simulated_share_their_simulations_with_those_put_right(t
     raw = corrected.as_simulated().all_trials([()], range(2))[0]
     assert corrected.tally["simulations"] == count
     simulated = replay.simulate(plant, predict.on, [(k, ()) for k in range(2)])
-    np.testing.assert_array_equal(raw, floor.predicted(predict.data, simulated))
+    np.testing.assert_array_equal(raw, noise_model.predicted(predict.data, simulated))
 
 
 @pytest.mark.parametrize("stage", ["place", "next motion"])
 def test_a_fault_after_the_search_does_not_lose_what_the_search_found(tmp_path, monkeypatch, stage):
-    import tiago_mj.gap.diagnose as module
+    import tiago_mj.gap.pipeline as module
 
     def failing(*given, **named):
         raise ValueError("numbers without sense")

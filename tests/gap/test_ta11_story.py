@@ -7,13 +7,15 @@ import pytest
 from real_recordings import real
 
 from tiago_mj.cli import main
-from tiago_mj.gap import floor, lint, replay
-from tiago_mj.gap.diagnose import diagnose
-from tiago_mj.gap.effects import EFFECTS, read_effects
-from tiago_mj.gap.imports import ta11_curve
-from tiago_mj.gap.plant import plant_of
-from tiago_mj.gap.read import read_recordings
-from tiago_mj.gap.recording import RecordingError
+from tiago_mj.effects import EFFECTS, read_effects
+from tiago_mj.gap.data import lint
+from tiago_mj.gap.data.read import read_recordings
+from tiago_mj.gap.data.recording import RecordingError
+from tiago_mj.gap.inference import noise_model
+from tiago_mj.gap.pipeline import diagnose
+from tiago_mj.gap.simulation import replay
+from tiago_mj.gap.simulation.plant import plant_of
+from tiago_mj.gap.tools.imports import ta11_curve
 from tiago_mj.sensing.ta11_curve import MEASURED, fit_line, replay_object
 
 
@@ -109,11 +111,11 @@ def test_a_slope_set_wrong_on_purpose_is_a_gain_of_the_right_size():
 def test_what_a_value_is_known_to_is_said_by_its_sidecar():
     trials = squeezes("A-wood", every=4)
     stated = trials[0].sidecar.raw["uncertainty"]["force"]
-    assert floor.collect(plant_of(trials), trials).noise == pytest.approx([stated, stated])
+    assert noise_model.collect(plant_of(trials), trials).noise == pytest.approx([stated, stated])
     raw = {**trials[0].sidecar.raw, "uncertainty": {"force": "small"}}
     wrong = dataclasses.replace(trials[0], sidecar=dataclasses.replace(trials[0].sidecar, raw=raw))
     with pytest.raises(RecordingError, match="uncertainty"):
-        floor.collect(plant_of(trials), [wrong])
+        noise_model.collect(plant_of(trials), [wrong])
 
 
 @pytest.mark.parametrize(

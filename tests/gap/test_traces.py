@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tiago_mj.gap.traces import LEAST_BIAS, tone, trace
+from tiago_mj.gap.detectors.readings import LEAST_BIAS, tone, trace
 
 PERIOD, NOISE = 1 / 240, 0.0077
 ROWS = np.arange(200)

@@ -5,9 +5,9 @@ from dataclasses import replace
 
 import pytest
 
-from tiago_mj.gap.hypotheses import Candidate
+from tiago_mj.gap.decision.verdict import Calibration, Option, decide
+from tiago_mj.gap.inference.hypotheses import Candidate
 from tiago_mj.gap.result import Evidence
-from tiago_mj.gap.verdict import Calibration, Option, decide
 
 BY = Calibration(temperature=1.0, stands=0.333, rival=0.05, fails=3.0, remains=3.0)
 

@@ -33,7 +33,7 @@ def test_what_a_calibration_recovers_is_the_share_of_the_way_from_the_nominal_po
 
 
 def test_what_is_withheld_and_what_is_drawn_are_effects():
-    from tiago_mj.gap.effects import read_effects
+    from tiago_mj.effects import read_effects
     from tiago_mj.learn.randomise import read_ranges
 
     gap = importlib.import_module("across_a_gap")

@@ -7,7 +7,7 @@ import pytest
 import scale_bench
 
 from tiago_mj import cli, diagnose_all, scale
-from tiago_mj.gap.effects import EFFECTS
+from tiago_mj.effects import EFFECTS
 
 
 def printed(capsys, *words):

@@ -6,7 +6,7 @@ import pytest
 from gymnasium.vector import AutoresetMode
 
 import tiago_mj
-from tiago_mj.gap.effects import EFFECTS
+from tiago_mj.effects import EFFECTS
 from tiago_mj.sensing.load_cell import LoadCell
 
 IDS = [f"tiago_mj/{name}" for name in tiago_mj.ENVIRONMENTS]

@@ -15,13 +15,13 @@ from tiago_mj.sensing.load_cell import LoadCell
 from tiago_mj.sensing.sources import PadForces
 
 if TYPE_CHECKING:
-    from tiago_mj.gap.effects.chain import Chain
+    from tiago_mj.effects.chain import Chain
 
 Array = NDArray[np.float64]
 
 
 class Measured(Protocol):
-    """Effects on what is measured, as :class:`tiago_mj.gap.effects.chain.Chain` has them."""
+    """Effects on what is measured, as :class:`tiago_mj.effects.chain.Chain` has them."""
 
     def reading(self, newtons: Array, units_per_newton: Callable[[Array], Array], noise: Array) -> Array:
         """Load-cell samples [sensor units]."""

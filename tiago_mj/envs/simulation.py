@@ -31,7 +31,7 @@ from tiago_mj.sensing.load_cell import LoadCell, MovingAverage, named_load_cell
 from tiago_mj.sensing.noise import NoiseBlocks
 
 if TYPE_CHECKING:
-    from tiago_mj.gap.effects.chain import Chain, Wiring
+    from tiago_mj.effects.chain import Chain, Wiring
 
 Array = NDArray[np.float64]
 
@@ -218,9 +218,9 @@ class RobotSimulation(MujocoRobotEnv, ABC):  # type: ignore[misc]
 
     def _make_chain(self) -> Chain:
         """The same signal chain that the diagnosis simulates with, for this one simulation."""
-        from tiago_mj.gap.effects import check_sizes, read_effects
-        from tiago_mj.gap.effects.chain import Chain
-        from tiago_mj.gap.effects.host import ScalarHost
+        from tiago_mj.effects import check_sizes, read_effects
+        from tiago_mj.effects.chain import Chain
+        from tiago_mj.effects.host import ScalarHost
 
         entries, wiring = read_effects(self._effects), self.wiring()
         check_sizes(entries, wiring.targets)
@@ -228,7 +228,7 @@ class RobotSimulation(MujocoRobotEnv, ABC):  # type: ignore[misc]
 
     def wiring(self) -> Wiring:
         """Where commands, joints and sensors are, for effects and the diagnosis."""
-        from tiago_mj.gap.effects.wiring import wire
+        from tiago_mj.effects.wiring import wire
 
         return wire(
             self.model,

@@ -12,12 +12,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from tiago_mj import extra
-from tiago_mj.gap.recording import RecordingError, Trial
-from tiago_mj.gap.trials import LONGEST, MOST_ROWS, too_long
+from tiago_mj.gap.data.recording import RecordingError, Trial
+from tiago_mj.gap.data.trials import LONGEST, MOST_ROWS, too_long
 from tiago_mj.progress import Progress
 
 if TYPE_CHECKING:
-    from tiago_mj.gap.plant import Plant
+    from tiago_mj.gap.simulation.plant import Plant
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -59,7 +59,7 @@ def considered(without: str) -> tuple[str, ...] | None:
     Raises:
         ValueError: there is no such effect.
     """
-    from tiago_mj.gap.effects import EFFECTS
+    from tiago_mj.effects import EFFECTS
 
     left_out = [name.strip() for name in without.split(",") if name.strip()]
     for name in left_out:
@@ -90,7 +90,7 @@ class Told:
         self._progress, self._stage = progress, ""
 
     def __call__(self, stage: str, total: int, done: int = 0) -> None:
-        """See :class:`tiago_mj.gap.select.Tick`."""
+        """See :class:`tiago_mj.gap.search.select.Tick`."""
         if stage != self._stage:
             counted = total if stage == "screening" else None
             self._stage = stage
@@ -132,12 +132,12 @@ def run(arguments: argparse.Namespace) -> int:
         raise ValueError(f"--out {arguments.out}: this is a file: name a folder")
     extra.load("pandas", "reading recordings")
     threadpool_limits = extra.load("threadpoolctl", "the same answer on every machine").threadpool_limits
-    from tiago_mj.gap import lint
-    from tiago_mj.gap.diagnose import diagnose
-    from tiago_mj.gap.effects import read_effects
-    from tiago_mj.gap.plant import plant_of
-    from tiago_mj.gap.read import read_recordings
+    from tiago_mj.effects import read_effects
+    from tiago_mj.gap.data import lint
+    from tiago_mj.gap.data.read import read_recordings
+    from tiago_mj.gap.pipeline import diagnose
     from tiago_mj.gap.report import json, terminal, write
+    from tiago_mj.gap.simulation.plant import plant_of
 
     try:
         defaults = {"robot": arguments.env} if arguments.env else {}

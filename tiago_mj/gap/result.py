@@ -13,8 +13,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from tiago_mj.gap.effects.spec import Entry
-from tiago_mj.gap.recording import Finding
+from tiago_mj.effects.spec import Entry
+from tiago_mj.gap.data.recording import Finding
 
 Array = NDArray[np.float64]
 
@@ -120,7 +120,7 @@ class Shrink:
         closed, low, high: share of the excess over the floor that is gone, and its 90 % interval.
         per_channel: the same by channel.
         task: {policy, nominal, repaired, measured}: the return of a policy, predicted before and after, and more
-            (:mod:`tiago_mj.gap.task`); or None.
+            (:mod:`tiago_mj.gap.analysis.task`); or None.
         per_phase: the same by phase, all channels together.
         per_place: the same by channel, then by phase.
         resampled: what the intervals are drawn over, in words.

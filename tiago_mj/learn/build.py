@@ -43,7 +43,7 @@ def make_env(settings: Settings, count: int) -> Any:
 
 
 def _randomised(settings: Settings, ranges: Mapping[str, Any], count: int, options: dict[str, Any]) -> Any:
-    from tiago_mj.gap.effects import read_effects
+    from tiago_mj.effects import read_effects
     from tiago_mj.learn.randomise import Randomised
     from tiago_mj.vector.sb3 import make_sb3
 

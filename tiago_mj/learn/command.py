@@ -143,7 +143,7 @@ def _effects(path: Path | None) -> Any:
         return None
     import yaml
 
-    from tiago_mj.gap.effects import read_effects
+    from tiago_mj.effects import read_effects
 
     read_effects(path)  # complains of what it cannot use
     return json.loads(json.dumps(yaml.safe_load(path.read_text(encoding="utf-8"))))

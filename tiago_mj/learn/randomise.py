@@ -32,7 +32,7 @@ def read_ranges(given: Any, where: str) -> dict[str, dict[str, list[float]]]:
     Raises:
         ValueError: it has another form, an effect or parameter is unknown, or a value is impossible; one line.
     """
-    from tiago_mj.gap.effects import read_effects
+    from tiago_mj.effects import read_effects
 
     if not isinstance(given, Mapping) or not given:
         raise ValueError(f"{where}: give effects with ranges, such as 'command_delay: {{seconds: [0, 0.03]}}'")
@@ -51,7 +51,7 @@ def read_ranges(given: Any, where: str) -> dict[str, dict[str, list[float]]]:
 
 def draw(ranges: Ranges, rng: np.random.Generator) -> list[dict[str, Any]]:
     """Effects of one simulator, as environments take them."""
-    from tiago_mj.gap.effects.declare import EFFECTS
+    from tiago_mj.effects.declare import EFFECTS
 
     drawn = []
     for name, parameters in ranges.items():

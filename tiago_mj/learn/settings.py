@@ -29,7 +29,7 @@ class Settings:
         algo: of :data:`tiago_mj.learn.zoo_form.ALGORITHMS`.
         steps: environment steps of a seed.
         env_options: arguments of the environment.
-        effects: what acts on the environment, as :func:`tiago_mj.gap.effects.read_effects` takes it; None: nothing.
+        effects: what acts on the environment, as :func:`tiago_mj.effects.read_effects` takes it; None: nothing.
         hyperparameters: as :func:`tiago_mj.learn.zoo_form.checked` gives them.
         updates_per_step: gradient steps per environment step; None: as the hyperparameters say.
         evaluate_every: environment steps between evaluations.

@@ -15,15 +15,15 @@ import mujoco.batch
 import numpy as np
 from numpy.typing import NDArray
 
-from tiago_mj.gap.effects.chain import Chain, Wiring
-from tiago_mj.gap.effects.spec import Entry
+from tiago_mj.effects.chain import Chain, Wiring
+from tiago_mj.effects.spec import Entry
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.intp]
 
 
 class Members:
-    """The simulations of one cohort, as a :class:`tiago_mj.gap.effects.host.Host`.
+    """The simulations of one cohort, as a :class:`tiago_mj.effects.host.Host`.
 
     Attributes:
         rows: the members, of the batch.
@@ -188,7 +188,7 @@ class Cohorts:
     def __init__(
         self, batch: mujoco.batch.Batch, wiring: Wiring, given: Any, generators: list[np.random.Generator]
     ) -> None:
-        from tiago_mj.gap.effects import read_effects
+        from tiago_mj.effects import read_effects
 
         self._batch, self._wiring, self._effects, self._generators = batch, wiring, read_effects(given), generators
         self.now: list[Cohort] = []

@@ -19,7 +19,7 @@ import jinja2
 from markupsafe import Markup
 
 from tiago_mj import atomic, extra
-from tiago_mj.gap.lint.summary import summary
+from tiago_mj.gap.data.lint.summary import summary
 from tiago_mj.gap.report import overlays, shrinking, tables, verdict, words
 from tiago_mj.gap.result import PHASES, Diagnosis
 

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from tiago_mj import atomic
-from tiago_mj.gap.recording import Finding
+from tiago_mj.gap.data.recording import Finding
 from tiago_mj.gap.result import (
     PHASES,
     SCHEMA,

@@ -6,8 +6,8 @@ import math
 from dataclasses import dataclass
 from typing import Any, Final
 
-from tiago_mj.gap.effects import EFFECTS
-from tiago_mj.gap.effects.declare import STAGES
+from tiago_mj.effects import EFFECTS
+from tiago_mj.effects.declare import STAGES
 from tiago_mj.gap.report import words
 from tiago_mj.gap.result import BANDS, PHASES, Diagnosis, Explanation, Named, Place, Value
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from tiago_mj import extra
-from tiago_mj.gap.lint.summary import summary
+from tiago_mj.gap.data.lint.summary import summary
 from tiago_mj.gap.report import shrinking, tables, verdict, words
 from tiago_mj.gap.result import Diagnosis
 

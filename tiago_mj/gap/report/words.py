@@ -8,7 +8,7 @@ import re
 from collections.abc import Sequence
 from typing import Final
 
-from tiago_mj.gap.effects import EFFECTS
+from tiago_mj.effects import EFFECTS
 from tiago_mj.gap.report.clauses import CLAUSES, LESS
 from tiago_mj.gap.result import Explanation, Named, Value
 from tiago_mj.models import names

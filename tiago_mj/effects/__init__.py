@@ -1,0 +1,28 @@
+"""The effects that a simulator may lack: one declaration each, in the order of the signal chain."""
+
+from tiago_mj.effects import (  # noqa: F401  (their import declares the effects)
+    actuator,
+    body,
+    command,
+    contact,
+    force_sensor,
+    joint_sensor,
+    timing,
+    transmission,
+)
+from tiago_mj.effects.declare import EFFECTS, Effect, Parameter, effect, parameter
+from tiago_mj.effects.describe import Description, describe
+from tiago_mj.effects.spec import Entry, check_sizes, read_effects
+
+__all__ = [
+    "EFFECTS",
+    "Description",
+    "Effect",
+    "Entry",
+    "Parameter",
+    "check_sizes",
+    "describe",
+    "effect",
+    "parameter",
+    "read_effects",
+]

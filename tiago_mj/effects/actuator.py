@@ -1,0 +1,147 @@
+"""The servo and its motor: from the set point to a force on the joint."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tiago_mj.effects.declare import Array, Effect, effect, parameter
+from tiago_mj.effects.now import Now
+
+FORCE = ("N", "N·m")
+DAMPING = ("N·s/m", "N·m·s/rad")
+
+
+def scale_gains(now: Now, position: Array, velocity: Array) -> None:
+    """Multiply the position gains (set point and feedback alike) and the velocity gains, (nsim, nactuators)."""
+    ids = now.wiring.actuators
+    gain, bias = now.host.field("actuator_gainprm"), now.host.field("actuator_biasprm")
+    gain[:, ids, 0] *= position
+    bias[:, ids, 1] *= position
+    bias[:, ids, 2] *= velocity
+
+
+def limit_forces(now: Now, present: NDArray[np.bool_], limit: Array) -> None:
+    """Let the servos' forces saturate at ± limit, or earlier where they did, (nsim, nactuators) [N, N·m]."""
+    ids = now.wiring.actuators
+    limits = now.host.field("actuator_forcerange")
+    unlimited = np.asarray(now.host.model.actuator_forcelimited[ids] == 0)
+    low = np.where(unlimited, -np.inf, limits[:, ids, 0])
+    high = np.where(unlimited, np.inf, limits[:, ids, 1])
+    if unlimited.any():
+        limited = now.host.field("actuator_forcelimited")
+        limited[:, ids] = np.where(present & unlimited, 1, limited[:, ids])
+    limits[:, ids, 0] = np.where(present, np.maximum(low, -limit), limits[:, ids, 0])
+    limits[:, ids, 1] = np.where(present, np.minimum(high, limit), limits[:, ids, 1])
+
+
+@effect("servo_stiffness", stage="actuator", targets="command", gap_class="gain")
+class ServoStiffness(Effect):
+    """The position gain is not the nominal one.
+
+    Formula: force = factor · kp · (set point - position) - damping · velocity
+
+    In a recording: a free finger moves as before but trails farther; against an object the force per set point changes;
+    the largest force does not.
+
+    Typical: 0.5-1.5: for one gripper, 1000 and 2000 N/m are in use.
+
+    Source: menagerie's pal_tiago and pal_gripper's controller gains.
+
+    MuJoCo: ``actuator_gainprm``, ``actuator_biasprm``.
+    """
+
+    factor = parameter("-", identity=1.0, default=0.6, bounds=(0.2, 4.0))
+
+    def change(self, now: Now) -> None:
+        scale_gains(now, self.factor, np.ones_like(self.factor))
+
+
+@effect("servo_damping", stage="actuator", targets="command", gap_class="damping")
+class ServoDamping(Effect):
+    """The servo has a derivative gain on top of the nominal one; its force stays within the servo's limit.
+
+    Formula: force -= damping · velocity; in total never below 0
+
+    In a recording: moving joints trail farther behind, in proportion to speed; nothing at rest.
+
+    Typical: up to 80 N·s/m on the fingers.
+
+    Source: menagerie's pal_tiago (80 N·s/m in the servo, where pal_gripper has none).
+
+    MuJoCo: ``actuator_biasprm``.
+    """
+
+    damping = parameter(DAMPING, identity=0.0, default=(40.0, 5.0), bounds=((-60.0, 300.0), (-1.0, 60.0)))
+
+    def change(self, now: Now) -> None:
+        ids, bias = now.wiring.actuators, now.host.field("actuator_biasprm")
+        bias[:, ids, 2] = np.where(self.present, np.minimum(bias[:, ids, 2] - self.damping, 0.0), bias[:, ids, 2])
+
+
+@effect("force_limit", stage="actuator", targets="command")
+class ForceLimit(Effect):
+    """The actuator saturates at a lower force than its nominal limit.
+
+    Formula: |force| ≤ limit
+
+    In a recording: hard grasps end at a plateau, fast starts are slower; below the limit nothing changes.
+
+    Typical: 0.3-1 of the nominal limit: for one finger, 5.2 and 16 N are in use.
+
+    Source: menagerie's pal_tiago and pal_gripper.
+
+    MuJoCo: ``actuator_forcerange``.
+    """
+
+    limit = parameter(FORCE, identity=np.inf, default=0.4, bounds=(0.02, 1.0), nominal="effort")
+
+    def change(self, now: Now) -> None:
+        limit_forces(now, self.present, self.limit)
+
+
+@effect("torque_constant", stage="actuator", targets="command", gap_class="gain")
+class TorqueConstant(Effect):
+    """The delivered force is not the commanded one: all of the servo's output is scaled, its limit included.
+
+    Formula: delivered = factor · commanded
+
+    In a recording: as a lower servo stiffness, damping and force limit at once.
+
+    Typical: 0.8-1.2, with temperature and between copies of a motor.
+
+    Source: chosen.
+
+    MuJoCo: ``actuator_gainprm``, ``actuator_biasprm``, ``actuator_forcerange``; a ``dcmotor`` has the constant itself.
+    """
+
+    factor = parameter("-", identity=1.0, default=0.8, bounds=(0.2, 3.0))
+
+    def change(self, now: Now) -> None:
+        ids = now.wiring.actuators
+        gain, bias = now.host.field("actuator_gainprm"), now.host.field("actuator_biasprm")
+        gain[:, ids] *= self.factor[:, :, None]
+        bias[:, ids] *= self.factor[:, :, None]
+        now.host.field("actuator_forcerange")[:, ids] *= self.factor[:, :, None]
+
+
+@effect("motor_cogging", stage="actuator", targets="joint")
+class MotorCogging(Effect):
+    """The motor's magnets add a force that is periodic over position.
+
+    Formula: force += amplitude · sin(2π · position / period)
+
+    In a recording: a ripple on effort and position whose frequency is speed over period.
+
+    Typical: 0.01-0.05 of the rated force.
+
+    Source: chosen.
+
+    MuJoCo: ``cogging`` of a ``dcmotor``; the project's servos are none, so the same force is applied at the joint.
+    """
+
+    amplitude = parameter(FORCE, identity=0.0, default=1.0, bounds=(0.0, 8.0))
+    period = parameter(("m", "rad"), identity=None, default=0.005, bounds=((0.001, 0.02), (0.001, 0.5)))
+
+    def added_force(self, now: Now) -> Array:
+        return self.amplitude * np.sin(2 * np.pi * now.joint_position / self.period)

@@ -1,0 +1,123 @@
+"""Masses and gravity."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import mujoco
+import numpy as np
+
+from tiago_mj.effects.declare import Array, Effect, detail, effect, parameter
+from tiago_mj.effects.now import Now
+
+#: How far from the tool's centre of mass a payload is sought [m].
+REACH: Final = 0.5
+
+
+def principal(quaternion: Array, inertia: Array, mass: float, arm: Array) -> tuple[Array, Array]:
+    """Principal axes and moments of a body beside which there is another mass.
+
+    Args:
+        quaternion, inertia: of the body, (4,), (3,) [kg·m²].
+        mass: reduced mass of both [kg]; negative where mass was taken away.
+        arm: from the one centre to the other, (3,) [m].
+
+    Returns:
+        Quaternion and moments about the common centre, which some body could have: what is taken from a body is
+        never more than it has there.
+    """
+    matrix = np.zeros(9)
+    mujoco.mju_quat2Mat(matrix, quaternion)
+    turn = matrix.reshape(3, 3)
+    # Of second moments of mass none can be negative, whatever the axis; that is all that a body's inertia has to obey.
+    second = turn @ np.diag(inertia.sum() / 2 - inertia) @ turn.T + mass * np.outer(arm, arm)
+    moments, axes = np.linalg.eigh(second)
+    if mass < 0:
+        moments = np.maximum(moments, 0.0)
+    axes[:, 2] *= np.sign(np.linalg.det(axes))
+    turned = np.zeros(4)
+    mujoco.mju_mat2Quat(turned, axes.ravel())
+    return turned, moments.sum() - moments
+
+
+@effect("payload", stage="body", targets="joint")
+class Payload(Effect):
+    """Unmodelled mass at the tool, of which the robot's gravity compensation knows nothing.
+
+    The mass is a point at x, y, z from the tool body's centre of mass, along the body's axes; at that centre where no
+    place is given. What a body weighs is never below 0. What compensates gravity lifts the nominal mass at the common
+    centre.
+
+    Formula: joint torque += mass · g · lever arm; inertia += mass · lever arm²
+
+    In a recording: joint torques and sagging that follow gravity over the pose; larger torques in fast motion.
+
+    Typical: 0.1-2 kg: a camera, a cable, an adapter.
+
+    Source: chosen.
+
+    MuJoCo: ``body_mass``, ``body_gravcomp``; of a place ``body_ipos``, ``body_iquat``, ``body_inertia``.
+    """
+
+    mass = parameter("kg", identity=0.0, default=0.5, bounds=(-1.0, 5.0))
+    x = detail("m", (-REACH, REACH))
+    y = detail("m", (-REACH, REACH))
+    z = detail("m", (-REACH, REACH))
+
+    def change(self, now: Now) -> None:
+        tool, mass = now.wiring.tool, self.mass.sum(axis=1)
+        body_mass, compensation = now.host.field("body_mass"), now.host.field("body_gravcomp")
+        before = body_mass[:, tool].copy()
+        after = np.maximum(before + mass, 1e-6)
+        has = mass != 0
+        # The compensation lifts the nominal mass, not the new one.
+        compensation[has, tool] *= before[has] / after[has]
+        body_mass[:, tool] = np.where(has, after, before)
+        now.rebuild = True
+        place = self._place()
+        beside = has & place.any(axis=1)
+        if not beside.any():
+            return
+        centre, axes, inertia = (now.host.field(name) for name in ("body_ipos", "body_iquat", "body_inertia"))
+        for sim in np.flatnonzero(beside):
+            added = after[sim] - before[sim]
+            centre[sim, tool] += added / after[sim] * place[sim]
+            axes[sim, tool], inertia[sim, tool] = principal(
+                axes[sim, tool], inertia[sim, tool], before[sim] * added / after[sim], place[sim]
+            )
+
+    def _place(self) -> Array:
+        """Centre of what hangs on the tool, (nsim, 3) [m]."""
+        total = self.mass.sum(axis=1, keepdims=True)
+        place = np.stack([self.x, self.y, self.z], axis=-1)
+        weight = np.divide(self.mass, total, out=np.zeros_like(self.mass), where=total != 0)
+        centre: Array = (weight[..., None] * place).sum(axis=1)
+        return centre
+
+
+@effect("gravity_tilt", stage="body", targets="object")
+class GravityTilt(Effect):
+    """Base or table are tilted about the grasp axis.
+
+    Gravity turns by the angle in the model's frame. The robot's own gravity compensation turns with it, so that it is
+    the object, and what is not compensated, that feels it.
+
+    Formula: gravity = g · (cos(angle) down + sin(angle) across the grasp axis)
+
+    In a recording: a free object drifts or leans; under load across the pads it slips sooner.
+
+    Typical: below 0.05 rad.
+
+    Source: chosen.
+
+    MuJoCo: ``opt.gravity``.
+    """
+
+    angle = parameter("rad", identity=0.0, default=0.1, bounds=(-0.5, 0.5))
+
+    def change(self, now: Now) -> None:
+        gravity, axis = now.host.field("opt.gravity"), now.wiring.grasp_axis
+        cosine, sine = np.cos(self.angle), np.sin(self.angle)
+        along = (gravity @ axis)[:, None] * axis
+        tilted = along + cosine * (gravity - along) + sine * np.cross(axis, gravity)  # Rodrigues
+        gravity[:] = np.where(self.present, tilted, gravity)

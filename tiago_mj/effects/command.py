@@ -1,0 +1,266 @@
+"""From the command that was sent to the set point that the servo takes."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tiago_mj.effects.declare import Array, Effect, effect, form, parameter
+from tiago_mj.effects.memory import Conveyor, Held, HeldLowPass, InARow
+from tiago_mj.effects.now import Now
+
+LENGTH = ("m", "rad")
+SPEED = ("m/s", "rad/s")
+#: Speed at which a set point may jump [m/s, rad/s].
+AT_ONCE: Final = 1e6
+#: So near to a whole number of physics steps is one.
+WHOLE: Final = 1e-9
+#: ``interp="linear"`` of an actuator, as MuJoCo numbers it.
+LINEAR: Final = 1
+
+
+@effect("command_delay", stage="command", targets="command", gap_class="delay")
+class CommandDelay(Effect):
+    """A command takes hold some time after it was sent.
+
+    Formula: arriving(t) = sent(t - seconds), to a fraction of a physics step
+
+    In a recording: every motion starts and stops late; at a constant velocity the position is behind by velocity ·
+    seconds.
+
+    Typical: 0-25 ms in a bus loop, 68-92 ms on hobby servos.
+
+    Source: PACE; fitted on so101.
+
+    MuJoCo: an actuator's ``delay``, with ``nsample`` and ``interp="linear"``, is the same from one physics step on;
+    here the line takes fractions of a step and vanishes exactly. It lies right before the servo: what else happens to a
+    command does not depend on when.
+    """
+
+    signal_only = True
+
+    seconds = parameter("s", identity=0.0, default=0.03, bounds=(0.0, 0.2))
+
+    def start(self, now: Now) -> None:
+        self._line = Conveyor(self.seconds, now.resting)
+
+    def given(self, inputs: Array, now: Now) -> Array:
+        return self._line(inputs, now.period / now.substeps)
+
+    def model_attributes(self, now: Now) -> Mapping[str, Array] | None:
+        steps = self.seconds / (now.period / now.substeps)
+        # MuJoCo reads before it writes: its shortest delay is one step.
+        if (self.present & (steps < 1 - WHOLE)).any():
+            return None
+        # One sample more than the delay needs, so that rounding never asks for what is forgotten.
+        samples = np.where(self.present, np.ceil(steps - WHOLE) + 1, 0)
+        return {"delay": self.seconds, "nsample": samples, "interp": np.where(self.present, LINEAR, 0)}
+
+
+@effect("dropped_commands", stage="command", targets="command")
+class DroppedCommands(Effect):
+    """Some commands are lost; the one before stays in force.
+
+    Formula: arriving(k) = arriving(k - 1) with the probability, else sent(k)
+
+    In a recording: nothing while the command is constant; where it changes, the change takes hold a period or more
+    late, at random.
+
+    Typical: 0.01 on a wired bus, 0.01-0.1 on a loaded wireless link.
+
+    Source: chosen.
+    """
+
+    signal_only = True
+
+    probability = parameter("-", identity=0.0, default=0.1, bounds=(0.0, 0.6))
+
+    def start(self, now: Now) -> None:
+        self._held = Held(now.idle)
+
+    def command(self, command: Array, now: Now) -> Array:
+        return self._held(command, now.uniform(command.shape) < self.probability)
+
+
+@effect("command_lag", stage="command", targets="command", gap_class="lag")
+class CommandLag(Effect):
+    """A first-order low-pass lies on the command.
+
+    Formula: time_constant · dy/dt = command - y; with poles = 2 two equal ones in a row, each of half of it. A position
+    is commanded for the end of a control period: the set point goes to what y is by then, no faster than its limit.
+
+    In a recording: starts and stops are rounded; at a constant velocity the position is behind by velocity ·
+    time_constant.
+
+    Typical: 10-50 ms of smoothing in a driver.
+
+    Source: chosen.
+
+    MuJoCo: ``dyntype="filterexact"`` filters an actuator's control; an integrating servo has no room for a second
+    state.
+    """
+
+    signal_only = True
+
+    time_constant = parameter("s", identity=0.0, default=0.04, bounds=(0.0, 0.3))
+    poles = form(1, 2)
+
+    def start(self, now: Now) -> None:
+        self._filter = InARow(HeldLowPass, self.time_constant, self.poles, now.resting)
+        self._positions = InARow(HeldLowPass, self.time_constant, self.poles, now.idle)
+        # Servos whose set points slew have a position slew to it; plain ones are given it.
+        slews = ~now.takes_set_points & (now.wiring.interface == "position")
+        self._slewing = np.broadcast_to(slews, self.time_constant.shape)
+
+    def command(self, command: Array, now: Now) -> Array:
+        if not self._slewing.any():
+            return command
+        for _ in range(now.substeps):
+            reached = self._positions(command, now.period / now.substeps)
+        return np.where(self._slewing, reached, command)
+
+    def given(self, inputs: Array, now: Now) -> Array:
+        if self._slewing.all():
+            return inputs
+        step = now.period / now.substeps
+        lagging = np.stack([self._filter(inputs[:, k], step) for k in range(inputs.shape[1])], axis=1)
+        return np.where(self._slewing[:, None], inputs, lagging)
+
+
+@effect("rate_limit", stage="command", targets="command")
+class RateLimit(Effect):
+    """The servo's set point moves no faster than a limit.
+
+    Formula: |d set point / dt| ≤ velocity
+
+    In a recording: fast commands are followed at a constant lower speed, slow ones exactly; what was missed is caught
+    up later.
+
+    Typical: 0.25-0.6 of what is commanded: the real gripper is run at 0.02-0.05 m/s, its simulation at 0.08 m/s.
+
+    Source: the 2021 and 2023 projects' settings (llach/tiago_rl, llach/learning_fc).
+
+    MuJoCo: ``slewmax`` of a ``pid`` actuator.
+    """
+
+    signal_only = True
+
+    velocity = parameter(SPEED, identity=np.inf, default=0.6, bounds=(0.05, 1.0), nominal="velocity")
+
+    def start(self, now: Now) -> None:
+        self._value = now.set_point.copy()
+        self._jumps = now.takes_set_points
+
+    def set_point(self, target: Array, now: Now) -> Array:
+        return self._slewed(target, ~self._jumps, now.period)
+
+    def given(self, inputs: Array, now: Now) -> Array:
+        # A plain position servo takes a new set point at once: it slews within the control period.
+        if not self._jumps.any():
+            return inputs
+        step = now.period / now.substeps
+        return np.stack([self._slewed(inputs[:, k], self._jumps, step) for k in range(inputs.shape[1])], axis=1)
+
+    def _slewed(self, target: Array, where: NDArray[np.bool_], seconds: Array) -> Array:
+        most = self.velocity * seconds
+        slewed = np.where(self.present, self._value + np.clip(target - self._value, -most, most), target)
+        self._value = np.where(where, slewed, self._value)
+        return np.where(where, slewed, target)
+
+
+class Stepping(Effect, ABC):
+    """What passes a servo's set point on in steps: of each command, or, with ``each_step`` = 1, in every physics step
+    of what the servo is given, which follows the commands no faster than the joint's limit; it then jumps."""
+
+    each_step = form(0, 1)
+
+    @abstractmethod
+    def took(self, wanted: Array) -> Array:
+        """The set point that is passed on, (nsim, nactuators) [m, rad]; ``self.taken`` is the one before."""
+
+    def change(self, now: Now) -> None:
+        # What jumps has no speed: the limit of it lies before.
+        jumping = (self.present & (self.each_step > 0))[:, now.wiring.act >= 0]
+        limits, actuators = now.host.field("actuator_ctrlrange"), now.wiring.actuators[now.wiring.act >= 0]
+        limits[:, actuators] = np.where(jumping[..., None], (-AT_ONCE, AT_ONCE), limits[:, actuators])
+
+    def start(self, now: Now) -> None:
+        self._wanted, self.taken = now.set_point.copy(), now.set_point.copy()
+
+    def set_point(self, target: Array, now: Now) -> Array:
+        each = self.each_step > 0
+        self.taken = np.where(each, self.taken, self.took(target))
+        return np.where(each, target, self.taken)
+
+    def given(self, inputs: Array, now: Now) -> Array:
+        each = self.each_step > 0
+        if not each.any():
+            return inputs
+        seconds, speeds = now.period / now.substeps, ~now.takes_set_points
+        out = inputs.copy()
+        for k in range(inputs.shape[1]):
+            moved = np.clip(self._wanted + inputs[:, k] * seconds, *now.wiring.span.T)
+            self._wanted = np.where(speeds, moved, inputs[:, k])
+            taken = self.took(self._wanted)
+            jumps = np.where(speeds, (taken - self.taken) / seconds, taken)
+            out[:, k] = np.where(each, jumps, inputs[:, k])
+            self.taken = np.where(each, taken, self.taken)
+        return out
+
+
+@effect("command_deadband", stage="command", targets="command")
+class CommandDeadband(Stepping):
+    """A change of the set point smaller than a width is not executed.
+
+    The servo takes a new set point only when it is at least the width from the one that it has.
+
+    Formula: taken(k) = set point(k) if |set point(k) - taken(k - 1)| ≥ width, else taken(k - 1): of each command, or
+    with each_step = 1 in every physics step of what the servo is given, which follows the commands no faster than the
+    joint's limit; it then jumps
+
+    In a recording: slow motion goes in steps, small corrections have no effect, and forces held by small corrections
+    are off.
+
+    Typical: 0.09-0.29 mm on the real gripper's fingers.
+
+    Source: force_vs_displacement; llach/learning_fc sends no command below 0.3 mm.
+    """
+
+    signal_only = True
+
+    width = parameter(LENGTH, identity=0.0, default=0.0003, bounds=((0.0, 0.003), (0.0, 0.03)))
+
+    def took(self, wanted: Array) -> Array:
+        return np.where(np.abs(wanted - self.taken) >= self.width, wanted, self.taken)
+
+
+@effect("command_quantization", stage="command", targets="command")
+class CommandQuantization(Stepping):
+    """The set point is rounded to a grid.
+
+    Formula: taken = step · round(set point / step): of each command, or with each_step = 1 in every physics step of
+    what the servo is given, which follows the commands no faster than the joint's limit; it then jumps
+
+    In a recording: slow motion goes in equal steps on a fixed grid.
+
+    Typical: 1.53 mrad on servos with 4096 steps a turn.
+
+    Source: so101.
+    """
+
+    signal_only = True
+
+    step = parameter(LENGTH, identity=0.0, default=0.0005, bounds=((0.0, 0.003), (0.0, 0.03)))
+
+    def took(self, wanted: Array) -> Array:
+        return rounded(wanted, self.step)
+
+
+def rounded(value: Array, step: Array) -> Array:
+    """To the nearest multiple of a step; the value itself where the step is 0."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(step > 0, step * np.round(value / step), value)

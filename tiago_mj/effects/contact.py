@@ -1,0 +1,187 @@
+"""The object between the pads: its contact, size, place and mass."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from tiago_mj import compliance
+from tiago_mj.effects.declare import Array, Effect, effect, parameter
+from tiago_mj.effects.now import Now
+
+
+@effect("contact_stiffness", stage="contact", targets="object")
+class ContactStiffness(Effect):
+    """The contact of pad and object is softer or stiffer by a factor.
+
+    Formula: force = factor · stiffness · depth + damping · d depth / dt
+
+    In a recording: force rises more slowly or faster while the pad sinks in; against a soft position servo barely
+    visible.
+
+    Typical: 0.1-3 between a sponge and wood; behind the gripper's servo the force per set point differs by 1.3 only.
+
+    Source: chosen; the 1.3 is force_vs_displacement's.
+
+    MuJoCo: ``pair_solref`` in its direct format, with the stiffness in N/m by the exact law (docs/compliance.md).
+    """
+
+    factor = parameter("-", identity=1.0, default=0.3, bounds=(0.05, 6.0))
+
+    def contact_factors(self, factors: Array, now: Now) -> Array:
+        return factors * np.hstack([self.factor, np.ones_like(self.factor)])
+
+
+@effect("contact_damping", stage="contact", targets="object")
+class ContactDamping(Effect):
+    """The damping of pad and object's contact is larger or smaller by a factor.
+
+    Formula: force = stiffness · depth + factor · damping · d depth / dt
+
+    In a recording: the force at the instant of touch, damping · approach speed, is larger; held forces are as before.
+
+    Typical: known to a factor of several only; few measure it.
+
+    Source: chosen.
+
+    MuJoCo: ``pair_solref`` (docs/compliance.md).
+    """
+
+    factor = parameter("-", identity=1.0, default=4.0, bounds=(0.05, 12.0))
+
+    def contact_factors(self, factors: Array, now: Now) -> Array:
+        return factors * np.hstack([np.ones_like(self.factor), self.factor])
+
+
+@effect("contact_friction", stage="contact", targets="object")
+class ContactFriction(Effect):
+    """Sliding friction of pad and object times a factor; the torsional and rolling friction with it.
+
+    Formula: largest force across the pads = factor · µ · squeeze
+
+    In a recording: the object slips under the same squeeze; without load across the pads nothing.
+
+    Typical: 0.3-1.5.
+
+    Source: chosen.
+
+    MuJoCo: ``pair_friction``.
+    """
+
+    factor = parameter("-", identity=1.0, default=0.3, bounds=(0.05, 4.0))
+
+    def change(self, now: Now) -> None:
+        pairs = list(now.wiring.pairs)
+        now.host.field("pair_friction")[:, pairs] *= self.factor[:, :, None]
+
+
+@effect("object_size", stage="contact", targets="object", gap_class="geometry")
+class ObjectSize(Effect):
+    """The object is wider than said: the radius is added to its half width along the grasp.
+
+    Formula: half width = nominal + radius
+
+    In a recording: both fingers touch earlier and rest farther apart.
+
+    Typical: 1-3 mm of a measurement by hand.
+
+    Source: chosen.
+
+    MuJoCo: ``geom_size`` with its bounding volumes; the mass stays.
+    """
+
+    radius = parameter("m", identity=0.0, default=0.003, bounds=(-0.015, 0.015))
+
+    def change(self, now: Now) -> None:
+        geom = now.wiring.object_geom
+        if geom is None:
+            return
+        model = now.host.model
+        size, box, tree = (now.host.field(name) for name in ("geom_size", "geom_aabb", "bvh_aabb"))
+        size[:, geom, 0] += self.radius[:, 0]
+        # A cylinder's radius is both horizontal extents; the body's only bounding volume is its geom's.
+        wider = (3, 4) if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_CYLINDER else (3,)
+        for extent in wider:
+            box[:, geom, extent] += self.radius[:, 0]
+            tree[:, model.body_bvhadr[now.wiring.object_body], extent] += self.radius[:, 0]
+        now.host.field("geom_rbound")[:, geom] += np.abs(self.radius[:, 0])
+
+
+@effect("object_offset", stage="contact", targets="object", gap_class="geometry")
+class ObjectOffset(Effect):
+    """The object stands off its place along the grasp axis, positive towards the left finger.
+
+    Formula: place = nominal + distance · (from right to left)
+
+    In a recording: one finger touches earlier, the other later, by distance / speed.
+
+    Typical: 1-5 mm.
+
+    Source: chosen.
+
+    MuJoCo: ``qpos`` of the object's free joint at the start.
+    """
+
+    distance = parameter("m", identity=0.0, default=0.005, bounds=(-0.02, 0.02))
+
+    def place(self, now: Now) -> None:
+        first = now.wiring.object_qpos
+        if first is not None:
+            now.host.state("qpos")[:, first : first + 3] += self.distance * now.wiring.grasp_axis
+
+
+@effect("object_mass", stage="contact", targets="object")
+class ObjectMass(Effect):
+    """The object is heavier or lighter by a factor, with its inertia.
+
+    Formula: mass = factor · nominal
+
+    In a recording: visible where one finger pushes the object over the table, or where it is lifted.
+
+    Typical: 0.5-2.
+
+    Source: chosen.
+
+    MuJoCo: ``body_mass``, ``body_inertia``; the contact's stiffness is kept.
+    """
+
+    factor = parameter("-", identity=1.0, default=2.0, bounds=(0.1, 8.0))
+
+    def change(self, now: Now) -> None:
+        body = now.wiring.object_body
+        if body is None:
+            return
+        now.host.field("body_mass")[:, body] *= self.factor[:, 0]
+        now.host.field("body_inertia")[:, body] *= self.factor
+        now.rebuild = True
+
+
+def renew_contacts(now: Now, touched: NDArray[np.bool_], factors: Array) -> None:
+    """Write the pads' solver parameters for the masses, stiffness and damping that each simulation now has.
+
+    Args:
+        now: after masses and their derived constants are set.
+        touched: simulations whose contact an effect changes, (nsim,).
+        factors: on stiffness and damping, (nsim, 2).
+    """
+    wiring = now.wiring
+    assert now.contact is not None
+    stiffness, damping, points = now.contact
+    asked = compliance.Compliance(stiffness * factors[:, 0], damping * factors[:, 1])
+    weights = now.host.field("body_invweight0")
+    model = now.host.model
+    step = model.opt.timestep
+    for pair in wiring.pairs:
+        bodies = model.geom_bodyid[[model.pair_geom1[pair], model.pair_geom2[pair]]]
+        weight = weights[:, bodies, 0].sum(axis=1)
+        least = compliance.least_impedance(asked, weight, contact_points=points, timestep=step)
+        values = compliance.contact_parameters(
+            asked,
+            weight,
+            contact_points=points,
+            impedance=np.maximum(least, compliance.DEFAULT_IMPEDANCE),
+            timestep=step,
+        )
+        now.host.field("pair_solref")[touched, pair] = values.solref[touched]
+        now.host.field("pair_solimp")[touched, pair] = values.solimp[touched]

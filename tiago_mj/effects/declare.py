@@ -1,0 +1,389 @@
+"""What an effect is: a name, a stage of the signal chain, parameters with an identity value, and what it does.
+
+An effect is declared once, as a class, and serves the environments (``effects=``) and the diagnosis alike:
+
+    @effect("force_gain", stage="force_sensor", targets="sensor", gap_class="gain")
+    class ForceGain(Effect):
+        \"\"\"The load cell's gain is not the nominal one.
+
+        Formula: reading = factor · x
+        \"\"\"
+
+        factor = parameter("-", identity=1.0, default=1.3, bounds=(0.3, 3.0))
+
+        def reading(self, reading, now):
+            return reading * self.factor
+
+A user's own is declared in the same way, anywhere; docs/effects.md is made of the docstrings, whose labelled
+paragraphs are listed in :mod:`tiago_mj.effects.describe`.
+
+An instance holds the parameters of many simulations at once: ``self.factor`` is (nsim, ntargets). Hooks take and return
+arrays of that shape, once per control step (``added_friction``, ``added_damping``, ``added_force``, ``servo_force``,
+``force_range`` once per physics step). What an effect has to remember it keeps in attributes made in
+:meth:`Effect.start`, which is called at every reset. Where an effect is at its identity the chain takes the hook's
+input instead of its output, so that it changes nothing, to the last bit.
+"""
+
+from __future__ import annotations
+
+import inspect
+import math
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar, Final, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from tiago_mj.effects.now import Now
+
+Array = NDArray[np.float64]
+
+#: In the order of the signal chain; within a stage effects act in the order of their declaration.
+STAGES: Final = (
+    "timing",
+    "command",
+    "actuator",
+    "transmission",
+    "contact",
+    "body",
+    "joint_sensor",
+    "force_sensor",
+)
+TARGETS: Final = ("command", "joint", "sensor", "object", "clock")
+
+#: Hooks that any effect may have, beside those whose arrays have the shape of its targets.
+COMMON_HOOKS: Final = ("start", "change", "place", "model_attributes")
+HOOKS: Final = {
+    "command": ("command", "set_point", "given", "servo_force", "force_range"),
+    "joint": (
+        "set_point",
+        "added_friction",
+        "added_damping",
+        "added_force",
+        "servo_force",
+        "force_range",
+        "measure_position",
+        "true_position",
+        "measure_velocity",
+    ),
+    "sensor": ("contact_force", "reading", "noise", "sample"),
+}
+#: The diagnosis applies effects of these stages to motions that it has simulated before: they may only measure.
+MEASURING: Final = {
+    "joint_sensor": ("start", "measure_position", "true_position", "measure_velocity"),
+    "force_sensor": ("start", "contact_force", "reading", "noise", "sample"),
+}
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A number that an effect has.
+
+    Attributes:
+        unit: (on a sliding joint, on a hinge); one serves both.
+        identity: value at which the effect is exactly absent; None: no such value (another parameter switches it off).
+        default: (slide, hinge), a clearly visible magnitude.
+        bounds: (low, high), what a fit may try.
+        nominal: ``velocity`` or ``effort``: default and bounds are shares of that nominal limit of the target.
+        name: as in the class.
+    """
+
+    unit: tuple[str, str]
+    identity: float | None
+    default: tuple[float, float]
+    bounds: tuple[tuple[float, float], tuple[float, float]]
+    nominal: str | None = None
+    name: str = ""
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        object.__setattr__(self, "name", name)
+
+
+def parameter(
+    unit: str | tuple[str, str],
+    *,
+    identity: float | None,
+    default: float | tuple[float, float],
+    bounds: tuple[float, float] | tuple[tuple[float, float], tuple[float, float]],
+    nominal: str | None = None,
+) -> Any:
+    """Declare a parameter in an effect's body; pairs are (sliding joint, hinge)."""
+    units = (unit, unit) if isinstance(unit, str) else unit
+    defaults = default if isinstance(default, tuple) else (default, default)
+    ranges: Any = bounds if isinstance(bounds[0], tuple) else (bounds, bounds)
+    if not len(units) == len(defaults) == len(ranges) == len(ranges[0]) == len(ranges[1]) == 2:
+        raise ValueError(f"parameter [{unit}]: give units, defaults and bounds (low, high) once, or as a pair of each")
+    return Parameter(units, identity, defaults, ranges, nominal)
+
+
+@dataclass(frozen=True)
+class Form:
+    """What kind of an effect it is, where real ones differ: no magnitude, so that nothing is fitted; the diagnosis
+    tries each.
+
+    Attributes:
+        values: that are possible, the usual one first.
+        name: as in the class.
+    """
+
+    values: tuple[float, ...]
+    name: str = ""
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        object.__setattr__(self, "name", name)
+
+
+def form(*values: float) -> Any:
+    """Declare in an effect's body what forms it has, as numbers, the usual one first."""
+    return Form(tuple(float(value) for value in values))
+
+
+@dataclass(frozen=True)
+class Detail:
+    """Where that is of which an effect's first parameter is the amount: 0 where nobody says more, and sought only once
+    the amount is known. Of two amounts on one target it is their common centre.
+
+    Attributes:
+        unit: as a parameter's.
+        bounds: (low, high), what a fit may try.
+        name: as in the class.
+    """
+
+    unit: str
+    bounds: tuple[float, float]
+    name: str = ""
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        object.__setattr__(self, "name", name)
+
+
+def detail(unit: str, bounds: tuple[float, float]) -> Any:
+    """Declare in an effect's body a number that says more of it."""
+    return Detail(unit, bounds)
+
+
+class Effect:
+    """Base of every effect. A declaration overrides the hooks of its stage and leaves the others.
+
+    A hook as it stands here changes nothing, so that a declaration may build on it by ``super()``. Within a control
+    step only hooks that :func:`overrides` finds overridden are called.
+    """
+
+    name: ClassVar[str]
+    stage: ClassVar[str]
+    targets: ClassVar[str]
+    gap_class: ClassVar[str]
+    parameters: ClassVar[Mapping[str, Parameter]]
+    forms: ClassVar[Mapping[str, Form]]
+    details: ClassVar[Mapping[str, Detail]]
+    #: Real effects have not quite the form that is declared of them: they may differ by this share of what they change.
+    #: Without it the rest of a large effect is taken for another one.
+    form_known_to: ClassVar[float] = 0.03
+    #: Whether its hooks ask for nothing but the signal that they are given and the time: then nobody has to look at the
+    #: joints between two physics steps, and the diagnosis simulates a whole run in one go.
+    signal_only: ClassVar[bool] = False
+
+    def __init__(self, values: Mapping[str, Array], targets: Sequence[str] = ()) -> None:
+        for key, value in values.items():
+            setattr(self, key, value)
+        self.target_names = tuple(targets)
+
+    @property
+    def present(self) -> NDArray[np.bool_]:
+        """Where the effect is not at its identity, (nsim, ntargets)."""
+        switches = [p for p in self.parameters.values() if p.identity is not None]
+        present: NDArray[np.bool_] = np.logical_or.reduce([getattr(self, p.name) != p.identity for p in switches])
+        return present
+
+    def start(self, now: Now) -> None:
+        """Forget the episode before."""
+
+    # What it does; a declaration overrides the hooks that it needs, in the order in which they are called.
+
+    def change(self, now: Now) -> None:
+        """Change the model, once per reset, through ``now.host.field(name)``, which holds nominal values before."""
+
+    def model_attributes(self, now: Now) -> Mapping[str, Array] | None:
+        """Attributes of the actuators' elements in a model file by which MuJoCo does the same, by their names in MJCF,
+        each (nsim, nactuators); None: there are none. Not asked where :meth:`change` is all that the effect does."""
+        return None
+
+    def contact_factors(self, factors: Array, now: Now) -> Array:
+        """Factors on stiffness and damping of pad and object's contact, once per reset, (nsim, 2); those that hold."""
+        return factors
+
+    def place(self, now: Now) -> None:
+        """Change the initial state, once per reset, through ``now.host.state(name)``."""
+
+    def command(self, command: Array, now: Now) -> Array:
+        """The command as sent, (nsim, nactuators) in the interface's unit; what arrives."""
+        return command
+
+    def set_point(self, target: Array, now: Now) -> Array:
+        """The servo's set point as commanded, (nsim, nactuators) [m, rad]; the one that it takes."""
+        return target
+
+    def given(self, inputs: Array, now: Now) -> Array:
+        """What the servos would be given in each physics step of the control period, (nsim, nsubsteps, nactuators):
+        speeds of set points, set points or forces, as the actuator takes them; what they are given."""
+        return inputs
+
+    def added_friction(self, now: Now) -> Array:
+        """Dry friction to add before a physics step, (nsim, njoints) [N, N·m]; its sign is whatever opposes motion."""
+        return np.zeros((now.nsim, len(now.wiring.dof)))
+
+    def added_damping(self, now: Now) -> Array:
+        """Viscous damping to add before a physics step, (nsim, njoints) [N·s/m, N·m·s/rad]."""
+        return np.zeros((now.nsim, len(now.wiring.dof)))
+
+    def added_force(self, now: Now) -> Array:
+        """Force on the joints to add before a physics step, (nsim, njoints) [N, N·m]."""
+        return np.zeros((now.nsim, len(now.wiring.dof)))
+
+    def servo_force(self, now: Now) -> Array:
+        """Force that the servos add to their own, within their limits, before a physics step, (nsim, nactuators)
+        [N, N·m at the actuator]."""
+        return np.zeros((now.nsim, len(now.wiring.actuators)))
+
+    def force_range(self, limits: Array, now: Now) -> Array:
+        """Limits of the servos' forces before a physics step, (nsim, nactuators, 2) [N, N·m]; those that hold."""
+        return limits
+
+    def measure_position(self, position: Array, now: Now) -> Array:
+        """Joint positions, (nsim, njoints) [m, rad]; as measured."""
+        return position
+
+    def true_position(self, measured: Array, now: Now) -> Array:
+        """Joint positions as measured at rest, (nsim, njoints) [m, rad]; where they are. A replay starts there."""
+        return measured
+
+    def measure_velocity(self, velocity: Array, now: Now) -> Array:
+        """Joint velocities, (nsim, njoints) [m/s, rad/s]; as measured."""
+        return velocity
+
+    def contact_force(self, newtons: Array, now: Now) -> Array:
+        """Force on the pads, (nsim, nsensors) [N]; the one that reaches the load cells."""
+        return newtons
+
+    def reading(self, reading: Array, now: Now) -> Array:
+        """Load-cell signal before noise, (nsim, nsensors) [sensor units]; as the cell gives it."""
+        return reading
+
+    def noise(self, noise: Array, now: Now) -> Array:
+        """Noise to be added to the signal, (nsim, nsensors) [sensor units]."""
+        return noise
+
+    def sample(self, sample: Array, now: Now) -> Array:
+        """Signal with noise, (nsim, nsensors) [sensor units]; as it arrives in the computer."""
+        return sample
+
+
+EFFECTS: Final[dict[str, type[Effect]]] = {}
+
+E = TypeVar("E", bound=type[Effect])
+
+
+def effect(name: str, *, stage: str, targets: str, gap_class: str | None = None) -> Callable[[E], E]:
+    """Register a declaration under ``name``, for ``effects=`` and as a candidate of the diagnosis.
+
+    Args:
+        name: as in ``effects=`` and ``diagnosis.json``: small letters, digits, underscores.
+        stage: one of :data:`STAGES`.
+        targets: one of :data:`TARGETS`.
+        gap_class: groups effects that many recordings cannot tell apart; its own name if None.
+
+    Raises:
+        ValueError: the name is taken, or the declaration could not work; one line. The same class declared again (a
+            module that is imported anew, a notebook's cell that is run again) takes the place of the one before.
+    """
+    if not re.fullmatch(r"[a-z][a-z0-9_]*", name):
+        raise ValueError(f"effect {name!r}: write the name in small letters, digits and underscores")
+    if stage not in STAGES:
+        raise ValueError(f"effect {name!r}: stage {stage!r} is unknown: use one of {', '.join(STAGES)}")
+    if targets not in TARGETS:
+        raise ValueError(f"effect {name!r}: targets {targets!r} is unknown: use one of {', '.join(TARGETS)}")
+
+    def register(declared: E) -> E:
+        known = EFFECTS.get(name)
+        if known is not None and (known.__module__, known.__qualname__) != (declared.__module__, declared.__qualname__):
+            raise ValueError(
+                f"effect {name!r} is already declared, by {known.__module__}.{known.__qualname__}: choose another name"
+            )
+        if not (isinstance(declared, type) and issubclass(declared, Effect)):
+            raise ValueError(f"effect {name!r}: declare a class that derives from Effect")
+        inherited = {key: value for cls in reversed(declared.__mro__) for key, value in vars(cls).items()}
+        parameters = {key: value for key, value in inherited.items() if isinstance(value, Parameter)}
+        _check_parameters(name, parameters)
+        declared.forms = {key: value for key, value in inherited.items() if isinstance(value, Form)}
+        declared.details = {key: value for key, value in inherited.items() if isinstance(value, Detail)}
+        _check_hooks(name, declared, stage, targets)
+        declared.name, declared.stage, declared.targets = name, stage, targets
+        declared.gap_class = gap_class or name
+        declared.parameters = parameters
+        EFFECTS[name] = declared
+        return declared
+
+    return register
+
+
+def _check_parameters(name: str, parameters: Mapping[str, Parameter]) -> None:
+    for key, p in parameters.items():
+        where = f"effect {name!r}: parameter {key!r}"
+        if hasattr(Effect, key) or key in (*Effect.__annotations__, "target_names"):
+            raise ValueError(f"{where} has the name of something that every effect has: choose another")
+        if p.identity not in (None, 0.0, 1.0, math.inf):
+            raise ValueError(f"{where} has identity {p.identity!r}: use 0 (an addition), 1 (a factor), inf (a limit)")
+        if p.nominal not in ((None, "velocity", "effort") if p.identity == math.inf else (None,)):
+            raise ValueError(f"{where} is nominal={p.nominal!r}: only a limit is a share of 'velocity' or 'effort'")
+        for (low, high), default in zip(p.bounds, p.default, strict=True):
+            if not (math.isfinite(low) and math.isfinite(high) and low < high and low <= default <= high):
+                raise ValueError(
+                    f"{where} has default {default:g} and bounds ({low:g}, {high:g}): give finite bounds, low first, "
+                    "with the default between them"
+                )
+            if default == p.identity:
+                raise ValueError(f"{where} has its identity as default: choose a magnitude that is clearly visible")
+            if low <= 0 and p.identity != 0:
+                raise ValueError(f"{where} has the lower bound {low:g}: only what is added may be 0 or negative")
+            if p.identity in (0.0, 1.0) and not low <= p.identity <= high:
+                raise ValueError(f"{where} has bounds ({low:g}, {high:g}), beyond its identity {p.identity:g}")
+    switches = [key for key, p in parameters.items() if p.identity is not None]
+    if len(switches) != 1:
+        raise ValueError(
+            f"effect {name!r} has {len(switches)} parameters with an identity: give one to the parameter that switches "
+            "the effect off, None to the others"
+        )
+
+
+def _check_hooks(name: str, declared: type[Effect], stage: str, targets: str) -> None:
+    own = [hook for hook in _ALL_HOOKS if overrides(declared, hook)]
+    if not set(own) - {"start", "model_attributes"}:
+        raise ValueError(f"effect {name!r} does nothing: give it one of {', '.join(_ALL_HOOKS)}")
+    possible = (*COMMON_HOOKS, *HOOKS.get(targets, _ALL_HOOKS))
+    for hook in own:
+        if hook not in possible:
+            raise ValueError(
+                f"effect {name!r} has the hook {hook}, which targets={targets!r} cannot reach: "
+                f"use {', '.join(possible)}"
+            )
+        if hook not in MEASURING.get(stage, possible):
+            raise ValueError(
+                f"effect {name!r} has the hook {hook}, but in stage {stage!r} it may only measure: "
+                f"use {', '.join(MEASURING[stage])}, or an earlier stage"
+            )
+        takes, given = (len(inspect.signature(getattr(cls, hook)).parameters) for cls in (Effect, declared))
+        if takes != given:
+            asked = ", ".join(inspect.signature(getattr(Effect, hook)).parameters)
+            raise ValueError(f"effect {name!r}: {hook} takes {given} arguments, write {hook}({asked})")
+
+
+def overrides(declared: type[Effect] | Effect, hook: str) -> bool:
+    """Whether a declaration has its own version of a hook."""
+    cls = declared if isinstance(declared, type) else type(declared)
+    return getattr(cls, hook) is not getattr(Effect, hook)
+
+
+_ALL_HOOKS: Final = tuple(key for key, value in vars(Effect).items() if inspect.isfunction(value) and key[0] != "_")

@@ -1,0 +1,107 @@
+"""Encoders: from where a joint is to what is read."""
+
+from __future__ import annotations
+
+from tiago_mj.effects.command import rounded
+from tiago_mj.effects.declare import Array, Effect, effect, form, parameter
+from tiago_mj.effects.memory import InARow, LowPass
+from tiago_mj.effects.now import Now
+
+LENGTH = ("m", "rad")
+
+
+@effect("encoder_bias", stage="joint_sensor", targets="joint")
+class EncoderBias(Effect):
+    """A constant error of the position readings.
+
+    Formula: reading = position + offset
+
+    In a recording: the same offset everywhere, at rest too.
+
+    Typical: below 1 mm, 10 mrad, after a poor homing.
+
+    Source: chosen.
+    """
+
+    signal_only = True
+
+    offset = parameter(LENGTH, identity=0.0, default=0.001, bounds=((-0.01, 0.01), (-0.2, 0.2)))
+
+    def measure_position(self, position: Array, now: Now) -> Array:
+        return position + self.offset
+
+    def true_position(self, measured: Array, now: Now) -> Array:
+        return measured - self.offset
+
+
+@effect("encoder_scale", stage="joint_sensor", targets="joint")
+class EncoderScale(Effect):
+    """Position readings, and the velocities that are made of them, times a factor.
+
+    Formula: reading = factor · position
+
+    In a recording: the error grows with the distance from zero.
+
+    Typical: 0.98-1.02.
+
+    Source: chosen.
+    """
+
+    signal_only = True
+
+    factor = parameter("-", identity=1.0, default=1.05, bounds=(0.7, 1.4))
+
+    def measure_position(self, position: Array, now: Now) -> Array:
+        return position * self.factor
+
+    def true_position(self, measured: Array, now: Now) -> Array:
+        return measured / self.factor
+
+    def measure_velocity(self, velocity: Array, now: Now) -> Array:
+        return velocity * self.factor
+
+
+@effect("encoder_quantization", stage="joint_sensor", targets="joint")
+class EncoderQuantization(Effect):
+    """Position readings are rounded to a grid.
+
+    Formula: reading = step · round(position / step)
+
+    In a recording: readings stand still and jump by equal steps.
+
+    Typical: 1.53 mrad (4096 steps a turn).
+
+    Source: so101.
+    """
+
+    signal_only = True
+
+    step = parameter(LENGTH, identity=0.0, default=0.0005, bounds=((0.0, 0.005), (0.0, 0.1)))
+
+    def measure_position(self, position: Array, now: Now) -> Array:
+        return rounded(position, self.step)
+
+
+@effect("velocity_filter", stage="joint_sensor", targets="joint")
+class VelocityFilter(Effect):
+    """Reported velocities are low-passed.
+
+    Formula: time_constant · dy/dt = velocity - y; with poles = 2 two equal ones in a row, each of half of it
+
+    In a recording: velocities trail the derivative of the positions.
+
+    Typical: 10-50 ms.
+
+    Source: chosen.
+    """
+
+    signal_only = True
+
+    time_constant = parameter("s", identity=0.0, default=0.04, bounds=(0.0, 0.3))
+    poles = form(1, 2)
+
+    def start(self, now: Now) -> None:
+        self._filter = InARow(LowPass, self.time_constant, self.poles)
+
+    def measure_velocity(self, velocity: Array, now: Now) -> Array:
+        return self._filter(velocity, now.period)

@@ -1,0 +1,320 @@
+"""Effects as a user writes them: a list, the short form, or a calibration file; and as entries that are checked."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+
+from tiago_mj.effects.declare import EFFECTS, Detail, Effect, Parameter
+from tiago_mj.quantities import SMALLER, quantity
+
+Array = NDArray[np.float64]
+
+SCHEMA: Final = "tiago_mj.calibration/1"
+#: What a user gives may lie this many times farther than what a fit tries.
+FAR: Final = 10.0
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One effect on its targets. Parameters left out take their defaults.
+
+    Attributes:
+        name: of the effect.
+        target: names of actuators, joints or sensors; None is all of them.
+        parameters: by name.
+        fitted: whether a diagnosis found them; they are not questioned then.
+    """
+
+    name: str
+    target: tuple[str, ...] | None = None
+    parameters: Mapping[str, float] = field(default_factory=dict)
+    fitted: bool = field(default=False, compare=False)
+
+    def __hash__(self) -> int:
+        return hash((self.name, self.target, tuple(sorted(self.parameters.items()))))
+
+
+@dataclass(frozen=True)
+class Targets:
+    """What an entry can name, and the nominal limits that relative defaults refer to.
+
+    Attributes:
+        command, joint, sensor: names, in the order of the arrays.
+        slides: of the joints, whether each slides (else it turns).
+        velocity, effort: nominal limits of the actuators [m/s, rad/s], [N, N·m]; inf where there is none.
+        actuated: per actuator, the index of its joint.
+    """
+
+    command: tuple[str, ...]
+    joint: tuple[str, ...]
+    sensor: tuple[str, ...]
+    slides: tuple[bool, ...]
+    velocity: Array
+    effort: Array
+    actuated: tuple[int, ...]
+
+    def names(self, kind: str) -> tuple[str, ...]:
+        """Of one kind of target."""
+        return {"command": self.command, "joint": self.joint, "sensor": self.sensor}.get(kind, (kind,))
+
+    def slide(self, kind: str, index: int) -> bool:
+        """Whether that target is on a sliding joint."""
+        if kind == "command":
+            return self.slides[self.actuated[index]]
+        return self.slides[index] if kind == "joint" else True
+
+    def nominal(self, quantity: str, kind: str, index: int) -> float:
+        """The limit that a relative parameter is a share of."""
+        limits = self.velocity if quantity == "velocity" else self.effort
+        if kind == "command":
+            return float(limits[index])
+        return float(limits[self.actuated.index(index)]) if index in self.actuated else math.inf
+
+
+def read_effects(given: Any) -> tuple[Entry, ...]:
+    """Entries of what a user gave.
+
+    Args:
+        given: None, a list of ``{"name", "target", "parameters"}``, a mapping ``{name: parameters}`` (target all;
+        ``{}``
+            means the defaults), a list of :class:`Entry`, the path of a calibration YAML, or JSON text of the above;
+            or a list of several of these, one on top of the other.
+
+    Raises:
+        ValueError: an unknown effect or parameter, a value that is no finite number, a file of another schema; one
+        line.
+    """
+    if given is None:
+        return ()
+    if isinstance(given, (str, Path)):
+        given = _load(given)
+    if isinstance(given, Mapping):
+        if "schema" in given:
+            if given["schema"] != SCHEMA:
+                raise ValueError(f"calibration has schema {given['schema']!r}: this version reads {SCHEMA!r}")
+            given = given.get("effects") or []
+        else:
+            given = [{"name": name, "parameters": parameters} for name, parameters in given.items()]
+    if not isinstance(given, Sequence):
+        raise ValueError(
+            f"effects are {type(given).__name__}: give a list, a mapping name to parameters, or a YAML file"
+        )
+    return tuple(entry for item in given for entry in _entries(item))
+
+
+def arrays(declared: type[Effect], sims: Sequence[Sequence[Entry]], targets: Targets) -> Effect:
+    """One effect of many simulations: parameters (nsim, ntargets), identity where an entry does not reach.
+
+    Raises:
+        ValueError: an entry names a target that the robot does not have.
+    """
+    names = targets.names(declared.targets)
+    values = {
+        key: np.full((len(sims), len(names)), p.default[0] if p.identity is None else p.identity)
+        for key, p in declared.parameters.items()
+    }
+    values |= {key: np.zeros((len(sims), len(names))) for key in declared.details}
+    values |= {key: np.full((len(sims), len(names)), form.values[0]) for key, form in declared.forms.items()}
+    for sim, entries in enumerate(sims):
+        for entry in entries:
+            if entry.name != declared.name:
+                continue
+            for index in _reach(entry, declared, names):
+                for key in declared.details:
+                    there = _amount(declared, entry, 0 if targets.slide(declared.targets, index) else 1)
+                    before = values[next(iter(declared.parameters))][sim, index], values[key][sim, index]
+                    values[key][sim, index] = _centre(before, (there, entry.parameters.get(key, 0.0)))
+                for key, p in declared.parameters.items():
+                    slide = targets.slide(declared.targets, index)
+                    default = p.default[0 if slide else 1]
+                    if p.nominal is not None:
+                        default *= targets.nominal(p.nominal, declared.targets, index)
+                    value = entry.parameters.get(key, default)
+                    values[key][sim, index] = _together(p.identity, values[key][sim, index], value)
+                for key, form in declared.forms.items():
+                    values[key][sim, index] = entry.parameters.get(key, form.values[0])
+    return declared(values, names)
+
+
+def _together(identity: float | None, present: float, value: float) -> float:
+    """Two entries of one effect on one target: factors multiply, additions add, of two limits the tighter holds."""
+    if identity is None:
+        return value
+    if identity == 1.0:
+        return present * value
+    return present + value if identity == 0.0 else min(present, value)
+
+
+def _amount(declared: type[Effect], entry: Entry, side: int) -> float:
+    """How much there is of what an effect's details are the place of."""
+    first = next(iter(declared.parameters.values()))
+    return entry.parameters.get(first.name, first.default[side])
+
+
+def _centre(one: tuple[float, float], other: tuple[float, float]) -> float:
+    """Common centre of two (amount, place); the other's place where the first amount is 0, or both together are."""
+    both = one[0] + other[0]
+    return (one[0] * one[1] + other[0] * other[1]) / both if one[0] and both else other[1]
+
+
+def _reach(entry: Entry, declared: type[Effect], names: tuple[str, ...]) -> list[int]:
+    if entry.target is None:
+        return [len(names) - 1] if declared.name == "payload" else list(range(len(names)))
+    unknown = [name for name in entry.target if name not in names]
+    if unknown:
+        raise ValueError(
+            f"effect {entry.name!r} has target {unknown[0]!r}: this robot's {declared.targets} targets are "
+            f"{', '.join(names) or 'none'}"
+        )
+    return [names.index(name) for name in entry.target]
+
+
+def _entries(item: Any) -> tuple[Entry, ...]:
+    if isinstance(item, Entry):
+        return (item,)
+    if isinstance(item, Path) or (isinstance(item, str) and _is_source(item)):
+        return read_effects(item)
+    return (_entry(item),)
+
+
+def _is_source(text: str) -> bool:
+    """Whether a text is JSON or names a file, rather than an effect."""
+    return text.lstrip().startswith(("{", "[")) or text.lower().endswith((".yaml", ".yml")) or Path(text).is_file()
+
+
+def _entry(item: Any) -> Entry:
+    if not isinstance(item, Mapping) or "name" not in item:
+        raise ValueError(f"effect {item!r} has no name: write {{'name': ..., 'target': ..., 'parameters': {{...}}}}")
+    name = item["name"]
+    if name not in EFFECTS:
+        raise ValueError(f"effect {name!r} is unknown: use one of {', '.join(EFFECTS)}")
+    unknown = set(item) - {"name", "target", "parameters"}
+    if unknown:
+        raise ValueError(f"effect {name!r} has an unknown key {sorted(unknown)[0]!r}: use name, target, parameters")
+    target = item.get("target", "all")
+    if isinstance(target, str):
+        target = None if target == "all" else (target,)
+    elif not (isinstance(target, Sequence) and target and all(isinstance(t, str) for t in target)):
+        raise ValueError(f"effect {name!r} has target {target!r}: give a name, a list of names, or 'all'")
+    parameters = item.get("parameters") or {}
+    if not isinstance(parameters, Mapping):
+        raise ValueError(f"effect {name!r} has parameters {parameters!r}: give a mapping of names to numbers")
+    declared, forms, details = EFFECTS[name].parameters, EFFECTS[name].forms, EFFECTS[name].details
+    values = {}
+    for key, value in parameters.items():
+        if key not in declared and key not in forms and key not in details:
+            raise ValueError(f"effect {name!r} has no parameter {key!r}: use {', '.join((*declared, *details))}")
+        number = value.get("value") if isinstance(value, Mapping) else value  # a calibration carries low and high too
+        if isinstance(number, bool) or not isinstance(number, (int, float, np.number)) or math.isnan(number):
+            raise ValueError(f"effect {name!r}: {key} is {number!r}, give a number")
+        if key in declared:
+            _check_possible(name, declared[key], float(number))
+        elif key in details:
+            _check_detail(name, details[key], float(number))
+        elif number not in forms[key].values:
+            possible = ", ".join(f"{one:g}" for one in forms[key].values)
+            raise ValueError(f"effect {name!r}: {key} is {number:g}, use one of {possible}")
+        values[key] = float(number)
+    fitted = any(isinstance(value, Mapping) for value in parameters.values())
+    if not fitted:
+        for key, number in values.items():
+            _check_size(name, declared.get(key), number, (0, 1))
+    return Entry(name, None if target is None else tuple(target), values, fitted)
+
+
+def check_sizes(entries: Sequence[Entry], targets: Targets) -> None:
+    """Refuse magnitudes that cannot be meant, now that it is known which targets slide and which turn.
+
+    Raises:
+        ValueError: says what is typical, and the likely slip.
+    """
+    for entry in entries:
+        declared = EFFECTS[entry.name]
+        names = targets.names(declared.targets)
+        for index in () if entry.fitted else _reach(entry, declared, names):
+            side = 0 if targets.slide(declared.targets, index) else 1
+            for key, number in entry.parameters.items():
+                _check_size(entry.name, declared.parameters.get(key), number, (side,))
+
+
+def _check_size(name: str, p: Parameter | None, number: float, sides: Sequence[int]) -> None:
+    """A value may lie beyond what a fit tries, as large robots have it, but not :data:`FAR` times as far.
+
+    What has no unit of its own, is a share of a limit, or is absent when large, may be as large as it is given.
+    """
+    if p is None or p.nominal is not None or p.identity == math.inf or not math.isfinite(number):
+        return
+    if any("sensor unit" in unit or unit == "-" for unit in p.unit):
+        return
+    if any(FAR * min(p.bounds[side][0], 0.0) <= number <= FAR * p.bounds[side][1] for side in sides):
+        return
+    units: dict[str, int] = {}
+    for side in sides:
+        units.setdefault(p.unit[side], side)
+    given = " or ".join(f"{number:g} {unit}" for unit in units)
+    typical = " or ".join(quantity(p.default[side], unit) for unit, side in units.items())
+    most = " or ".join(quantity(FAR * p.bounds[side][number > 0], unit) for unit, side in units.items())
+    slips = dict.fromkeys(slip for unit, side in units.items() for slip in _slips(number, unit, p.bounds[side])[:1])
+    hint = f"did you mean {' or '.join(slips)}?" if slips else f"give it in {' or '.join(units)}"
+    raise ValueError(
+        f"effect {name!r}: {p.name} is {given}, where {typical} is typical and {most} the most that is taken: {hint}"
+    )
+
+
+def _slips(number: float, unit: str, bounds: tuple[float, float]) -> list[str]:
+    """Other units in which the number would be one that is tried."""
+    others = [("°", math.pi / 180)] if unit == "rad" else []
+    if unit in SMALLER:
+        others.append((f" {SMALLER[unit][0]}", 1e-3))
+    return [
+        f"{number:g}{other} ({number * factor:.3g})"
+        for other, factor in others
+        if bounds[0] <= number * factor <= bounds[1]
+    ]
+
+
+def _check_possible(name: str, p: Parameter, number: float) -> None:
+    """Beyond a fit's bounds a value may lie, but no factor below 0, no infinite addition, no probability above 1."""
+    lowest = min(low for low, _ in p.bounds)
+    if math.isinf(number) and p.identity != number:
+        raise ValueError(f"effect {name!r}: {p.name} is {number}, give a finite number")
+    if number < 0 <= lowest or number == 0 < lowest:
+        raise ValueError(
+            f"effect {name!r}: {p.name} is {number:g}, give a number {'above' if lowest else 'of at least'} 0"
+        )
+    if p.name == "probability" and number > 1:
+        raise ValueError(f"effect {name!r}: {p.name} is {number:g}, give a number from 0 to 1")
+
+
+def _check_detail(name: str, detail: Detail, number: float) -> None:
+    low, high = (FAR * bound for bound in detail.bounds)
+    if not low <= number <= high:
+        raise ValueError(
+            f"effect {name!r}: {detail.name} is {number:g} {detail.unit}, give a number from {low:g} to {high:g} "
+            f"{detail.unit}"
+        )
+
+
+def _load(source: str | Path) -> Any:
+    text = str(source)
+    if isinstance(source, str) and text.lstrip().startswith(("{", "[")):
+        try:
+            return json.loads(text)
+        except json.JSONDecodeError as fault:
+            raise ValueError(f"effects are no valid JSON: {fault}") from fault
+    path = Path(source)
+    if not path.is_file():
+        raise ValueError(f"no calibration file {text!r}: give the path of a calibration.yaml, or effects as JSON")
+    try:
+        return yaml.safe_load(path.read_text(encoding="utf-8"))
+    except (yaml.YAMLError, UnicodeDecodeError) as fault:
+        raise ValueError(f"calibration {path.name} is no valid YAML: {' '.join(str(fault).split())}") from fault

@@ -1,0 +1,386 @@
+"""Between motor and joint: friction, play, springs, inertia."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import mujoco
+import numpy as np
+
+from tiago_mj.effects.actuator import DAMPING, FORCE, limit_forces
+from tiago_mj.effects.declare import Array, Effect, effect, form, parameter
+from tiago_mj.effects.inertia import removable_inertia
+from tiago_mj.effects.now import Now
+from tiago_mj.effects.servo import Servo
+
+SPEED = ("m/s", "rad/s")
+
+#: Solver parameters with which dry friction sticks. MuJoCo's defaults creep: a servo held 0.9 mm off by 2 N of friction
+#: is back within 0.5 s; with these it is 0.88 mm off after 10 s (facts measured on the gripper's servo).
+STICKING_SOLIMP: Final = (0.9999, 0.9999, 0.001, 0.5, 2.0)
+STICKING_SOLREF: Final = (0.002, 1.0)
+#: What dry friction does where a joint comes to rest depends on how far it gives before it slides, which no parameter
+#: says: bristles and a rigid contact differ there by about this share.
+DRY: Final = 0.1
+#: Where friction falls with speed, more: a joint that slows down stops all at once, somewhere.
+FALLING: Final = 0.2
+#: Shares of what a new estimate of the load is off by that go into the running one and, while the limit holds, into how
+#: fast it grows. Pressed into an object, the load grows by some 100 N/s: without the second share a joint at its limit
+#: fell back to half of it. In a start at full force the limit is exceeded by 4 %, for some milliseconds.
+LOAD_UPDATE: Final = 0.4
+RISE_UPDATE: Final = 0.1
+
+
+def let_it_stick(effect: Effect, now: Now) -> None:
+    """Give the joints that have the effect the solver parameters with which dry friction holds."""
+    now.fill("dof_solimp", effect.present, STICKING_SOLIMP)
+    now.fill("dof_solref", effect.present, STICKING_SOLREF)
+
+
+@effect("velocity_limit", stage="transmission", targets="joint")
+class VelocityLimit(Effect):
+    """The joint moves no faster than a limit, whatever is commanded.
+
+    Formula: |velocity| ≤ limit: each physics step the servo's force is bounded by the one that would reach it
+
+    In a recording: fast commands are followed at a constant lower speed while the servo's error grows.
+
+    Typical: 0.5-0.9 of the nominal: the fingers' URDF says 0.05 m/s, their simulation 0.08 m/s.
+
+    Source: pal_gripper; the share is chosen.
+    """
+
+    velocity = parameter(SPEED, identity=np.inf, default=0.5, bounds=(0.05, 1.0), nominal="velocity")
+
+    def change(self, now: Now) -> None:
+        unlimited = np.full_like(self.velocity, np.inf)[:, list(now.wiring.targets.actuated)]
+        limit_forces(now, self.present[:, list(now.wiring.targets.actuated)], unlimited)
+
+    def start(self, now: Now) -> None:
+        joints, dofs = list(now.wiring.targets.actuated), now.wiring.dof[list(now.wiring.targets.actuated)]
+        model = now.host.model
+        data = mujoco.MjData(model)
+        data.qpos[:] = now.host.state("qpos")[0]
+        mujoco.mj_forward(model, data)
+        inverse = np.zeros((model.nv, model.nv))
+        mujoco.mj_solveM(model, data, inverse, np.eye(model.nv))
+        added = now.host.field("dof_armature")[:, dofs] - model.dof_armature[dofs]
+        self._step = now.period / now.substeps
+        # Joint damping is integrated implicitly: it acts as a further inertia within a step.
+        self._mass = 1 / np.diag(inverse)[dofs] + added + self._step * now.host.field("dof_damping")[:, dofs]
+        self._servo = -self._step * now.host.field("actuator_biasprm")[:, now.wiring.actuators, 2]
+        self._limit = self.velocity[:, joints]
+        self._speed = now.joint_velocity[:, joints]
+        self._load, self._rise = np.zeros_like(self._speed), np.zeros_like(self._speed)
+        self._range = now.host.field("actuator_forcerange")[:, now.wiring.actuators].copy()
+
+    def force_range(self, limits: Array, now: Now) -> Array:
+        speed = now.joint_velocity[:, list(now.wiring.targets.actuated)]
+        force = now.host.output("actuator_force")[:, now.wiring.actuators]
+        # The servo's own damping is implicit, too, while its force is below the limits.
+        free = (force > self._range[..., 0]) & (force < self._range[..., 1])
+        load = force - (self._mass + np.where(free, self._servo, 0.0)) * (speed - self._speed) / self._step
+        foreseen = self._load + self._rise
+        self._load = foreseen + LOAD_UPDATE * (load - foreseen)
+        self._rise = np.where(free, 0.0, self._rise + RISE_UPDATE * (load - foreseen))
+        self._speed = speed
+        fastest = self._limit[..., None] * (-1.0, 1.0)
+        load = self._load + self._rise
+        reaching = load[..., None] + (self._mass / self._step)[..., None] * (fastest - speed[..., None])
+        self._range = np.clip(reaching, limits[..., :1], limits[..., 1:])
+        return self._range
+
+
+@effect("coulomb_friction", stage="transmission", targets="joint", gap_class="friction")
+class CoulombFriction(Effect):
+    """Dry friction beyond the nominal: constant against motion, and it sticks.
+
+    Formula: force -= friction · sign(velocity); at rest it balances up to the friction; nominal plus additional never
+    below 0
+
+    In a recording: set points trail by force / stiffness, with a jump of twice that at each reversal; small set-point
+    changes do nothing.
+
+    Typical: 0.013, 0.10, 4.1 N·m from small to large servos; 2 N on PAL's fingers; 2.1, 5.0, 2.7, 2.2 N·m on TIAGo's
+    arm_1-4 against 1 in its URDF.
+
+    Source: BAM; pal_gripper; fitted on tiago_arm.
+
+    MuJoCo: ``dof_frictionloss``, with solver parameters that hold: the default ones let a joint creep back within 0.5
+    s.
+    """
+
+    form_known_to = DRY
+    force = parameter(FORCE, identity=0.0, default=3.0, bounds=((-2.0, 12.0), (-1.0, 15.0)))
+
+    def change(self, now: Now) -> None:
+        friction = now.host.field("dof_frictionloss")
+        friction[:, now.wiring.dof] = np.maximum(friction[:, now.wiring.dof] + self.force, 0.0)
+        let_it_stick(self, now)
+
+
+@effect("viscous_friction", stage="transmission", targets="joint", gap_class="damping")
+class ViscousFriction(Effect):
+    """Linear damping of the joint beyond the nominal.
+
+    Formula: force -= damping · velocity; nominal plus additional never below 0
+
+    In a recording: as servo damping, but not bounded by the servo's force limit: trailing in proportion to speed.
+
+    Typical: 0.0037, 0.035, 1.30 N·m·s/rad from small to large servos; 80 N·s/m on PAL's fingers; 28, 13, 5.7, 4.3
+    N·m·s/rad on TIAGo's arm_1-4 against 1 in its URDF.
+
+    Source: BAM; pal_gripper; fitted on tiago_arm.
+
+    MuJoCo: ``dof_damping``.
+    """
+
+    damping = parameter(DAMPING, identity=0.0, default=(40.0, 5.0), bounds=((-80.0, 400.0), (-1.0, 60.0)))
+
+    def change(self, now: Now) -> None:
+        damping = now.host.field("dof_damping")
+        damping[:, now.wiring.dof] = np.maximum(damping[:, now.wiring.dof] + self.damping, 0.0)
+
+
+@effect("stribeck_friction", stage="transmission", targets="joint", gap_class="friction")
+class StribeckFriction(Effect):
+    """Extra breakaway friction that fades with speed.
+
+    Formula: friction += static · exp(-(v / velocity)²)
+
+    In a recording: stick-slip at low speed, a jerk at every start, nothing in fast motion.
+
+    Typical: 0.2-1 of the Coulomb friction, gone at 5-20 mm/s.
+
+    Source: chosen.
+
+    MuJoCo: ``lugre`` of a ``dcmotor`` holds a Stribeck curve; here ``dof_frictionloss`` is renewed in every physics
+    step.
+    """
+
+    form_known_to = FALLING
+    static = parameter(FORCE, identity=0.0, default=3.0, bounds=(0.0, 12.0))
+    velocity = parameter(SPEED, identity=None, default=0.01, bounds=((0.001, 0.05), (0.001, 0.5)))
+
+    def change(self, now: Now) -> None:
+        let_it_stick(self, now)
+
+    def added_friction(self, now: Now) -> Array:
+        return self.static * np.exp(-np.square(now.joint_velocity / self.velocity))
+
+
+@effect("load_dependent_friction", stage="transmission", targets="joint", gap_class="friction")
+class LoadDependentFriction(Effect):
+    """Friction that grows with the transmitted force.
+
+    Formula: friction += coefficient · |actuator force|
+
+    In a recording: free motion is as nominal; under load, forces differ between closing and opening by twice the share.
+
+    Typical: 0.05-0.3 in worm and screw drives.
+
+    Source: chosen; BAM fits load-dependent friction as one of its models.
+
+    MuJoCo: none; ``dof_frictionloss`` is renewed in every physics step.
+    """
+
+    form_known_to = DRY
+    coefficient = parameter("-", identity=0.0, default=0.15, bounds=(0.0, 0.8))
+
+    def change(self, now: Now) -> None:
+        let_it_stick(self, now)
+
+    def added_friction(self, now: Now) -> Array:
+        return self.coefficient * np.abs(now.joint_effort)
+
+
+@effect("asymmetric_friction", stage="transmission", targets="joint")
+class AsymmetricFriction(Effect):
+    """Dry friction that is larger by the force in the positive direction and smaller by it in the negative, though
+    never below 0.
+
+    Formula: friction += force · sign(velocity)
+
+    In a recording: the error at constant speed differs between opening and closing.
+
+    Typical: a quarter of the friction.
+
+    Source: chosen.
+
+    MuJoCo: none; ``dof_frictionloss`` at the mean of both directions, and half their difference as a force: together
+    they hold a joint at rest as each direction does.
+    """
+
+    form_known_to = DRY
+    force = parameter(FORCE, identity=0.0, default=2.0, bounds=(-10.0, 10.0))
+
+    def change(self, now: Now) -> None:
+        let_it_stick(self, now)
+        friction = now.host.field("dof_frictionloss")
+        forward, back = (np.maximum(friction[:, now.wiring.dof] + sign * self.force, 0.0) for sign in (1, -1))
+        friction[:, now.wiring.dof] = np.where(self.present, (forward + back) / 2, friction[:, now.wiring.dof])
+        self._pushes = (back - forward) / 2
+
+    def added_force(self, now: Now) -> Array:
+        return self._pushes
+
+
+@effect("backlash", stage="transmission", targets="joint", gap_class="play")
+class Backlash(Effect):
+    """Play between motor and joint: the joint feels the motor only when that has crossed the gap.
+
+    The servo holds the motor, which has no mass; it stands at the set point at the start, as far as the gap allows.
+    Where a load keeps the joint on one side of the gap it follows at once.
+
+    Formula: |motor - joint| ≤ width / 2; between the sides no force, at a side the servo's
+
+    In a recording: after each reversal in the air the joint waits while the command moves by the width; pressing, the
+    servo's error is larger by half of it.
+
+    Typical: 0.1-1 mm on screw-driven fingers, 10-30 mrad on hobby servos.
+
+    Source: chosen.
+
+    MuJoCo: none; a second joint with a gap would do it at the price of one more degree of freedom. Here the difference
+    to the servo's own force is a bias of the actuator, ``actuator_biasprm``.
+    """
+
+    width = parameter(("m", "rad"), identity=0.0, default=0.001, bounds=((0.0, 0.006), (0.0, 0.1)))
+
+    def start(self, now: Now) -> None:
+        self._servo = Servo(now)
+        self._half = self.width[:, self._servo.joints] * self._servo.ratio / 2
+        joint, _ = self._servo.joint(now)
+        # Before anything was commanded the servo holds the motor as far as the gap lets it.
+        self._motor = np.clip(self._servo.set_point(now), joint - self._half, joint + self._half)
+
+    def servo_force(self, now: Now) -> Array:
+        servo = self._servo
+        joint, speed = servo.joint(now)
+        self._motor = np.clip(self._free(now), joint - self._half, joint + self._half)
+        apart = np.abs(self._free(now) - joint - servo.step * speed) < self._half
+        pressing = -servo.kp * (self._motor - joint)
+        nothing = servo.kv * speed - servo.kp * (servo.set_point(now) - joint)
+        return np.where(apart, nothing, pressing)
+
+    def _free(self, now: Now) -> Array:
+        """Where a motor without load is a physics step later."""
+        servo = self._servo
+        slow = servo.kv / servo.step
+        return (slow * self._motor + servo.kp * servo.set_point(now)) / (slow + servo.kp)
+
+
+@effect("joint_elasticity", stage="transmission", targets="joint", gap_class="gain")
+class JointElasticity(Effect):
+    """A spring between motor and joint, in series with the servo, which holds a motor without mass.
+
+    Formula: stiffness · (motor - joint) = kp · (set point - motor) - kv · motor velocity; at rest the stiffness felt at
+    the joint is 1 / (1 / kp + 1 / stiffness)
+
+    In a recording: as a lower servo stiffness; the force per set point falls, and with it what the servo's damping can
+    do for the joint.
+
+    Typical: 1-5 times the servo's stiffness.
+
+    Source: chosen.
+
+    MuJoCo: a joint with ``stiffness`` on a body between motor and link; here the difference to the servo's own force is
+    a bias of the actuator, ``actuator_biasprm``; the resonance with the motor's mass is left out.
+    """
+
+    stiffness = parameter(
+        ("N/m", "N·m/rad"), identity=np.inf, default=3000.0, bounds=((300.0, 40_000.0), (1.0, 40_000.0))
+    )
+
+    def change(self, now: Now) -> None:
+        # The servo's damping acts on the motor; what of it reaches the joint at once is integrated implicitly, as the
+        # servo's own was.
+        servo = Servo(now)
+        present = self.present[:, servo.joints]
+        self._spring = np.where(present, self.stiffness[:, servo.joints] / servo.ratio**2, 1.0)
+        self._kv = servo.kv
+        reaching = self._spring * servo.kv / (servo.kv / servo.step + servo.kp + self._spring)
+        bias = now.host.field("actuator_biasprm")
+        bias[:, now.wiring.actuators, 2] = -np.where(present, reaching, servo.kv)
+
+    def start(self, now: Now) -> None:
+        self._servo = servo = Servo(now)
+        joint, _ = servo.joint(now)
+        self._motor = (servo.kp * servo.set_point(now) + self._spring * joint) / (servo.kp + self._spring)
+
+    def servo_force(self, now: Now) -> Array:
+        servo = self._servo
+        joint, _ = servo.joint(now)
+        self._motor = self._moved(now, joint)
+        return self._spring * (self._moved(now, joint) - joint) - servo.kp * (servo.set_point(now) - joint)
+
+    def _moved(self, now: Now, joint: Array) -> Array:
+        """Where the motor is a physics step later, the joint being there."""
+        servo = self._servo
+        slow = self._kv / servo.step
+        return (slow * self._motor + servo.kp * servo.set_point(now) + self._spring * joint) / (
+            slow + servo.kp + self._spring
+        )
+
+
+@effect("armature", stage="transmission", targets="joint")
+class Armature(Effect):
+    """Reflected inertia of motor and gear beyond the nominal.
+
+    Formula: (inertia + mass) · acceleration = force
+
+    A negative value takes from the joint's inertia: at most 90 % of what moves with a joint that moves alone and 99 %
+    of its motor's (``armature``), in a chain of joints 30 % of the one and all of the other.
+
+    In a recording: slower starts and stops, overshoot; nothing at constant speed.
+
+    Typical: 0.0018, 0.027, 0.34 kg·m² from small to large servos.
+
+    Source: BAM.
+
+    MuJoCo: ``dof_armature``.
+    """
+
+    mass = parameter(("kg", "kg·m²"), identity=0.0, default=0.3, bounds=((-0.08, 5.0), (-0.1, 3.0)))
+
+    def change(self, now: Now) -> None:
+        armature, dofs = now.host.field("dof_armature"), now.wiring.dof
+        before = armature[:, dofs]
+        model, least = now.host.model, 0.0
+        if (self.mass < 0).any():
+            least = model.dof_armature[dofs] - removable_inertia(model, dofs)
+        armature[:, dofs] = np.where(self.present, np.maximum(before + self.mass, least), before)
+        now.rebuild = True
+
+
+@effect("coupling_error", stage="transmission", targets="joint")
+class CouplingError(Effect):
+    """Part of one joint's motion appears on its neighbour (of one finger's on the other).
+
+    Formula: set point += ratio · (the partner's set point - where that began); with of_motion = 1 of the partner's
+    position instead of its set point
+
+    In a recording: a joint moves that was not commanded.
+
+    Typical: 0-0.1 where two fingers share a carriage.
+
+    Source: chosen.
+
+    MuJoCo: an ``equality/joint`` couples positions rigidly; here it is the set points.
+    """
+
+    ratio = parameter("-", identity=0.0, default=0.1, bounds=(-0.6, 0.6))
+    of_motion = form(0, 1)
+
+    def start(self, now: Now) -> None:
+        joints = list(now.wiring.targets.actuated)
+        self._servo, self._home = Servo(now), now.joint_position[:, joints]
+        self._ratio, self._moving = self.ratio[:, joints], self.of_motion[:, joints] > 0
+
+    def set_point(self, target: Array, now: Now) -> Array:
+        partner = now.wiring.partner
+        return target + np.where(self._moving, 0.0, self._ratio * (target - now.set_point)[:, partner])
+
+    def servo_force(self, now: Now) -> Array:
+        moved = (now.joint_position[:, self._servo.joints] - self._home)[:, now.wiring.partner]
+        return np.where(self._moving, self._servo.kp * self._servo.ratio * self._ratio * moved, 0.0)

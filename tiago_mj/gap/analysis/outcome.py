@@ -1,0 +1,230 @@
+"""What was found, told in the terms of a diagnosis: effects with values, explanations, pictures, notes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tiago_mj.effects import EFFECTS
+from tiago_mj.effects.spec import Entry
+from tiago_mj.gap.analysis.remainder import own_numbers
+from tiago_mj.gap.data import travel
+from tiago_mj.gap.data.recording import Trial
+from tiago_mj.gap.decision import verdict
+from tiago_mj.gap.detectors.readings import Tone
+from tiago_mj.gap.inference.fit import Fitted
+from tiago_mj.gap.inference.noise_model import Data
+from tiago_mj.gap.inference.predictor import Predictor
+from tiago_mj.gap.result import Explanation, Named, Overlay, Value
+from tiago_mj.gap.search.select import Ranked
+from tiago_mj.gap.simulation.plant import Plant
+
+Array = NDArray[np.float64]
+
+#: 90 % of a normal distribution lie within so many standard deviations.
+NINETY: Final = 1.645
+#: Ends a note of what makes the verdict ``unknown``, whatever explains the rest.
+STRANGE: Final = "no effect of the library does that"
+
+
+# Explanations ---------------------------------------------------------------------------------------------------------
+
+
+def left_open(plant: Plant, ranked: Ranked) -> dict[int, tuple[Entry, ...]]:
+    """What the recordings themselves say is not known of the model, as each explanation has it, by its index: neither
+    a gap nor an effect, so that before and after have it, each its own. Empty where nothing is said."""
+    stated = {name for name, _ in plant.known}
+    if not stated:
+        return {}
+    return {
+        k: tuple(entry for entry in own_numbers(plant, fit) if entry.name in stated)
+        for k, fit in enumerate(ranked.fits)
+    }
+
+
+def nominal(ranked: Ranked) -> int:
+    """Index of the explanation that names nothing beyond what readings betray."""
+    return next(k for k, fit in enumerate(ranked.fits) if len(fit.parts) == ranked.known)
+
+
+def stage(best: Fitted) -> str:
+    """Of the signal chain, where the first effect of an explanation is."""
+    return EFFECTS[best.parts[0].effect].stage
+
+
+def explanations(
+    predict: Predictor,
+    data: Data,
+    base: Array,
+    ranked: Ranked,
+    probability: Array,
+    judged_on: Sequence[int],
+    along: Mapping[int, tuple[Entry, ...]],
+) -> list[Explanation]:
+    """What was fitted, in the order of the fits.
+
+    Args:
+        predict: simulates.
+        data: what was measured, in every trial.
+        base: nominal prediction of it, (ntrials, T, channels).
+        ranked: the fits.
+        probability: of each, (n,).
+        judged_on: indices of the trials whose residual is to drop.
+        along: of :func:`left_open`.
+    """
+    return [
+        Explanation(
+            tuple(named(predict.plant, fit, part) for part in range(len(fit.parts))),
+            float(p),
+            _gain(predict, data, base, fit, judged_on, along.get(k, ())),
+            verdict.option(fit, ranked).evidence,
+        )
+        for k, (fit, p) in enumerate(zip(ranked.fits, probability, strict=True))
+    ]
+
+
+def named(plant: Plant, fit: Fitted, k: int) -> Named:
+    """The ``k``-th effect of a fit, with its values and their 90 % intervals: how large it is, given that it is there,
+    so an interval ends where the effect vanishes."""
+    part = fit.parts[k]
+    declared = EFFECTS[part.effect]
+    target: str | tuple[str, ...] = "all"
+    if part.target is not None:
+        target = part.target[0] if len(part.target) == 1 else part.target
+    value, sd = float(fit.values[k]), float(fit.deviations[k])
+    known = part.known_to(value) if part.spread is None else 0.0
+    reach = NINETY * (float(np.hypot(sd * verdict.calibration().widens, known)) if part.spread is None else sd)
+    low, high = max(value - reach, part.low), min(value + reach, part.high)
+    if value > part.identity:
+        low = max(low, part.identity)
+    elif value < part.identity:
+        high = min(high, part.identity)
+    parameters: dict[str, Value] = {part.parameter: Value(value, low, high, part.unit, sd, known)}
+    for name, fixed in part.fixed:
+        if name in declared.forms:
+            if fixed != declared.forms[name].values[0]:
+                parameters[name] = Value(fixed, None, None, "-")
+            continue
+        if name in declared.details:
+            off = NINETY * verdict.calibration().widens * fit.spreads[name]
+            detail = declared.details[name]
+            ends = max(fixed - off, detail.bounds[0]), min(fixed + off, detail.bounds[1])
+            parameters[name] = Value(fixed, *ends, detail.unit, fit.spreads[name])
+            continue
+        index = 0 if part.target is None else plant.wiring.targets.names(declared.targets).index(part.target[0])
+        side = 0 if plant.wiring.targets.slide(declared.targets, index) else 1
+        parameters[name] = Value(fixed, None, None, declared.parameters[name].unit[side])
+    return Named(part.effect, target, parameters)
+
+
+def _gain(
+    predict: Predictor, data: Data, base: Array, fit: Fitted, trials: Sequence[int], along: tuple[Entry, ...]
+) -> float:
+    """Drop of the mean squared residual of some trials, in units of the floor."""
+    if not fit.parts:
+        return 0.0
+    index = list(trials)
+    after = predict.all_trials([(*fit.effects(), *along)], index)[0]
+    return _gap(data, base[index], index) - _gap(data, after, index)
+
+
+def _gap(data: Data, predicted: Array, trials: Sequence[int]) -> float:
+    """Mean squared residual in units of the floor, of predictions for these trials alone."""
+    return float(np.nanmean(((data.value[list(trials)] - predicted) / data.noise) ** 2))
+
+
+# Pictures and notes ---------------------------------------------------------------------------------------------------
+
+
+def overlay(
+    plant: Plant, trial: Trial, data: Data, base: Array, repaired: Array, phase: NDArray[np.int_], k: int
+) -> Overlay:
+    """Signals of a trial, the ``k``-th: measured, and predicted before and after."""
+    rows = len(trial.time)
+    units: Mapping[str, Callable[[int], str]] = {
+        "position": lambda j: "m" if plant.wiring.targets.slides[j] else "rad",
+        "velocity": lambda j: "m/s" if plant.wiring.targets.slides[j] else "rad/s",
+        "force": lambda j: "sensor units",
+    }
+
+    def signals(values: Array) -> dict[str, Array]:
+        return {name: values[k, :rows, c] for c, name in enumerate(data.channels)}
+
+    return Overlay(
+        trial=trial.name,
+        time=trial.time,
+        phases=phase[k, :rows],
+        measured=signals(data.value),
+        nominal=signals(base),
+        repaired=signals(repaired),
+        units={name: units[name.partition(".")[0]](int(j)) for name, j in zip(data.channels, data.part, strict=True)},
+        floor={name: float(noise) for name, noise in zip(data.channels, data.noise, strict=True)},
+    )
+
+
+def notes(
+    trials: Sequence[Trial],
+    tones: Sequence[Tone],
+    *,
+    astray: Sequence[int] = (),
+    cut_from: int = 0,
+    tested: bool,
+    complete: bool,
+    splits: Mapping[str, Sequence[str]],
+    slides: Sequence[str] = (),
+    ended: BaseException | None = None,
+    diverged: Mapping[str, int] | None = None,
+) -> tuple[str, ...]:
+    """Sentences that a reader should know.
+
+    Args:
+        trials: that were compared.
+        tones: that load cells hum.
+        astray: indices of trials that were set aside.
+        cut_from: how many recordings were cut into the trials; 0 where none was.
+        tested: whether a trial was kept for testing.
+        complete: whether the search came to its end.
+        ended: what ended it, apart from the time.
+        diverged: number of ``simulations``, and of those that ``diverged``.
+        splits: names of the train, validation and test trials.
+        slides: joints that slide.
+    """
+    said = []
+    if cut_from:
+        what = "The recording was" if cut_from == 1 else f"The {cut_from} recordings, of which some are long, were"
+        said.append(
+            f"{what} cut into {len(trials)} trials: at rests, or where there are too few of them into parts with gaps "
+            "between them."
+        )
+    said += travel.notes(trials, splits, slides)
+    if not tested:
+        said.append("There is no test trial, so no share of the gap can be said to be closed: record more than one.")
+    if any(trial.efforts for trial in trials):
+        said.append(
+            "Measured efforts are not compared where commands can be replayed: servos report them in many ways."
+        )
+    said += [
+        f"{tone.channel} swings at about {tone.frequency:.3g} Hz (or faster, seen at this rate) by "
+        f"±{tone.amplitude:.2g} even where nothing is touched: mains hum, or a vibration; {STRANGE}."
+        for tone in tones
+    ]
+    said += [
+        f"In {trials[k].name} the motion goes another way than in the simulator, which it does not in the others: "
+        "something slipped, tipped or got stuck there. What is said rests on the others."
+        for k in astray
+    ]
+    if diverged and diverged["diverged"]:
+        said.append(
+            f"{diverged['diverged']} of {diverged['simulations']} simulations diverged: what they were of was dropped."
+        )
+    if isinstance(ended, KeyboardInterrupt):
+        said.append("The search was interrupted: what is said is the best so far.")
+    elif ended is not None:
+        fault = f"{type(ended).__name__}: {' '.join(str(ended).split())[:200]}"
+        said.append(f"A fault of this program ended the search ({fault}): what is said is the best so far.")
+    elif not complete:
+        said.append("The time budget ran out: what is said is the best so far.")
+    return tuple(said)

@@ -1,0 +1,196 @@
+"""How far the gap shrinks on trials that were used for nothing else: by channel, by phase, and by both.
+
+Intervals are of the bootstrap. Trials are drawn with replacement. Few trials say little about how trials differ, so
+where there are few, moving blocks of each drawn trial are drawn, too (Künsch 1989; here with the trial closed to a
+ring, so that its ends are drawn as often as its middle). All channels are drawn together: they fail together.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tiago_mj.gap.inference.noise_model import Data
+from tiago_mj.gap.result import PHASES, Closing, Shrink
+
+Array = NDArray[np.float64]
+
+#: A gap within this of the floor is none: it is not closed.
+NOTHING: Final = 0.1
+#: So many trials are enough to be drawn whole.
+ENOUGH: Final = 8
+#: Draws of the bootstrap, and the interval's quantiles.
+DRAWS: Final = 400
+QUANTILES: Final = (0.05, 0.95)
+#: A block is so many correlation times of the residual long, and between these shares of a trial: several make a trial,
+#: and no more than need be.
+TIMES: Final = 4
+SHARES: Final = (1 / 40, 1 / 5)
+#: A trial is summed up in at most so many bins: blocks need no finer edges.
+BINS: Final = 1000
+#: Samples below which a phase of a channel is not reported.
+FEWEST: Final = 5
+
+
+def shrink(
+    data: Data,
+    before: Array,
+    after: Array,
+    phase: NDArray[np.int_],
+    test: Sequence[int],
+    *,
+    period: float,
+    seed: int = 0,
+) -> Shrink:
+    """Gap before and after on the test trials, in units of the noise floor.
+
+    Args:
+        data: measured, of all trials.
+        before, after: predictions, (ntrials, T, C).
+        phase: of every row, (ntrials, T), as indices into ``PHASES``.
+        test: indices of the trials kept aside; none: nothing is said.
+        period: control period [s].
+        seed: of the bootstrap.
+    """
+    if not len(test):
+        return Shrink(None, None, 1.0, None, None, None)
+    sums = [_binned(data, before[k], after[k], phase[k], k) for k in test]
+    length = _block(data, before, after, test)
+    drawn = _drawn(sums, length, np.random.default_rng(seed))
+    total = np.sum([part.sum(axis=0) for part in sums], axis=0)
+    whole = _closing(total.sum(axis=(0, 1)), drawn.sum(axis=(1, 2)))
+    if whole is None:
+        return Shrink(None, None, 1.0, None, None, None)
+    per_channel = _known({n: _closing(total[c].sum(0), drawn[:, c].sum(1)) for c, n in enumerate(data.channels)})
+    per_phase = _known({n: _closing(total[:, p].sum(0), drawn[:, :, p].sum(1)) for p, n in enumerate(PHASES)})
+    per_place = {
+        name: _known({phase: _closing(total[c, p], drawn[:, c, p]) for p, phase in enumerate(PHASES)})
+        for c, name in enumerate(data.channels)
+    }
+    return Shrink(
+        whole.before,
+        whole.after,
+        1.0,
+        whole.closed,
+        whole.low,
+        whole.high,
+        per_channel,
+        per_phase=per_phase,
+        per_place={name: places for name, places in per_place.items() if places},
+        resampled=_said(len(test), length * period),
+    )
+
+
+def closed(before: float, after: float) -> float | None:
+    """Share of the excess over the floor (1) that is gone; None where there was none."""
+    if before - 1 <= NOTHING:
+        return None
+    return 1 - (max(after, 1.0) - 1) / (before - 1)
+
+
+def _said(trials: int, seconds: float) -> str:
+    if trials >= ENOUGH:
+        return f"{trials} test trials"
+    if trials == 1:
+        return f"blocks of {seconds:.2g} s of the one test trial"
+    return f"{trials} test trials, and blocks of {seconds:.2g} s within each"
+
+
+def _binned(data: Data, before: Array, after: Array, phase: NDArray[np.int_], k: int) -> Array:
+    """Squared residuals before and after and their number, (bins, C, phases, 3), of one trial's rows."""
+    value = data.value[k]
+    rows = np.flatnonzero(np.isfinite(value).any(axis=1))
+    last = int(rows[-1]) + 1 if len(rows) else 1
+    count = min(last, BINS)
+    known = np.isfinite(value[:last])
+    signals = [
+        np.where(known, ((value[:last] - before[:last]) / data.noise) ** 2, 0.0),
+        np.where(known, ((value[:last] - after[:last]) / data.noise) ** 2, 0.0),
+        known.astype(np.float64),
+    ]
+    cell = (np.arange(last) * count // last) * len(PHASES) + phase[:last]
+    out = np.zeros((count, len(PHASES), len(data.channels), 3))
+    flat = out.reshape(count * len(PHASES), len(data.channels), 3)
+    for s, signal in enumerate(signals):
+        for c in range(len(data.channels)):
+            flat[:, c, s] = np.bincount(cell, signal[:, c], minlength=len(flat))
+    return out.transpose(0, 2, 1, 3)
+
+
+def _block(data: Data, before: Array, after: Array, test: Sequence[int]) -> int:
+    """Rows of a block: some correlation times of the more correlated of both residuals, the middle one of all channels.
+
+    A slow error is one error however many rows it lasts, and whether it is there decides what can be closed.
+    """
+    found = []
+    for k in test:
+        for c in range(len(data.channels)):
+            times = [
+                _correlation((data.value[k, :, c] - signal[k, :, c]) / data.noise[c]) for signal in (before, after)
+            ]
+            found.append(max(times))
+    longest = max(len(np.flatnonzero(np.isfinite(data.value[k]).any(axis=1))) for k in test)
+    return max(int(np.clip(TIMES * float(np.median(found)), SHARES[0] * longest, SHARES[1] * longest)), 1)
+
+
+def _correlation(residual: Array) -> float:
+    """Rows of the integrated autocorrelation time, up to its first fall below 0.05; 1 where there is nothing."""
+    known = residual[np.isfinite(residual)]
+    x = known - known.mean() if len(known) else known
+    power = float(x @ x)
+    if len(x) < 16 or power == 0:
+        return 1.0
+    size = 1 << (2 * len(x) - 1).bit_length()
+    spectrum = np.abs(np.fft.rfft(x, size)) ** 2
+    rho = np.fft.irfft(spectrum, size)[: len(x) // 3] / power
+    below = np.flatnonzero(rho < 0.05)
+    return 1 + 2 * float(rho[1 : below[0] if len(below) else None].sum())
+
+
+def _drawn(sums: Sequence[Array], length: int, rng: np.random.Generator) -> Array:
+    """Sums of resampled test trials, (DRAWS, C, phases, 3)."""
+    ntrials = len(sums)
+    picked = rng.integers(ntrials, size=(DRAWS, ntrials))
+    out = np.zeros((DRAWS, *sums[0].shape[1:]))
+    for k, part in enumerate(sums):
+        draw = np.repeat(np.arange(DRAWS), (picked == k).sum(axis=1))  # one entry for each time this trial is drawn
+        if ntrials >= ENOUGH:
+            np.add.at(out, draw, part.sum(axis=0))
+            continue
+        bins = len(part)
+        size = max(min(round(length * bins / max(_rows(part), 1)), bins), 1)
+        ring = np.concatenate([part, part[: size - 1]]).cumsum(axis=0)
+        ring = np.concatenate([np.zeros_like(ring[:1]), ring])
+        blocks = ring[size:] - ring[:-size]  # of every start
+        count = -(-bins // size)
+        starts = rng.integers(bins, size=(len(draw), count))
+        for column in starts.T:
+            np.add.at(out, draw, blocks[column] / (count * size / bins))
+    return out
+
+
+def _rows(part: Array) -> float:
+    """Rows of a trial: those of its channel with most."""
+    return float(part[..., 2].sum(axis=(0, 2)).max())
+
+
+def _closing(total: Array, drawn: Array) -> Closing | None:
+    """Of sums (3,) and their draws (DRAWS, 3); None where there are hardly any samples."""
+    if total[2] < FEWEST:
+        return None
+    before, after = float(total[0] / total[2]), float(total[1] / total[2])
+    share = closed(before, after)
+    low = high = None
+    if share is not None:
+        enough = drawn[drawn[:, 2] > 0]
+        shares = [s for b, a, n in enough if (s := closed(b / n, a / n)) is not None]
+        if shares:
+            low, high = (float(q) for q in np.quantile(shares, QUANTILES))
+    return Closing(before, after, share, low, high)
+
+
+def _known(found: Mapping[str, Closing | None]) -> dict[str, Closing]:
+    return {name: closing for name, closing in found.items() if closing is not None}

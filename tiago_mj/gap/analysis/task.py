@@ -1,0 +1,326 @@
+"""What a gap costs on the task: the return of a policy, predicted by the nominal and by the repaired simulator.
+
+Both play one episode per test trial under that trial's conditions: its object and where it stood, its goal, where the
+joints stood, and one seed of the sensors' noise for both. Beside them stands the return that the recordings themselves
+hold, where the policy made them: the environment's own reward, of what was measured.
+"""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Final
+
+import gymnasium
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+from tiago_mj.envs.choices import Interval, ObjectChoice
+from tiago_mj.envs.flat import core_of
+from tiago_mj.envs.hold_force import HoldForce
+from tiago_mj.envs.state import State
+from tiago_mj.gap.data.recording import RecordingError, Trial
+from tiago_mj.gap.result import Diagnosis, Named
+from tiago_mj.gap.simulation.plant import Plant, grasp_object
+from tiago_mj.models import names
+
+Array = NDArray[np.float64]
+
+#: Of the interval of a mean return over trials.
+LEVEL: Final = 0.9
+#: Arguments that a recorded environment had and that the diagnosis gives itself.
+OURS: Final = ("effects", "render_mode", "goal", "width", "height")
+SIMULATORS: Final = ("nominal", "repaired", "measured")
+
+
+@dataclass(frozen=True)
+class Asked:
+    """A policy whose return is asked for; :func:`ask` has seen that it can be played.
+
+    Attributes:
+        policy: its name or file, as :func:`tiago_mj.rollout.policies.make_policy` takes it.
+        trust: whether a file may be loaded although loading runs what it holds.
+        plant: the nominal simulator, of an environment.
+        trials: recordings of which some will be test trials.
+        seed: of what is drawn where a recording has none of its own.
+    """
+
+    policy: str
+    trust: bool
+    plant: Plant
+    trials: tuple[Trial, ...]
+    seed: int
+
+
+def ask(plant: Plant, trials: Sequence[Trial], policy: str, *, trust: bool = False, seed: int = 0) -> Asked:
+    """Check that a policy can be played under the conditions of recordings, before anything else takes time.
+
+    Raises:
+        RecordingError: the recordings are of no environment, or a sidecar lacks a goal or holds an impossible one.
+        ValueError: the policy cannot be loaded or does not fit; says why.
+    """
+    if plant.environment is None:
+        raise RecordingError(
+            f"{trials[0].source}: --policy needs an environment to play in, and these recordings are of {plant.name}: "
+            "leave --policy out, or give --env ID"
+        )
+    asked = Asked(policy, trust, plant, tuple(trials), seed)
+    for trial in trials:
+        _goal(trial)
+    if trials:
+        env = _make(asked, trials[0], ())
+        try:
+            _policy(asked, env)
+            for trial in trials:
+                _condition(core_of(env), asked, trial)
+        finally:
+            env.close()
+    return asked
+
+
+def told(diagnosis: Diagnosis, asked: Asked | None, tick: Callable[[str, int], None] | None = None) -> Diagnosis:
+    """The diagnosis with the return of the policy that was asked for; as it is where none was."""
+    if asked is None:
+        return diagnosis
+    kept = set(diagnosis.splits.get("test", ()))
+    tested = [trial for trial in asked.trials if trial.name in kept]
+    if not tested:
+        note = f"The return of {Path(asked.policy).name} is predicted on test trials, and there is none."
+        return replace(diagnosis, notes=(*diagnosis.notes, note))
+    if tick is not None:
+        tick("playing the policy", len(tested))
+    begun = time.monotonic()
+    shrink = replace(diagnosis.shrink, task=returns(asked, tested, diagnosis.best.effects))
+    return replace(diagnosis, shrink=shrink, seconds=diagnosis.seconds + time.monotonic() - begun)
+
+
+def returns(asked: Asked, trials: Sequence[Trial], effects: Sequence[Named]) -> dict[str, Any]:
+    """Mean return over the conditions of recordings.
+
+    Args:
+        asked: the policy.
+        trials: kept for testing.
+        effects: of the repaired simulator.
+
+    Returns:
+        ``policy``, and the means ``nominal``, ``repaired`` and ``measured``, the last None where not every one of the
+        recordings was made by the policy or where they do not hold what the reward is of. With more than one trial,
+        ``nominal_low``, ``nominal_high`` and so on are the ends of the 90 % interval of the mean (Student's t over
+        trials). ``trials`` has the same three by name of the trial.
+    """
+    nominal = _played(asked, trials, ())
+    repaired = _played(asked, trials, effects) if effects else nominal
+    measured = [_measured(asked, trial) for trial in trials]
+    by_trial = {
+        trial.name: dict(zip(SIMULATORS, values, strict=True))
+        for trial, *values in zip(trials, nominal, repaired, measured, strict=True)
+    }
+    out: dict[str, Any] = {"policy": Path(asked.policy).name}
+    ends: dict[str, float | None] = {}
+    for name in SIMULATORS:
+        values = [value for row in by_trial.values() if (value := row[name]) is not None]
+        known = len(values) == len(trials)
+        out[name] = float(np.mean(values)) if known else None
+        if len(trials) > 1:
+            spread = _spread(values) if known else None
+            ends[f"{name}_low"] = None if spread is None else out[name] - spread
+            ends[f"{name}_high"] = None if spread is None else out[name] + spread
+    return {**out, **ends, "trials": by_trial}
+
+
+def _spread(values: Sequence[float]) -> float:
+    """Half the width of the mean's interval."""
+    count = len(values)
+    return float(stats.t.ppf(0.5 + LEVEL / 2, count - 1) * np.std(values, ddof=1) / np.sqrt(count))
+
+
+# Playing -------------------------------------------------------------------------------------------------------------
+
+
+def _played(asked: Asked, trials: Sequence[Trial], effects: Sequence[Named]) -> list[float]:
+    """Return of an episode per trial; trials of equal arguments share an environment and a policy."""
+    made: dict[str, tuple[gymnasium.Env[Any, Any], Any]] = {}
+    try:
+        found = []
+        for number, trial in enumerate(trials):
+            key = json.dumps(_arguments(trial, asked.plant), sort_keys=True, default=str)
+            if key not in made:
+                env = _make(asked, trial, effects)
+                made[key] = env, _policy(asked, env)
+            env, policy = made[key]
+            _condition(core_of(env), asked, trial)
+            found.append(_episode(env, policy, trial, _seed(asked, trial, number), _steps(asked, trial)))
+        return found
+    finally:
+        for env, _ in made.values():
+            env.close()
+
+
+def _episode(env: gymnasium.Env[Any, Any], policy: Any, trial: Trial, seed: int, steps: int) -> float:
+    observation, info = env.reset(seed=seed, options={"goal": _goal(trial)})
+    policy.reset()
+    total = 0.0
+    for _ in range(steps):
+        observation, reward, terminated, truncated, info = env.step(policy(observation, info))
+        total += float(reward)
+        if terminated or truncated:
+            break
+    return total
+
+
+def _make(asked: Asked, trial: Trial, effects: Sequence[Named]) -> gymnasium.Env[Any, Any]:
+    """The environment with effects, without a time limit: episodes are as long as what they are compared with."""
+    assert asked.plant.environment is not None
+    arguments = {**_arguments(trial, asked.plant), **asked.plant.environment}
+    given: list[Any] = [
+        {
+            "name": effect.name,
+            "target": effect.target if isinstance(effect.target, str) else list(effect.target),
+            "parameters": {key: value.value for key, value in effect.parameters.items()},
+        }
+        for effect in effects
+    ]
+    try:
+        given = [*asked.plant.given, *given]
+        return gymnasium.make(**arguments, effects=given or None, max_episode_steps=-1, disable_env_checker=True)
+    except (TypeError, ValueError) as fault:
+        raise RecordingError(f"{trial.source}: {asked.plant.name} cannot be made for --policy: {fault}") from fault
+
+
+def _arguments(trial: Trial, plant: Plant) -> dict[str, Any]:
+    """What the recorded environment was made with (its reward, say), as far as it is this one."""
+    said = trial.sidecar.raw.get("arguments")
+    if not isinstance(said, Mapping) or trial.sidecar.robot.removeprefix("tiago_mj/") != plant.name:
+        return {}
+    return {str(key): value for key, value in said.items() if key not in OURS}
+
+
+def _policy(asked: Asked, env: gymnasium.Env[Any, Any]) -> Any:
+    from tiago_mj.rollout.policies import make_policy
+
+    return make_policy(asked.policy, env, seed=asked.seed, trust=asked.trust)
+
+
+def _condition(core: Any, asked: Asked, trial: Trial) -> None:
+    """Let the next episode begin as a trial did: object, its place, and the joints at rest at their set points."""
+    start = asked.plant.starts[trial.name]
+    for joint, address in zip(core.joints, core._qpos_address, strict=True):
+        if joint in asked.plant.actuators:
+            core.initial_qpos[address] = start.set_point[asked.plant.actuators.index(joint)]
+    if start.item is not None and core.object_choice is not None:
+        said = trial.sidecar.object or {}
+        offset = grasp_object(said)[1] if said else core.object_choice.offset.low
+        core.object_choice = ObjectChoice((start.item,), None, None, None, None, Interval(offset, offset))
+        vars(core).pop("_object_position", None)
+        if said.get("position_m") is not None:
+            place = np.array(said["position_m"][:2], dtype=np.float64)
+            core._object_position = lambda offset: place
+    try:
+        core._checked_goal(_goal(trial))
+    except ValueError as fault:
+        raise RecordingError(f"{trial.source}: goal in the sidecar: {fault}") from fault
+
+
+def _goal(trial: Trial) -> Any:
+    if trial.sidecar.goal is None:
+        raise RecordingError(
+            f'{trial.source}: --policy needs the goal of every trial, and its sidecar has none: write "goal": [...]'
+        )
+    return trial.sidecar.goal
+
+
+def _seed(asked: Asked, trial: Trial, number: int) -> int:
+    """The recording's own where it has one: without effects, the episode is then the recorded one."""
+    source = trial.sidecar.source
+    seed = source.get("seed") if isinstance(source, Mapping) else None
+    return seed if isinstance(seed, int) and seed >= 0 else asked.seed + number
+
+
+def _steps(asked: Asked, trial: Trial) -> int:
+    """Control steps of the episode: as many as were recorded of the policy, else the environment's own."""
+    if _made_by(asked, trial):
+        return len(_steps_end(trial))
+    assert asked.plant.environment is not None
+    limit = gymnasium.spec(str(asked.plant.environment["id"])).max_episode_steps
+    return limit or len(_steps_end(trial))
+
+
+# Measured ------------------------------------------------------------------------------------------------------------
+
+
+def _made_by(asked: Asked, trial: Trial) -> bool:
+    motion = trial.sidecar.motion
+    return isinstance(motion, Mapping) and motion.get("policy") == Path(asked.policy).stem
+
+
+def _steps_end(trial: Trial) -> NDArray[np.intp]:
+    """Row at the end of every control step: that of the next command, or the last one."""
+    sent = np.zeros(len(trial.time), dtype=bool)
+    for values in trial.commands.values():
+        sent |= np.isfinite(values)
+    last = len(trial.time) - 1
+    return np.append(np.flatnonzero(sent)[1:], [] if sent[last] else [last]).astype(np.intp)
+
+
+def _measured(asked: Asked, trial: Trial) -> float | None:
+    """Return of a recorded episode; None where another policy made it, or the reward is of what was not measured."""
+    if not _made_by(asked, trial):
+        return None
+    env = _make(asked, trial, ())
+    try:
+        core = core_of(env)
+        achieved = _achieved(core, trial)[_steps_end(trial)]
+        goal = np.asarray(_goal(trial), dtype=np.float64)
+        if not np.isfinite(achieved).all() or not len(achieved):
+            return None
+        return float(np.sum(core.compute_reward(achieved, np.broadcast_to(goal, achieved.shape), {})))
+    finally:
+        env.close()
+
+
+def _achieved(core: Any, trial: Trial) -> Array:
+    """The achieved goal by what was measured, (T, g); NaN where it was not."""
+    rows = len(trial.time)
+    position = _columns(trial.positions, core.joints, rows)
+    force = _columns(trial.forces, names.SIDES, rows)
+    if isinstance(core, HoldForce):
+        return force  # also where the agent does not see it
+    state = State(
+        position=position,
+        velocity=_columns(trial.velocities, core.joints, rows),
+        force_contact=np.full((rows, 2), np.nan),
+        force_raw=force,
+        force_binary=np.full((rows, 2), np.nan),
+        grasp_position=_grasp_points(core, position),
+        object_pose=np.full((rows, 7), np.nan),
+        object_velocity=np.full((rows, 6), np.nan),
+    )
+    return np.asarray(core._achieved(state))
+
+
+def _grasp_points(core: Any, position: Array) -> Array:
+    """The point between the fingers by the measured joints, (T, 3) [m]."""
+    import mujoco
+
+    out = np.full((len(position), 3), np.nan)
+    data = mujoco.MjData(core.model)
+    for k in np.flatnonzero(np.isfinite(position).all(axis=1)):
+        data.qpos[:] = core.initial_qpos
+        data.qpos[core._qpos_address] = position[k]
+        mujoco.mj_kinematics(core.model, data)
+        out[k] = data.site(names.GRASP_SITE).xpos
+    return out
+
+
+def _columns(channels: Mapping[str, Array], wanted: Sequence[str], rows: int) -> Array:
+    """Channels side by side, (T, n); a row without a value has the last one before it."""
+    out = np.full((rows, len(wanted)), np.nan)
+    for column, name in enumerate(wanted):
+        values = np.asarray(channels.get(name, out[:, column]))
+        last = np.maximum.accumulate(np.where(np.isfinite(values), np.arange(rows), 0))
+        out[:, column] = values[last]
+    return out

@@ -1,0 +1,1 @@
+"""Recordings: in memory, on disk, read from other formats, linted and cut into trials."""

@@ -1,0 +1,170 @@
+"""Reading recordings: files and folders of CSV, Parquet, ROS bags and MCAP become trials."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from tiago_mj.gap.data.read.columns import trial_from_table
+from tiago_mj.gap.data.read.mapping import FACTS, column_map, load_map
+from tiago_mj.gap.data.read.tables import TEXT, Table, read_table
+from tiago_mj.gap.data.recording import KINDS, Finding, ReadResult, RecordingError, Trial, channel, channels
+from tiago_mj.gap.data.sidecar import load_sidecar
+
+TABLES: Final = (".parquet", *TEXT)
+BAGS: Final = (".bag", ".mcap", ".db3")
+
+
+def read_recordings(
+    paths: Sequence[Path],
+    *,
+    map_file: Path | None = None,
+    defaults: Mapping[str, Any] | None = None,
+    replayed: bool = True,
+) -> ReadResult:
+    """Read recordings; nothing is guessed silently.
+
+    Args:
+        paths: files (``.parquet``, ``.csv``, ``.tsv``, ``.bag``, ``.mcap``, ``.db3``) or folders of them; a folder with
+            a ``metadata.yaml`` is a ROS 2 bag.
+        map_file: YAML, see :mod:`tiago_mj.gap.data.read.mapping` and :mod:`tiago_mj.gap.data.read.bags`.
+        defaults: sidecar fields from the command line (``robot``, ``interface``, ``sensing`` ...), for what sidecars
+            lack.
+        replayed: whether a recording without commands and efforts is refused, as nothing can be replayed.
+
+    Returns:
+        Trials in the order of the paths, and what was found and repaired. Two recordings with the same samples are
+        one, as a copy would carry what is to be predicted into what is fitted.
+
+    Raises:
+        RecordingError: a file cannot be used; one line says which, which column, and how to mend it.
+    """
+    content = {} if map_file is None else load_map(Path(map_file))
+    columns = column_map(content, "" if map_file is None else Path(map_file).name)
+    trials: list[Trial] = []
+    findings: list[Finding] = []
+    files: list[Path] = []
+    for path in find_recordings(paths):
+        parts, found = trial_from_table(_load(path, content), columns, _defaults(content, defaults), replayed)
+        trials += [_model_found(trial, path) for trial in parts]
+        files += [path] * len(parts)
+        findings += found
+    trials = _unique_names(trials, files)
+    kept, copies = _without_copies(trials)
+    findings += copies
+    robots = sorted({trial.sidecar.robot for trial in kept})
+    if len(robots) > 1:
+        raise RecordingError(f"the recordings are of several robots ({', '.join(robots)}): give those of one at a time")
+    return ReadResult(tuple(kept), tuple(findings))
+
+
+def find_recordings(paths: Sequence[Path]) -> Iterator[Path]:
+    """Every recording that the paths name, folders in the order of their file names.
+
+    Raises:
+        RecordingError: a path is not there, is of no known format, or a folder holds no recording.
+    """
+    if not paths:
+        raise RecordingError("no recording was given: name files or folders")
+    for path in map(Path, paths):
+        if not path.exists():
+            raise RecordingError(f"{path}: no such file or folder")
+        if not path.is_dir() or is_ros2_bag(path):
+            if path.is_file() and path.suffix.lower() not in TABLES + BAGS:
+                raise RecordingError(f"{path.name}: of no known format: give {', '.join(TABLES + BAGS)} or a folder")
+            yield path
+            continue
+        inside = sorted(
+            entry
+            for entry in path.iterdir()
+            if not entry.name.startswith(".") and (entry.suffix.lower() in TABLES + BAGS or is_ros2_bag(entry))
+        )
+        stems = Counter(entry.stem for entry in inside)
+        if not inside:
+            raise RecordingError(f"{path}: the folder holds no recording ({', '.join(TABLES + BAGS)})")
+        if stems and max(stems.values()) > 1:
+            raise RecordingError(
+                f"{path}: {stems.most_common(1)[0][0]!r} is there in two formats, which share a sidecar: delete one"
+            )
+        yield from inside
+
+
+def is_ros2_bag(path: Path) -> bool:
+    """Whether a folder is a ROS 2 bag."""
+    return path.is_dir() and (path / "metadata.yaml").is_file()
+
+
+def _defaults(content: Mapping[str, Any], given: Mapping[str, Any] | None) -> dict[str, Any]:
+    """What sidecars lack: from the command line, else from the map file."""
+    facts = {key: content[key] for key in FACTS if key in content}
+    return {**facts, **{key: value for key, value in (given or {}).items() if value is not None}}
+
+
+def _load(path: Path, content: Mapping[str, Any]) -> Table:
+    beside = path.with_name(path.name + ".json") if path.is_dir() else path.with_suffix(".json")
+    sidecar = load_sidecar(beside) if beside.is_file() else {}
+    if path.is_dir() or path.suffix.lower() in BAGS:
+        from tiago_mj.gap.data.read.bags import read_bag
+
+        return read_bag(path, content, sidecar, beside.name)
+    return read_table(path, sidecar, beside.name)
+
+
+def _model_found(trial: Trial, path: Path) -> Trial:
+    """An MJCF that the sidecar names lies where the sidecar says, seen from the recording's folder."""
+    model = path.parent / trial.sidecar.robot
+    if not trial.sidecar.robot.endswith((".xml", ".urdf")) or not model.is_file():
+        return trial
+    return replace(trial, sidecar=replace(trial.sidecar, robot=str(model.resolve())))
+
+
+def _unique_names(trials: list[Trial], files: Sequence[Path]) -> list[Trial]:
+    """Trials named alike in several folders are told apart by their folder."""
+    counts = Counter(trial.name for trial in trials)
+    named = []
+    for trial, path in zip(trials, files, strict=True):
+        folder = path.resolve().parent.name
+        apart = replace(trial, name=f"{folder}-{trial.name}", source=f"{folder}/{trial.source}")
+        named.append(trial if counts[trial.name] == 1 else apart)
+    again = [name for name, count in Counter(trial.name for trial in named).items() if count > 1]
+    if again:
+        raise RecordingError(f'two recordings are the trial {again[0]!r}: give each its own "trial" in the sidecar')
+    return named
+
+
+def _without_copies(trials: Sequence[Trial]) -> tuple[list[Trial], list[Finding]]:
+    kept: dict[int, Trial] = {}
+    findings = []
+    for trial in trials:
+        key = hash(tuple(channel(trial, name).tobytes() for name in channels(trial, kinds=tuple(KINDS))))
+        twin = kept.get(key)
+        if twin is not None and _same(trial, twin):
+            findings.append(
+                Finding(
+                    "contradiction",
+                    trial.source,
+                    "",
+                    f"its samples are those of {twin.source}, to the last digit: used once",
+                    repaired=True,
+                )
+            )
+        else:
+            kept[key] = trial
+    return list(kept.values()), findings
+
+
+def _same(one: Trial, other: Trial) -> bool:
+    listed = list(channels(one, kinds=tuple(KINDS)))
+    return (
+        np.array_equal(one.time, other.time)
+        and listed == list(channels(other, kinds=tuple(KINDS)))
+        and all(np.array_equal(channel(one, name), channel(other, name), equal_nan=True) for name in listed)
+    )
+
+
+__all__ = ["find_recordings", "read_recordings"]

@@ -1,0 +1,1 @@
+"""From the evidence for explanations to a verdict."""

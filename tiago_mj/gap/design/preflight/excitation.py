@@ -1,0 +1,206 @@
+"""Which effects a recording excites, and which of them it cannot tell apart.
+
+An effect's signature is the change that it makes to the nominal prediction, in units of floor and tolerance, less what
+the nominal model's own uncertain numbers could make as well: with responses A of the nuisances (in their deviations)
+
+    d² = s's − b' (1 + A'A)⁻¹ b,   b = A's.
+
+Two effects are told apart by what is left of one signature once the other has taken as much of it as it can.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import linalg
+
+from tiago_mj.effects import EFFECTS
+from tiago_mj.gap.data.recording import RecordingError, Trial
+from tiago_mj.gap.detectors.readings import ONLY_READ_OFF
+from tiago_mj.gap.inference import hypotheses, likelihood, noise_model
+from tiago_mj.gap.inference.fit import NUDGE
+from tiago_mj.gap.inference.hypotheses import Candidate
+from tiago_mj.gap.inference.predictor import Predictor
+from tiago_mj.gap.simulation import replay, stability
+from tiago_mj.gap.simulation.plant import Plant
+
+Array = NDArray[np.float64]
+
+#: Length of a signature that is clear: five standard deviations, a Bayes factor of e^12.
+CLEAR: Final = 5.0
+#: Errors of a model last for at least so long [s], whatever this recording's noise: samples in between count once.
+CORRELATED: Final = 0.1
+#: Trials that are looked at: those in which most moves.
+TRIALS: Final = 3
+
+
+@dataclass(frozen=True)
+class Excited:
+    """One effect, on all its targets or on one.
+
+    Attributes:
+        effect: name.
+        parameter, unit: of its magnitude.
+        smallest: value nearest to the identity that would be clear in this recording; None if none within bounds is.
+        distance: length of the signature at the effect's default, in standard deviations.
+        target: on which it is; None: on all of its targets.
+        by_readings: whether the readings themselves betray it (grids, repeats, noise), whatever the motion.
+    """
+
+    effect: str
+    parameter: str
+    unit: str
+    smallest: float | None
+    distance: float
+    by_readings: bool = False
+    target: str | None = None
+
+    @property
+    def visible(self) -> bool:
+        """Whether some magnitude would be clear."""
+        return self.smallest is not None or self.by_readings
+
+
+@dataclass(frozen=True)
+class Preflight:
+    """What the recordings can tell.
+
+    Attributes:
+        robot: that was simulated.
+        trials: number of recordings that were looked at.
+        effects: in the library's order.
+        alike: sets of effects that cannot be told apart at their default magnitudes, in these trials alone; where one
+            target is meant, ``EFFECT on TARGET``.
+        notes: what was not looked at, a sentence each.
+    """
+
+    robot: str
+    trials: int
+    effects: tuple[Excited, ...]
+    alike: tuple[tuple[str, ...], ...]
+    notes: tuple[str, ...] = ()
+
+
+def preflight(
+    plant: Plant,
+    trials: Sequence[Trial],
+    *,
+    usable: frozenset[str] | None = None,
+    threads: int = 0,
+    seed: int = 0,
+) -> Preflight:
+    """Look at what the commands of recordings would show of every effect.
+
+    Args:
+        plant: the nominal simulator.
+        trials: recordings.
+        usable: channels that the lint trusts; None for all.
+        threads: of the simulations.
+        seed: of effects that draw at random.
+
+    Raises:
+        RecordingError: nothing was commanded, or nothing measured is of this robot.
+    """
+    if not any(trial.commands for trial in trials):
+        raise RecordingError(f"{trials[0].source}: no command column: nothing can be replayed; add command.<actuator>")
+    on = replay.grid(plant, trials)
+    data = noise_model.collect(plant, trials, usable)
+    if not data.channels:
+        raise RecordingError(
+            f"{trials[0].source}: no measured column is of this robot ({', '.join(plant.joints)}): give a map file"
+        )
+    predict = Predictor(plant, on, data, threads, seed)
+    everything = predict.all_trials([()], list(range(len(trials))), keep=True)[0]
+    moved = np.nanstd(everything, axis=1).sum(axis=1)
+    chosen = sorted(int(k) for k in np.argsort(-moved)[:TRIALS])
+    base, part = everything[chosen], noise_model.part(data, chosen)
+    terms = sorted(hypotheses.terms(plant), key=lambda term: term.per_trial)
+    on_their_own = np.array([term.per_trial for term in terms], dtype=bool)
+    responses = (predict.all_trials([(term.entry(NUDGE),) for term in terms], chosen) - base) / NUDGE
+    thinned = np.minimum(likelihood.independence(part, base), np.sqrt(min(plant.period / CORRELATED, 1.0)))
+    frame = likelihood.frame(part, thinned, responses, on_their_own)
+    pool = [c for c in hypotheses.candidates(plant, fastest=_fastest(plant, on, threads)) if c.target is None]
+    found: dict[str, Excited] = {}
+    shapes: dict[str, Array] = {}
+    for candidate in pool:
+        if candidate.effect in found:
+            continue
+        if candidate.effect in ONLY_READ_OFF:
+            found[candidate.effect] = Excited(
+                candidate.effect, candidate.parameter, candidate.unit, None, 0.0, by_readings=True
+            )
+            continue
+        found[candidate.effect], shapes[candidate.effect] = _excited(predict, frame, candidate, chosen, base)
+    seen = [name for name, one in found.items() if one.smallest is not None and one.distance >= CLEAR]
+    return Preflight(plant.name, len(trials), tuple(found.values()), _alike(seen, shapes))
+
+
+def _fastest(plant: Plant, on: replay.Grid, threads: int) -> Array:
+    nominal = replay.simulate(plant, on, [(k, ()) for k in range(len(on.trials))], threads=threads)
+    stability.check_nominal(plant, on, nominal)
+    fastest: Array = np.abs(nominal.velocity).max(axis=(0, 1))
+    return fastest
+
+
+def _excited(
+    predict: Predictor, frame: likelihood.Frame, candidate: Candidate, trials: Sequence[int], base: Array
+) -> tuple[Excited, Array]:
+    """An effect's distances over its magnitudes, and its signature at its default (nearest to what was tried)."""
+    values = np.array(sorted({*candidate.grid, _default(predict.plant, candidate)}))
+    change = predict.all_trials([(candidate.entry(float(v)),) for v in values], trials) - base
+    white = likelihood.whiten(frame.data, change, frame.weight).reshape(len(values), -1)
+    left = white - linalg.cho_solve(frame.factor, frame.columns.T @ white.T).T @ frame.columns.T
+    distance = np.sqrt(np.maximum((white * left).sum(axis=1), 0.0))
+    at = int(np.argmin(np.abs(values - _default(predict.plant, candidate))))
+    return (
+        Excited(
+            candidate.effect, candidate.parameter, candidate.unit, _smallest(candidate, values, distance),
+            float(distance[at]),
+        ),
+        left[at],
+    )  # fmt: skip
+
+
+def _default(plant: Plant, candidate: Candidate) -> float:
+    declared = EFFECTS[candidate.effect]
+    parameter = declared.parameters[candidate.parameter]
+    value = parameter.default[0 if plant.wiring.targets.slide(declared.targets, 0) else 1]
+    if parameter.nominal is not None:
+        value *= candidate.high / max(b for b in parameter.bounds[0] if np.isfinite(b))
+    return float(np.clip(value, candidate.low, candidate.high))
+
+
+def _smallest(candidate: Candidate, values: Array, distance: Array) -> float | None:
+    """The value nearest to the identity, on either side, at which the signature is clear."""
+    finite = bool(np.isfinite(candidate.identity))
+    origin = candidate.identity if finite else candidate.high  # a limit: from loose to tight
+    found = []
+    for sign in (1.0, -1.0):
+        side = sign * (values - origin) >= 0 if finite or sign < 0 else np.zeros(len(values), dtype=bool)
+        size = np.abs(values[side] - origin)
+        order = np.argsort(size)
+        sizes, clear = size[order], np.maximum.accumulate(distance[side][order]) if side.any() else distance[side]
+        if not len(sizes) or clear[-1] < CLEAR:
+            continue
+        k = int(np.argmax(clear >= CLEAR))
+        low, at = (0.0, 0.0) if k == 0 else (float(sizes[k - 1]), float(clear[k - 1]))
+        found.append(sign * (low + (float(sizes[k]) - low) * (CLEAR - at) / (float(clear[k]) - at)))
+    return origin + min(found, key=abs) if found else None
+
+
+def _alike(names: Sequence[str], shapes: dict[str, Array]) -> tuple[tuple[str, ...], ...]:
+    """Groups in which each member is within reach of another: what one leaves of the other's signature is not clear."""
+    groups: list[set[str]] = []
+    for k, a in enumerate(names):
+        for b in names[k + 1 :]:
+            x, y = shapes[a], shapes[b]
+            size = max(float(np.linalg.norm(x) * np.linalg.norm(y)), 1e-12)
+            left = np.sqrt(max(1 - (float(x @ y) / size) ** 2, 0.0))
+            if max(np.linalg.norm(x), np.linalg.norm(y)) * left < CLEAR:
+                touching = [g for g in groups if a in g or b in g]
+                groups = [g for g in groups if g not in touching] + [{a, b}.union(*touching)]
+    return tuple(tuple(sorted(g)) for g in groups)

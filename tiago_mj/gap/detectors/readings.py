@@ -1,0 +1,358 @@
+"""What the readings themselves betray, whatever the motion: repeats, a grid, the size of the noise, an offset.
+
+A dropped reading repeats the one before exactly, a quantised one lies on a grid, and more noise is more scatter.
+Predicted means are blind to all three, so they are read off here, beside whatever else explains the recordings; and so
+is what a load cell reads before anything is touched, where no simulator can be wrong.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import signal, stats
+
+from tiago_mj.gap.inference import noise_model
+from tiago_mj.gap.inference.hypotheses import Candidate
+from tiago_mj.gap.inference.noise_model import Data
+from tiago_mj.gap.simulation.phases import still
+from tiago_mj.gap.simulation.plant import Plant
+
+Array = NDArray[np.float64]
+
+#: A sensor's noise is known to about this share.
+NOISE_SHARE: Final = 0.12
+#: Standard deviations from what is expected that are named, and within which two channels have the same value.
+CLEAR: Final = 3.5
+SAME: Final = 2.5
+#: Exact repeats of a noisy reading that are no accident.
+LEAST_REPEATS: Final = 4
+#: A tone is sought in stretches of so many rows, and named where noise would show one as strong in one of so many
+#: recordings, and its variance is this share of the noise's.
+STRETCH: Final = 32
+ACCIDENT: Final = 1e-6
+LOUD: Final = 0.5
+#: It swings at least so often in a stretch: what is slower may be drift.
+SLOW: Final = 3
+#: Share of the time until a load cell should feel something in which it surely does not, wherever the object stands.
+UNTOUCHED: Final = 0.6
+#: Offset of a load cell that is one, three deviations of what every cell may have [sensor units].
+LEAST_BIAS: Final = 0.006
+
+
+@dataclass(frozen=True)
+class Known:
+    """An effect whose magnitude is read off the readings, with one standard deviation."""
+
+    candidate: Candidate
+    value: float
+    deviation: float
+
+
+@dataclass(frozen=True)
+class Trace:
+    """Of one channel.
+
+    Attributes:
+        channel: its name.
+        noise: scatter of one sample at rest; ``noise_samples`` differences went into it.
+        repeats: number of readings that equal the one before exactly, of ``samples``.
+        grid: step of the grid that all readings lie on, 0 if they lie on none.
+        expected: the noise that the nominal sensor has; 0 for one without.
+        rest: what it reads before anything is touched, with one standard deviation, where that is the same from
+            beginning to end; None where it is not, or unknown.
+    """
+
+    channel: str
+    noise: float
+    noise_samples: int
+    repeats: int
+    samples: int
+    grid: float
+    expected: float
+    rest: tuple[float, float] | None = None
+
+
+def of_channels(plant: Plant, data: Data, base: Array) -> list[Trace]:
+    """Look at the readings of every channel.
+
+    Args:
+        plant: whose load cells are known.
+        data: what was measured, (ntrials, T, channels).
+        base: nominal prediction of it, same shape.
+    """
+    cell = plant.cell
+    noises = cell.noises if cell is not None and cell.average == 1 else np.zeros(2)
+    before = _before_touch(plant, data, base)
+    return [
+        trace(
+            name,
+            data.value[:, :, c],
+            still(base[:, :, c]),
+            float(noises[data.part[c]]) if name.startswith("force") else 0.0,
+            before if name.startswith("force") else None,
+        )
+        for c, name in enumerate(data.channels)
+    ]
+
+
+def _before_touch(plant: Plant, data: Data, base: Array) -> NDArray[np.bool_] | None:
+    """The first rows of every trial, well before a load cell is predicted to feel anything, (ntrials, T)."""
+    cells = [c for c, kind in enumerate(data.kinds) if kind == "force"]
+    if plant.cell is None or not cells:
+        return None
+    nothing = plant.cell.signal(np.zeros(2))[data.part[cells]]
+    touched = (base[:, :, cells] != nothing).any(axis=2)
+    first = np.where(touched.any(axis=1), touched.argmax(axis=1), touched.shape[1])
+    return np.arange(touched.shape[1]) < UNTOUCHED * first[:, None]
+
+
+def _level(values: Array, counts: NDArray[np.bool_], expected: float) -> tuple[float, float] | None:
+    """Mean of some readings and its standard deviation; None where they are few, or are not the same throughout.
+
+    Args:
+        values: (ntrials, T), NaN where nothing was measured.
+        counts: readings that are looked at, (ntrials, T).
+        expected: noise of one.
+    """
+    counts = counts & np.isfinite(values)
+    rows = np.nonzero(counts)[1]
+    if not expected or len(rows) < 2 * STRETCH:
+        return None
+    read = values[counts]
+    scatter = max(1.4826 * float(np.median(np.abs(read - np.median(read)))), 0.5 * expected)
+    error = scatter / np.sqrt(len(read))
+    trials = [float(values[k, row].mean()) - float(read.mean()) for k, row in enumerate(counts) if row.any()]
+    sizes = [scatter / np.sqrt(row.sum()) for row in counts if row.any()]
+    centred = rows - rows.mean()
+    slope = float(centred @ read) / max(float(centred @ centred), 1e-12) * float(rows.std())
+    same = stats.chi2.sf(float(np.sum(np.square(np.divide(trials, sizes)))), len(trials)) > ACCIDENT
+    return (float(read.mean()), error) if same and abs(slope) < CLEAR * error else None
+
+
+def trace(
+    channel: str,
+    values: Array,
+    quiet: NDArray[np.bool_],
+    expected: float,
+    untouched: NDArray[np.bool_] | None = None,
+) -> Trace:
+    """Look at the readings of a channel.
+
+    Args:
+        channel: its name.
+        values: (ntrials, T), NaN where nothing was measured.
+        quiet: rows in which the signal is predicted to stand still, (ntrials, T).
+        expected: noise that the nominal sensor has.
+        untouched: rows before anything is touched, (ntrials, T); None: not asked.
+    """
+    steps = np.diff(values, axis=1)
+    known = np.isfinite(steps) & ~_at_an_end(values)[:, 1:]
+    standing = known & quiet[:, 1:] & quiet[:, :-1]
+    different = steps[standing & (steps != 0)]
+    noise = 1.4826 * float(np.median(np.abs(different))) / np.sqrt(2) if len(different) > 10 else 0.0
+    return Trace(
+        channel=channel,
+        noise=noise,
+        noise_samples=len(different),
+        repeats=int((steps[known] == 0).sum()),
+        samples=max(int(known.sum()), 1),
+        grid=grid_step(values[np.isfinite(values)]),
+        expected=expected,
+        rest=None if untouched is None else _level(values, untouched, expected),
+    )
+
+
+def _at_an_end(values: Array) -> NDArray[np.bool_]:
+    """Readings that are the largest or smallest of all: where a sensor saturates, or reads nothing, it repeats
+    itself."""
+    known = values[np.isfinite(values)]
+    if not len(known):
+        return np.zeros(values.shape, dtype=bool)
+    ends = (float(known.min()), float(known.max()))
+    near = 1e-9 * (ends[1] - ends[0])
+    return np.asarray((np.abs(values - ends[0]) <= near) | (np.abs(values - ends[1]) <= near))
+
+
+def grid_step(values: Array) -> float:
+    """Step of the grid that all values lie on; 0 if there is none or it is finer than a thousandth of their range."""
+    levels = np.unique(values)
+    if len(levels) < 3 or len(levels) > 0.5 * len(values):
+        return 0.0
+    gaps = np.diff(levels)
+    step = float(gaps.min())
+    if step <= 1e-4 * float(levels[-1] - levels[0]):
+        return 0.0
+    multiples = gaps / step
+    return step if float(np.abs(multiples - np.round(multiples)).max()) < 1e-3 else 0.0
+
+
+@dataclass(frozen=True)
+class Tone:
+    """What swings in a reading by itself.
+
+    Attributes:
+        channel: its name.
+        frequency: as it is seen at the rate of the recording [Hz]; a faster one is folded down.
+        amplitude: in the channel's unit.
+    """
+
+    channel: str
+    frequency: float
+    amplitude: float
+
+
+def tones(plant: Plant, data: Data, base: Array) -> list[Tone]:
+    """Tones of the load cells, where they are predicted to feel nothing.
+
+    Args:
+        plant: that may have load cells.
+        data: what was measured, (ntrials, T, channels).
+        base: nominal prediction of it, same shape.
+    """
+    if plant.cell is None:
+        return []
+    nothing, noises = plant.cell.signal(np.zeros(2)), plant.cell.noises
+    found = [
+        tone(name, data.value[:, :, c], base[:, :, c] == nothing[part], plant.period, float(noises[part]))
+        for c, (name, part) in enumerate(zip(data.channels, data.part, strict=True))
+        if name.startswith("force")
+    ]
+    return [one for one in found if one is not None]
+
+
+def tone(channel: str, values: Array, untouched: NDArray[np.bool_], period: float, expected: float) -> Tone | None:
+    """A tone in what a load cell reads while nothing touches it, where only noise should be.
+
+    Args:
+        channel: its name.
+        values: (ntrials, T), NaN where nothing was measured.
+        untouched: rows in which it should feel nothing, (ntrials, T).
+        period: of the rows [s].
+        expected: noise that the nominal sensor has.
+    """
+    pieces = [
+        piece for row, free in zip(values, untouched & np.isfinite(values), strict=True) for piece in _runs(row, free)
+    ]
+    pieces = [piece for piece in pieces if _swings_about_zero(piece, expected)]
+    if not expected or len(pieces) < 2:
+        return None
+    some = signal.detrend(np.stack(pieces), axis=1)
+    power = (np.abs(np.fft.rfft(some, axis=1)) ** 2).mean(axis=0)[SLOW:]
+    top = int(np.argmax(power))
+    near = slice(max(top - 1, 0), top + 2)
+    rest = float(np.delete(power, near).mean())
+    # Averages of K periodograms of noise are Gamma(K) distributed about their mean.
+    accident = len(power) * stats.gamma.sf(len(pieces) * power[top] / max(rest, 1e-300), len(pieces))
+    variance = 2 * float(power[near].sum()) / STRETCH**2
+    if accident > ACCIDENT or variance < LOUD * expected**2:
+        return None
+    return Tone(channel, (top + SLOW) / (STRETCH * period), float(np.sqrt(2 * variance)))
+
+
+def _swings_about_zero(piece: Array, expected: float) -> bool:
+    """Whether no quarter of a stretch is lifted: then something does touch."""
+    means = np.abs(piece.reshape(4, -1).mean(axis=1))
+    return bool((means < max(3 * expected, 0.5 * float(piece.std()))).all())
+
+
+def _runs(row: Array, free: NDArray[np.bool_]) -> list[Array]:
+    """Stretches of :data:`STRETCH` rows without a break."""
+    out, begin = [], 0
+    for k in range(len(row)):
+        if not free[k]:
+            begin = k + 1
+        elif k + 1 - begin == STRETCH:
+            out.append(row[begin : k + 1])
+            begin = k + 1
+    return out
+
+
+def betrayed(traces: Sequence[Trace], pool: Sequence[Candidate]) -> tuple[Known, ...]:
+    """Effects that the readings betray by themselves, with their magnitudes.
+
+    One entry serves all channels where one value does, else each channel has its own.
+
+    Args:
+        traces: of the channels.
+        pool: candidates that may be named.
+    """
+    found: list[Known] = []
+    for name, measure in MEASURES.items():
+        mine = [c for c in pool if c.effect == name]
+        kind = "position" if name.startswith("encoder") else "force"
+        seen = {t.channel.partition(".")[2]: measure(t) for t in traces if t.channel.startswith(f"{kind}.")}
+        there = {key: value for key, value in seen.items() if value is not None}
+        everywhere = [c for c in mine if c.target is None]
+        values = np.array([value for value, _ in there.values()])
+        errors = np.array([error for _, error in there.values()])
+        if everywhere and there and len(there) == len(seen):
+            weight = 1 / errors**2
+            mean = float((weight * values).sum() / weight.sum())
+            if bool((np.abs(values - mean) <= SAME * errors).all()):
+                found.append(_known(everywhere[0], mean, float(weight.sum() ** -0.5)))
+                continue
+        for c in mine:
+            if c.target is not None and len(c.target) == 1 and c.target[0] in there:
+                found.append(_known(c, *there[c.target[0]]))
+    return tuple(found)
+
+
+def with_grids(data: Data, known: Sequence[Known]) -> Data:
+    """With the tolerance of readings that lie on a grid."""
+    for k in known:
+        if k.candidate.effect in GRIDS:
+            data = noise_model.on_grid(data, GRIDS[k.candidate.effect], k.candidate.target, k.value)
+    return data
+
+
+def _known(candidate: Candidate, value: float, error: float) -> Known:
+    return Known(candidate, float(np.clip(value, candidate.low, candidate.high)), error)
+
+
+def _grid(trace: Trace) -> tuple[float, float] | None:
+    return (trace.grid, 1e-3 * trace.grid) if trace.grid else None
+
+
+def _noise(trace: Trace) -> tuple[float, float] | None:
+    """Factor on the noise. A nominal sensor's noise is only known to a share."""
+    if trace.grid or not trace.expected or trace.noise_samples <= 20 or trace.noise <= 0:
+        return None
+    factor = trace.noise / trace.expected
+    # The median absolute deviation of n differences is uncertain by about 1.2 / √n of itself.
+    error = 1.2 / np.sqrt(trace.noise_samples)
+    if abs(np.log(factor)) < CLEAR * np.hypot(NOISE_SHARE, error):
+        return None
+    return factor, factor * error
+
+
+def _dropout(trace: Trace) -> tuple[float, float] | None:
+    """Share of readings that repeat the one before, which noisy readings never do."""
+    if trace.grid or not trace.expected or trace.repeats < LEAST_REPEATS:
+        return None
+    share = trace.repeats / trace.samples
+    return share, float(np.sqrt(share * (1 - share) / trace.samples))
+
+
+def _bias(trace: Trace) -> tuple[float, float] | None:
+    """What a load cell reads where it feels nothing."""
+    if trace.grid or trace.rest is None or abs(trace.rest[0]) < max(CLEAR * trace.rest[1], LEAST_BIAS):
+        return None
+    return trace.rest
+
+
+#: Effects that readings betray, and how: value and one standard deviation, or None.
+MEASURES: Final = {
+    "encoder_quantization": _grid,
+    "force_quantization": _grid,
+    "force_noise": _noise,
+    "force_dropout": _dropout,
+    "force_bias": _bias,
+}
+#: Those that round, and what.
+GRIDS: Final = {"encoder_quantization": "position", "force_quantization": "force"}
+#: And those of them that predicted means are blind to.
+ONLY_READ_OFF: Final = ("encoder_quantization", "force_quantization", "force_noise", "force_dropout")

@@ -1,0 +1,180 @@
+"""Periods of a force that repeats over position, read off what the nominal model leaves.
+
+No gradient leads from one period to another: a few per cent off, a ripple is out of step after some turns. But a servo
+gives way to such a force by what it is stiff, so that the error of the position has the same period over position.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import signal
+
+from tiago_mj.effects import EFFECTS
+from tiago_mj.gap.inference.hypotheses import Candidate
+from tiago_mj.gap.inference.noise_model import Data
+from tiago_mj.gap.simulation.plant import Plant
+
+Array = NDArray[np.float64]
+
+RIPPLE: Final = "motor_cogging"
+#: Waves that are looked at, evenly, so many to one more over where the joint was seen, from the longest on; the best of
+#: them, and those around each, so many to one more between a joint's zero and the farthest; those that are simulated.
+COARSE: Final = 3
+MOST: Final = 1000
+LOOKED_AT: Final = 8
+FINE: Final = 12
+CLOSELY: Final = 100
+BEST: Final = 4
+#: Waves that differ by less than this over either of these lengths are one.
+APART: Final = 0.4
+#: Between rows that are farther apart than a period over this, positions are interpolated, to so many a row at most;
+#: farther apart are all but a few.
+WITHIN: Final = 4.0
+FINEST: Final = 12
+FAST: Final = 0.95
+#: A squared error counts no more than so many times the median one: onsets say nothing of ripples.
+FAR: Final = 9.0
+
+
+def with_periods(
+    plant: Plant, data: Data, base: Array, free: NDArray[np.bool_], share: Array, pool: Sequence[Candidate]
+) -> tuple[Candidate, ...]:
+    """The pool, in which ripples have the periods that the error of the position shows.
+
+    Args:
+        plant: the nominal simulator.
+        data: measured.
+        base: nominal predictions, (ntrials, T, C).
+        free: rows in which nothing is touched, (ntrials, T).
+        share: of the way to where a force pushes a joint, that it covers from one row to the next, (njoints,).
+        pool: candidates.
+    """
+    if not any(c.effect == RIPPLE for c in pool):
+        return tuple(pool)
+    declared = EFFECTS[RIPPLE]
+    names = plant.wiring.targets.names("joint")
+    columns = {data.part[c]: c for c, kind in enumerate(data.kinds) if kind == "position"}
+    out = [c for c in pool if c.effect != RIPPLE]
+    found: dict[object, Candidate] = {c.label: c for c in pool if c.effect == RIPPLE}
+    for candidate in found.values():
+        joints = [names.index(name) for name in candidate.target or names]
+        side = 0 if plant.wiring.targets.slides[joints[0]] else 1
+        low, high = declared.parameters["period"].bounds[side]
+        traces = [
+            Trace(data.value[t, :, columns[j]], (data.value - base)[t, :, columns[j]], free[t], float(share[j]))
+            for j in joints
+            if j in columns
+            for t in range(len(data.value))
+        ]
+        settings = peaks(traces, low, high) or [dict(candidate.fixed)["period"]]
+        out += [replace(candidate, fixed=(("period", period),)) for period in settings]
+    return tuple(out)
+
+
+@dataclass(frozen=True)
+class Trace:
+    """One joint in one trial: its position, the error of that, which rows count, each (T,), and how far it follows a
+    force from one row to the next."""
+
+    position: Array
+    error: Array
+    counts: NDArray[np.bool_]
+    share: float = 1.0
+
+    @property
+    def known(self) -> NDArray[np.bool_]:
+        """Rows that count and were measured."""
+        known: NDArray[np.bool_] = self.counts & np.isfinite(self.position) & np.isfinite(self.error)
+        return known
+
+
+def peaks(traces: Sequence[Trace], low: float, high: float) -> list[float]:
+    """Periods of the strongest ripples, strongest first; low and high in the unit of the position.
+
+    First those that show wherever their waves begin; then, around the best of them, those whose waves begin at the
+    joint's zero, as a ripple's do: that may be far from where it moves, so that small changes of a period matter.
+    """
+    used = [one for one in traces if one.known.sum() > 16 and np.ptp(one.position[one.known]) > low]
+    if not used:
+        return []
+    places = np.concatenate([one.position[one.known] for one in used])
+    span, farthest = float(np.ptp(places)), float(np.abs(places).max())
+    count = int(np.clip(COARSE * span / low, 2 * COARSE, MOST))
+    waves = np.linspace(1 / high, min(1 / low, 1 / high + count / (COARSE * span)), count)
+    sine, cosine, sines, cosines, both = _products(used, waves)
+    strength = sine**2 * cosines - 2 * sine * cosine * both + cosine**2 * sines
+    strength /= np.maximum(sines * cosines - both**2, 1e-12)
+    near = np.linspace(-1, 1, min(math.ceil(2 * FINE * farthest / (COARSE * span)), CLOSELY)) / (COARSE * span)
+    there = [waves[k] for k in _strongest(strength, waves, APART / span, LOOKED_AT)]
+    waves = np.unique(np.clip(np.add.outer(there, near), 1 / high, waves[-1]))
+    sine, _, sines, *_ = _products(used, waves)
+    strength = sine**2 / np.maximum(sines, 1e-12)
+    return [float(1 / waves[k]) for k in _strongest(strength, waves, APART / farthest, BEST)]
+
+
+def _strongest(strength: Array, waves: Array, apart: float, count: int) -> list[int]:
+    """The highest points, by index, no two of them closer than that."""
+    out: list[int] = []
+    for k in np.argsort(-strength):
+        if all(abs(waves[k] - waves[other]) > apart for other in out):
+            out.append(int(k))
+            if len(out) == count:
+                break
+    return out
+
+
+def _products(used: Sequence[Trace], waves: Array) -> Array:
+    """Sines and cosines of the position, waves per unit of it, each followed as far as the joint does: their products
+    with the error, with themselves and with each other, (5, nwaves)."""
+    sums = np.zeros((5, len(waves)))
+    for one in used:
+        smooth = _smooth(one.position[one.known])
+        error = _rest(smooth, one.error[one.known])
+        fastest = np.nanquantile(np.abs(np.diff(one.position)), FAST)
+        times = int(np.clip(np.ceil(WITHIN * fastest * waves[-1]), 1, FINEST))
+        share = 1 - (1 - one.share) ** (1 / times)
+        turned = np.exp(2j * np.pi * waves[:, None] * _between(np.nan_to_num(one.position), times))
+        wave = _followed(turned, share)[:, ::times][:, one.known]
+        wave -= (wave @ smooth) @ smooth.T
+        sine, cosine = wave.imag, wave.real
+        products = ((sine, sine), (cosine, cosine), (sine, cosine))
+        sums += [sine @ error, cosine @ error, *((a * b).sum(axis=1) for a, b in products)]
+    return sums
+
+
+def _between(position: Array, times: int) -> Array:
+    """Positions at so many instants a row, (T,) to ((T - 1) · times + 1,): cubics between rows, with their slopes."""
+    slope, share = np.gradient(position), (np.arange(times) / times)[:, None]
+    first, last, rise, end = position[:-1], position[1:], slope[:-1], slope[1:]
+    bend = share * (1 - share)
+    inner = first + share * (last - first) + bend * ((1 - share) * (rise - last + first) - share * (end - last + first))
+    return np.append(inner.T.ravel(), position[-1])
+
+
+def _followed(force: Array, share: float) -> Array:
+    """Where a joint is that follows a force over the rows, (..., T): in fast motion it is behind a ripple by more than
+    a quarter of it."""
+    if share == 1:
+        return force
+    begun = (1 - share / 2) * force[..., :1]  # it begins at rest
+    out: Array = signal.lfilter([share / 2, share / 2], [1, share - 1], force, zi=begun)[0]
+    return out
+
+
+def _smooth(position: Array) -> Array:
+    """What errors of other causes are like: constant, or as the position or the speed is, orthonormal, (T, 3)."""
+    return np.linalg.qr(np.stack([np.ones_like(position), position, np.gradient(position)], axis=1))[0]
+
+
+def _rest(smooth: Array, error: Array) -> Array:
+    """The error without what is smooth, bounded."""
+    rest = error - smooth @ (smooth.T @ error)
+    limit = np.sqrt(FAR * np.median(rest**2))
+    bounded: Array = np.clip(rest, -limit, limit)
+    return bounded

@@ -1,0 +1,206 @@
+"""What the servos were really told, read back from how they moved.
+
+No gradient leads to a grid or a dead band of the set point; but a servo shows what it was told, smoothed by its lag:
+where it goes otherwise than predicted, its set point was another one. Magnitudes that explain this are then simulated
+like any other explanation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tiago_mj.effects import EFFECTS
+from tiago_mj.effects.declare import overrides
+from tiago_mj.gap.inference.hypotheses import Candidate
+from tiago_mj.gap.inference.noise_model import Data
+from tiago_mj.gap.simulation.plant import Plant
+from tiago_mj.gap.simulation.replay import Grid, Signals, only_commands
+
+Array = NDArray[np.float64]
+
+#: Magnitudes that are looked at, from a hundredth of the bound to the bound, and around each of the best; how many of
+#: them are simulated.
+DENSE: Final = 400
+FINE: Final = 21
+BEST: Final = 3
+#: Beside them grids of set points, from one to the next of which the lines farthest from the joint's zero move by this
+#: share of a step: between them is nothing to see. No more than so many, the widest steps.
+SHIFT: Final = 0.25
+GRIDS: Final = 8000
+#: Share of the way that a servo is behind by which its position is known worse: what nominal gains are known to.
+LAG_SHARE: Final = 0.1
+#: A squared residual counts no more than this: where other causes act it says nothing of this one.
+FAR: Final = 25.0
+
+
+@dataclass(frozen=True)
+class Told:
+    """What the servos' motion says of their set points.
+
+    A servo follows its set point with a lag: between two rows it covers ``share`` of the way that is left.
+
+    Attributes:
+        start: set points before the first command, (ntrials, nactuators) [m, rad].
+        wanted: what the commands ask for, after each row's command, (ntrials, T - 1, nactuators).
+        ahead: measured minus predicted position, by row, (ntrials, T, nactuators).
+        deviation: one standard deviation of that; infinite where it says nothing (in contact, unmeasured).
+        share: (nactuators,).
+    """
+
+    start: Array
+    wanted: Array
+    ahead: Array
+    deviation: Array
+    share: Array
+
+
+def told(plant: Plant, on: Grid, data: Data, nominal: Signals) -> Told | None:
+    """Compare the motion with the nominal one; None for a plant without position servos.
+
+    Args:
+        plant, on, data: what was recorded.
+        nominal: the nominal replay, one row a trial.
+    """
+    wiring = plant.wiring
+    if wiring.interface == "effort" or not wiring.servo.all() or plant.relative:
+        return None
+    joints = list(wiring.targets.actuated)
+    start = np.stack([plant.starts[trial.name].set_point for trial in on.trials])
+    wanted = _wanted(plant, on, start)
+    rows = wanted.shape[1] + 1
+    lead = _slewed(plant, on, start, wanted) - nominal.position[:, :rows][:, :, joints]
+    speed = nominal.velocity[:, :rows][:, :, joints]
+    free = untouched(data, nominal, rows)
+    ahead, deviation = np.zeros(lead.shape), np.full(lead.shape, np.inf)
+    share = np.ones(len(joints))
+    columns = {name: c for c, name in enumerate(data.channels)}
+    for a, joint in enumerate(joints):
+        column = columns.get(f"position.{plant.joints[joint]}")
+        if column is None:
+            continue
+        v = speed[:, :, a][free]
+        lag = float(np.clip(v @ lead[:, :, a][free] / max(float(v @ v), 1e-12), 1e-6, 1.0))
+        share[a] = 1 - np.exp(-plant.period / lag)
+        measured = data.value[:, :rows, column] - nominal.position[:, :rows, joint]
+        known = free & np.isfinite(measured)
+        ahead[:, :, a] = np.where(known, measured, 0.0)
+        deviation[:, :, a] = np.where(known, np.hypot(data.noise[column], LAG_SHARE * lead[:, :, a]), np.inf)
+    return Told(start, wanted, ahead, deviation, share)
+
+
+def shares(plant: Plant, seen: Told | None) -> Array:
+    """Share of the way to where a force pushes it that each joint covers in a row, (njoints,): all, where no servo says
+    otherwise."""
+    out = np.ones(len(plant.joints))
+    if seen is not None:
+        out[list(plant.wiring.targets.actuated)] = seen.share
+    return out
+
+
+def untouched(data: Data, nominal: Signals, rows: int) -> NDArray[np.bool_]:
+    """Rows in which nothing is touched, (ntrials, T)."""
+    touching = np.zeros((nominal.position.shape[0], rows), dtype=bool)
+    if nominal.newtons.shape[2]:
+        touching |= np.any(nominal.newtons[:, :rows] > 0, axis=2)
+        for c, name in enumerate(data.channels):
+            if name.startswith("force."):
+                touching |= np.nan_to_num(np.abs(data.value[:, :rows, c])) > 5 * data.noise[c]
+    return ~touching
+
+
+def magnitudes(
+    plant: Plant, on: Grid, seen: Told, pool: Sequence[Candidate], trials: Sequence[int]
+) -> tuple[Candidate, ...]:
+    """The pool, in which effects on set points have the magnitudes on their grids that explain what was seen best.
+
+    Args:
+        plant, on, seen: as of :func:`told`.
+        pool: candidates.
+        trials: that are looked at.
+    """
+    commands = plant.wiring.targets.command
+    out = list(pool)
+    for name in dict.fromkeys(c.effect for c in pool):
+        declared = EFFECTS[name]
+        mine = [k for k, c in enumerate(pool) if c.effect == name]
+        wide = pool[mine[0]]
+        if declared.stage != "command" or not overrides(declared, "set_point") or not np.isfinite(wide.identity):
+            continue  # a limit is reached smoothly
+        values = _dense(wide, float(np.nanmax(np.abs(seen.wanted))))
+        cost = _costs(plant, on, seen, wide, values, trials)
+        columns = [_columns(pool[k], commands) for k in mine]
+        near = sorted({b for column in columns for b in _minima(cost[:, column].sum(axis=1))})
+        around = [np.linspace(values[max(b - 1, 0)], values[min(b + 1, len(values) - 1)], FINE) for b in near]
+        fine = np.unique(np.concatenate(around or [values[:1]]))
+        cost = _costs(plant, on, seen, wide, fine, trials)
+        for k, column in zip(mine, columns, strict=True):
+            total = cost[:, column].sum(axis=1)
+            best = fine[_minima(total)]
+            if len(best):
+                like = fine[total <= total.min() + 1.0]
+                spread = max(float(np.ptp(like)) / 2, 1e-4 * float(best[0]))
+                out[k] = replace(pool[k], grid=tuple(sorted({*pool[k].grid, *best.tolist()})), spread=spread)
+    return tuple(out)
+
+
+def _dense(wide: Candidate, farthest: float) -> Array:
+    """Magnitudes to look at, rising; set points are as far as that from the joint's zero [m, rad]."""
+    even = wide.identity + np.geomspace(0.01, 1.0, DENSE) * (wide.high - wide.identity)
+    if wide.parameter != "step":
+        return even
+    lines = np.arange(1 / even[-1], 1 / even[0], SHIFT / max(farthest, even[-1]))[:GRIDS]
+    return np.unique(np.concatenate([even, 1 / lines]))
+
+
+def _columns(candidate: Candidate, commands: tuple[str, ...]) -> list[int]:
+    """Actuators that a candidate acts on."""
+    return [commands.index(name) for name in candidate.target or commands]
+
+
+def _wanted(plant: Plant, on: Grid, start: Array) -> Array:
+    """Set points that the commands ask for, (ntrials, T - 1, nactuators)."""
+    if plant.wiring.interface == "position":
+        return on.commands.copy()
+    out, at = np.empty(on.commands.shape), start
+    for k in range(on.commands.shape[1]):
+        at = np.clip(at + on.commands[:, k] * on.period[:, k, None], *plant.wiring.span.T)
+        out[:, k] = at
+    return out
+
+
+def _slewed(plant: Plant, on: Grid, start: Array, wanted: Array) -> Array:
+    """Set points by row, (ntrials, T, nactuators): they move no faster than the joint's limit."""
+    out = np.empty((wanted.shape[0], wanted.shape[1] + 1, wanted.shape[2]))
+    out[:, 0] = start
+    for k in range(wanted.shape[1]):
+        most = plant.wiring.targets.velocity * on.period[:, k, None]
+        out[:, k + 1] = out[:, k] + np.clip(np.clip(wanted[:, k], *plant.wiring.span.T) - out[:, k], -most, most)
+    return out
+
+
+def _costs(plant: Plant, on: Grid, seen: Told, wide: Candidate, values: Array, trials: Sequence[int]) -> Array:
+    """Misfit of each magnitude, (nvalues, nactuators)."""
+    total = np.zeros((len(values), seen.wanted.shape[2]))
+    for t in trials:
+        chain = only_commands(plant, [(wide.entry(float(v)),) for v in values])
+        chain.now.set_point = np.broadcast_to(seen.start[t], total.shape).copy()
+        for effect in chain.effects:
+            effect.start(chain.now)
+        ahead = np.zeros(total.shape)
+        for k in range(seen.wanted.shape[1]):
+            chain.now.dt = np.full(len(values), on.period[t, k])
+            target = np.broadcast_to(seen.wanted[t, k], total.shape)
+            ahead = ahead + seen.share * (chain.set_point(target) - target - ahead)
+            total += np.minimum(((seen.ahead[t, k + 1] - ahead) / seen.deviation[t, k + 1]) ** 2, FAR)
+    return total
+
+
+def _minima(cost: Array) -> list[int]:
+    """The lowest points of a curve, each lower than both neighbours."""
+    inner = np.nonzero((cost[1:-1] <= cost[:-2]) & (cost[1:-1] <= cost[2:]))[0] + 1
+    return sorted(inner.tolist(), key=lambda k: float(cost[k]))[:BEST]

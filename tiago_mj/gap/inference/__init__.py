@@ -1,0 +1,1 @@
+"""Noise, likelihood, priors and fits: how well an explanation predicts what was recorded."""

@@ -1,0 +1,393 @@
+"""What may explain a gap: which effect, on which targets, at which magnitudes; and what every explanation may adjust.
+
+Nuisance parameters are the nominal model's own numbers, known to a few percent: an effect is only named when what it
+needs goes beyond them. They are effects too, at small magnitudes, with a normal prior.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tiago_mj.effects import EFFECTS
+from tiago_mj.effects.spec import Entry
+from tiago_mj.gap.data.nominal_priors import deviation
+from tiago_mj.gap.simulation.plant import Plant
+from tiago_mj.gap.simulation.sizes import Size
+
+Array = NDArray[np.float64]
+#: Effect and targets, None for all.
+Label = tuple[str, tuple[str, ...] | None]
+
+#: Magnitudes tried on either side of the identity in the first pass, as shares of the way to the bound.
+COARSE: Final = (0.01, 0.05, 0.2, 0.6)
+#: Magnitudes below this share of the bound are all as likely.
+LEAST_SHARE: Final = 0.01
+#: Closer to a bound than this share of the range a magnitude is at it.
+EDGE: Final = 1e-3
+#: What an effect does may differ by a share that is known; a magnitude makes up for so much of that. With it and a
+#: fit's deviations twice as wide, 9 of 10 intervals hold the truth (40 effects of seeds 7, 8, 907 and 908).
+FORM: Final = 0.5
+#: Values of a second number that recordings can tell apart.
+SECOND: Final = 10
+
+
+@dataclass(frozen=True)
+class Nuisance:
+    """One number of the nominal model and how well it is known.
+
+    Attributes:
+        effect, parameter: what changes it.
+        deviation: (slide, hinge), one standard deviation, in the parameter's unit, of a factor of its logarithm; of
+            ``relative`` where that is named.
+        relative: ``damping``, ``inertia``, ``effort`` or ``tool``: the deviation is a share of that nominal value of
+            the joint, or of the tool's mass.
+        each: whether every target has its own.
+        per_trial: whether every trial has its own (how the object was placed).
+    """
+
+    effect: str
+    parameter: str
+    deviation: tuple[float, float]
+    relative: str | None = None
+    each: bool = True
+    per_trial: bool = False
+
+
+#: A nominal model's numbers are known to about 5 %. Fits of eight simulated grasps without an effect (blind check, seed
+#: 11) moved contact stiffness by 4 % (rms), friction by 6, the object's mass by 2, and contact damping, which a grasp
+#: hardly shows, by 17, as far as 45 in one, which got a name where 10 were allowed. Beside payloads and links, of which
+#: each has its own, the inertia of a hinge was moved by 1 to 2 %. An object is placed to about a millimetre. What
+#: slides is known worse: publications differ by 17 % for a finger with its cell, and contacts of one engine carry a
+#: virtual mass that those of another, and of reality, do not.
+NUISANCES: Final = (
+    Nuisance("servo_stiffness", "factor", (0.04, 0.04)),
+    Nuisance("servo_damping", "damping", (0.04, 0.04), relative="damping"),
+    Nuisance("viscous_friction", "damping", (0.04, 0.04), relative="damping"),
+    Nuisance("armature", "mass", (0.35, 0.03), relative="inertia"),
+    Nuisance("force_limit", "limit", (0.04, 0.04), relative="effort"),
+    Nuisance("payload", "mass", (0.04, 0.04), relative="tool"),
+    Nuisance("contact_stiffness", "factor", (0.05, 0.05)),
+    Nuisance("contact_damping", "factor", (0.15, 0.15)),
+    Nuisance("contact_friction", "factor", (0.07, 0.07)),
+    Nuisance("object_mass", "factor", (0.05, 0.05)),
+    Nuisance("object_size", "radius", (1.5e-4, 1.5e-4)),
+    Nuisance("object_offset", "distance", (4e-4, 4e-4), per_trial=True),
+    Nuisance("force_gain", "factor", (0.04, 0.04)),
+    Nuisance("force_bias", "offset", (0.002, 0.002)),
+    Nuisance("encoder_bias", "offset", (2e-5, 5e-4)),
+    Nuisance("command_delay", "seconds", (1e-3, 1e-3), each=False),
+)
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One effect on one choice of targets, with all but one parameter fixed.
+
+    Attributes:
+        effect: name.
+        target: names, or None for all.
+        parameter: the one that is fitted.
+        fixed: the others.
+        identity, low, high: of the parameter.
+        grid: magnitudes of the first pass.
+        unit: of the parameter.
+        tolerance: two deviations of the nominal model's own number of that kind; 0 if it has none.
+        spread: one standard deviation of the magnitude where it was read off and no gradient tells; else None.
+        removes: ``low`` takes away all that the nominal model has of it.
+        paid: in every trial, how much likelier what was drawn at random is since the recordings were seen: what it
+            costs to have chosen it [nats a sample that counts fully]; empty where nothing was.
+    """
+
+    effect: str
+    target: tuple[str, ...] | None
+    parameter: str
+    fixed: tuple[tuple[str, float], ...]
+    identity: float
+    low: float
+    high: float
+    grid: tuple[float, ...]
+    unit: str
+    tolerance: float = 0.0
+    spread: float | None = None
+    removes: bool = False
+    paid: tuple[float, ...] = ()
+
+    def entry(self, value: float) -> Entry:
+        """The effect at a magnitude."""
+        return Entry(self.effect, self.target, {self.parameter: value, **dict(self.fixed)})
+
+    def log_prior(self, value: float) -> float:
+        """Log of the prior density of a magnitude, per unit of it.
+
+        Nobody knows an effect's order of magnitude: the density falls as one over the magnitude, down to what the
+        nominal model's own number is uncertain by or a hundredth of the bound, and is flat below. Limits have no
+        magnitude: they may lie anywhere between their bounds. A second number, or a form, that was chosen among
+        others has its share.
+        """
+        forms = EFFECTS[self.effect].forms
+        chosen = sum(np.log(len(forms[name].values) if name in forms else SECOND) for name, _ in self.fixed)
+        if not np.isfinite(self.identity):
+            return -float(np.log(self.high - self.low) + chosen)
+        sides = [abs(bound - self.identity) for bound in (self.low, self.high)]
+        least = max(self.tolerance, max(sides) * LEAST_SHARE)
+        whole = sum(np.log1p(side / least) for side in sides)
+        return -float(np.log(whole * (abs(value - self.identity) + least)) + chosen)
+
+    def known_to(self, value: float) -> float:
+        """One standard deviation of a magnitude that recordings do not tell, per unit of it: the nominal model's own
+        number, to which it is added, and the form of the effect are known no better."""
+        own = self.tolerance / 2 * (abs(value) if self.identity == 1 else 1.0)
+        return float(np.hypot(own, of_form(self.effect, self.identity, value)))
+
+    def at_edge(self, value: float) -> bool:
+        """Whether a magnitude lies at a bound of what is possible, and not where the effect, or what the nominal model
+        has of it, just vanishes."""
+        near = EDGE * (self.high - self.low)
+        at_least = value < self.low + near and not self.removes and self.low != self.identity
+        return at_least or (value > self.high - near and self.high > self.identity)
+
+    @property
+    def label(self) -> Label:
+        """Effect and targets."""
+        return self.effect, self.target
+
+
+def of_form(effect: str, identity: float, value: float) -> float:
+    """What of a magnitude may be due to the form of its effect; a limit has none."""
+    return FORM * EFFECTS[effect].form_known_to * abs(value - identity) if np.isfinite(identity) else 0.0
+
+
+def candidates(
+    plant: Plant,
+    names: Iterable[str] | None = None,
+    fastest: Array | None = None,
+    sizes: Sequence[Size] | None = None,
+) -> tuple[Candidate, ...]:
+    """Every effect of the library that the plant can have, on all targets and on each.
+
+    Args:
+        plant: the nominal simulator.
+        names: effects; None for all.
+        fastest: of the joints in the nominal replay, (njoints,): a limit of the speed of a joint that has none would
+            show below.
+        sizes: of the joints, (njoints,), where magnitudes must be sought that fit them; None: the library's own.
+    """
+    out: list[Candidate] = []
+    tolerances = _tolerances(plant)
+    for name in EFFECTS if names is None else names:
+        declared = EFFECTS[name]
+        kind = declared.targets
+        targets = plant.wiring.targets.names(kind)
+        if not _possible(plant, name, targets):
+            continue
+        choices: list[tuple[str, ...] | None] = [None]
+        if kind in ("command", "joint", "sensor") and len(targets) > 1 and name != "payload":
+            choices += [(target,) for target in targets]
+        for choice in choices:
+            index = 0 if choice is None else targets.index(choice[0])
+            tolerance = max(
+                (d for (e, t), d in tolerances.items() if e == name and (choice or (t,))[0] == t), default=0.0
+            )
+            size = None if sizes is None or kind not in ("command", "joint") else sizes[_joint(plant, kind, index)]
+            out += [replace(c, tolerance=2 * tolerance) for c in _of(plant, name, choice, index, fastest, size)]
+    return tuple(out)
+
+
+def _tolerances(plant: Plant) -> dict[tuple[str, str | None], float]:
+    """Deviation of the nominal model's own number of each kind, by effect and target."""
+    return {(t.effect, None if t.target is None else t.target[0]): abs(t.deviation) for t in terms(plant)}
+
+
+def _possible(plant: Plant, name: str, targets: tuple[str, ...]) -> bool:
+    """Whether the plant has what the effect acts on."""
+    declared = EFFECTS[name]
+    if not targets:
+        return False
+    if declared.targets == "object" and name != "gravity_tilt":
+        return plant.wiring.object_body is not None
+    if declared.stage == "force_sensor":
+        return plant.cell is not None
+    needs_servo = ("servo_stiffness", "servo_damping", "joint_elasticity", "rate_limit", "command_deadband")
+    needs_set_point = ("command_quantization", "backlash", "coupling_error")
+    if name == "coupling_error" and len(targets) < 2:
+        return False
+    if name in needs_servo or name in needs_set_point:
+        return plant.wiring.interface != "effort" and bool(plant.wiring.servo.any())
+    return True
+
+
+def _joint(plant: Plant, kind: str, index: int) -> int:
+    """Index of the joint of a target."""
+    return plant.wiring.targets.actuated[index] if kind == "command" else index
+
+
+def _of(
+    plant: Plant,
+    name: str,
+    target: tuple[str, ...] | None,
+    index: int,
+    fastest: Array | None,
+    size: Size | None,
+) -> list[Candidate]:
+    declared = EFFECTS[name]
+    kind = declared.targets
+    targets = plant.wiring.targets
+    side = 0 if targets.slide(kind, index) else 1
+    switch = next(p for p in declared.parameters.values() if p.identity is not None)
+    scale = 1.0
+    if switch.nominal is not None:
+        scale = targets.nominal(switch.nominal, kind, index)
+        if not np.isfinite(scale) and switch.nominal == "velocity" and fastest is not None:
+            scale = float(fastest[_joint(plant, kind, index)])
+        if not np.isfinite(scale) or scale == 0:
+            return []
+    low, high = (bound * scale for bound in switch.bounds[side])
+    assert switch.identity is not None
+    if size is not None:
+        low, high = size.within(name, low, high)
+    removes = False
+    if name in ("coulomb_friction", "viscous_friction", "servo_damping"):
+        all_of_it = -_nominal_of(plant, name, index)
+        low, removes = max(low, all_of_it), all_of_it >= low
+    grid = _magnitudes(switch.identity, low, high)
+    others = [p for p in declared.parameters.values() if p is not switch]
+    settings: list[tuple[tuple[str, float], ...]] = [()]
+    for other in others:  # a second parameter is tried at three values across its bounds
+        a, b = other.bounds[side]
+        values = (other.default[side], float(np.sqrt(a * other.default[side])), float(np.sqrt(b * other.default[side])))
+        settings = [(*setting, (other.name, value)) for setting in settings for value in values]
+    for form in declared.forms.values():
+        settings = [(*setting, (form.name, value)) for setting in settings for value in form.values]
+    return [
+        Candidate(
+            name, target, switch.name, setting, switch.identity, low, high, grid, switch.unit[side], removes=removes
+        )
+        for setting in settings
+    ]
+
+
+def _nominal_of(plant: Plant, name: str, joint: int) -> float:
+    model, dof = plant.model, plant.wiring.dof[joint]
+    if name == "coulomb_friction":
+        return float(model.dof_frictionloss[dof])
+    if name == "viscous_friction":
+        return float(np.max(model.dof_damping[dof]))
+    return float(-model.actuator_biasprm[plant.wiring.actuators[joint], 2])
+
+
+def _magnitudes(identity: float, low: float, high: float) -> tuple[float, ...]:
+    """Values on both sides of the identity, closer together near it."""
+    if not np.isfinite(identity):  # a limit: from loose to tight
+        return tuple(float(low + (high - low) * share) for share in (1.0, 0.6, 0.3, 0.12, 0.05))
+    if identity == 1.0 and low > 0:  # a factor: evenly in its logarithm
+        up = [float(np.exp(np.log(high) * share)) for share in (0.05, 0.2, 0.6)]
+        down = [float(np.exp(np.log(low) * share)) for share in (0.05, 0.2, 0.6)]
+        return (*reversed(down), *up)
+    up = [identity + (high - identity) * share for share in COARSE] if high > identity else []
+    down = [identity + (low - identity) * share for share in COARSE] if low < identity else []
+    return (*reversed(down), *up)
+
+
+@dataclass(frozen=True)
+class Term:
+    """One nuisance parameter of a plant: what its value in deviations means.
+
+    Attributes:
+        effect, target, parameter: what it changes.
+        nominal: value at 0.
+        deviation: change of the value at +1, signed; of a factor, of its logarithm: a third is as far off as thrice.
+        per_trial: whether every trial has its own.
+        low, high: bounds of the value.
+    """
+
+    effect: str
+    target: tuple[str, ...] | None
+    parameter: str
+    nominal: float
+    deviation: float
+    per_trial: bool
+    low: float = -np.inf
+    high: float = np.inf
+
+    def entry(self, deviations: float) -> Entry:
+        """The effect at so many deviations, within what it can be."""
+        move = deviations * self.deviation
+        value = self.nominal * np.exp(move) if self.factor else self.nominal + move
+        return Entry(self.effect, self.target, {self.parameter: min(max(float(value), self.low), self.high)})
+
+    def deviations(self, value: float) -> float:
+        """How far a value is off."""
+        return float((np.log(value / self.nominal) if self.factor else value - self.nominal) / self.deviation)
+
+    @property
+    def factor(self) -> bool:
+        """Whether the parameter multiplies what the model has: its deviations are then of its logarithm."""
+        return EFFECTS[self.effect].parameters[self.parameter].identity == 1.0
+
+
+def terms(plant: Plant) -> tuple[Term, ...]:
+    """The nuisance parameters of a plant; where its recordings say how well a number is known, that counts."""
+    stated = [term for name in dict.fromkeys(name for name, _ in plant.known) for term in _stated(plant, name)]
+    said = {(term.effect, target) for term in stated for target in term.target or (None,)}
+    usual = _usual(plant)
+    return (*(t for t in usual if not any((t.effect, target) in said for target in t.target or (None,))), *stated)
+
+
+def _stated(plant: Plant, name: str) -> list[Term]:
+    """What recordings say of one effect's first parameter."""
+    declared = EFFECTS[name]
+    targets = plant.wiring.targets
+    names = targets.names(declared.targets)
+    parameter = next(p for p in declared.parameters.values() if p.identity is not None)
+    if not _possible(plant, name, names) or parameter.identity is None or not np.isfinite(parameter.identity):
+        return []
+    single = declared.targets in ("object", "clock")
+    out = []
+    for group in [None] if single else [(target,) for target in names]:
+        size = deviation(plant.known, name, None if group is None else group[0])
+        if size is not None:
+            index = 0 if group is None else names.index(group[0])
+            low, high = parameter.bounds[0 if targets.slide(declared.targets, index) else 1]
+            if name in ("coulomb_friction", "viscous_friction", "servo_damping"):
+                low = max(low, -_nominal_of(plant, name, index))
+            out.append(Term(name, group, parameter.name, parameter.identity, size, False, low, high))
+    return out
+
+
+def _usual(plant: Plant) -> tuple[Term, ...]:
+    """Those of any nominal model."""
+    out: list[Term] = []
+    targets = plant.wiring.targets
+    for nuisance in NUISANCES:
+        declared = EFFECTS[nuisance.effect]
+        names = targets.names(declared.targets)
+        if not _possible(plant, nuisance.effect, names):
+            continue
+        parameter = declared.parameters[nuisance.parameter]
+        single = declared.targets in ("object", "clock") or not nuisance.each
+        for group in [None] if single else [(name,) for name in names]:
+            index = 0 if group is None else names.index(group[0])
+            size = nuisance.deviation[0 if targets.slide(declared.targets, index) else 1]
+            base = parameter.identity
+            if nuisance.relative == "damping":
+                size *= _nominal_of(plant, nuisance.effect, index)
+            elif nuisance.relative == "tool":
+                size *= float(plant.model.body_mass[plant.wiring.tool])
+            elif nuisance.relative == "inertia":
+                size *= _inertia(plant, index)
+            elif nuisance.relative == "effort":
+                base = targets.nominal("effort", "command", index)
+                size *= -base  # a looser limit is not seen
+            if size and base is not None and np.isfinite(base):
+                out.append(Term(nuisance.effect, group, nuisance.parameter, base, size, nuisance.per_trial))
+    return tuple(out)
+
+
+def _inertia(plant: Plant, joint: int) -> float:
+    """What the joint moves, at the start [kg, kg·m²]."""
+    return float(plant.model.dof_M0[plant.wiring.dof[joint]])

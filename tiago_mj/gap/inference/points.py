@@ -1,0 +1,88 @@
+"""Points in the space of explanations: where a fit begins, what is simulated, and where it ended."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tiago_mj.effects.spec import Entry
+from tiago_mj.gap.inference.hypotheses import Candidate
+
+Array = NDArray[np.float64]
+
+#: Deviations by which a nuisance is moved to see what it does: contacts do not answer in straight lines.
+NUDGE: Final = 0.3
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """An explanation at its best.
+
+    Attributes:
+        parts: candidates, none for the nominal model.
+        values: fitted magnitudes, (k,).
+        deviations: of the magnitudes, (k,), one standard deviation.
+        nuisance: deviations of the global terms, then of the per-trial terms trial by trial.
+        evidence: log of the probability of the recordings under the explanation.
+        prior: part of it that does not rest on how well the recordings are met: how far the nominal numbers had to go,
+            and how much of what an effect might have been is left.
+        lasting: mean square of the worst channel's residual over blocks, see :func:`score.lasting`.
+        misfit: mean squared residual of the worst channel, in units of floor and tolerance.
+        spreads: deviations of details that were fitted after it (:mod:`tiago_mj.gap.analysis.place`), by name.
+    """
+
+    parts: tuple[Candidate, ...]
+    values: Array
+    deviations: Array
+    nuisance: Array
+    evidence: float
+    misfit: float
+    prior: float = 0.0
+    lasting: float = 0.0
+    spreads: Mapping[str, float] = field(default_factory=dict)
+
+    def effects(self) -> tuple[Entry, ...]:
+        """The effects at their magnitudes, without the nuisances."""
+        return tuple(part.entry(float(v)) for part, v in zip(self.parts, self.values, strict=True))
+
+
+@dataclass(frozen=True)
+class Start:
+    """Where a fit begins: candidates, their magnitudes (k,), nuisances (size,), all 0 if None.
+
+    Attributes:
+        also: other magnitudes and nuisances of the same candidates: the fit begins where the recordings are met best.
+    """
+
+    parts: tuple[Candidate, ...]
+    values: Array
+    nuisance: Array | None = None
+    also: tuple[tuple[Array, Array], ...] = ()
+
+
+@dataclass(frozen=True)
+class Point:
+    """What is simulated on every trial: candidates, magnitudes (k,), nuisances (size,)."""
+
+    parts: tuple[Candidate, ...]
+    values: Array
+    nuisance: Array
+
+    def beside(self, part: Candidate, value: float) -> Point:
+        """With another candidate."""
+        return Point((*self.parts, part), np.append(self.values, value), self.nuisance)
+
+    def less(self, part: int) -> Point:
+        """Without one of its candidates."""
+        rest = [k for k in range(len(self.parts)) if k != part]
+        return Point(tuple(self.parts[k] for k in rest), self.values[rest], self.nuisance)
+
+    def moved(self, which: slice) -> Point:
+        """A little further in some nuisances."""
+        nuisance = self.nuisance.copy()
+        nuisance[which] += NUDGE
+        return Point(self.parts, self.values, nuisance)

@@ -1,0 +1,194 @@
+"""Predictions of many explanations for many trials, each physics run made once.
+
+What the simulator's step gets wrong is the same for all of them but for little: it is taken from the nominal model, run
+once more with shorter steps, and put right in every prediction that is compared with a finer reality. What is reported
+is what the simulator itself does, its step's error included (:meth:`Predictor.as_simulated`).
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tiago_mj.effects.spec import Entry
+from tiago_mj.gap.data.recording import RecordingError, Trial
+from tiago_mj.gap.inference import likelihood, noise_model
+from tiago_mj.gap.simulation import replay, stability
+from tiago_mj.gap.simulation.plant import Plant
+from tiago_mj.gap.simulation.replay import Grid, Signals, sensor_only
+
+Array = NDArray[np.float64]
+Effects = tuple[Entry, ...]
+
+#: Effects that draw at random are predicted by the mean over this many draws.
+DRAWS = 6
+RANDOM = ("dropped_commands", "force_dropout")
+
+
+@dataclass
+class Predictor:
+    """Runs and remembers simulations of one plant and its trials.
+
+    Attributes:
+        plant, on, data: what is simulated and compared; the plant's given effects are part of every prediction.
+        threads: of the batches.
+        seed: of random effects.
+        off: what the step makes wrong in the nominal signals of every trial
+            (:func:`tiago_mj.gap.inference.noise_model.off_by_step`); None: not known.
+        corrected: whether that is put right where it is known; else predictions are as they are simulated.
+        runs: number of physics simulations made.
+        tally: numbers of ``simulations`` and of those that ``diverged``, of this one and all that were made of it.
+    """
+
+    plant: Plant
+    on: Grid
+    data: noise_model.Data
+    threads: int = 0
+    seed: int = 0
+    off: Signals | None = None
+    corrected: bool = True
+    runs: int = 0
+    tally: Counter[str] = field(default_factory=Counter)
+    _kept: dict[tuple[int, Effects], tuple[Array, ...]] = field(default_factory=dict)
+
+    def __call__(self, wanted: Sequence[tuple[int, Effects]], *, keep: bool = False) -> Array:
+        """Predicted channels, (nwanted, T, C), of (trial, effects) pairs.
+
+        Args:
+            wanted: pairs; effects that draw at random are averaged over draws.
+            keep: remember the physics for later calls (of the nominal model, say).
+        """
+        given = self.plant.given
+        drawn = self.on.luck is None
+        draws = [
+            DRAWS if drawn and any(e.name in RANDOM and not sensor_only(e) for e in (*given, *effects)) else 1
+            for _, effects in wanted
+        ]
+        keys: dict[tuple[int, Effects, int], None] = {}
+        for (trial, effects), count in zip(wanted, draws, strict=True):
+            physics = tuple(e for e in effects if not sensor_only(e))
+            for draw in range(count):
+                keys[(trial, physics, draw)] = None
+        true = self._physics(list(keys), keep)
+        if self.off is not None and self.corrected:
+            true = {key: self._put_right(key[0], run) for key, run in true.items()}
+        rows, sims, owner = [], [], []
+        for k, ((trial, effects), count) in enumerate(zip(wanted, draws, strict=True)):
+            physics = tuple(e for e in effects if not sensor_only(e))
+            for draw in range(count):
+                rows.append(true[(trial, physics, draw)])
+                sims.append((trial, tuple(e for e in effects if sensor_only(e) and e.name not in RANDOM)))
+                owner.append(k)
+        signals = Signals(*(np.stack(parts) for parts in zip(*rows, strict=True)))
+        measuring = np.array([bool(effects) or any(sensor_only(e) for e in given) for _, effects in sims])
+        if measuring.any():
+            index = np.nonzero(measuring)[0]
+            some = Signals(*(getattr(signals, f)[index] for f in Signals.__dataclass_fields__))
+            measured = replay.measure(_certain(self.plant), self.on, some, [sims[i] for i in index], seed=self.seed)
+            for name in ("position", "velocity", "reading"):
+                getattr(signals, name)[index] = getattr(measured, name)
+        channels = noise_model.predicted(self.data, signals)
+        if len(owner) == len(wanted):
+            return channels
+        total = np.zeros((len(wanted), *channels.shape[1:]))
+        np.add.at(total, owner, channels)
+        return total / np.array(draws)[:, None, None]
+
+    def all_trials(self, explanations: Sequence[Effects], trials: Sequence[int], *, keep: bool = False) -> Array:
+        """(nexplanations, ntrials, T, C): every explanation on every trial."""
+        wanted = [(t, effects) for effects in explanations for t in trials]
+        out = self(wanted, keep=keep)
+        return out.reshape(len(explanations), len(trials), *out.shape[1:])
+
+    def with_luck(self, luck: Array) -> Predictor:
+        """The same with the commands that were lost, (ntrials, T - 1, nactuators), instead of drawn ones."""
+        given = any(entry.name in RANDOM for entry in self.plant.given)
+        kept = {key: run for key, run in self._kept.items() if not given and all(e.name not in RANDOM for e in key[1])}
+        return replace(self, on=replace(self.on, luck=luck), runs=0, _kept=kept)
+
+    def as_simulated(self) -> Predictor:
+        """The same with the error of the physics step in it: what the environment, or the repaired model, does."""
+        return replace(self, corrected=False)
+
+    def otherwise_corrected(self) -> Predictor | None:
+        """The same with the step's error put right where it was not, or the other way round; None: it is not known."""
+        return None if self.off is None else replace(self, corrected=not self.corrected)
+
+    def _put_right(self, trial: int, run: tuple[Array, ...]) -> tuple[Array, ...]:
+        fields = Signals.__dataclass_fields__
+        return tuple(one - getattr(self.off, f)[trial] for one, f in zip(run, fields, strict=True))
+
+    def _physics(
+        self, keys: list[tuple[int, Effects, int]], keep: bool
+    ) -> dict[tuple[int, Effects, int], tuple[Array, ...]]:
+        done = {key: self._kept[_plain(key)] for key in keys if _plain(key) in self._kept}
+        for draw in sorted({key[2] for key in keys}):
+            todo = [key for key in keys if key not in done and key[2] == draw]
+            if not todo:
+                continue
+            self.runs += len(todo)
+            seed = self.seed + 7919 * draw
+            signals = replay.simulate(
+                replay.unmeasured(self.plant), self.on, [(t, e) for t, e, _ in todo], threads=self.threads, seed=seed
+            )
+            self.tally.update(simulations=len(todo), diverged=int(signals.diverged.sum()))
+            for row, key in enumerate(todo):
+                done[key] = tuple(getattr(signals, f)[row] for f in Signals.__dataclass_fields__)
+                if keep:
+                    self._kept[_plain(key)] = done[key]
+        return done
+
+
+def predictor(
+    plant: Plant, trials: Sequence[Trial], usable: frozenset[str] | None = None, *, threads: int = 0, seed: int = 0
+) -> tuple[Predictor, Signals]:
+    """Everything that trials are compared with, and the nominal replay of each, one row a trial.
+
+    Args:
+        plant: of the trials.
+        trials: recorded.
+        usable: channels that are trusted; None for all.
+        threads, seed: of the simulations.
+
+    Raises:
+        RecordingError: the recordings hold nothing that can be compared; one line.
+    """
+    on = replay.grid(plant, trials)
+    data = noise_model.collect(plant, trials, usable)
+    if not data.channels:
+        raise RecordingError(
+            f"{trials[0].source}: no measured column is of this robot ({', '.join(plant.joints)}): give a map file"
+        )
+    everything: list[tuple[int, Effects]] = [(k, ()) for k in range(len(trials))]
+    bare = replay.unmeasured(plant)
+    true = replay.simulate(bare, on, everything, threads=threads, seed=seed)
+    stability.check_nominal(plant, on, true)
+    fine = replace(bare, max_timestep=plant.max_timestep / noise_model.FINER)
+    finer = replay.simulate(fine, on, everything, threads=threads, seed=seed)
+    if finer.diverged.any():  # a step that is not fine enough tells nothing of another
+        finer = true
+    off = noise_model.off_by_step(true, finer)  # of true signals: a given quantum would make steps of it
+    nominal = true
+    if bare.given != plant.given:
+        sensed = _certain(plant)
+        nominal, finer = (replay.measure(sensed, on, one, everything, seed=seed) for one in (true, finer))
+    as_simulated = noise_model.predicted(data, nominal)
+    data = noise_model.with_numerics(data, as_simulated, noise_model.predicted(data, finer))
+    # What was recorded in this very simulator is off by the same steps: decided anew beside explanations (select).
+    same = likelihood.distance(data, as_simulated) < likelihood.distance(
+        data, as_simulated - noise_model.predicted(data, off)
+    )
+    return Predictor(plant, on, data, threads, seed, off, corrected=not same), nominal
+
+
+def _certain(plant: Plant) -> Plant:
+    """Without given effects of the sensors that draw at random: a reading that was missed is no other reading."""
+    return replace(plant, given=tuple(e for e in plant.given if not (sensor_only(e) and e.name in RANDOM)))
+
+
+def _plain(key: tuple[int, Effects, int]) -> tuple[int, Effects]:
+    return key[0], (*key[1], Entry("draw", (str(key[2]),))) if key[2] else key[1]

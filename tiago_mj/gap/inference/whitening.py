@@ -1,0 +1,93 @@
+"""What an explanation's residuals are measured by, and the equations of a step that lessens them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tiago_mj.gap.inference import likelihood
+from tiago_mj.gap.inference.noise_model import Data
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Whitening:
+    """What residuals are measured by.
+
+    Attributes:
+        data: measured, with floor and tolerance.
+        weight: square root of what a sample of each channel counts for, (C,).
+        wider: what it costs that the tolerance is wider than the nominal model's [nats].
+    """
+
+    data: Data
+    weight: Array
+    wider: float = 0.0
+
+    def with_shape(self, missed: Array) -> Whitening:
+        """With a tolerance for the form of effects, which may miss so much of the predictions, (ntrials, T, C)."""
+        own = self.data.sigma**2 - self.data.common**2
+        form = missed**2
+        cost = np.where(np.isfinite(self.data.value), 0.5 * np.log1p(form / own), 0.0) * self.weight**2
+        return Whitening(replace(self.data, sigma=np.sqrt(self.data.sigma**2 + form)), self.weight, float(cost.sum()))
+
+    def white(self, difference: Array) -> Array:
+        """Whitened, (..., n)."""
+        w = likelihood.whiten(self.data, difference, self.weight)
+        return w.reshape(*w.shape[:-3], self.data.value.size)
+
+    def columns(self, responses: Array, per_trial: NDArray[np.bool_]) -> Array:
+        """Whitened responses, (nterms, ntrials, T, C) to (n, size), see :func:`likelihood.columns`."""
+        return likelihood.columns(likelihood.whiten(self.data, responses, self.weight), per_trial)
+
+    def weighted(self, predicted: Array, columns: Array) -> tuple[Array, Array]:
+        """Residual (n,) and responses (n, k), both scaled down where the residual is softened."""
+        white = self.white(self.data.value - predicted)
+        soft = likelihood.soften(white)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            share = np.where(white == 0, 1.0, soft / white)
+        return soft, columns * share[:, None]
+
+    def cost(self, predicted: Array, nuisance: Array) -> float:
+        """Half the sum of squares of residual and nuisances [nats]."""
+        r = likelihood.soften(self.white(self.data.value - predicted))
+        return float(0.5 * r @ r + 0.5 * nuisance @ nuisance)
+
+    def misfit(self, predicted: Array) -> Array:
+        """Mean squared residual of every channel in units of floor and tolerance, (C,)."""
+        white = likelihood.scaled(self.data, self.data.value - predicted)
+        known = np.isfinite(self.data.value).sum(axis=(0, 1))
+        mean: Array = np.sum(white**2, axis=(0, 1)) / np.maximum(known, 1)
+        return mean
+
+
+@dataclass(frozen=True)
+class Normal:
+    """Normal equations of a Gauss-Newton step, in units of ``scale``.
+
+    Attributes:
+        curvature: (k, k), of magnitudes and nuisances.
+        gradient: (k,).
+        scale: (k,).
+    """
+
+    curvature: Array
+    gradient: Array
+    scale: Array
+
+    def step(self, damping: float = 0.0) -> Array:
+        """(k,)."""
+        damped = self.curvature + damping * np.diag(np.diag(self.curvature))
+        return self.scale * np.linalg.solve(damped, self.gradient)
+
+    def first(self, count: int) -> Normal:
+        """Of the first unknowns alone, the others where they are."""
+        return Normal(self.curvature[:count, :count], self.gradient[:count], self.scale[:count])
+
+    @property
+    def promised(self) -> float:
+        """By how much the whole step lowers the cost, if responses are straight lines [nats]."""
+        return 0.5 * float(self.gradient @ (self.step() / self.scale))

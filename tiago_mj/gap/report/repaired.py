@@ -1,0 +1,107 @@
+"""The repaired simulator of a user's own model, beside the verdict: a model file, and what it cannot hold."""
+
+from __future__ import annotations
+
+import textwrap
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Final
+
+import mujoco
+
+from tiago_mj.effects import model_file
+from tiago_mj.effects.now import Wiring
+from tiago_mj.effects.spec import Entry
+from tiago_mj.effects.wiring import wire
+from tiago_mj.gap.report.json import clean
+from tiago_mj.gap.result import Diagnosis, Named, Repaired
+from tiago_mj.gap.simulation.plant import Plant
+
+#: Width of the comment in a repaired model.
+WIDTH: Final = 100
+
+
+def with_model(found: Diagnosis, plant: Plant) -> Diagnosis:
+    """A diagnosis with the repaired model, if it is of a plain one."""
+    return found if plant.file is None else replace(found, repaired=repaired(found, plant))
+
+
+def repaired(found: Diagnosis, plant: Plant) -> Repaired:
+    """The user's model with what was known before and what was found."""
+    assert plant.file is not None
+    substeps = plant.substeps
+    wiring, timestep = _wiring(plant), plant.period / substeps
+    named = model_file.by_effect((*found.given, *(entry(effect) for effect in found.best.effects)))
+    holds: tuple[str, ...] = ()
+    xml = fault = ""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of the user's file, which was compiled before
+            model = model_file.read(plant.file, timestep).compile()
+            holds = tuple(name for name, own in named.items() if _holds(model, wiring, own, plant.period, substeps))
+            spec = model_file.read(plant.file, timestep)
+            entries = [one for name in holds for one in named[name]]
+            said = _comment(found, plant, named, holds)
+            xml = model_file.write(spec, wiring, entries, plant.period, substeps, said)
+    except (ValueError, OSError, mujoco.FatalError) as reason:
+        fault, holds = " ".join(str(reason).split()), ()
+    return Repaired(
+        xml=xml,
+        fault=fault,
+        holds=holds,
+        lacks=tuple(name for name in named if name not in holds),
+        rate_hz=1 / plant.period,
+        interface=wiring.interface,
+        timestep=timestep,
+        joints=wiring.targets.joint,
+        actuators=wiring.targets.command,
+    )
+
+
+def entry(effect: Named) -> Entry:
+    """An effect that was found as it is read from ``calibration.yaml``, whose numbers are rounded."""
+    target = (effect.target,) if isinstance(effect.target, str) else tuple(effect.target)
+    values = {key: float(clean(value.value)) for key, value in effect.parameters.items()}
+    return Entry(effect.name, None if target == ("all",) else target, values, fitted=True)
+
+
+def _wiring(plant: Plant) -> Wiring:
+    """Of the plant; recordings without commands name no actuators, and effects on them are those of the joints."""
+    if plant.actuators:
+        return plant.wiring
+    model = plant.model
+    joints = [model.joint(name).id for name in plant.joints]
+    on_them = [a for a in range(model.nu) if model.actuator_trntype[a] == 0 and model.actuator_trnid[a, 0] in joints]
+    names = [model.actuator(a).name for a in on_them]
+    return wire(model, joints=plant.joints, actuators=names, interface=plant.wiring.interface)
+
+
+def _holds(model: mujoco.MjModel, wiring: Wiring, entries: Sequence[Entry], period: float, substeps: int) -> bool:
+    try:
+        return model_file.holds(model, wiring, entries, period, substeps)
+    except ValueError:  # a target that is the recording's own: of efforts, say
+        return False
+
+
+def _comment(found: Diagnosis, plant: Plant, named: Mapping[str, Sequence[Entry]], holds: Sequence[str]) -> str:
+    assert plant.file is not None
+    said = [f"Made by tiago-mj diagnose {found.version}: {plant.file.name} with what diagnosis.json beside this names."]
+    for name, entries in named.items():
+        for one in entries:
+            where = "all" if one.target is None else ", ".join(one.target)
+            values = ", ".join(f"{key} {value:g}" for key, value in sorted(one.parameters.items()))
+            held = "" if name in holds else ": NOT HELD by a model file, see below"
+            said.append(f"  {name} on {where}{f': {values}' if values else ''}{held}")
+    if not named:
+        said.append("  No effect is named, so that nothing is changed but the time step.")
+    if set(named) - set(holds):
+        said += textwrap.wrap(
+            f'tiago_mj.gap.apply(model, "calibration.yaml") has all of them, the model being {plant.file.name}.', WIDTH
+        )
+    said += textwrap.wrap(
+        f"Simulated with {plant.substeps} steps of {plant.period / plant.substeps:g} s to a command, at "
+        f"{1 / plant.period:g} Hz.",
+        WIDTH,
+    )
+    return "\n".join(said)

@@ -1,0 +1,1 @@
+"""Which explanations are fitted: screening, starts, combinations and refinement."""

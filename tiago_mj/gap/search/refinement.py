@@ -1,0 +1,131 @@
+"""Between the rounds of a search: what samples tell, what an explanation leaves, and which fits go on."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tiago_mj.gap.inference import likelihood
+from tiago_mj.gap.inference.fit import Fitted, Fitter, Point, Start
+from tiago_mj.gap.inference.noise_model import Data
+from tiago_mj.gap.search import ensemble, second_parameter, shortlist, starts
+from tiago_mj.gap.search.extend import PROMISES
+
+Array = NDArray[np.float64]
+
+#: Two simulators never agree as closely as their noise, and what one gets wrong it gets wrong in every trial: so many
+#: samples, apart from their correlation in time, tell as much as one.
+REPEATED: Final = 2.0
+#: Mean squared residual of the worst channel, sample by sample or over blocks, in units of what it should scatter by,
+#: that calls for another effect.
+GAP: Final = 4.0
+#: What is left by an explanation that leaves nothing to explain, by samples and over blocks (1 is expected; the right
+#: ones leave 0.7 to 3, where nominal numbers are 3 to 5 % off).
+DONE: Final = 1.2
+#: Where the nominal model's numbers had to go farther than this for it [nats], they may stand for another effect: what
+#: leaves nothing to explain has -3 to -14 without one.
+STRAINED: Final = -18.0
+#: Explanations that get responses around themselves, the best first.
+RENEWED: Final = 3
+#: Further rounds of that for one that leaves something, but not much more than what calls for another effect, as long
+#: as one brings this much [nats]: where contacts slip, each round goes a short way.
+AROUND: Final = 6
+BRINGS: Final = 3.0
+HOPELESS: Final = 2 * GAP
+#: What leaves more may fail in the end. If that is less than this share of what the nominal model leaves, and not more
+#: than draws can mend, the search may have stopped short: of kept cases of the blind check four were unknown for that
+#: with the right name, with shares of 0.00003 to 0.0057, and six of 38 whose effect the library lacks had such a share.
+SHORT: Final = 2.0
+REST: Final = 0.006
+MENDED: Final = 8 * GAP
+
+
+def counts(data: Data, predicted: Array) -> Array:
+    """Square root of what a sample of each channel counts for beside a prediction, (C,)."""
+    return likelihood.independence(data, predicted) / np.sqrt(REPEATED)
+
+
+def frame(fitter: Fitter, at: Point) -> likelihood.Frame:
+    """What likelihoods of some trials are told by, beside nominal numbers."""
+    return likelihood.frame(fitter.data, fitter.weight, fitter.responses, fitter.per_trial, at.nuisance)
+
+
+def done(fit: Fitted, most: float = DONE) -> bool:
+    """Whether it leaves nothing to explain, and its numbers did not have to go far for that."""
+    return not fails(fit, most) and fit.prior > STRAINED
+
+
+def fails(fit: Fitted, most: float = GAP) -> bool:
+    """Whether it leaves more than that, as it stands a gap that calls for another effect."""
+    return shortlist.left(fit) > most
+
+
+def again(fits: Sequence[Fitted]) -> list[Fitted]:
+    """The nominal model and the best explanations, each once."""
+    best = shortlist.once_each(shortlist.ordered([f for f in fits if f.parts]))
+    return [shortlist.nominal(fits), *best[: shortlist.SECONDS]]
+
+
+def without_astray(everywhere: Fitter, fits: list[Fitted], at: Array) -> tuple[Fitter, list[Fitted], Array]:
+    """The same without trials in which a motion goes another way than the best explanation has it: no number of the
+    model makes it do that, and fits of all others would go astray to lessen what it costs."""
+    best = everywhere.predictions([starts.point(shortlist.ordered(fits)[0])])[0]
+    astray = likelihood.astray(everywhere.data, everywhere.data.value - best)
+    if not astray.any() or everywhere.out_of_time():
+        return everywhere, fits, at
+    kept = [k for k, one in enumerate(astray) if not one]
+    rest = everywhere.part(kept)
+    begin = [Start(f.parts, f.values, everywhere.of(kept, f.nuisance)) for f in again(fits)]
+    return rest, rest.fit_all(begin), everywhere.of(kept, at)
+
+
+def renewed(everywhere: Fitter, fits: Sequence[Fitted]) -> list[Fitted]:
+    """The same, with what draws lead the best to, and with the nuisances' responses around each where that may decide:
+    near the best, and the best by fewer effects; not where the best is no more than a nominal number a little off."""
+    best, nominal = shortlist.ordered(fits)[0], shortlist.nominal(fits)
+    if best.evidence - nominal.evidence < PROMISES and done(nominal):
+        return list(fits)
+    fits = [*fits, *_led(everywhere, best, nominal)]
+    best = shortlist.ordered(fits)[0]
+    least = best.evidence - (starts.VALLEY if fails(best, DONE) else starts.NEAR)
+    near = shortlist.once_each(shortlist.ordered([f for f in fits if f.parts and f.evidence > least]))
+    near = near[:RENEWED]
+    there = [_around_itself(everywhere, starts.again(f)) for f in near]
+    # What the nominal model's numbers were moved for without the effect, they may be stuck at.
+    there += [_around_itself(everywhere, Start(f.parts, f.values, np.zeros(everywhere.size))) for f in near[:1]]
+    # What is left of fewer effects must not look like another one because their fit stopped short.
+    for f in [f for f in shortlist.ordered(fits) if 0 < len(f.parts) < len(best.parts)][:1]:
+        begin = Start(f.parts, f.values, f.nuisance, ((f.values, best.nuisance),))
+        there.append(_around_itself(everywhere, begin, until=0.0))
+    return [*fits, *there]
+
+
+def _led(everywhere: Fitter, best: Fitted, nominal: Fitted) -> list[Fitted]:
+    """What draws lead the best explanation to, where something is touched, it fails, and yet explains nearly all."""
+    drawn = bool(best.parts) and everywhere.per_trial.any() and not everywhere.out_of_time()
+    if drawn and SHORT < shortlist.left(best) < min(MENDED, REST * shortlist.left(nominal)):
+        return [ensemble.fitted(everywhere, best)]
+    return []
+
+
+def _around_itself(everywhere: Fitter, start: Start, until: float = DONE) -> Fitted:
+    """A fit with the nuisances' responses around where it begins, and again around where it ended, until it leaves no
+    more than that or a round brings little."""
+    (best,) = everywhere.around(starts.point(start)).fit_all([start])
+    for _ in range(AROUND):
+        if not fails(best, until) or fails(best, HOPELESS) or everywhere.out_of_time():
+            break
+        (there,) = everywhere.around(starts.point(best)).fit_all([starts.again(best)])
+        if there.evidence < best.evidence + BRINGS:
+            break
+        best = there
+    return best
+
+
+def refined(everywhere: Fitter, fits: Sequence[Fitted], others: Sequence[Fitted]) -> list[Fitted]:
+    """Of some explanations with better second numbers and forms."""
+    best = shortlist.ordered(others)[0]
+    return second_parameter.refined(everywhere, fits, best, fails=fails(best))

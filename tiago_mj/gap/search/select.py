@@ -1,0 +1,353 @@
+"""Search explanations: screen all effects, fit the promising ones, add a second and a third, rank by evidence."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Final, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tiago_mj.gap.data.recording import RecordingError
+from tiago_mj.gap.detectors.readings import ONLY_READ_OFF, Known
+from tiago_mj.gap.detectors.set_points import Told
+from tiago_mj.gap.inference import likelihood, noise_model
+from tiago_mj.gap.inference.fit import NUDGE, Fitted, Fitter, Point, Start
+from tiago_mj.gap.inference.hypotheses import Candidate, Term
+from tiago_mj.gap.inference.noise_model import Data
+from tiago_mj.gap.inference.predictor import Predictor
+from tiago_mj.gap.inference.whitening import Whitening
+from tiago_mj.gap.search import combinations, extend, lost_commands, refinement, shortlist, starts, step_error
+from tiago_mj.gap.search.combinations import Search
+from tiago_mj.gap.search.screen import Screened, screen
+
+Array = NDArray[np.float64]
+
+#: Physics steps of all trials that are fitted, and of those of the first pass; no fewer than so many trials: ten
+#: grasps of a second and a quarter are all fitted, of ten-second ones those in which the nominal model fails most.
+FIT_STEPS: Final = 8_000
+FIRST_STEPS: Final = 4_000
+FIT_TRIALS: Final = 3
+FIRST_TRIALS: Final = 1
+#: Trials of the first pass at most.
+SCREEN_TRIALS: Final = 3
+#: Of the singles that are fitted to all trials so many begin once more at the nominal numbers, too.
+ANEW: Final = 2
+#: Further fits of the nominal model, each with the nuisances' responses around the one before, as long as one brings
+#: this much [nats].
+NOMINAL_ROUNDS: Final = 5
+BETTER: Final = 1.0
+#: Moves of the nuisances that change nothing [deviations], and how many of them show what a simulator cannot tell.
+TOUCH: Final = 1e-5
+TOUCHES: Final = 6
+#: Mean squared residual of the worst channel that no numbers a little off leave, but an effect: without it they are
+#: then not sought.
+FAR: Final = 20.0
+#: Effects of one explanation, apart from what the readings betray: a third is only sought where two leave a gap.
+MOST: Final = 3
+#: A number of the nominal model that moves the likelihood by less than this, one deviation off, is left alone [nats].
+SILENT: Final = 0.005
+#: What acts on one joint or cell alone is not tried where nothing but noise is left there: mean square of its channels,
+#: sample by sample and over blocks.
+QUIET: Final = (1.3, 2.0)
+#: A change below this share of floor and tolerance (rms, largest magnitude tried) cannot be seen in the recording.
+INVISIBLE: Final = 0.05
+
+
+class Tick(Protocol):
+    """Told how far a diagnosis is."""
+
+    def __call__(self, stage: str, total: int, done: int = 0) -> None:
+        """A stage of so many steps (begins, or) has done some of them."""
+
+
+@dataclass
+class SoFar:
+    """What a search has found until now: all that is left of one that something ends.
+
+    Attributes:
+        ranked: None before the first explanations were fitted.
+    """
+
+    ranked: Ranked | None = None
+
+
+@dataclass(frozen=True)
+class Ranked:
+    """Explanations with the evidence for them, best first.
+
+    Attributes:
+        fits: explanations; ``known`` effects are the last parts of each, and nuisances of all trials the first of its
+            nuisances, those too that tell nothing.
+        screened: the first pass.
+        not_excited: effects that no magnitude makes visible in these recordings.
+        known: number of effects that the readings betray: they are part of every explanation.
+        pool: number of different effects that were considered.
+        complete: False when time ran out.
+        weight: square root of what a sample of each channel counts for, (C,).
+        predict: simulations, in which those commands are lost that were.
+        astray: trials that were set aside, by index: a motion goes another way in them.
+        ended: what ended the search before its end, apart from the time: a fault, or the user.
+    """
+
+    fits: tuple[Fitted, ...]
+    screened: tuple[Screened, ...]
+    not_excited: tuple[str, ...]
+    known: int
+    pool: int
+    complete: bool
+    weight: Array
+    predict: Predictor
+    astray: tuple[int, ...] = ()
+    ended: BaseException | None = None
+
+
+def select(
+    predict: Predictor,
+    data: Data,
+    trials: Sequence[int],
+    pool: Sequence[Candidate],
+    terms: Sequence[Term],
+    base: Array,
+    known: Sequence[Known] = (),
+    seen: Told | None = None,
+    *,
+    steps: int = 0,
+    out_of_time: Callable[[], bool] = lambda: False,
+    tick: Tick = lambda stage, total, done=0: None,
+) -> Ranked:
+    """Rank explanations of the trials; where something ends the search, those that were found until then.
+
+    Args:
+        predict: simulations.
+        data: measured, of these trials.
+        trials: their indices.
+        pool: candidates.
+        terms: nuisance parameters.
+        base: nominal predictions, (ntrials, T, C).
+        known: what the readings betray by themselves: it is part of every explanation.
+        seen: what the servos' motion says; None: there is nothing to be read from it.
+        steps: physics steps of one trial.
+        out_of_time: asked between stages.
+        tick: told what begins.
+    """
+    so_far = SoFar()
+    try:
+        return _searched(predict, data, trials, pool, terms, base, known, seen, so_far, steps, out_of_time, tick)
+    except (Exception, KeyboardInterrupt) as fault:
+        if so_far.ranked is None or isinstance(fault, RecordingError):
+            raise
+        return replace(so_far.ranked, complete=False, ended=fault)
+
+
+def _searched(
+    predict: Predictor,
+    data: Data,
+    trials: Sequence[int],
+    pool: Sequence[Candidate],
+    terms: Sequence[Term],
+    base: Array,
+    known: Sequence[Known],
+    seen: Told | None,
+    so_far: SoFar,
+    steps: int,
+    out_of_time: Callable[[], bool],
+    tick: Tick,
+) -> Ranked:
+    """See :func:`select`; ``so_far`` is told what was found, from stage to stage."""
+    read_off = {*ONLY_READ_OFF, *(k.candidate.effect for k in known)}
+    pool = _with_something_to_explain([c for c in pool if c.effect not in read_off], data, base)
+    tick("fitting the nominal model", NOMINAL_ROUNDS)
+    weight = refinement.counts(data, base)
+    chosen = extend.spread(base, data, max(FIT_STEPS // max(steps, 1), FIT_TRIALS))
+    data, base, trials = noise_model.part(data, chosen), base[chosen], [trials[k] for k in chosen]
+    terms = tuple(sorted(terms, key=lambda term: term.per_trial))
+    responses = (predict.all_trials([(term.entry(NUDGE),) for term in terms], trials) - base) / NUDGE
+    telling = (likelihood.whiten(data, responses, weight) ** 2).sum(axis=(1, 2, 3)) > 2 * SILENT
+    shared = telling[[not term.per_trial for term in terms]]
+    terms = tuple(term for term, tells in zip(terms, telling, strict=True) if tells)
+    given = tuple(k.candidate.entry(k.value) for k in known)
+    everywhere = Fitter(predict, tuple(trials), data, weight, terms, responses[telling], given, out_of_time=out_of_time)
+    everywhere, nominal = _calibrated(everywhere)
+    at = nominal.nuisance if nominal.misfit < FAR else np.zeros(everywhere.size)
+    everywhere, pool = _losing(everywhere, pool, nominal, seen)
+    weight = everywhere.weight
+
+    tick("screening", len(pool))
+    base = everywhere.predictions([Point((), np.zeros(0), at)], keep=True)[0]
+    first = extend.spread(base, data, min(max(FIRST_STEPS // max(steps, 1), FIRST_TRIALS), SCREEN_TRIALS))
+    few, here = everywhere.part(first), Point((), np.zeros(0), everywhere.of(first, at))
+    screened = screen(
+        few,
+        refinement.frame(few, here),
+        pool,
+        here,
+        base[first],
+        out_of_time,
+        lambda *how_far: tick("screening", *how_far),
+    )
+    visible = {s.candidate.effect for s in screened if s.visible > INVISIBLE}
+    names = dict.fromkeys(c.effect for c in pool)
+    unseen = tuple(name for name in names if name not in visible)
+    promising = [s for s in screened if s.candidate.effect not in unseen]
+
+    tick("fitting", shortlist.SINGLES)
+    count = shortlist.FEWEST if out_of_time() else shortlist.SINGLES
+    moved = starts.moved(everywhere, at, {s.candidate.label for s in promising})
+    singles = [starts.beginning(s, few, here.nuisance) for s in shortlist.to_fit(promising, count, moved)]
+    ranked = shortlist.ordered(few.fit_all([Start((), np.zeros(0), here.nuisance), *singles]))
+    other = step_error.otherwise(few, ranked)
+    if other is not None:
+        few, everywhere = replace(few, predict=other), replace(everywhere, predict=other)
+        base = everywhere.predictions([Point((), np.zeros(0), at)], keep=True)[0]
+        (nominal,) = everywhere.fit_all([starts.again(nominal)])
+        ranked = shortlist.ordered(few.fit_all([starts.again(f) for f in ranked]))
+
+    def told(fits: Sequence[Fitted], by: Fitter) -> Ranked:
+        shown = shortlist.worth_showing(shortlist.once_each(shortlist.ordered(fits)))
+        astray = tuple(k for k in trials if k not in by.trials) if by is not few else ()
+        return Ranked(
+            tuple(_with(fit, known, shared) for fit in shown),
+            tuple(screened),
+            unseen,
+            len(known),
+            len(names),
+            not out_of_time(),
+            by.weight,
+            by.predict,
+            astray,
+        )
+
+    so_far.ranked = told(ranked, few)
+    if out_of_time():
+        return so_far.ranked
+    # Once something explains the bulk, what is left shows how correlated the residuals really are.
+    reference = few.predictions([Point(ranked[0].parts, ranked[0].values, ranked[0].nuisance)])[0]
+    weight = np.maximum(refinement.counts(few.data, reference), weight)
+    few, everywhere = replace(few, weight=weight), replace(everywhere, weight=weight)
+    fits = everywhere.fit_all([starts.again(nominal)])
+
+    tick("refitting", shortlist.SECONDS)
+    rivals = shortlist.rivals([f for f in ranked if f.parts])
+    if refinement.done(fits[0]):
+        rivals = shortlist.promising(rivals, shortlist.nominal(ranked), len(trials) / len(first)) or rivals[:1]
+    leaders = [starts.carried(f, everywhere, at) for f in rivals]
+    if leaders and ranked[0].parts and ranked[0].evidence - shortlist.nominal(ranked).evidence > extend.PROMISES:
+        everywhere = everywhere.around(starts.point(leaders[0]))
+    if not refinement.done(
+        fits[0]
+    ):  # what is left may be what its numbers were moved for: effects begin without that, too
+        leaders += [Start(f.parts, f.values, np.zeros(everywhere.size)) for f in rivals[:ANEW]]
+    fits += everywhere.fit_all(leaders)
+    if not out_of_time():
+        fits = refinement.renewed(everywhere, fits)
+        fits += refinement.refined(everywhere, fits, fits)
+        fits += everywhere.fit_all([*starts.absorbed(fits, everywhere), *starts.without(fits)])
+    everywhere, fits, at = refinement.without_astray(everywhere, fits, at)
+    if refinement.fails(shortlist.ordered(fits)[0]) and not out_of_time():
+        weight = np.maximum(weight, combinations.UNEXPLAINED)
+        few, everywhere = replace(few, weight=weight), replace(everywhere, weight=weight)
+        fits = everywhere.fit_all([starts.again(f) for f in refinement.again(fits)])
+    so_far.ranked = told(fits, everywhere)
+    everywhere, losing = _losing(everywhere, pool, shortlist.ordered(fits)[0], seen)
+    if losing is not pool:
+        lose = {c.label: c for c in losing if c.effect == lost_commands.EFFECT}
+        weight = everywhere.weight
+        few = replace(few, predict=everywhere.predict, weight=weight)
+        promising = [s for s in promising if s.candidate.label not in lose]
+        promising += screen(few, refinement.frame(few, here), [*lose.values()], here, base[first])
+        promising.sort(key=lambda s: -s.gain)
+        fits = everywhere.fit_all([starts.with_others(f, lose) for f in refinement.again(fits)])
+    search = Search(few, everywhere, fits, at, here, base[first])
+    for size in range(2, MOST + 1):
+        if out_of_time() or not combinations.worthwhile(search, size):
+            break
+        tick("pairs" if size == 2 else "triples", extend.EXTENSIONS)
+        found = combinations.with_another(search, size, promising)
+        if found is None:
+            break
+        search = found
+        if len(search.everywhere.trials) == len(trials):
+            everywhere, fits, at = refinement.without_astray(search.everywhere, search.fits, search.at)
+            search = replace(search, everywhere=everywhere, fits=fits, at=at)
+        so_far.ranked = told(search.fits, search.everywhere)
+    return told(search.fits, search.everywhere)
+
+
+def _calibrated(fitter: Fitter) -> tuple[Fitter, Fitted]:
+    """The nominal model at its best, and the fitter with the nuisances' responses around it.
+
+    The nominal model must not look worse than it is: its fit goes on as long as it gets better. Where it stays far off,
+    something else is wrong with it, and its numbers are left where they were.
+    """
+    (best,) = fitter.fit_all([Start((), np.zeros(0))])
+    left = fitter.predictions([starts.point(best)])[0]
+    for _ in range(NOMINAL_ROUNDS):
+        if best.misfit > FAR or fitter.out_of_time():
+            break
+        fitter = replace(fitter, weight=np.maximum(refinement.counts(fitter.data, left), fitter.weight))
+        fitter = fitter.around(starts.point(best))
+        (again,) = fitter.fit_all([starts.again(best)])
+        leaves, on = fitter.predictions([starts.point(again)])[0], Whitening(fitter.data, fitter.weight)
+        gained = on.cost(left, best.nuisance) - on.cost(leaves, again.nuisance)
+        best, left = again, leaves
+        if gained < BETTER:
+            break
+    return (_with_scatter(fitter, best) if best.misfit < FAR else fitter), best
+
+
+def _losing(
+    everywhere: Fitter, pool: Sequence[Candidate], best: Fitted, seen: Told | None
+) -> tuple[Fitter, Sequence[Candidate]]:
+    """The same with the commands that were lost beside an explanation, unless it leaves nothing to explain or is
+    likelier without. Where samples tell more once they are lost, they count for that.
+    """
+    candidates = [c for c in pool if c.effect == lost_commands.EFFECT]
+    told_before = any(part.effect == lost_commands.EFFECT for part in best.parts)
+    if seen is None or not candidates or told_before or refinement.done(best) or everywhere.out_of_time():
+        return everywhere, pool
+    told = lost_commands.beside(everywhere, starts.point(best), seen, candidates)
+    if told is None:
+        return everywhere, pool
+    losing = replace(everywhere, predict=told.predict)
+    left = losing.predictions([starts.point(told.fit)])[0]
+    for fitter in (replace(losing, weight=np.maximum(losing.weight, refinement.counts(losing.data, left))), losing):
+        priced = lost_commands.priced(fitter, told, seen, candidates)
+        if priced is not None:
+            without, there = fitter.fit_all([starts.again(best), starts.with_others(told.fit, priced)])
+            if there.evidence > without.evidence:
+                return fitter, [priced.get(c.label, c) for c in pool]
+    return everywhere, pool
+
+
+def _with_scatter(fitter: Fitter, fit: Fitted) -> Fitter:
+    """With a tolerance of how far predictions part that nothing tells apart."""
+    rng = np.random.default_rng(fitter.predict.seed)
+    moved = fit.nuisance + TOUCH * rng.standard_normal((TOUCHES, fitter.size))
+    apart = fitter.predictions([starts.point(fit), *(Point(fit.parts, fit.values, one) for one in moved)])
+    return replace(fitter, data=noise_model.with_scatter(fitter.data, apart))
+
+
+def _with_something_to_explain(pool: Sequence[Candidate], data: Data, base: Array) -> list[Candidate]:
+    """Without candidates of one joint or cell where the nominal model predicts all of its channels."""
+    known = np.isfinite(data.value).sum(axis=(0, 1))
+    square = (likelihood.scaled(data, data.value - base) ** 2).sum(axis=(0, 1)) / np.maximum(known, 1)
+    quiet = (square < QUIET[0]) & (likelihood.lasting(data, data.value - base) < QUIET[1])
+    of: dict[str, list[bool]] = {}
+    for channel, still in zip(data.channels, quiet, strict=True):
+        of.setdefault(channel.partition(".")[2], []).append(bool(still))
+    return [c for c in pool if c.target is None or not all(all(of.get(name, [False])) for name in c.target)]
+
+
+def _with(fit: Fitted, known: Sequence[Known], telling: NDArray[np.bool_]) -> Fitted:
+    """What the readings betray, as parts of an explanation, and the numbers that were left alone, as nuisances."""
+    shared, count = np.zeros(len(telling)), int(telling.sum())
+    shared[telling] = fit.nuisance[:count]
+    return replace(
+        fit,
+        nuisance=np.concatenate([shared, fit.nuisance[count:]]),
+        parts=(*fit.parts, *(k.candidate for k in known)),
+        values=np.concatenate([fit.values, [k.value for k in known]]),
+        deviations=np.concatenate([fit.deviations, [k.deviation for k in known]]),
+    )

@@ -1,0 +1,1 @@
+"""The nominal simulator of recordings, and what it predicts for every row."""

@@ -1,0 +1,388 @@
+"""The nominal simulator of a set of recordings: which model, how it starts, how it is commanded and read.
+
+It is built from a recording's sidecar, by the environments' own code: the diagnosis simulates exactly what
+``gymnasium.make`` would.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, Final
+
+import gymnasium
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from tiago_mj.effects import EFFECTS
+from tiago_mj.effects.chain import Wiring
+from tiago_mj.effects.spec import Entry, arrays
+from tiago_mj.effects.wiring import wire
+from tiago_mj.gap.data.nominal_priors import known_to
+from tiago_mj.gap.data.recording import RecordingError, Sidecar, Trial
+from tiago_mj.models import names, scene
+from tiago_mj.models.files import refuse_urdf
+from tiago_mj.models.objects import SHAPES, GraspObject
+from tiago_mj.sensing.load_cell import LoadCell
+from tiago_mj.sensing.sources import PadForces
+
+Array = NDArray[np.float64]
+
+#: Longest physics step of a plain MJCF in the diagnosis [s]; its own where that is shorter.
+PLAIN_TIMESTEP: Final = 1 / 500
+
+#: A first measured position that is farther from the sidecar's than this contradicts it, (slide [m], hinge [rad]):
+#: about three standard deviations of a poor encoder.
+STARTS_ELSEWHERE: Final = (1e-4, 1e-3)
+
+#: Fields that an object sets in a model: what differs between trials with different objects.
+OBJECT_FIELDS: Final = (
+    "geom_type",
+    "geom_size",
+    "geom_rbound",
+    "geom_aabb",
+    "geom_friction",
+    "bvh_aabb",
+    "body_mass",
+    "body_inertia",
+    "body_subtreemass",
+    "body_invweight0",
+    "dof_invweight0",
+    "pair_friction",
+    "pair_solref",
+    "pair_solimp",
+)
+
+
+@dataclass(frozen=True)
+class Start:
+    """How one trial begins, and its object.
+
+    Attributes:
+        qpos: (nq,) [m, rad].
+        qvel: (nv,).
+        set_point: per actuator, (nactuators,) [m, rad].
+        item: the object, or None.
+    """
+
+    qpos: Array
+    qvel: Array
+    set_point: Array
+    item: GraspObject | None
+
+
+@dataclass(frozen=True)
+class Plant:
+    """What to simulate.
+
+    Attributes:
+        name: of the environment or model.
+        model: compiled, nominal.
+        wiring: its parts.
+        max_timestep: longest physics step [s].
+        period: nominal control period [s].
+        cell: load cell, or None without force channels.
+        pads: reads the pads' forces; None without.
+        environment: arguments that make the environment, for policies; None for a plain model.
+        file: of a plain model.
+        relative: whether a command is a change from the measured position, as of controllers that follow it.
+        known: how well the recordings say that numbers of the model are known
+            (:mod:`tiago_mj.gap.data.nominal_priors`).
+        given: effects that are known already: part of every simulation, whatever else is tried.
+    """
+
+    name: str
+    model: mujoco.MjModel
+    wiring: Wiring
+    max_timestep: float
+    period: float
+    cell: LoadCell | None
+    pads: PadForces | None
+    environment: Mapping[str, Any] | None = None
+    file: Path | None = None
+    relative: bool = False
+    starts: Mapping[str, Start] = field(default_factory=dict)
+    known: Mapping[tuple[str, str | None], float] = field(default_factory=dict)
+    given: tuple[Entry, ...] = ()
+
+    @property
+    def substeps(self) -> int:
+        """Physics steps in a control period."""
+        return substeps(self.period, self.max_timestep)
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Observed joints."""
+        return self.wiring.targets.joint
+
+    @property
+    def actuators(self) -> tuple[str, ...]:
+        """Commanded actuators."""
+        return self.wiring.targets.command
+
+    @property
+    def sensors(self) -> tuple[str, ...]:
+        """Load cells."""
+        return self.wiring.targets.sensor
+
+
+def substeps(period: float, longest: float) -> int:
+    """How many physics steps of at most a length make a control period, both in seconds."""
+    return math.ceil(period / longest - 1e-6)
+
+
+def plant_of(
+    trials: Sequence[Trial],
+    *,
+    env: str | None = None,
+    model: Path | None = None,
+    given: Sequence[Entry] = (),
+) -> Plant:
+    """The nominal simulator of trials that were recorded on one robot.
+
+    Args:
+        trials: all of one robot, interface and rate.
+        env: environment id, where the sidecars do not say.
+        model: MJCF file, where the sidecars do not say.
+        given: effects that are known already; of the sensors, too.
+
+    Raises:
+        RecordingError: nothing says which robot, or what is said does not fit the columns; one line.
+        ValueError: a given effect has a target that this robot does not have; one line.
+    """
+    first = trials[0].sidecar
+    robot = str(model) if model else env or first.robot
+    if not robot:
+        raise RecordingError(
+            f"{trials[0].source}: nothing says which robot this is: give --env ID or --model FILE.xml, or 'robot' in "
+            "the sidecar"
+        )
+    file = model is not None or robot.endswith((".xml", ".urdf", ".xacro"))
+    plant = _plain(trials, Path(robot)) if file else _environment(trials, robot)
+    for entry in given:
+        arrays(EFFECTS[entry.name], [[entry]], plant.wiring.targets)
+    return replace(plant, known=known_to(trials), given=tuple(given))
+
+
+# Environments --------------------------------------------------------------------------------------------------------
+
+
+def environment_arguments(sidecar: Sidecar) -> dict[str, Any]:
+    """Arguments of ``gymnasium.make`` that a sidecar gives."""
+    arguments: dict[str, Any] = {}
+    if sidecar.rate_hz:
+        arguments["control_hz"] = float(sidecar.rate_hz)
+    if sidecar.interface in ("velocity", "position"):
+        arguments["control"] = sidecar.interface
+    servo = sidecar.servo or {}
+    if servo.get("name") in scene.SERVOS:
+        arguments["servo"] = servo["name"]
+    sensing = sidecar.sensing or {}
+    wanted = ("scale", "contact_unit", "average", "noise", "bias")
+    keys = {key: sensing[key] for key in wanted if sensing.get(key) is not None}
+    if keys:
+        try:
+            arguments["sensing"] = LoadCell(**keys)
+        except (TypeError, ValueError) as fault:
+            raise RecordingError(f"sensing in the sidecar: {fault}") from fault
+    return arguments
+
+
+def grasp_object(said: Mapping[str, Any] | None) -> tuple[GraspObject | None, float]:
+    """Object and offset [m] that a sidecar describes; what it does not say is the default object's."""
+    if not said:
+        return None, 0.0
+    changes: dict[str, Any] = {}
+    for key, name, factor in (
+        ("radius_m", "width", 2.0),
+        ("width_m", "width", 1.0),
+        ("height_m", "height", 1.0),
+        ("mass_kg", "mass", 1.0),
+        ("stiffness", "stiffness", 1.0),
+        ("damping", "damping", 1.0),
+        ("friction", "friction", 1.0),
+    ):
+        if said.get(key) is not None:
+            changes[name] = float(said[key]) * factor
+    if said.get("shape") in SHAPES:
+        changes["shape"] = said["shape"]
+    return GraspObject(**changes), float(said.get("offset_m") or 0.0)
+
+
+def _environment(trials: Sequence[Trial], robot: str) -> Plant:
+    import tiago_mj
+
+    name = robot.removeprefix("tiago_mj/")
+    if name not in tiago_mj.ENVIRONMENTS:
+        known = {value: key for key, value in _BY_ROBOT.items()}
+        if robot in known:
+            name = known[robot]
+        else:
+            raise RecordingError(
+                f"{trials[0].source}: robot {robot!r} is neither an environment ({', '.join(tiago_mj.ENVIRONMENTS)}) "
+                "nor an MJCF file: mend 'robot' in the sidecar or give --env or --model"
+            )
+    arguments = environment_arguments(trials[0].sidecar)
+    core = _core(name, arguments)
+    starts = {}
+    for trial in trials:
+        if trial.sidecar.robot != trials[0].sidecar.robot or trial.sidecar.interface != trials[0].sidecar.interface:
+            raise RecordingError(
+                f"{trial.source}: another robot or interface than {trials[0].source}: diagnose them apart"
+            )
+        starts[trial.name] = _environment_start(core, trial)
+    return Plant(
+        name=name,
+        model=core.model,
+        wiring=core.wiring(),
+        max_timestep=core.model.opt.timestep,
+        period=core.dt,
+        cell=core.load_cell if core._pads is not None else None,
+        pads=core._pads,
+        environment={"id": f"tiago_mj/{name}", **arguments},
+        relative=_relative(trials),
+        starts=starts,
+    )
+
+
+_BY_ROBOT: Final = {
+    "GripperTactile-v0": "gripper_ta11",
+    "TIAGoTactile-v0": "tiago_ta11",
+    "TIAGoPALGripper-v0": "tiago_pal_gripper",
+}
+
+
+def _core(name: str, arguments: Mapping[str, Any]) -> Any:
+    """The environment behind an id, built with arguments that may not all be its own."""
+    try:
+        env: Any = gymnasium.make(f"tiago_mj/{name}", disable_env_checker=True, **arguments).unwrapped
+    except (TypeError, ValueError) as fault:
+        raise RecordingError(f"the sidecar does not fit {name}: {fault}") from fault
+    return getattr(env, "core", env)
+
+
+def _environment_start(core: Any, trial: Trial) -> Start:
+    item, offset = grasp_object(trial.sidecar.object)
+    if core.object_choice is None:
+        item = None
+    elif item is None:
+        item, offset = core.object_choice.first(), core.object_choice.offset.low
+    qpos = core.initial_qpos.copy()
+    if item is not None:
+        address = int(core.model.joint(names.OBJECT_JOINT).qposadr[0])
+        qpos[address : address + 2] = core._object_position(offset)
+        qpos[address + 2] = scene.TABLE_TOP + item.half_extents()[2]
+        qpos[address + 3 : address + 7] = core._object_orientation
+    return _initial(core.model, core.wiring(), trial, qpos, item)
+
+
+def _relative(trials: Sequence[Trial]) -> bool:
+    """Whether commands are changes from the measured position: ``"command_reference": "measured"`` in the sidecars."""
+    said = {trial.sidecar.raw.get("command_reference") for trial in trials}
+    if len(said) > 1:
+        raise RecordingError("some sidecars have a command_reference and others have another: diagnose them apart")
+    reference = said.pop()
+    if reference not in (None, "measured"):
+        raise RecordingError(
+            f'{trials[0].source}: command_reference in the sidecar is {reference!r}: write "measured", or leave it out'
+        )
+    if reference and trials[0].sidecar.interface != "position":
+        raise RecordingError(
+            f'{trials[0].source}: commands from the measured position need "interface": "position" in the sidecar'
+        )
+    return reference is not None
+
+
+def _initial(model: mujoco.MjModel, wiring: Wiring, trial: Trial, qpos: Array, item: GraspObject | None) -> Start:
+    """Start of a trial: what its sidecar says, unless its first measured row says clearly otherwise."""
+    said = trial.sidecar.initial or {}
+    qvel = np.zeros(model.nv)
+    for k, joint in enumerate(wiring.targets.joint):
+        measured = trial.positions.get(joint)
+        position = said.get("position", {}).get(joint)
+        if measured is not None and np.isfinite(measured).any():
+            seen = float(measured[np.isfinite(measured)][0])
+            if position is None or abs(seen - position) > STARTS_ELSEWHERE[0 if wiring.targets.slides[k] else 1]:
+                position = seen
+        if position is not None:
+            qpos[wiring.qpos[k]] = position
+        qvel[wiring.dof[k]] = said.get("velocity", {}).get(joint, 0.0)
+    set_point = qpos[wiring.qpos[list(wiring.targets.actuated)]].copy()
+    for k, actuator in enumerate(wiring.targets.command):
+        joint = wiring.targets.joint[wiring.targets.actuated[k]]
+        value = said.get("set_point", {}).get(joint, said.get("set_point", {}).get(actuator))
+        if value is not None:
+            set_point[k] = value
+    return Start(qpos, qvel, set_point, item)
+
+
+def _held(model: mujoco.MjModel, wiring: Wiring, trial: Trial, start: Start) -> Start:
+    """With the first commands as what plain position servos held before it, where nothing says what that was and the
+    robot stands stiller under them than under its own position: it sags below what it holds."""
+    said = (trial.sidecar.initial or {}).get("set_point")
+    plain = wiring.servo & (wiring.act < 0)
+    if said or wiring.interface != "position" or not plain.any():
+        return start
+    first = start.set_point.copy()
+    for k, name in enumerate(wiring.targets.command):
+        sent = trial.commands.get(name)
+        known = np.flatnonzero(np.isfinite(sent if sent is not None else np.nan))
+        if plain[k] and len(known):
+            first[k] = np.asarray(sent)[known[0]]
+    data = mujoco.MjData(model)
+
+    def acceleration(points: Array) -> float:
+        data.qpos[:], data.qvel[:] = start.qpos, start.qvel
+        data.ctrl[wiring.ctrl] = points
+        mujoco.mj_forward(model, data)
+        return float(np.abs(data.qacc).max())
+
+    return replace(start, set_point=first) if acceleration(first) < acceleration(start.set_point) else start
+
+
+# Plain models --------------------------------------------------------------------------------------------------------
+
+
+def _plain(trials: Sequence[Trial], path: Path) -> Plant:
+    if not path.is_file():
+        raise RecordingError(f"no model file {str(path)!r}: give --model FILE.xml")
+    try:
+        refuse_urdf(path)
+    except ValueError as fault:
+        raise RecordingError(str(fault)) from fault
+    try:
+        model = mujoco.MjModel.from_xml_path(str(path))
+    except ValueError as fault:
+        raise RecordingError(f"{path.name} does not compile: {' '.join(str(fault).split())}") from fault
+    commands = list(trials[0].commands)
+    measured = dict.fromkeys(name for trial in trials for name in (*trial.positions, *trial.velocities))
+    by_command = {}
+    for name in commands:
+        index = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_ACTUATOR, name)
+        if index >= 0:
+            by_command[name] = model.joint(int(model.actuator_trnid[index, 0])).name
+    joints = tuple(dict.fromkeys([*measured, *by_command.values()]))
+    interface = trials[0].sidecar.interface or "position"
+    try:
+        wiring = wire(model, joints=joints, actuators=tuple(commands), interface=interface)
+    except ValueError as fault:
+        raise RecordingError(f"{trials[0].source}: {fault}") from fault
+    base = np.array(model.key_qpos[0] if model.nkey else model.qpos0)
+    starts = {t.name: _held(model, wiring, t, _initial(model, wiring, t, base.copy(), None)) for t in trials}
+    rate = trials[0].sidecar.rate_hz
+    period = 1 / rate if rate else float(np.median(np.diff(trials[0].time)))
+    return Plant(
+        name=path.name,
+        model=model,
+        wiring=wiring,
+        max_timestep=min(model.opt.timestep, PLAIN_TIMESTEP),
+        period=period,
+        cell=None,
+        pads=None,
+        file=path.resolve(),
+        relative=_relative(trials),
+        starts=starts,
+    )

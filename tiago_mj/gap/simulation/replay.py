@@ -1,0 +1,345 @@
+"""Replay the recorded commands through the simulator: what it predicts for every row, with and without effects.
+
+Every simulation is one trial with one set of effects; hundreds run at once in a ``mujoco.batch.Batch``. The true
+signals of a run are kept, so that effects of the sensors are applied to them without another run.
+"""
+
+from __future__ import annotations
+
+import copy
+import itertools
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import mujoco
+import mujoco.batch
+import numpy as np
+from numpy.typing import NDArray
+
+from tiago_mj.effects import EFFECTS
+from tiago_mj.effects.chain import EACH_STEP, EACH_SUBSTEP, Chain
+from tiago_mj.effects.declare import overrides
+from tiago_mj.effects.host import BatchHost
+from tiago_mj.effects.spec import Entry
+from tiago_mj.gap.data.recording import Trial
+from tiago_mj.gap.simulation.plant import OBJECT_FIELDS, Plant
+from tiago_mj.models import scene
+
+Array = NDArray[np.float64]
+Effects = tuple[Entry, ...]
+
+#: Simulations in one batch: enough to fill any number of threads, few enough to stay within memory.
+BATCH = 256
+#: Physics steps that an open loop runs at once: few enough to stay within memory.
+AT_ONCE = 512
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Commands and times of trials, padded to one length.
+
+    Attributes:
+        trials: their order.
+        rows: number of rows of each, (ntrials,).
+        period: length of every row, (ntrials, T - 1) [s].
+        uniform: whether all rows have the plant's nominal period.
+        luck: the numbers that decide which commands are lost, (ntrials, T - 1, nactuators); None: drawn.
+        commands: held where a row has none, (ntrials, T - 1, nactuators); of a plant whose commands are relative NaN
+            where a row has none.
+    """
+
+    trials: tuple[Trial, ...]
+    rows: NDArray[np.int_]
+    period: Array
+    uniform: bool
+    commands: Array
+    luck: Array | None = None
+
+
+@dataclass(frozen=True)
+class Signals:
+    """What was simulated, row by row, (nsim, T, ...); NaN from where a simulation diverged.
+
+    Attributes:
+        position, velocity, effort: of the joints, measured, (nsim, T, njoints).
+        reading: of the load cells, free of noise, (nsim, T, nsensors).
+        newtons: on the pads, true, (nsim, T, nsensors).
+    """
+
+    position: Array
+    velocity: Array
+    effort: Array
+    reading: Array
+    newtons: Array
+
+    @property
+    def diverged(self) -> NDArray[np.bool_]:
+        """Simulations that did not reach their end, (nsim,)."""
+        return np.asarray(~np.isfinite(self.velocity[:, -1]).all(axis=-1))
+
+    def until(self, rows: NDArray[np.int_]) -> Signals:
+        """With NaN from a row on, (nsim,) of them."""
+        length = self.position.shape[1]
+        if (rows >= length).all():
+            return self
+        gone = np.arange(length) >= rows[:, None]
+        return Signals(*(np.where(gone[..., None], np.nan, getattr(self, f)) for f in Signals.__dataclass_fields__))
+
+
+def grid(plant: Plant, trials: Sequence[Trial]) -> Grid:
+    """Commands and times on rows."""
+    rows = np.array([len(trial.time) for trial in trials])
+    length = max(int(rows.max()) - 1, 1)
+    period = np.full((len(trials), length), plant.period)
+    commands = np.zeros((len(trials), length, len(plant.actuators)))
+    uniform = True
+    for k, trial in enumerate(trials):
+        count = rows[k] - 1
+        steps = np.diff(trial.time)
+        if np.abs(steps - plant.period).max(initial=0.0) > 1e-6:
+            uniform = False
+            period[k, :count] = steps
+        for a, name in enumerate(plant.actuators):
+            sent = trial.commands.get(name)
+            idle = plant.starts[trial.name].set_point[a] if plant.wiring.interface == "position" else 0.0
+            if plant.relative:
+                commands[k, :count, a] = np.nan if sent is None else sent[:count]
+                continue
+            commands[k, :count, a] = _held(sent[:count], idle) if sent is not None else idle
+            commands[k, count:, a] = commands[k, count - 1, a] if count else idle
+    return Grid(tuple(trials), rows, period, uniform, commands)
+
+
+def simulate(
+    plant: Plant, on: Grid, sims: Sequence[tuple[int, Effects]], *, threads: int = 0, seed: int = 0
+) -> Signals:
+    """Run simulations.
+
+    Args:
+        plant: the nominal simulator; its given effects are part of every simulation.
+        on: commands and times.
+        sims: (trial index, effects) of each.
+        threads: of the batch; 0 is all processors. The result does not depend on it.
+        seed: of what effects draw at random: the same for every simulation of a trial.
+    """
+    sims = [(trial, (*plant.given, *effects)) for trial, effects in sims]
+    parts = [_parted(plant, on, sims[k : k + BATCH], threads, seed) for k in range(0, len(sims), BATCH)]
+    return Signals(*(np.concatenate([getattr(p, f) for p in parts]) for f in Signals.__dataclass_fields__))
+
+
+def _parted(plant: Plant, on: Grid, sims: Sequence[tuple[int, Effects]], threads: int, seed: int) -> Signals:
+    """Simulations that need nobody between their steps apart from the others: they share all processors better."""
+    alone = np.array([all(_needs_no_one(entry) for entry in effects) for _, effects in sims])
+    if alone.all() or not alone.any():
+        return _batch(plant, on, sims, threads, seed)
+    order = np.argsort(~alone, kind="stable")
+    count = int(alone.sum())
+    parts = [_batch(plant, on, [sims[k] for k in some], threads, seed) for some in (order[:count], order[count:])]
+    back = np.argsort(order)
+    return Signals(*(np.concatenate([getattr(p, f) for p in parts])[back] for f in Signals.__dataclass_fields__))
+
+
+def _needs_no_one(entry: Entry) -> bool:
+    """Whether an effect changes the model alone, or a signal without asking what the joints do."""
+    hooks = (*EACH_SUBSTEP, *EACH_STEP)
+    declared = EFFECTS[entry.name]
+    return declared.signal_only or not any(overrides(declared, hook) for hook in hooks)
+
+
+def measure(plant: Plant, on: Grid, true: Signals, sims: Sequence[tuple[int, Effects]], *, seed: int = 0) -> Signals:
+    """Apply the sensors' effects to true signals, one row of ``true`` a simulation; the physics is not run again.
+
+    Args:
+        plant, on, sims, seed: as for :func:`simulate`; effects that are not the sensors' are ignored.
+        true: signals of runs without sensor effects, (nsim, ...), row by row those of ``sims``: of
+            :func:`unmeasured` where sensors' effects are given.
+    """
+    host = _Silent(plant.model, len(sims))
+    sensing = [[e for e in (*plant.given, *entries) if sensor_only(e)] for _, entries in sims]
+    chain = Chain(host, plant.wiring, sensing, _uniform(sims, None, seed))  # type: ignore[arg-type]
+    chain.now.dt = np.full(len(sims), plant.period)
+    for effect in chain.effects:
+        effect.start(chain.now)
+    position, velocity, reading = (
+        np.empty_like(true.position),
+        np.empty_like(true.velocity),
+        np.empty_like(true.reading),
+    )
+    trial = np.array([t for t, _ in sims])
+    quiet = np.zeros((len(sims), true.reading.shape[2]))
+    for k in range(true.position.shape[1]):
+        chain.now.step = k
+        if k:
+            if not on.uniform:
+                chain.now.dt = on.period[trial, k - 1]
+            chain.now.elapsed = chain.now.elapsed + chain.now.dt
+        position[:, k] = chain.position(true.position[:, k])
+        velocity[:, k] = chain.velocity(true.velocity[:, k])
+        if plant.cell is not None:
+            reading[:, k] = chain.reading(true.newtons[:, k], plant.cell.signal, quiet)
+    return Signals(position, velocity, true.effort, _averaged(plant, reading), true.newtons)
+
+
+def only_commands(plant: Plant, sims: Sequence[Effects]) -> Chain:
+    """The chain of effects on commands, without a simulation: for what it makes of them before a servo moves."""
+    host = _Silent(plant.model, len(sims))
+    sims = [(*plant.given, *effects) for effects in sims]
+    return Chain(host, plant.wiring, sims, _uniform([(0, effects) for effects in sims], None, 0))  # type: ignore[arg-type]
+
+
+def unmeasured(plant: Plant) -> Plant:
+    """The plant without the given effects that act on readings alone: its signals are what :func:`measure` takes."""
+    return replace(plant, given=tuple(entry for entry in plant.given if not sensor_only(entry)))
+
+
+def sensor_only(entry: Entry) -> bool:
+    """Whether an effect acts on readings alone, so that the motion is the nominal one."""
+    declared = EFFECTS[entry.name]
+    if declared.stage == "force_sensor" or entry.name == "clock_offset":
+        return True
+    return declared.stage == "joint_sensor" and not overrides(declared, "true_position")  # else it starts elsewhere
+
+
+def _batch(plant: Plant, on: Grid, sims: Sequence[tuple[int, Effects]], threads: int, seed: int) -> Signals:
+    nsim, length = len(sims), on.commands.shape[1] + 1
+    trial = np.array([t for t, _ in sims])
+    host = BatchHost(mujoco.batch.Batch(plant.model, nsim, threads))
+    wiring = plant.wiring
+    starts = [plant.starts[on.trials[t].name] for t in trial]
+    host.batch.reset(stage=mujoco.mjtStage.mjSTAGE_NONE)
+    _give_objects(plant, host, starts)
+    host.state("qpos")[:] = [start.qpos for start in starts]
+    host.state("qvel")[:] = [start.qvel for start in starts]
+    stateful = wiring.act >= 0
+    if stateful.any():
+        points = np.array([start.set_point for start in starts])
+        act = host.state("act")
+        act[:, wiring.act[stateful]] = points[:, stateful]
+    chain = Chain(host, wiring, [entries for _, entries in sims], _uniform(sims, on.luck, seed))
+    qpos = host.state("qpos")
+    qpos[:, wiring.qpos] = chain.true_position(qpos[:, wiring.qpos])
+    substeps = plant.substeps
+    item = starts[0].item
+    contact = None if item is None else (item.stiffness, item.damping, scene.CONTACT_POINTS[item.shape])
+    if not on.uniform or substeps * plant.model.opt.timestep != plant.period:
+        host.set_timestep(np.full(nsim, plant.period / substeps))
+    chain.start(plant.period, substeps, contact, np.array([start.set_point for start in starts]))
+    host.forward()
+    tare = plant.pads.tare(host.output("sensordata")) if plant.pads is not None else 0.0
+    shape = (nsim, length)
+    position, velocity, effort = (np.zeros((*shape, len(plant.joints))) for _ in range(3))
+    reading, newtons = np.zeros((*shape, len(plant.sensors))), np.zeros((*shape, len(plant.sensors)))
+    quiet = np.zeros((nsim, len(plant.sensors)))
+
+    def read(k: int | slice, qpos: Array, qvel: Array, force: Array, sensordata: Array) -> None:
+        position[:, k] = chain.position(qpos[..., wiring.qpos])
+        velocity[:, k] = chain.velocity(qvel[..., wiring.dof])
+        effort[:, k] = force[..., wiring.dof]
+        if plant.pads is not None and plant.cell is not None:
+            of_rows = tare if isinstance(k, int) else np.asarray(tare)[..., None, :]
+            newtons[:, k] = plant.pads.read(sensordata, of_rows)
+            reading[:, k] = chain.reading(
+                newtons[:, k], plant.cell.signal, quiet if isinstance(k, int) else quiet[:, None]
+            )
+
+    ends = np.full(nsim, length)
+
+    def note_ends(row: int) -> None:
+        ends[:] = np.where(host.diverged, np.minimum(ends, row), ends)
+
+    def present() -> tuple[Array, ...]:
+        return host.state("qpos"), host.state("qvel"), host.output("qfrc_actuator"), host.output("sensordata")
+
+    present()
+    host.forward()
+    read(0, *present())
+    if on.uniform and not plant.relative and chain.open_loop:
+        idle = host.state("ctrl")
+        fields = ("qpos", "qvel", "qfrc_actuator", "sensordata")
+        most = max(AT_ONCE // substeps, 1)
+        for first in range(0, length - 1, most):
+            rows = min(most, length - 1 - first)
+            some = np.repeat(idle[:, None], rows * substeps, axis=1)
+            some[:, :, wiring.ctrl] = chain.ahead(on.commands[trial, first : first + rows])
+            seen = host.rollout(some, fields)
+            note_ends(first + 1)
+            if chain.passes_readings:
+                ends_of_rows = {name: seen[name][:, substeps - 1 :: substeps] for name in fields}
+                read(slice(first + 1, first + rows + 1), *ends_of_rows.values())
+                continue
+            then = chain.now.elapsed
+            for k in range(rows):
+                chain.now.step, chain.now.elapsed = first + k + 1, (first + k + 1) * chain.now.dt
+                read(first + k + 1, *(seen[name][:, (k + 1) * substeps - 1] for name in fields))
+            chain.now.step, chain.now.elapsed = first + rows, then
+        return Signals(position, velocity, effort, _averaged(plant, reading), newtons).until(ends)
+    held = np.array([start.set_point for start in starts])
+    for k in range(length - 1):
+        sent = on.commands[trial, k]
+        if plant.relative:
+            # The controller and the servo read one encoder, so that what is wrong with it cancels: the true position.
+            here = host.state("qpos")[:, wiring.qpos[list(wiring.targets.actuated)]]
+            sent = held = np.where(np.isnan(sent), held, here + sent)
+        chain.advance(sent, None if on.uniform else on.period[trial, k])
+        note_ends(k + 1)
+        read(k + 1, *present())
+    return Signals(position, velocity, effort, _averaged(plant, reading), newtons).until(ends)
+
+
+def _averaged(plant: Plant, reading: Array) -> Array:
+    """The driver's moving average over the last samples, of those that there are at the start."""
+    if plant.cell is None or plant.cell.average == 1:
+        return reading
+    total = np.cumsum(reading, axis=1)
+    count = plant.cell.average
+    total[:, count:] -= np.cumsum(reading, axis=1)[:, :-count]
+    return total / np.minimum(np.arange(1, reading.shape[1] + 1), count)[None, :, None]
+
+
+def _give_objects(plant: Plant, host: BatchHost, starts: Sequence[object]) -> None:
+    """Trials with other objects than the model's: their fields, simulation by simulation."""
+    items = [start.item for start in starts]  # type: ignore[attr-defined]
+    if all(item is None for item in items):
+        return
+    models = {}
+    for item in dict.fromkeys(items):
+        model = copy.copy(plant.model)
+        scene.set_object(model, item)
+        models[item] = model
+    for name in OBJECT_FIELDS:
+        values = [getattr(models[item], name) for item in items]
+        if any(not np.array_equal(value, getattr(plant.model, name)) for value in values):
+            host.field(name)[:] = values
+
+
+def _held(values: Array, idle: float) -> Array:
+    """A command stays in force until the next; before the first it is idle."""
+    known = np.isfinite(values)
+    if known.all():
+        return values
+    last = np.maximum.accumulate(np.where(known, np.arange(len(values)), -1))
+    return np.where(last >= 0, values[np.maximum(last, 0)], idle)
+
+
+def _uniform(sims: Sequence[tuple[int, Effects]], luck: Array | None, seed: int) -> Callable[[tuple[int, ...]], Array]:
+    """Uniform numbers that are the same for every simulation of a trial, whatever batch it runs in; once a control step
+    those of ``luck``, where they are known."""
+    trial = np.array([t for t, _ in sims])
+    generators = {int(t): np.random.default_rng([seed, int(t)]) for t in np.unique(trial)}
+    steps = itertools.count()
+
+    def draw(shape: tuple[int, ...]) -> Array:
+        if luck is not None:
+            known: Array = luck[trial, next(steps)]
+            return known
+        drawn = {t: generator.random(shape[1:]) for t, generator in generators.items()}
+        return np.stack([drawn[int(t)] for t in trial])
+
+    return draw
+
+
+class _Silent:
+    """A host without a simulation, for effects that only measure."""
+
+    def __init__(self, model: mujoco.MjModel, nsim: int) -> None:
+        self.model, self.nsim = model, nsim

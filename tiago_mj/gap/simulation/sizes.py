@@ -1,0 +1,92 @@
+"""How large the forces, speeds and masses of a robot are, so that effects are sought at magnitudes that fit it.
+
+The library's bounds are those of TIAGo: 12 N·m of friction are plausible on its arm, lock a hobby servo and are next to
+nothing on an industrial arm. A plain model brings its own scale: what its actuators do in the nominal replay, and what
+its joints carry.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from tiago_mj.effects.inertia import removable_inertia
+from tiago_mj.gap.data.recording import Trial
+from tiago_mj.gap.simulation.plant import Plant
+from tiago_mj.gap.simulation.replay import Signals
+
+#: Bounds of an effect in units of the joint's size: a friction that takes all of the actuator's force, a damping that
+#: takes three times of it at the fastest that the joint was, gears that reflect thirty times the inertia of what is
+#: moved (a small motor's rotor behind 300:1), a tool three times as heavy as what there is. What inertia may lack is
+#: what can be taken away (:func:`tiago_mj.effects.inertia.removable_inertia`).
+FRICTION: Final = 1.0
+DAMPING: Final = 3.0
+INERTIA: Final = 30.0
+MASS: Final = (-0.9, 3.0)
+
+
+@dataclass(frozen=True)
+class Size:
+    """Of one joint.
+
+    Attributes:
+        force: the largest of its actuator in the nominal replay, or commanded [N, N·m].
+        speed: the fastest that was measured [m/s, rad/s].
+        inertia: that it moves [kg, kg·m²].
+        removable: what of that reality may lack [kg, kg·m²].
+        mass: of what it carries [kg].
+    """
+
+    force: float
+    speed: float
+    inertia: float
+    removable: float
+    mass: float
+
+    def within(self, effect: str, low: float, high: float) -> tuple[float, float]:
+        """An effect's bounds as they fit the joint; ``low`` and ``high`` where it has no scale for them."""
+        friction = FRICTION * self.force
+        damping = DAMPING * self.force / self.speed if self.speed > 0 else np.inf
+        own = {
+            "coulomb_friction": (-friction, friction),
+            "asymmetric_friction": (-friction, friction),
+            "stribeck_friction": (0.0, friction),
+            "motor_cogging": (0.0, friction),
+            "viscous_friction": (-damping, damping),
+            "servo_damping": (-damping, damping),
+            "armature": (-self.removable, INERTIA * self.inertia),
+            "payload": (MASS[0] * self.mass, MASS[1] * self.mass),
+        }.get(effect)
+        if own is None or not own[1] > 0 or not np.isfinite(own[1]):
+            return low, high
+        return own
+
+
+def sizes(plant: Plant, trials: Sequence[Trial], nominal: Signals) -> tuple[Size, ...] | None:
+    """Sizes of the joints; None for the package's own robots, which the library's bounds are made for.
+
+    Args:
+        plant, trials: what was replayed.
+        nominal: one row a trial.
+    """
+    if plant.environment is not None:
+        return None
+    found = []
+    removable = removable_inertia(plant.model, plant.wiring.dof)
+    for j, (name, dof) in enumerate(zip(plant.joints, plant.wiring.dof, strict=True)):
+        measured = [trial.velocities[name] for trial in trials if name in trial.velocities]
+        speeds = [float(np.nanmax(np.abs(v))) for v in measured if np.isfinite(v).any()]
+        body = int(plant.model.dof_bodyid[dof])
+        found.append(
+            Size(
+                force=float(np.abs(nominal.effort[:, :, j]).max()),
+                speed=max(speeds, default=float(np.abs(nominal.velocity[:, :, j]).max())),
+                inertia=float(plant.model.dof_M0[dof]),
+                removable=float(removable[j]),
+                mass=float(plant.model.body_subtreemass[body]),
+            )
+        )
+    return tuple(found)

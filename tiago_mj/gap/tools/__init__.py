@@ -1,0 +1,1 @@
+"""Commands beside the diagnosis: record, import, calibrate load cells, step a repaired model."""

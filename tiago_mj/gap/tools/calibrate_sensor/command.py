@@ -1,0 +1,91 @@
+"""``tiago-mj calibrate-sensor``: noise, threshold and scale of a user's own load cells."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from tiago_mj import atomic, extra
+from tiago_mj.gap.data.recording import RecordingError
+from tiago_mj.progress import told
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's arguments."""
+    parser.add_argument("recordings", nargs="+", type=Path, metavar="RECORDING", help="files or folders of recordings")
+    parser.add_argument(
+        "--out", type=Path, required=True, metavar="FILE.yaml", help='for gymnasium.make(ID, sensing="FILE.yaml")'
+    )
+    parser.add_argument("--env", metavar="ID", help="environment that grasps are compared with, where they do not say")
+    parser.add_argument("--map", type=Path, help="YAML: column to kind and name")
+    parser.add_argument(
+        "--effects",
+        action="append",
+        metavar="FILE.yaml|JSON",
+        help="effects that are known already, applied first; may be given several times",
+    )
+    parser.add_argument(
+        "--false-contacts",
+        type=float,
+        metavar="P",
+        help="probability of a reading above the threshold without contact (2.9e-7: 5 standard deviations)",
+    )
+    parser.add_argument("--jobs", type=int, default=0, help="threads of the simulations; 0: all processors")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Calibrate, write, and say in short what was found."""
+    extra.load("pandas", "reading recordings")
+    from tiago_mj.effects import read_effects
+    from tiago_mj.gap.data import lint
+    from tiago_mj.gap.data.read import read_recordings
+    from tiago_mj.gap.tools.calibrate_sensor.rest import FALSE_CONTACTS
+    from tiago_mj.gap.tools.calibrate_sensor.sheet import UNKNOWN, Calibration, calibrate, text
+
+    if arguments.out.suffix not in (".yaml", ".yml"):
+        raise ValueError(f"--out {arguments.out}: give a file that ends with .yaml")
+    try:
+        defaults = {"robot": arguments.env or UNKNOWN}
+        read = read_recordings(arguments.recordings, map_file=arguments.map, defaults=defaults, replayed=False)
+        findings = (*read.findings, *lint.inspect(read.trials))
+        lint.refuse(read.trials, [f for f in findings if f.refuses])
+        with told("calibrate-sensor", f"{len(read.trials)} recordings"):
+            found: Calibration = calibrate(
+                read.trials,
+                env=arguments.env,
+                given=read_effects(arguments.effects),
+                false_contacts=FALSE_CONTACTS if arguments.false_contacts is None else arguments.false_contacts,
+                threads=max(arguments.jobs, 0),
+            )
+    except RecordingError as fault:
+        print(f"tiago-mj calibrate-sensor: {fault}", file=sys.stderr)
+        return 2
+    atomic.write_text(arguments.out, text(found, arguments.out.name))
+    _say(found, arguments.out)
+    return 0
+
+
+def _say(found: object, path: Path) -> None:
+    from tiago_mj.gap.tools.calibrate_sensor.sheet import Calibration
+
+    assert isinstance(found, Calibration)
+    sizes = {scale.sensor: scale for scale in found.scales}
+    root = found.average**0.5
+    for rest in found.rests:
+        low, high = (v * root for v in rest.noise_interval)
+        threshold, _ = rest.threshold(found.false_contacts)
+        print(
+            f"{rest.sensor}: noise {rest.noise * root:.4g} [{low:.4g}, {high:.4g}], bias {rest.bias:.3g}, threshold "
+            f"{threshold:.4g} ({rest.readings} readings at rest in {rest.windows} stretches)"
+        )
+        if rest.sensor in sizes:
+            scale = sizes[rest.sensor]
+            low, high = (v * found.contact_unit for v in scale.interval)
+            print(
+                f"{' ' * len(rest.sensor)}  scale {scale.per_newton * found.contact_unit:.4g} [{low:.4g}, {high:.4g}] "
+                f"per {found.contact_unit:.4g} N: {scale.per_newton:.4g} sensor units per newton, {scale.grasps} grasps"
+            )
+    for note in found.notes:
+        print(f"note: {note}")
+    print(f'written: {path}; use it with gymnasium.make(ID, sensing="{path}")')

@@ -1,0 +1,141 @@
+"""``tiago-mj import``: other people's recordings, and ROS bags, as recordings of this package."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Final
+
+from tiago_mj import atomic
+from tiago_mj.gap.data.lint import inspect
+from tiago_mj.gap.data.read import read_recordings
+from tiago_mj.gap.data.recording import Finding, Trial
+from tiago_mj.gap.data.write import write_trial
+from tiago_mj.gap.tools.imports import lerobot, minari, so101, ta11_curve, tiago_arm, xl330
+from tiago_mj.progress import told
+from tiago_mj.sensing.load_cell import TA11_SLOPE
+
+#: Importer: trials of a source, each with its folder below the output.
+PUBLIC: Final[Mapping[str, Callable[[argparse.Namespace], Iterator[tuple[str, Trial]]]]] = {
+    "tiago-arm": lambda arguments: (("", trial) for trial in tiago_arm.trials(arguments.source)),
+    "so101": lambda arguments: (
+        so101.apart(arguments.source) if arguments.apart else (("", trial) for trial in so101.trials(arguments.source))
+    ),
+    "xl330": lambda arguments: xl330.trials(arguments.source, arguments.commands),
+    "ta11-curve": lambda arguments: ta11_curve.trials(arguments.source, arguments.slope),
+}
+
+#: Recordings of a user's own robot; the rest are public data sets.
+OWN: Final = ("bag", "lerobot", "minari")
+#: Options that only some of the kinds take.
+_OPTIONS: Final[Mapping[str, tuple[str, ...]]] = {
+    "map": ("bag", "minari"),
+    "robot": ("bag", "minari"),
+    "model": ("lerobot",),
+    "units": ("lerobot",),
+    "joints": ("lerobot",),
+}
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options of the command."""
+    parser.add_argument("kind", choices=[*PUBLIC, *OWN], metavar="|".join([*PUBLIC, *OWN]), help="what SRC holds")
+    parser.add_argument(
+        "source", metavar="SRC", help="folder or bag; 'download' fetches a public data set and checks every file"
+    )
+    parser.add_argument(
+        "--map", type=Path, metavar="FILE", help="YAML: topics of a bag, columns of minari (docs/recordings.md)"
+    )
+    parser.add_argument("--robot", metavar="ID|FILE.xml", help="of a bag or minari: environment id or MJCF")
+    parser.add_argument(
+        "--model", type=Path, metavar="FILE.xml", help="of lerobot: MJCF of the arm, whose joints the names are"
+    )
+    parser.add_argument(
+        "--units",
+        metavar="degrees|normalised|radians",
+        help="of lerobot: what the joints' numbers are, where they do not prove it; single ones as ,JOINT=percent",
+    )
+    parser.add_argument(
+        "--joints", metavar="NAME=JOINT,...", help="of lerobot: the model's joints, where the names do not tell"
+    )
+    parser.add_argument(
+        "--commands",
+        choices=xl330.COMMANDS,
+        default="torque",
+        help="of xl330: what the pendulum is said to be commanded",
+    )
+    parser.add_argument(
+        "--apart",
+        action="store_true",
+        help="of so101: each joint as a servo of its own, a folder and a model each, motions cut into trials",
+    )
+    parser.add_argument(
+        "--slope",
+        type=float,
+        default=TA11_SLOPE,
+        help="of ta11-curve: sensor units per metre of servo error of the simulator that it is compared with (330)",
+    )
+    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder of the recordings")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run the command.
+
+    Raises:
+        ValueError: the source is unusable; one line says what and how to mend it.
+    """
+    for option, kinds in _OPTIONS.items():
+        if getattr(arguments, option) is not None and arguments.kind not in kinds:
+            raise ValueError(f"--{option} is of {' and '.join(kinds)}")
+    if arguments.kind == "bag":
+        trials = _of_bags(arguments)
+    elif arguments.kind == "lerobot":
+        trials = _of_lerobot(arguments)
+    elif arguments.kind == "minari":
+        trials = _told(*minari.read(arguments.source, map_file=arguments.map, robot=arguments.robot))
+    else:
+        with told("import", arguments.kind):
+            trials = list(PUBLIC[arguments.kind](arguments))
+    for folder, trial in trials:
+        write_trial(trial, arguments.out / folder)
+        if arguments.kind == "xl330":
+            atomic.write_text(arguments.out / folder / xl330.MODEL, xl330.model_for(trial))
+        elif arguments.kind == "so101" and arguments.apart:
+            atomic.write_text(arguments.out / folder / so101.MODEL, so101.servo(folder))
+    found = inspect([trial for _, trial in trials])
+    print(f"{len(trials)} recording{'s' if len(trials) > 1 else ''} in {arguments.out}")
+    for code in dict.fromkeys(finding.code for finding in found):
+        listed = dict.fromkeys(finding.channel for finding in found if finding.code == code and finding.channel)
+        first = next(finding for finding in found if finding.code == code)
+        print(f"  {code}: {', '.join(listed) or first.message}")
+    folders = dict.fromkeys(str(arguments.out / folder) for folder, _ in trials)
+    modelless = arguments.kind == "lerobot" and arguments.model is None
+    print(f"next: tiago-mj diagnose {next(iter(folders))}{' --model FILE.xml' if modelless else ''} --out DIR")
+    return 0
+
+
+def _of_bags(arguments: argparse.Namespace) -> list[tuple[str, Trial]]:
+    defaults = {"robot": arguments.robot} if arguments.robot else {}
+    result = read_recordings([Path(arguments.source)], map_file=arguments.map, defaults=defaults)
+    return _told(result.trials, result.findings)
+
+
+def _of_lerobot(arguments: argparse.Namespace) -> list[tuple[str, Trial]]:
+    model = arguments.model
+    return _told(
+        *lerobot.read(
+            arguments.source,
+            model=model,
+            robot=None if model is None else Path(os.path.relpath(model, arguments.out)).as_posix(),
+            units=arguments.units,
+            joints=arguments.joints,
+        )
+    )
+
+
+def _told(trials: Sequence[Trial], findings: Sequence[Finding]) -> list[tuple[str, Trial]]:
+    for finding in findings:
+        print(f"{finding.code}: {finding}")
+    return [("", trial) for trial in trials]

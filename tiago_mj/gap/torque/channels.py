@@ -1,0 +1,233 @@
+"""Which effort channels say something about the joints' torques, and what is wrong with the others."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from tiago_mj.effects import EFFECTS, Entry
+from tiago_mj.gap.data.recording import Finding, RecordingError, Trial, sampled
+from tiago_mj.gap.torque.strips import HEADROOMS, Course, lay_out
+from tiago_mj.gap.torque.torques import Torques
+
+Array = NDArray[np.float64]
+
+#: A channel is dead that reads one and the same value in more than this share of its rows while its joint moves.
+DEAD_SHARE: Final = 0.5
+#: Beyond the bounds of a torque constant by this factor, an effort is no torque in the unit that is claimed.
+BEYOND: Final = 3.0
+#: A correlation of measured and predicted torque below this says that the sign is wrong.
+AGAINST: Final = -0.5
+#: Share of the largest torque that a robot's joints carry which the drive of any of them may well need for itself.
+CARRIED: Final = 0.02
+#: Correlations with the torque needed at the own joint below which, and at another above which, columns are exchanged.
+OWN, OTHERS = 0.4, 0.8
+
+
+@dataclass(frozen=True)
+class Usable:
+    """What is compared, and what was left out.
+
+    Attributes:
+        course: motion and efforts of the channels in use.
+        torques: along it.
+        findings: about efforts.
+        notes: sentences on what was left out.
+    """
+
+    course: Course
+    torques: Torques
+    findings: tuple[Finding, ...]
+    notes: tuple[str, ...]
+
+
+def choose(
+    trials: Sequence[Trial],
+    model: mujoco.MjModel,
+    joints: Sequence[str],
+    known: Sequence[Finding],
+    headroom: float = HEADROOMS[0],
+    given: Sequence[Entry] = (),
+) -> Usable:
+    """Pick the channels.
+
+    Args:
+        trials: with positions and efforts.
+        model: nominal.
+        joints: whose efforts are asked for.
+        known: what the lint found; channels that it discredits are left out.
+        headroom: of the low-pass over what moves.
+        given: effects that are known already.
+
+    Raises:
+        RecordingError: no channel can be used; says why.
+        ValueError: the model lacks a joint.
+    """
+    files = ", ".join(dict.fromkeys(trial.source for trial in trials))
+    in_model = {model.joint(j).name for j in range(model.njnt)}
+    missing = [name for name in joints if name not in in_model]
+    if missing:
+        raise ValueError(
+            f"the model has no joint {missing[0]!r}: it has {', '.join(sorted(in_model))}; rename it or give a map file"
+        )
+    moving = [name for name in trials[0].positions if name in in_model and all(name in t.positions for t in trials)]
+    wanted = [name for name in joints if name in moving and all(name in t.efforts for t in trials)]
+    findings: list[Finding] = []
+    notes: list[str] = []
+    discredited = {f.channel for f in known if f.discredits}
+    channels = []
+    for name in wanted:
+        if f"effort.{name}" in discredited:
+            notes.append(f"effort.{name} is left out: the lint says that it cannot be believed.")
+        elif _dead(trials, name):
+            findings.append(
+                Finding(
+                    "dead_channel",
+                    files,
+                    f"effort.{name}",
+                    "most rows read the same value while the joint moves; it is left out: log the motor's current",
+                    discredits=True,
+                )
+            )
+            notes.append(f"effort.{name} is left out: it reads the same value in most rows while the joint moves.")
+        else:
+            channels.append(name)
+    if not channels:
+        why = " ".join(notes) or "no joint of the model has both a position and an effort column"
+        raise RecordingError(f"{files}: no effort can be used: {why}")
+    order = sorted(moving, key=lambda name: int(model.joint(name).dofadr[0]))
+    course = lay_out(trials, order, channels, headroom)
+    torques = Torques(model, course, given)
+    keep, more, said = _comparable(course, torques, files)
+    findings += more
+    notes += said
+    if not keep:
+        raise RecordingError(f"{files}: no effort can be used: {' '.join(notes)}")
+    if keep != channels:
+        course = lay_out(trials, order, keep, headroom)
+        torques = Torques(model, course, given)
+    have = {(f.code, f.channel) for f in known}
+    return Usable(course, torques, tuple(f for f in findings if (f.code, f.channel) not in have), tuple(notes))
+
+
+def _dead(trials: Sequence[Trial], joint: str) -> bool:
+    """Whether most rows of a moving joint read one and the same value."""
+    values = []
+    for trial in trials:
+        when, effort = sampled(trial, f"effort.{joint}")
+        time, position = sampled(trial, f"position.{joint}")
+        if len(time) < 3 or len(when) < 3:
+            continue
+        speed = np.abs(np.gradient(np.interp(when, time, position), when))
+        fast = speed > 0.25 * np.percentile(speed, 95)
+        values.append(effort[fast])
+    everything = np.concatenate(values) if values else np.zeros(0)
+    if not everything.size:
+        return True
+    _, counts = np.unique(everything, return_counts=True)
+    return bool(counts.max() > DEAD_SHARE * everything.size)
+
+
+def _comparable(course: Course, torques: Torques, files: str) -> tuple[list[str], list[Finding], list[str]]:
+    """Channels whose size is that of a torque, findings, and notes on the others."""
+    low, high = EFFECTS["torque_constant"].parameters["factor"].bounds[1]
+    keep, findings, notes = [], [], []
+    moves = course.moving()[:, course.columns]
+    measured, predicted = course.stack("effort"), torques.nominal[:, course.columns]
+    enough = moves.sum(axis=0) >= 5 * course.rate / course.cutoff
+    slides = np.array([torques.wiring.targets.slides[j] for j in course.columns])
+    sizes, needed = (_sizes(values, moves) for values in (measured, predicted))
+    exchanged = _exchanged(measured, predicted, moves, enough)
+    for c, name in enumerate(course.channels):
+        there = moves[:, c]
+        unit = "N" if slides[c] else "N·m"
+        if not enough[c]:
+            notes.append(f"effort.{name} is left out: the joint hardly moves, and dry friction hides torque at rest.")
+            continue
+        if c in exchanged:
+            other = course.channels[exchanged[c]]
+            said = f"follows the torque that the model needs at '{other}', and effort.{other} that of '{name}'"
+            findings.append(
+                Finding(
+                    "swapped_channels",
+                    files,
+                    f"effort.{name}",
+                    f"{said}: their columns are exchanged; left out: rename them, or map them (--map)",
+                    discredits=True,
+                )
+            )
+            notes.append(f"effort.{name} is left out: it {said}: the columns are exchanged.")
+            continue
+        size, expected = sizes[c], needed[c]
+        # A model without friction needs next to nothing of a joint that carries nothing: what its drive may well lose
+        # is seen from the joints that do carry something, and from what its actuator can give.
+        like = max(expected, CARRIED * float(needed[enough & (slides == slides[c])].max()))
+        most = max(BEYOND * 100 * max(like, 1e-9) / low, _strongest(torques, course.columns[c]))
+        if size < expected / (high * BEYOND) or size > most:
+            findings.append(
+                Finding(
+                    "unit_scale",
+                    files,
+                    f"effort.{name}",
+                    f"reads {size:.3g} rms where the model needs {expected:.3g} {unit}: it is not in {unit}; left out: "
+                    "state its unit or scale it",
+                    discredits=True,
+                )
+            )
+            notes.append(
+                f"effort.{name} is left out: it reads {size:.3g} rms where the model needs {expected:.3g} {unit}: "
+                f"no force in {unit}; what its numbers mean the log does not say."
+            )
+            continue
+        together = float(np.corrcoef(measured[there, c], predicted[there, c])[0, 1]) if expected > 0 else 0.0
+        if together < AGAINST:
+            findings.append(
+                Finding(
+                    "sign",
+                    files,
+                    f"effort.{name}",
+                    f"runs against the torque that the model needs (correlation {together:.2f}): multiply it by -1 if "
+                    "the drive counts the other way",
+                )
+            )
+        keep.append(name)
+    return keep, findings, notes
+
+
+def _sizes(values: Array, moves: NDArray[np.bool_]) -> Array:
+    """Root mean square of every channel while it moves, (c,)."""
+    return np.array([float(np.sqrt(np.mean(values[m, c] ** 2))) if m.any() else 0.0 for c, m in enumerate(moves.T)])
+
+
+def _strongest(torques: Torques, joint: int) -> float:
+    """What the actuators of a joint can give [N, N·m]; 0 where no limit is known."""
+    model, dof = torques.model, torques.wiring.dof[joint]
+    j = int(model.dof_jntid[dof])
+    limits = [float(np.abs(model.jnt_actfrcrange[j]).max())] if model.jnt_actfrclimited[j] else []
+    for a in range(model.nu):
+        own = model.actuator_trntype[a] == mujoco.mjtTrn.mjTRN_JOINT and int(model.actuator_trnid[a, 0]) == j
+        if own and model.actuator_forcelimited[a]:
+            limits.append(float(np.abs(model.actuator_forcerange[a]).max() * abs(model.actuator_gear[a, 0])))
+    return max(limits, default=0.0)
+
+
+def _exchanged(
+    measured: Array, predicted: Array, moves: NDArray[np.bool_], enough: NDArray[np.bool_]
+) -> dict[int, int]:
+    """Channels of which each follows the torque that the model needs at the other, and not its own."""
+    found: dict[int, int] = {}
+    some = [c for c in range(measured.shape[1]) if enough[c]]
+    for k, a in enumerate(some):
+        for b in some[k + 1 :]:
+            rows = moves[:, a] & moves[:, b]
+            if rows.sum() < 2 or min(np.ptp(v[rows, c]) for v in (measured, predicted) for c in (a, b)) == 0:
+                continue
+            both = np.corrcoef(measured[rows][:, [a, b]].T, predicted[rows][:, [a, b]].T)[:2, 2:]
+            if max(both[0, 0], both[1, 1]) < OWN and min(both[0, 1], both[1, 0]) > OTHERS:
+                found |= {a: b, b: a}
+    return found

@@ -1,0 +1,184 @@
+"""Diagnosis of recordings that hold motion and effort but no commands."""
+
+from __future__ import annotations
+
+import time as clock
+from collections.abc import Collection, Sequence
+from typing import Final
+
+import mujoco
+import numpy as np
+
+from tiago_mj.effects import EFFECTS, Entry
+from tiago_mj.gap.data.nominal_priors import known_to
+from tiago_mj.gap.data.recording import Finding, RecordingError, Trial
+from tiago_mj.gap.result import Diagnosis, Explanation, Named, Value
+from tiago_mj.gap.torque import intervals, notes, tables
+from tiago_mj.gap.torque.band import clearest
+from tiago_mj.gap.torque.evidence import Evidence
+from tiago_mj.gap.torque.judge import OWN, Verdict, judge, up_to_class
+from tiago_mj.gap.torque.search import Scored, Search
+from tiago_mj.gap.torque.terms import ON_THE_EFFORT, Term
+
+#: 90 % of a normal distribution lie within so many standard deviations.
+NINETY: Final = 1.645
+#: Units of what is told by torques alone, in proportion to the motors' constants.
+OF_TORQUE: Final = ("N", "N·m", "N·s/m", "N·m·s/rad", "kg", "kg·m²")
+
+
+def diagnose_inverse(
+    trials: tuple[Trial, ...],
+    model: mujoco.MjModel,
+    joints: Sequence[str],
+    *,
+    findings: Sequence[Finding] = (),
+    robot: str,
+    seed: int,
+    version: str,
+    names: Collection[str] | None = None,
+    given: Sequence[Entry] = (),
+) -> Diagnosis:
+    """Which unmodelled effect makes a robot's joint efforts differ from what its model needs for the same motion.
+
+    Args:
+        trials: each with positions of the same joints [rad, m] and efforts [N·m, N]; commands are not used, velocities
+            are derived from the positions.
+        model: nominal; contacts, joint limits and gravity compensation are switched off in a copy of it.
+        joints: whose efforts are explained. Every joint that has a position takes part in the motion.
+        findings: of the lint; channels that it discredits are left out.
+        robot: name for the report.
+        seed: of the split and the bootstraps.
+        version: of the package.
+        names: effects to consider; None for the whole library.
+        given: effects that are known already: part of the torque that every explanation predicts.
+
+    Returns:
+        The diagnosis. The noise floor is what the effort channels' noise leaves after the low-pass; "closed" is
+        computed on blocks that were neither fitted nor chosen on, rows at rest left out.
+
+    Raises:
+        RecordingError: nothing moves, no effort can be used, the recording is too short, or what is given changes
+            the log of efforts; one line.
+        ValueError: the model lacks a joint.
+    """
+    began = clock.perf_counter()
+    if not trials:
+        raise RecordingError("no recording was given: name a file or a folder")
+    if not any(
+        np.nanmax(p) > np.nanmin(p) for trial in trials for p in trial.positions.values() if np.isfinite(p).any()
+    ):
+        raise RecordingError(f"{trials[0].source}: no joint moves: torque along a motion needs a motion")
+    check_given(trials, given)
+    usable, evidence = clearest(trials, model, joints, findings, seed, known_to(trials), names, given)
+    if len(evidence.blocks.names) < 2:
+        files = ", ".join(dict.fromkeys(trial.source for trial in trials))
+        raise RecordingError(f"{files}: the motion is too short to choose between explanations: record longer")
+    search = Search(evidence)
+    verdict = judge(search, seed)
+    spans = intervals.strengths(evidence, verdict.best, seed)
+    forms = intervals.shapes(search, verdict.best)
+
+    def explained(scored: Scored) -> Explanation:
+        own = scored is verdict.best
+        effects = tuple(_named(evidence, scored, k, spans if own else {}, forms if own else {}) for k in scored.terms)
+        gain = tables.validation_gain(evidence, verdict.null, scored)
+        return Explanation(effects, up_to_class(verdict, search, scored), gain)
+
+    best = explained(verdict.best)
+    left = [c for c, remains in enumerate(verdict.remains) if remains]
+    blocks = evidence.blocks.names
+    return Diagnosis(
+        kind=verdict.kind,
+        best=best,
+        alternatives=tuple(explained(one) for one in verdict.alternatives),
+        remains=bool(left),
+        remains_where=tables.where(evidence, verdict.best, seed, left)[:6] if left else (),
+        not_excited=_not_excited(evidence),
+        where=tables.where(evidence, verdict.null, seed),
+        stage=_stage(search, verdict),
+        shrink=tables.shrink(evidence, verdict.null, verdict.best, seed),
+        ranking=tuple(explained(one) for one in verdict.ranking),
+        findings=(*findings, *usable.findings),
+        next_motion=None,
+        splits={
+            part: tuple(blocks[b] for b in getattr(evidence.blocks, part)) for part in ("train", "validation", "test")
+        },
+        robot=robot,
+        complete=True,
+        seed=seed,
+        version=version,
+        seconds=clock.perf_counter() - began,
+        overlays=tables.overlays(evidence, verdict.null, verdict.best),
+        notes=notes.sentences(trials, usable, search, verdict),
+        given=tuple(given),
+    )
+
+
+def check_given(trials: Sequence[Trial], given: Sequence[Entry]) -> None:
+    """Refuse what is said of the log of efforts itself: along a motion it is the log that has to be put right.
+
+    Raises:
+        RecordingError: one line.
+    """
+    for entry in given:
+        if entry.name in ON_THE_EFFORT:
+            raise RecordingError(
+                f"{trials[0].source}: {entry.name} cannot be given where efforts are explained along a motion: put "
+                "the log right (--map with scale, or the time of its rows), and take it out of --effects"
+            )
+
+
+def _named(
+    evidence: Evidence,
+    scored: Scored,
+    index: int,
+    spans: dict[int, tuple[float, float]],
+    forms: dict[int, dict[str, tuple[float, float] | None]],
+) -> Named:
+    """One term as an effect with parameters."""
+    term, strength = evidence.terms[index], scored.strengths[index]
+    low, high = _with_gain(term, strength, *spans.get(index, (None, None)))
+    parameters = {
+        term.parameter: Value(
+            term.identity + strength,
+            None if low is None else term.identity + low,
+            None if high is None else term.identity + high,
+            term.unit,
+        )
+    }
+    for name, value in term.shape:
+        ends = forms.get(index, {}).get(name)
+        shortest, longest = ends or (None, None)
+        parameters[name] = Value(value, shortest, longest, dict(term.shape_units)[name])
+    return Named(term.effect, term.target, parameters)
+
+
+def _with_gain(term: Term, strength: float, low: float | None, high: float | None) -> tuple[float | None, float | None]:
+    """An interval of a strength that counts how well the motors' constants are known, where it is told by torques: no
+    recording of efforts tells that."""
+    if low is None or high is None or term.unit not in OF_TORQUE:
+        return low, high
+    reach = NINETY * OWN["torque_constant"] * abs(strength)
+    return strength - float(np.hypot(strength - low, reach)), strength + float(np.hypot(high - strength, reach))
+
+
+def _not_excited(evidence: Evidence) -> tuple[str, ...]:
+    """Effects that, at the size of their default, would change no channel by as much as its noise."""
+    seen = set()
+    cols = evidence.course.columns
+    used = evidence.moving
+    for term, unit in zip(evidence.terms, evidence.units, strict=True):
+        change = abs(term.magnitude) * unit[:, cols]
+        for c in range(len(cols)):
+            if used[:, c].any() and float((change[used[:, c], c] ** 2).mean()) > evidence.floor.noise[c] ** 2:
+                seen.add(term.effect)
+    return tuple(name for name in EFFECTS if name not in seen)
+
+
+def _stage(search: Search, verdict: Verdict) -> str | None:
+    """Stage of the effect without which the best explanation would lose most."""
+    losses: dict[str, float] = {}
+    for name in search.names(verdict.best):
+        rest = search.score(k for k in verdict.best.terms if search.evidence.terms[k].effect != name)
+        losses[EFFECTS[name].stage] = losses.get(EFFECTS[name].stage, 0.0) + rest.bic - verdict.best.bic
+    return max(losses, key=lambda stage: losses[stage], default=None)

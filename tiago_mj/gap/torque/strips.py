@@ -1,0 +1,269 @@
+"""From trials to motion and effort on one uniform grid: resampled, low-passed without phase shift, differentiated.
+
+The cut-off follows from the motion: well above what moves, well below most of the noise. Efforts, and every torque that
+is predicted, pass the same filter, so that what is compared went the same way.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage, signal
+
+from tiago_mj import inverse
+from tiago_mj.gap.data.recording import RecordingError, Trial
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+#: Cut-offs that are tried, over the frequency below which 90 % of the motion's velocity power lies, and the greatest
+#: share of the rate.
+HEADROOMS: Final = (16.0, 11.0, 8.0, 6.0, 4.0)
+LARGEST_SHARE: Final = 0.2
+#: Grid over cut-off: the torques are evaluated on it, jumps of dry friction included.
+GRID_PER_CUTOFF: Final = 10.0
+#: Slower than this share of a joint's own fast motion (99th percentile) is rest; so is what the noise alone makes.
+REST_SHARE: Final = 0.02
+REST_NOISES: Final = 4.0
+#: A stretch must hold this many periods of the cut-off to be filtered.
+SHORTEST: Final = 6.0
+#: Periods of the cut-off before and after a rest that the filter mixes with it.
+REACH: Final = 0.5
+#: Periods of the cut-off at either end of a stretch that the filter spoils.
+EDGE: Final = 1.0
+
+
+@dataclass(frozen=True)
+class Strip:
+    """One stretch of a trial on the grid.
+
+    Attributes:
+        trial: name.
+        time: (T,) [s], of the trial.
+        position, velocity, acceleration: (T, m) [m, rad and per s, s²], by moving joint.
+        effort: (T, c) [N, N·m], low-passed, by channel.
+        noise: (c,) standard deviation of the effort's noise inside the pass band [N, N·m].
+    """
+
+    trial: str
+    time: Array
+    position: Array
+    velocity: Array
+    acceleration: Array
+    effort: Array
+    noise: Array
+
+
+@dataclass(frozen=True)
+class Course:
+    """Every stretch, one after the other.
+
+    Attributes:
+        joints: that move or are held, m.
+        channels: joints whose effort is used, c.
+        strips: as recorded.
+        rate: of the grid [Hz].
+        cutoff: of the low-pass [Hz].
+        rest_speed: (m,) below it a joint rests [m/s, rad/s].
+        period: of the recorded rows [s].
+    """
+
+    joints: tuple[str, ...]
+    channels: tuple[str, ...]
+    strips: tuple[Strip, ...]
+    rate: float
+    cutoff: float
+    rest_speed: Array
+    period: float
+
+    @property
+    def columns(self) -> list[int]:
+        """Index of every channel among the joints."""
+        return [self.joints.index(name) for name in self.channels]
+
+    def stack(self, quantity: str) -> Array:
+        """A quantity of all strips, (sum of T, ...)."""
+        return np.concatenate([getattr(strip, quantity) for strip in self.strips])
+
+    @property
+    def lengths(self) -> tuple[int, ...]:
+        """Rows of every strip."""
+        return tuple(len(strip.time) for strip in self.strips)
+
+    def filtered(self, values: Array) -> Array:
+        """Pass values (sum of T, n) through the filter that the efforts passed, strip by strip."""
+        parts = np.split(values, np.cumsum(self.lengths)[:-1])
+        return np.concatenate([signal.sosfiltfilt(self._sections, part, axis=0) for part in parts])
+
+    @cached_property
+    def _sections(self) -> Array:
+        return signal.butter(inverse.FILTER_ORDER, self.cutoff, fs=self.rate, output="sos")
+
+    def shifted(self, values: Array, seconds: float) -> Array:
+        """Values (sum of T, n) as they are ``seconds`` later; a strip's last value stays."""
+        steps = seconds * self.rate
+        parts = np.split(values, np.cumsum(self.lengths)[:-1])
+        return np.concatenate([_later(part, steps) for part in parts])
+
+    def moving(self) -> Mask:
+        """(sum of T, m): the joint moves, and has and will long enough that the filter has forgotten its rest.
+
+        At rest, and while it turns round, dry friction takes whatever value holds the joint, so such rows tell nothing
+        about a joint's torque; nor do the ends of a strip, where the filter can only guess.
+        """
+        half = math.ceil(REACH * self.rate / self.cutoff)
+        window = np.ones((2 * half + 1, 1), dtype=bool)
+        edge = math.ceil(EDGE * self.rate / self.cutoff)
+        kept = []
+        for still in self._still():
+            free = ~ndimage.binary_dilation(still, structure=window)
+            free[:edge] = free[len(free) - edge :] = False
+            kept.append(free)
+        return np.concatenate(kept)
+
+    def resting(self) -> Mask:
+        """(sum of T, m): the joint stands longer than a reversal takes."""
+        window = np.ones((2 * math.ceil(0.5 * self.rate / self.cutoff) + 1, 1), dtype=bool)
+        opened = [ndimage.binary_opening(still, structure=window) for still in self._still()]
+        return np.concatenate([ndimage.binary_dilation(rest, structure=window) for rest in opened])
+
+    def _still(self) -> list[Mask]:
+        """By strip, (T, m): slower than rest, or turning round between two rows."""
+        found = []
+        for strip in self.strips:
+            still = np.abs(strip.velocity) < self.rest_speed
+            turn = np.diff(np.sign(strip.velocity), axis=0) != 0
+            still[1:] |= turn
+            still[:-1] |= turn
+            found.append(still)
+        return found
+
+
+def lay_out(
+    trials: Sequence[Trial], joints: Sequence[str], channels: Sequence[str], headroom: float = HEADROOMS[0]
+) -> Course:
+    """Put trials on one grid.
+
+    Args:
+        trials: with positions of all ``joints`` and efforts of all ``channels``.
+        joints: whose motion is used.
+        channels: whose effort is used, some of the joints.
+        headroom: of the cut-off.
+
+    Raises:
+        RecordingError: nothing moves, or every stretch is too short to be filtered; names the files.
+    """
+    files = ", ".join(dict.fromkeys(trial.source for trial in trials))
+    pieces = [piece for trial in trials for piece in _pieces(trial, joints, channels)]
+    if not pieces:
+        raise RecordingError(f"{files}: no stretch holds both position and effort: log both, row by row")
+    rate = 1 / float(np.median(np.concatenate([np.diff(time) for _, time, _, _ in pieces])))
+    cutoff = _cutoff(
+        [inverse.uniform(time, position, rate)[1] for _, time, position, _ in pieces], rate, files, headroom
+    )
+    step = max(1, int(rate / (GRID_PER_CUTOFF * cutoff)))
+    shortest = SHORTEST / cutoff
+    strips, noisy = [], []
+    for name, time, position, effort in pieces:
+        if time[-1] - time[0] < shortest:
+            continue
+        grid, raw = inverse.uniform(time, np.hstack([position, effort]), rate)
+        smooth = inverse.low_pass(raw, rate=rate, cutoff=cutoff)
+        noise = _noise(raw, smooth, rate, cutoff)
+        m = len(joints)
+        velocity = np.gradient(smooth[:, :m], 1 / rate, axis=0)
+        acceleration = np.gradient(velocity, 1 / rate, axis=0)
+        t, q, v, a, tau = (x[::step] for x in (grid, smooth[:, :m], velocity, acceleration, smooth[:, m:]))
+        strips.append(Strip(name, t, q, v, a, tau, noise[m:]))
+        noisy.append(noise[:m])
+    if not strips:
+        longest = max(time[-1] - time[0] for _, time, _, _ in pieces)
+        raise RecordingError(
+            f"{files}: the longest stretch lasts {longest:.2g} s; motion of this speed needs {shortest:.2g} s: "
+            "record longer"
+        )
+    fast = np.percentile(np.abs(np.concatenate([s.velocity for s in strips])), 99, axis=0)
+    jitter = np.max(noisy, axis=0) * 2 * np.pi * cutoff / np.sqrt(3)  # white noise, differentiated up to the cut-off
+    return Course(
+        tuple(joints),
+        tuple(channels),
+        tuple(strips),
+        rate / step,
+        cutoff,
+        np.maximum(np.maximum(REST_SHARE * fast, REST_NOISES * jitter), 1e-6),
+        1 / rate,
+    )
+
+
+def _pieces(trial: Trial, joints: Sequence[str], channels: Sequence[str]) -> Iterable[tuple[str, Array, Array, Array]]:
+    """Stretches of a trial without holes: (name, time, positions, efforts)."""
+    table = np.stack([*(trial.positions[j] for j in joints), *(trial.efforts[c] for c in channels)], axis=1)
+    full = np.isfinite(table).all(axis=1)
+    if full.sum() < 0.5 * np.isfinite(table).any(axis=1).sum():  # streams fill rows of their own: bring them together
+        table = np.stack([_filled(trial.time, column) for column in table.T], axis=1)
+        full = np.isfinite(table).all(axis=1)
+    time, table = trial.time[full], table[full]
+    if len(time) < 2:
+        return
+    hole = np.flatnonzero(np.diff(time) > 10 * np.median(np.diff(time))) + 1
+    for t, part in zip(np.split(time, hole), np.split(table, hole), strict=True):
+        if len(t) > 1:
+            yield trial.name, t, part[:, : len(joints)], part[:, len(joints) :]
+
+
+def _filled(time: Array, column: Array) -> Array:
+    there = np.isfinite(column)
+    if there.sum() < 2:
+        return column
+    return np.interp(time, time[there], column[there], left=np.nan, right=np.nan)
+
+
+def _cutoff(positions: Sequence[Array], rate: float, files: str, headroom: float) -> float:
+    """Cut-off of the low-pass [Hz] from the spectrum of the velocities, each joint scaled to its own power."""
+    needed = 0.0
+    for joint in range(positions[0].shape[1]):
+        total, frequencies = np.zeros(0), np.zeros(0)
+        for position in positions:
+            speed = np.diff(position[:, joint]) * rate
+            n = 1 << max(int(np.ceil(np.log2(20 * rate))), 6)
+            frequencies, power = signal.welch(speed, rate, nperseg=min(n, len(speed)), nfft=n, detrend=False)
+            total = power * len(speed) + (total if total.size else 0.0)
+        if total.sum() > 0 and np.ptp(np.concatenate([p[:, joint] for p in positions])) > 0:
+            share = np.cumsum(total) / total.sum()
+            needed = max(needed, float(frequencies[np.searchsorted(share, 0.9)]))
+    if needed == 0:
+        raise RecordingError(f"{files}: no joint moves: torque along a motion needs a motion")
+    return float(min(headroom * needed, LARGEST_SHARE * rate))
+
+
+def _noise(raw: Array, smooth: Array, rate: float, cutoff: float) -> Array:
+    """Standard deviation of white noise inside the pass band, (n,).
+
+    The larger of two: the signal above the cut-off, scaled to the band below (its median deviation, so that single
+    jumps do not count), and the quantum.
+    """
+    above = raw - smooth
+    share = cutoff / (rate / 2 - cutoff)
+    high = 1.4826 * np.median(np.abs(above - np.median(above, axis=0)), axis=0) * np.sqrt(share)
+    quantum = np.array([_quantum(column) for column in raw.T]) * np.sqrt(2 * cutoff / rate / 12)
+    return np.maximum(high, quantum)
+
+
+def _quantum(column: Array) -> float:
+    """Smallest step between values that occur; 0 where hardly any occurs twice."""
+    values, counts = np.unique(column, return_counts=True)
+    return float(np.diff(values).min()) if len(values) > 1 and np.mean(counts) > 4 else 0.0
+
+
+def _later(values: Array, steps: float) -> Array:
+    index = np.arange(len(values)) + steps
+    low = np.clip(np.floor(index).astype(int), 0, len(values) - 1)
+    high = np.clip(low + 1, 0, len(values) - 1)
+    share = np.clip(index - low, 0.0, 1.0)[:, None]
+    return (1 - share) * values[low] + share * values[high]

@@ -1,0 +1,311 @@
+"""Torque that a motion needs with effects in the model: every effect by its own declaration.
+
+A row of the motion stands for a simulation: the declarations' hooks see joint positions, velocities and efforts of all
+rows at once. Their changes to the model go into a copy of it, with which inverse dynamics runs along the motion.
+Contacts, joint limits and gravity compensation are off. Dry friction is force · sign(velocity), with a straight line
+through rest: MuJoCo's own, being soft, would creep there.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Mapping, Sequence
+from typing import Final
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from tiago_mj.effects import EFFECTS, Effect, Entry
+from tiago_mj.effects.chain import Now, Wiring
+from tiago_mj.effects.declare import overrides
+from tiago_mj.effects.spec import arrays
+from tiago_mj.effects.wiring import wire
+from tiago_mj.gap.torque.strips import Course
+
+Array = NDArray[np.float64]
+
+#: Stages whose effects change what torque a motion needs, or which motion it was.
+STAGES: Final = ("actuator", "transmission", "body", "joint_sensor")
+#: Fields that are accounted for outside inverse dynamics, joint by joint.
+JOINT_FIELDS: Final = ("dof_frictionloss", "dof_damping", "dof_armature")
+
+
+class Torques:
+    """Torques along one course.
+
+    Args:
+        model: nominal; it is copied.
+        course: the motion.
+        given: effects that are known already: part of every torque.
+
+    Raises:
+        ValueError: the model lacks a joint of the course.
+    """
+
+    def __init__(self, model: mujoco.MjModel, course: Course, given: Sequence[Entry] = ()) -> None:
+        self.course = course
+        self._given = tuple(entry for entry in given if EFFECTS[entry.name].stage in STAGES)
+        self._model = copy.copy(model)
+        self._model.body_gravcomp[:] = 0.0
+        self._model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_LIMIT
+        self.wiring = _wiring(self._model, course.joints)
+        self._motion = tuple(course.stack(q) for q in ("position", "velocity", "acceleration"))
+        self._joint = {name: getattr(self._model, name)[self.wiring.dof].copy() for name in JOINT_FIELDS}
+        for name in JOINT_FIELDS:
+            getattr(self._model, name)[:] = 0.0
+        self._rigid: Array | None = None
+        self._nominal: Array | None = None
+
+    def inertia(self, joint: int) -> float:
+        """What a joint moves, in the model's reference pose [kg, kg·m²]."""
+        return float(self._model.dof_M0[self.wiring.dof[joint]])
+
+    @property
+    def model(self) -> mujoco.MjModel:
+        """The nominal model, without contacts, limits and what is accounted for joint by joint."""
+        return self._model
+
+    @property
+    def rigid(self) -> Array:
+        """Gravity, inertia and springs of the nominal model, (T, m) [N, N·m], as filtered as the efforts are."""
+        if self._rigid is None:
+            self._rigid = self.course.filtered(self._inverse(self._model, self._motion))
+        return self._rigid
+
+    @property
+    def nominal(self) -> Array:
+        """Torque of the nominal model and what is given, (T, m) [N, N·m], filtered."""
+        if self._nominal is None:
+            self._nominal = self.of(())
+        return self._nominal
+
+    @property
+    def along(self) -> Now:
+        """What a declaration sees of the nominal model along the measured motion."""
+        return Now(_Host(self._model, self._motion, self.wiring, self._joint, None), self.wiring, _no_chance)
+
+    def changes_rigid(self, entry: Entry) -> bool:
+        """Whether an effect changes more than friction, damping and reflected inertia."""
+        host = _Host(self._model, self._motion, self.wiring, self._joint, None)
+        effect = arrays(EFFECTS[entry.name], [[entry]], self.wiring.targets)
+        effect.change(Now(host, self.wiring, _no_chance))
+        return host.rigid_changed or overrides(effect, "measure_position")
+
+    def of(self, entries: Sequence[Entry], effort: Array | None = None, *, dry: bool = True) -> Array:
+        """Torque with effects, (T, m) [N, N·m], filtered.
+
+        Args:
+            entries: effects and their parameters, of :data:`STAGES`.
+            effort: (T, m) torque that the drives transmit, for effects that depend on it; 0 without it.
+            dry: whether dry friction counts.
+        """
+        host, now, effects = self._at_work(entries, effort)
+        motion = self._motion
+        for effect in effects:
+            if overrides(effect, "measure_position"):
+                motion = _true_motion(effect, motion, now)
+        host.motion = motion
+        friction = self._friction(host, now, effects)
+        damping, inertia = host.joint["dof_damping"], host.joint["dof_armature"]
+        if host.rigid_changed or motion is not self._motion:
+            if now.rebuild:
+                mujoco.mj_setConst(host.model, mujoco.MjData(host.model))
+            for name in JOINT_FIELDS:
+                getattr(host.model, name)[:] = 0.0
+            rigid = self.course.filtered(self._inverse(host.model, motion))
+        else:
+            rigid = self.rigid
+        force = np.zeros_like(motion[0])
+        for effect in effects:
+            if overrides(effect, "added_damping"):
+                damping = np.where(effect.present, damping + effect.added_damping(now), damping)
+            if overrides(effect, "added_force"):
+                force = np.where(effect.present, force + effect.added_force(now), force)
+        _, velocity, acceleration = motion
+        drive = np.maximum(damping, 0) * velocity + inertia * acceleration - force
+        if dry:
+            drive = drive + friction * np.clip(velocity / self.course.rest_speed, -1, 1)
+        return rigid + self.course.filtered(drive)
+
+    def dry_friction(self, entries: Sequence[Entry], effort: Array | None = None) -> Array:
+        """Greatest dry friction, (T, m) [N, N·m]: at rest it takes any value up to this, in either direction."""
+        host, now, effects = self._at_work(entries, effort)
+        return np.broadcast_to(self._friction(host, now, effects), self._motion[0].shape)
+
+    def _at_work(self, entries: Sequence[Entry], effort: Array | None) -> tuple[_Host, Now, list[Effect]]:
+        """Effects whose changes are made to the host's copy of the model."""
+        host = _Host(self._model, self._motion, self.wiring, self._joint, effort)
+        now, effects = Now(host, self.wiring, _no_chance), []
+        entries = (*self._given, *entries)
+        for name in dict.fromkeys(entry.name for entry in entries):
+            effects.append(arrays(EFFECTS[name], [[e for e in entries if e.name == name]], self.wiring.targets))
+            effects[-1].change(now)
+        return host, now, effects
+
+    @staticmethod
+    def _friction(host: _Host, now: Now, effects: Sequence[Effect]) -> Array:
+        friction = host.joint["dof_frictionloss"]
+        for effect in effects:
+            if overrides(effect, "added_friction"):
+                friction = np.where(effect.present, friction + effect.added_friction(now), friction)
+        return np.maximum(friction, 0.0)
+
+    def tolerance(self, share: float) -> dict[str, Array]:
+        """Change of torque, (T, m), if a nominal number is off by ``share``: each body's mass, each joint's friction,
+        damping and armature, by a name of the number."""
+        changes = {}
+        base = self.rigid
+        moving = sorted({b for b in range(1, self._model.nbody) if self._moves(b)})
+        for body in moving:
+            if self._model.body_mass[body] > 0:
+                heavier = copy.copy(self._model)
+                heavier.body_mass[body] *= 1 + share
+                heavier.body_inertia[body] *= 1 + share
+                changes[f"mass of {self._model.body(body).name}"] = (
+                    self.course.filtered(self._inverse(heavier, self._motion)) - base
+                )
+        _, velocity, acceleration = self._motion
+        direction = np.clip(velocity / self.course.rest_speed, -1, 1)
+        for name, along in zip(JOINT_FIELDS, (direction, velocity, acceleration), strict=True):
+            filtered = self.course.filtered(along)
+            for j, joint in enumerate(self.course.joints):
+                if self._joint[name][j] > 0:
+                    change = np.zeros_like(filtered)
+                    change[:, j] = share * self._joint[name][j] * filtered[:, j]
+                    changes[f"{name} of {joint}"] = change
+        return changes
+
+    def _moves(self, body: int) -> bool:
+        """Whether a joint of the course carries the body."""
+        carriers = {int(self._model.dof_bodyid[d]) for d in self.wiring.dof}
+        while body:
+            if body in carriers:
+                return True
+            body = int(self._model.body_parentid[body])
+        return False
+
+    def _inverse(self, model: mujoco.MjModel, motion: tuple[Array, ...]) -> Array:
+        """Inverse dynamics, (T, m)."""
+        data = mujoco.MjData(model)
+        if model.nkey:
+            data.qpos[:] = model.key_qpos[0]
+        qpos, dof = self.wiring.qpos, self.wiring.dof
+        needed = np.empty_like(motion[0])
+        for t, (position, velocity, acceleration) in enumerate(zip(*motion, strict=True)):
+            data.qpos[qpos], data.qvel[dof], data.qacc[dof] = position, velocity, acceleration
+            mujoco.mj_inverse(model, data)
+            needed[t] = data.qfrc_inverse[dof]
+        return needed
+
+
+class _Host:
+    """Rows of a motion as simulations: states and efforts (T, ...); model fields (1, ...) of a copy."""
+
+    nsim = 1
+
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        motion: tuple[Array, ...],
+        wiring: Wiring,
+        joint: Mapping[str, Array],
+        effort: Array | None,
+    ) -> None:
+        self.model = copy.copy(model)
+        self.motion = motion
+        self._wiring, self._effort = wiring, effort
+        self._fields: dict[str, Array] = {}
+        for name, values in joint.items():
+            getattr(self.model, name)[wiring.dof] = values
+
+    def field(self, name: str) -> Array:
+        value = getattr(self.model.opt, name[4:]) if name.startswith("opt.") else getattr(self.model, name)
+        if name not in self._fields:
+            self._fields[name] = np.array(value)
+        view: Array = value[None]
+        return view
+
+    @property
+    def joint(self) -> dict[str, Array]:
+        """Friction, damping and armature of the joints, (1, m)."""
+        return {name: getattr(self.model, name)[None, self._wiring.dof].copy() for name in JOINT_FIELDS}
+
+    @property
+    def rigid_changed(self) -> bool:
+        """Whether a field was changed that inverse dynamics heeds."""
+        local = (*JOINT_FIELDS, "dof_solimp", "dof_solref")
+        return any(
+            not np.array_equal(before, self.field(name)[0])
+            for name, before in self._fields.items()
+            if name not in local and not name.startswith("actuator_")
+        )
+
+    def state(self, name: str) -> Array:
+        if name not in ("qpos", "qvel"):
+            raise KeyError(f"a recorded motion has no {name}")
+        where = self._wiring.qpos if name == "qpos" else self._wiring.dof
+        return self._wide(self.motion[0 if name == "qpos" else 1], where, self.model.nq if name == "qpos" else None)
+
+    def output(self, name: str) -> Array:
+        if name not in ("qfrc_actuator", "qfrc_smooth"):  # the latter pushes a joint at rest: what its drive transmits
+            raise KeyError(f"a recorded motion has no {name}")
+        return self._wide(np.zeros_like(self.motion[0]) if self._effort is None else self._effort, self._wiring.dof)
+
+    def set_timestep(self, seconds: Array) -> None:
+        raise KeyError("a recorded motion has no time step")
+
+    def step(self, count: int) -> None:
+        raise KeyError("a recorded motion is not simulated")
+
+    def forward(self) -> None:
+        raise KeyError("a recorded motion is not simulated")
+
+    def set_const(self) -> None:
+        mujoco.mj_setConst(self.model, mujoco.MjData(self.model))
+
+    def _wide(self, values: Array, where: NDArray[np.intp], width: int | None = None) -> Array:
+        wide = np.zeros((len(values), width or self.model.nv))
+        wide[:, where] = values
+        return wide
+
+
+def invertible(effect: Effect, position: Array, now: Now) -> bool:
+    """Whether the true positions follow from the measured ones: the reading rises smoothly with the position."""
+    step = 1e-6
+    slope = (effect.measure_position(position + step, now) - effect.measure_position(position, now)) / step
+    return bool((np.abs(slope - 1) < 0.5).all())
+
+
+def _true_motion(effect: Effect, measured: tuple[Array, ...], now: Now) -> tuple[Array, ...]:
+    """The motion behind readings that are wrong, by fixed-point iteration."""
+    position, velocity, acceleration = measured
+    true = position
+    for _ in range(50):
+        error = position - effect.measure_position(true, now)
+        true = true + error
+        if np.abs(error).max() < 1e-10:
+            break
+    step = 1e-6
+    slope = (effect.measure_position(true + step, now) - effect.measure_position(true, now)) / step
+    return true, velocity / slope, acceleration / slope
+
+
+def _wiring(model: mujoco.MjModel, joints: Sequence[str]) -> Wiring:
+    there = [model.joint(j).name for j in range(model.njnt)]
+    for name in joints:
+        if name not in there:
+            raise ValueError(
+                f"the model has no joint {name!r}: it has {', '.join(there)}; rename it or give a map file"
+            )
+    ids = {model.joint(name).id for name in joints}
+    actuators = [
+        model.actuator(a).name
+        for a in range(model.nu)
+        if model.actuator_trntype[a] == mujoco.mjtTrn.mjTRN_JOINT and int(model.actuator_trnid[a, 0]) in ids
+    ]
+    return wire(model, joints=joints, actuators=actuators)
+
+
+def _no_chance(shape: tuple[int, ...]) -> Array:
+    raise ValueError("inverse dynamics draws no random numbers")
