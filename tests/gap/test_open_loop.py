@@ -23,9 +23,12 @@ MIXED = (
 )
 
 
-def test_a_run_in_one_go_is_that_of_single_steps_to_the_last_bit(monkeypatch: pytest.MonkeyPatch) -> None:
-    plan = Plan("tiago_mj/GripperTactile-v0", {}, None, None, "pi")
-    trials = list(record(plan, lambda env: make_policy("pi", env, seed=0, trust=False), episodes=2, seed=0))
+@pytest.mark.parametrize(("control", "policy"), [("velocity", "pi"), ("position", "random")])
+def test_a_run_in_one_go_is_that_of_single_steps_to_the_last_bit(
+    control: str, policy: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plan = Plan("tiago_mj/GripperTactile-v0", {"control": control}, None, None, policy)
+    trials = list(record(plan, lambda env: make_policy(policy, env, seed=0, trust=False), episodes=2, seed=0))
     plant = plant_of(trials)
     on = replay.grid(plant, trials)
     sims = [(k % 2, effects) for k, effects in enumerate(MIXED)]

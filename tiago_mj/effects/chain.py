@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any, Final
 
+import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
@@ -152,6 +153,7 @@ class Chain:
                 self._base_range = recording.field("actuator_forcerange")[:, wiring.actuators].copy()
         here = self.now.joint_position[:, list(self._wiring.targets.actuated)]
         self._plain = here if held is None else np.array(held)
+        self._foreseen: Array | None = None
         self._target = self.set_points()
         self._shift = np.zeros_like(self._target)
         if self._wiring.ideal:
@@ -189,6 +191,8 @@ class Chain:
         """The servos' set points, (nsim, nactuators) [m, rad]; the joint's first position where there is no servo."""
         wiring = self._wiring
         stateful = wiring.act >= 0
+        if self._foreseen is not None:
+            return np.where(stateful, self._foreseen, self._plain)
         if stateful.all():
             return self._host.state("act")[:, wiring.act].copy()
         plain = self._plain.copy()
@@ -245,13 +249,12 @@ class Chain:
     def open_loop(self) -> bool:
         """Whether what the servos are given depends on commands alone, so that a run needs no one between its steps.
 
-        Set points that an actuator integrates (``act``) lie in the simulation: what moves them by their position needs
-        it at every command.
+        Set points that an actuator integrates (``act``) depend on what it is given alone, too: they are foreseen.
         """
         wiring = self._wiring
-        integrated = wiring.interface != "effort" and bool((wiring.act >= 0).any())
-        by_position = wiring.interface == "position" or self._moves_set_point is not None or not (wiring.act >= 0).all()
-        if wiring.ideal or (integrated and by_position):
+        stateful = wiring.act >= 0
+        integrates = self._host.model.actuator_dyntype[wiring.actuators] == mujoco.mjtDyn.mjDYN_INTEGRATOR
+        if wiring.ideal or (stateful & ~integrates).any():
             return False
         return all(effect.signal_only for hook in (*EACH_SUBSTEP, *EACH_STEP) for effect, _ in self._hooks[hook])
 
@@ -264,22 +267,43 @@ class Chain:
             self.now.step += commands.shape[1]
             self.now.elapsed = self.now.elapsed + commands.shape[1] * self.now.dt
         else:
-            rows = []
-            for k in range(commands.shape[1]):
-                rows.append(self._commanded(commands[:, k]))
-                self.now.step += 1
-                self.now.elapsed = self.now.elapsed + self.now.dt
-            each = np.stack(rows, axis=1)
+            return self._foreseeing(commands)
         inputs = np.repeat(each, self._substeps, axis=1)
         for effect, mask in self._hooks["given"]:
             inputs = np.where(mask[:, None], effect.given(inputs, self.now), inputs)
         return inputs
 
+    def _foreseeing(self, commands: Array) -> Array:
+        """The same where a command meets what was commanded before: set points are followed without the simulation."""
+        now, rows = self.now, []
+        self._foreseen = self.set_points()
+        for k in range(commands.shape[1]):
+            arriving = self._arriving(self._commanded(commands[:, k]))
+            rows.append(arriving)
+            self._foreseen = self._integrated(self._foreseen, arriving)
+            now.step += 1
+            now.elapsed = now.elapsed + now.dt
+        self._foreseen = None
+        return np.concatenate(rows, axis=1)
+
+    def _integrated(self, set_points: Array, inputs: Array) -> Array:
+        """Set points that actuators integrate, after physics steps with these inputs, (nsim, nsteps, nactuators); as
+        MuJoCo's Euler steps of ``act``, within ``actrange``."""
+        ids, model = self._wiring.actuators, self._host.model
+        speeds = np.where(model.actuator_ctrllimited[ids], np.clip(inputs, *model.actuator_ctrlrange[ids].T), inputs)
+        low, high = np.where(model.actuator_actlimited[ids], model.actuator_actrange[ids].T, [[-np.inf], [np.inf]])
+        step = self.now.dt[:, None] / self._substeps
+        for k in range(inputs.shape[1]):
+            set_points = np.clip(set_points + speeds[:, k] * step, low, high)
+        return set_points
+
     @property
     def _passes_commands(self) -> bool:
         """Whether each command of an open loop is what the servos are given, whatever was commanded before."""
-        moved = self.now.takes_set_points.any() and self._wiring.interface == "velocity"
-        return not (moved or self._hooks["command"] or self._hooks["set_point"])
+        wiring = self._wiring
+        moved = self.now.takes_set_points.any() and wiring.interface == "velocity"
+        followed = (wiring.act >= 0).any() and wiring.interface == "position"
+        return not (moved or followed or self._hooks["command"] or self._hooks["set_point"])
 
     @property
     def passes_readings(self) -> bool:

@@ -27,9 +27,13 @@ __all__ = ["NUDGE", "Fitted", "Fitter", "Point", "Start", "Steps"]
 
 Array = NDArray[np.float64]
 
-#: Gauss-Newton steps that are tried at once, each by its share and its damping (Marquardt 1963); the second ones where
-#: the first does not help.
-STEPS: Final = (((1.0, 0.0),), ((0.4, 0.0), (0.1, 0.0), (1.0, 3.0)))
+#: Gauss-Newton steps, each by its share and its damping (Marquardt 1963), and whether it is of the magnitudes alone: in
+#: turn, until one helps; those in one row are tried at once.
+STEPS: Final = (
+    ((1.0, 0.0, False),),
+    ((0.4, 0.0, False), (1.0, 0.0, True)),
+    ((0.1, 0.0, False), (1.0, 3.0, False), (0.4, 0.0, True)),
+)
 #: A drop of the cost below this is no progress [nats].
 SETTLED: Final = 0.01
 ITERATIONS: Final = 5
@@ -37,8 +41,8 @@ ITERATIONS: Final = 5
 #: [nats]. Chosen: promises are of straight lines, which contacts do not follow.
 PROMISED: Final = 3.0
 LOST: Final = 15.0
-#: Shares of a step of the magnitudes alone that are tried at once; a step that lowers the cost by a smaller share than
-#: this is the last.
+#: Shares of a step of the magnitudes alone, in turn until one helps; a step that lowers the cost by a smaller share
+#: than this is the last.
 ALONE: Final = (1.0, 0.4)
 LITTLE: Final = 0.01
 #: Curvature that keeps a nuisance where it is, in units of its prior's.
@@ -240,15 +244,17 @@ class Fitter:
         for _ in range(self.iterations):
             before = on.cost(base, at.nuisance)
             jacobian = yield from self._value_columns(on, at, base)
-            normal = self._normal(on, at, base, jacobian, alone=True)
-            points = [Point(at.parts, _moved(at, share * normal.step()), at.nuisance) for share in ALONE]
-            tried = yield points
-            costs = [on.cost(one, at.nuisance) for one in tried]
-            best = int(np.argmin(costs))
-            if costs[best] >= before:
+            step = self._normal(on, at, base, jacobian, alone=True).step()
+            for share in ALONE:
+                there = Point(at.parts, _moved(at, share * step), at.nuisance)
+                (tried,) = yield [there]
+                cost = on.cost(tried, at.nuisance)
+                if cost < before:
+                    break
+            else:
                 break
-            at, base = points[best], tried[best]
-            if before - costs[best] < max(LITTLE * before, self.settled) or self.out_of_time():
+            at, base = there, tried
+            if before - cost < max(LITTLE * before, self.settled) or self.out_of_time():
                 break
         return at, base
 
@@ -291,19 +297,20 @@ class Fitter:
         gradient = weighted.T @ r - prior * np.concatenate([at.values * 0, at.nuisance])[:count]
         return Normal(weighted.T @ weighted + np.diag(prior + 1e-6), gradient, scale)
 
-    def _points(self, normal: Normal, at: Point, steps: Sequence[tuple[float, float]]) -> list[Point]:
-        """Points to try: shares of damped Gauss-Newton steps, of magnitudes and nuisances together, and of magnitudes
+    def _points(self, normal: Normal, at: Point, steps: Sequence[tuple[float, float, bool]]) -> list[Point]:
+        """Points to try: shares of damped Gauss-Newton steps, of magnitudes and nuisances together, or of magnitudes
         alone, with the nuisances where they are: their responses may be those of another point, and what they mimic
         shortens a step that both share."""
         count, bound = len(at.parts), likelihood.NUISANCE_BOUND
         points = []
-        for share, damping in steps:
-            step = normal.step(damping)
-            nuisance = np.clip(at.nuisance + share * step[count:], -bound, bound)
-            points.append(Point(at.parts, _moved(at, share * step[:count]), nuisance))
-            if count:
-                alone = normal.first(count).step(damping)
-                points.append(Point(at.parts, _moved(at, share * alone), at.nuisance))
+        for share, damping, alone in steps:
+            if alone and count:
+                step = normal.first(count).step(damping)
+                points.append(Point(at.parts, _moved(at, share * step), at.nuisance))
+            elif not alone:
+                step = normal.step(damping)
+                nuisance = np.clip(at.nuisance + share * step[count:], -bound, bound)
+                points.append(Point(at.parts, _moved(at, share * step[:count]), nuisance))
         return points
 
     def _corrected(self, jacobian: Array, columns: Array, at: Point, to: Point, change: Array) -> tuple[Array, Array]:
