@@ -51,8 +51,6 @@ CERTAIN: Final = 1e12
 #: floor and tolerance), unless the best beside it costs so many times less.
 FITS: Final = 1.2
 BEHIND: Final = 3.0
-#: A step that brings nothing corrects the responses that promised it, and another is tried, so many times.
-REFUSALS: Final = 1
 #: Evidence against an effect that is no larger than what the nominal model's own numbers are uncertain by [nats].
 TOLERATED: Final = 6.0
 #: A magnitude is moved by at least this share of its range to see what it does.
@@ -188,7 +186,6 @@ class Fitter:
             if self.size and not behind and on.misfit(base).max() > FITS and not self.out_of_time():
                 columns = on.columns((yield from self._responses(at, base)), self.per_trial)
         jacobian = yield from self._value_columns(on, at, base)
-        refused = 0
         for iteration in range(self.iterations):
             if iteration and self.out_of_time():
                 break
@@ -196,6 +193,8 @@ class Fitter:
             costs_beside.append(before + on.wider)
             normal = self._normal(on, at, base, np.concatenate([jacobian, columns], axis=1))
             if costs_beside[-1] - PROMISED * normal.promised > min(costs_beside) + LOST:
+                break
+            if normal.promised < self.settled:
                 break
             for k, steps in enumerate(STEPS):
                 if k:
@@ -208,10 +207,7 @@ class Fitter:
                 if costs[best] < before:
                     break
             else:
-                refused += 1
-                if refused > REFUSALS:
-                    break
-                continue
+                break
             at, base = points[best], tried[best]
             if before - costs[best] < self.settled * (1 + iteration):
                 break

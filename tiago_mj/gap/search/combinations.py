@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from tiago_mj.gap.inference.fit import Fitted, Fitter, Point
+from tiago_mj.gap.inference.fit import Fitted, Fitter, Point, Start
 from tiago_mj.gap.search import extend, refinement, shortlist, starts
 from tiago_mj.gap.search.screen import Screened
 
@@ -97,6 +97,20 @@ def with_another(search: Search, size: int, promising: Sequence[Screened]) -> Se
     return replace(search, fits=fits)
 
 
+def _adds(on_few: Sequence[Fitted], seed: Fitted, few: Fitter, everywhere: Fitter) -> bool:
+    """Whether the best explanation of some trials by one more effect can be expected to add what makes it worth showing
+    when all trials are met as well; by what samples tell beside it."""
+    if not on_few or not set(few.trials) <= set(everywhere.trials):
+        return bool(on_few)
+    rows = [everywhere.trials.index(trial) for trial in few.trials]
+    left = few.predictions([starts.point(on_few[0])])[0]
+    few = replace(few, weight=np.maximum(few.weight, refinement.counts(few.data, left)))
+    alone = Start(seed.parts, seed.values, everywhere.of(rows, seed.nuisance))
+    more, fewer = few.fit_all([starts.again(on_few[0]), alone])
+    times = len(everywhere.trials) / len(few.trials)
+    return shortlist.expected(more, times) > shortlist.expected(fewer, times) + shortlist.ADDS
+
+
 def _judged(everywhere: Fitter, fits: Sequence[Fitted]) -> list[Fitted]:
     """Explanations, best first, by what samples count for here: the best fitted anew, the others where they are."""
     where_they_are = replace(everywhere, iterations=0)
@@ -119,6 +133,8 @@ def _found(search: Search, size: int, promising: Sequence[Screened]) -> list[Fit
     if seeds:
         on_few += extend.reading_otherwise(few, everywhere, seeds[0], others)
     on_few = shortlist.once_each(shortlist.ordered(on_few))
+    if seeds and not refinement.fails(seeds[0]) and not _adds(on_few, seeds[0], few, everywhere):
+        return []
     extended = [starts.carried(f, everywhere, at) for f in on_few[:EXTENSIONS_AGAIN]]
     found: list[Fitted] = []
     if seeds:

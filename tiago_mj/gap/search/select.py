@@ -158,6 +158,9 @@ def _searched(
     """See :func:`select`; ``so_far`` is told what was found, from stage to stage."""
     read_off = {*ONLY_READ_OFF, *(k.candidate.effect for k in known)}
     pool = _with_something_to_explain([c for c in pool if c.effect not in read_off], data, base)
+    names = dict.fromkeys(c.effect for c in pool)
+    losing = [c for c in pool if c.effect == lost_commands.EFFECT] if seen is not None else []
+    pool = [c for c in pool if c not in losing]  # which were lost is decoded, not drawn
     tick("fitting the nominal model", NOMINAL_ROUNDS)
     weight = refinement.counts(data, base)
     chosen = extend.spread(base, data, max(FIT_STEPS // max(steps, 1), FIT_TRIALS))
@@ -171,8 +174,6 @@ def _searched(
     everywhere = Fitter(predict, tuple(trials), data, weight, terms, responses[telling], given, out_of_time=out_of_time)
     everywhere, nominal = _calibrated(everywhere)
     at = nominal.nuisance if nominal.misfit < FAR else np.zeros(everywhere.size)
-    everywhere, pool = _losing(everywhere, pool, nominal, seen)
-    weight = everywhere.weight
 
     tick("screening", len(pool))
     base = everywhere.predictions([Point((), np.zeros(0), at)], keep=True)[0]
@@ -188,8 +189,7 @@ def _searched(
         lambda *how_far: tick("screening", *how_far),
     )
     visible = {s.candidate.effect for s in screened if s.visible > INVISIBLE}
-    names = dict.fromkeys(c.effect for c in pool)
-    unseen = tuple(name for name in names if name not in visible)
+    unseen = tuple(name for name in names if name not in visible | {c.effect for c in losing})
     promising = [s for s in screened if s.candidate.effect not in unseen]
 
     tick("fitting", shortlist.SINGLES)
@@ -229,7 +229,7 @@ def _searched(
     fits = everywhere.fit_all([starts.again(nominal)])
 
     tick("refitting", shortlist.SECONDS)
-    rivals = shortlist.rivals([f for f in ranked if f.parts])
+    rivals = shortlist.rivals([f for f in ranked if f.parts], len(trials) / len(first))
     if refinement.done(fits[0]):
         rivals = shortlist.promising(rivals, shortlist.nominal(ranked), len(trials) / len(first)) or rivals[:1]
     leaders = [starts.carried(f, everywhere, at) for f in rivals]
@@ -250,15 +250,13 @@ def _searched(
         few, everywhere = replace(few, weight=weight), replace(everywhere, weight=weight)
         fits = everywhere.fit_all([starts.again(f) for f in refinement.again(fits)])
     so_far.ranked = told(fits, everywhere)
-    everywhere, losing = _losing(everywhere, pool, shortlist.ordered(fits)[0], seen)
-    if losing is not pool:
-        lose = {c.label: c for c in losing if c.effect == lost_commands.EFFECT}
-        weight = everywhere.weight
-        few = replace(few, predict=everywhere.predict, weight=weight)
-        promising = [s for s in promising if s.candidate.label not in lose]
-        promising += screen(few, refinement.frame(few, here), [*lose.values()], here, base[first])
+    everywhere, decoded = _losing(everywhere, losing, fits, seen)
+    if decoded:
+        few = replace(few, predict=everywhere.predict, weight=everywhere.weight)
+        promising += screen(few, refinement.frame(few, here), decoded, here, base[first])
         promising.sort(key=lambda s: -s.gain)
-        fits = everywhere.fit_all([starts.with_others(f, lose) for f in refinement.again(fits)])
+        lost = [Start((c,), np.array(c.grid[:1]), shortlist.nominal(fits).nuisance) for c in decoded]
+        fits = everywhere.fit_all([*(starts.again(f) for f in refinement.again(fits)), *lost])
     search = Search(few, everywhere, fits, at, here, base[first])
     for size in range(2, MOST + 1):
         if out_of_time() or not combinations.worthwhile(search, size):
@@ -298,27 +296,33 @@ def _calibrated(fitter: Fitter) -> tuple[Fitter, Fitted]:
 
 
 def _losing(
-    everywhere: Fitter, pool: Sequence[Candidate], best: Fitted, seen: Told | None
-) -> tuple[Fitter, Sequence[Candidate]]:
-    """The same with the commands that were lost beside an explanation, unless it leaves nothing to explain or is
-    likelier without. Where samples tell more once they are lost, they count for that.
+    everywhere: Fitter, candidates: Sequence[Candidate], fits: Sequence[Fitted], seen: Told | None
+) -> tuple[Fitter, list[Candidate]]:
+    """The same with the commands that were lost, and candidates that lose them: beside the nominal model or the best
+    explanation, unless that leaves nothing to explain or is likelier without. Where samples tell more once they are
+    lost, they count for that.
     """
-    candidates = [c for c in pool if c.effect == lost_commands.EFFECT]
-    told_before = any(part.effect == lost_commands.EFFECT for part in best.parts)
-    if seen is None or not candidates or told_before or refinement.done(best) or everywhere.out_of_time():
-        return everywhere, pool
-    told = lost_commands.beside(everywhere, starts.point(best), seen, candidates)
-    if told is None:
-        return everywhere, pool
-    losing = replace(everywhere, predict=told.predict)
-    left = losing.predictions([starts.point(told.fit)])[0]
-    for fitter in (replace(losing, weight=np.maximum(losing.weight, refinement.counts(losing.data, left))), losing):
-        priced = lost_commands.priced(fitter, told, seen, candidates)
-        if priced is not None:
-            without, there = fitter.fit_all([starts.again(best), starts.with_others(told.fit, priced)])
-            if there.evidence > without.evidence:
-                return fitter, [priced.get(c.label, c) for c in pool]
-    return everywhere, pool
+    best, nominal = shortlist.ordered(fits)[0], shortlist.nominal(fits)
+    if seen is None or not candidates or refinement.done(best):
+        return everywhere, []
+    for fit in (nominal, best) if best.parts else (nominal,):
+        if everywhere.out_of_time():
+            break
+        told = lost_commands.beside(everywhere, starts.point(fit), seen, candidates)
+        if told is None:
+            continue
+        losing = replace(everywhere, predict=told.predict)
+        left = losing.predictions([starts.point(told.fit)])[0]
+        counted = replace(losing, weight=np.maximum(losing.weight, refinement.counts(losing.data, left)))
+        for fitter in (counted, losing):
+            priced = lost_commands.priced(fitter, told, seen, candidates)
+            if priced is None:
+                continue
+            rivals = [starts.again(f) for f in ([best, fit] if fit is not best else [best])]
+            there, *without = fitter.fit_all([starts.with_others(told.fit, priced), *rivals])
+            if there.evidence > max(f.evidence for f in without) - (starts.VALLEY if fit is nominal else 0.0):
+                return fitter, [priced.get(c.label, c) for c in candidates]
+    return everywhere, []
 
 
 def _with_scatter(fitter: Fitter, fit: Fitted) -> Fitter:

@@ -25,6 +25,9 @@ WORSE: Final = 5.0
 TIED: Final = 2.0
 #: And where there is nothing to explain, only those of which this much may be expected of all trials [nats].
 HARDLY: Final = 1.0
+#: Fits of one explanation begun at different places end this far apart where contacts are (five contact cases of the
+#: blind check, three starts each: 50 to 200): what is farther behind than that is not fitted to more trials [nats].
+HOPELESS: Final = 200.0
 #: Evidence that another effect must add to be worth showing [nats]: a Bayes factor of 150, "very strong" (Kass &
 #: Raftery 1995).
 ADDS: Final = 5.0
@@ -86,19 +89,22 @@ def to_fit(screened: Sequence[Screened], count: int, moved: Sequence[Label] = ()
     return out + [next(s for s in screened if s.candidate.label == label) for label in moved if label not in seen]
 
 
-def rivals(fits: Sequence[Fitted]) -> list[Fitted]:
-    """Of single effects, best first: the first few, and whatever cannot be told from the best."""
-    return [f for k, f in enumerate(fits) if k < SECONDS or f.evidence > fits[0].evidence - TIED]
+def rivals(fits: Sequence[Fitted], times: float) -> list[Fitted]:
+    """Of single effects, best first: the first few, and whatever cannot be told from the best; without those that are
+    hopelessly behind it when so many times as many trials are met as well as these."""
+    near = [f for k, f in enumerate(fits) if k < SECONDS or f.evidence > fits[0].evidence - TIED]
+    return [f for f in near if expected(f, times) > expected(fits[0], times) - HOPELESS]
+
+
+def expected(fit: Fitted, times: float) -> float:
+    """Evidence for an explanation if it met so many times as many trials as well as these [nats]."""
+    return times * (fit.evidence - fit.prior) + fit.prior
 
 
 def promising(fits: Sequence[Fitted], none: Fitted, times: float) -> list[Fitted]:
     """Those that would be likelier than ``none``, a nominal model that leaves nothing to explain, if they met so many
     times as many trials as well as these."""
-
-    def expected(fit: Fitted) -> float:
-        return times * (fit.evidence - fit.prior) + fit.prior
-
-    return [f for f in fits if expected(f) - expected(none) > HARDLY]
+    return [f for f in fits if expected(f, times) - expected(none, times) > HARDLY]
 
 
 def worth_showing(fits: Sequence[Fitted]) -> list[Fitted]:
