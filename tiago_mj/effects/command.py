@@ -119,8 +119,9 @@ class CommandLag(Effect):
     def command(self, command: Array, now: Now) -> Array:
         if not self._slewing.any():
             return command
+        step = now.period / now.substeps
         for _ in range(now.substeps):
-            reached = self._positions(command, now.period / now.substeps)
+            reached = self._positions(command, step)
         return np.where(self._slewing, reached, command)
 
     def given(self, inputs: Array, now: Now) -> Array:

@@ -100,15 +100,20 @@ class HeldLowPass:
     def __init__(self, time_constant: Array, before: Array) -> None:
         self._time_constant = time_constant
         self._value = before
+        self._period: Array | None = None
+        self._missed = self._decay = np.zeros(0)
 
     def __call__(self, value: Array, period: Array) -> Array:
         """Take the next command, (nsim, n), and return the mean of the lagged one while it is held."""
-        with np.errstate(divide="ignore", invalid="ignore"):
-            periods = period / self._time_constant
-            missed = np.where(periods < np.inf, -np.expm1(-periods) / periods, 0.0)
-        before = self._value
-        self._value = value + (before - value) * np.exp(-periods)
-        return value + (before - value) * missed
+        if period is not self._period:  # the exponentials are most of the work, and periods hardly ever change
+            self._period = period
+            with np.errstate(divide="ignore", invalid="ignore"):
+                periods = period / self._time_constant
+                self._missed = np.where(periods < np.inf, -np.expm1(-periods) / periods, 0.0)
+            self._decay = np.exp(-periods)
+        before = self._value - value
+        self._value = value + before * self._decay
+        return value + before * self._missed
 
 
 class InARow:

@@ -158,14 +158,25 @@ class Fitter:
 
     def around(self, at: Point) -> Fitter:
         """The same with the nuisances' responses around a point: contacts do not answer in straight lines."""
-        predicted = self.predictions([at, *self._nudged(at)])
-        return replace(self, responses=(predicted[1:] - predicted[0]) / NUDGE)
+        return self.around_each([at])[0]
+
+    def around_each(self, points: Sequence[Point]) -> list[Fitter]:
+        """The same around each of several points, simulated side by side."""
+        asked = [[at, *self._nudged(at)] for at in points]
+        predicted = self.predictions([one for some in asked for one in some]) if asked else np.empty(0)
+        each = predicted.reshape(len(points), -1, *predicted.shape[1:])
+        return [replace(self, responses=(some[1:] - some[0]) / NUDGE) for some in each]
 
     def fit_all(self, starts: Sequence[Start]) -> list[Fitted]:
         """Fit explanations, each its magnitudes and nuisances, side by side: what they all need next is simulated at
         once. What is far behind is not brought to its end."""
         costs: list[float] = []
         return _run([self._fit(start, costs) for start in starts], self.predictions)
+
+    def fit_each(self, fitters: Sequence[Fitter], starts: Sequence[Start]) -> list[Fitted]:
+        """Fits of this one's trials, each by a fitter with responses of its own (:meth:`around_each`), side by side and
+        each brought to its end."""
+        return _run([fitter._fit(start, []) for fitter, start in zip(fitters, starts, strict=True)], self.predictions)
 
     def _fit(self, start: Start, costs_beside: list[float]) -> Steps[Fitted]:
         nuisance = np.zeros(self.size) if start.nuisance is None else start.nuisance

@@ -93,14 +93,13 @@ def renewed(everywhere: Fitter, fits: Sequence[Fitted]) -> list[Fitted]:
     least = best.evidence - (starts.VALLEY if fails(best, DONE) else starts.NEAR)
     near = shortlist.once_each(shortlist.ordered([f for f in fits if f.parts and f.evidence > least]))
     near = near[:RENEWED]
-    there = [_around_itself(everywhere, starts.again(f)) for f in near]
+    begin = [(starts.again(f), DONE) for f in near]
     # What the nominal model's numbers were moved for without the effect, they may be stuck at.
-    there += [_around_itself(everywhere, Start(f.parts, f.values, np.zeros(everywhere.size))) for f in near[:1]]
+    begin += [(Start(f.parts, f.values, np.zeros(everywhere.size)), DONE) for f in near[:1]]
     # What is left of fewer effects must not look like another one because their fit stopped short.
     for f in [f for f in shortlist.ordered(fits) if 0 < len(f.parts) < len(best.parts)][:1]:
-        begin = Start(f.parts, f.values, f.nuisance, ((f.values, best.nuisance),))
-        there.append(_around_itself(everywhere, begin, until=0.0))
-    return [*fits, *there]
+        begin.append((Start(f.parts, f.values, f.nuisance, ((f.values, best.nuisance),)), 0.0))
+    return [*fits, *_around_themselves(everywhere, begin)]
 
 
 def _led(everywhere: Fitter, best: Fitted, nominal: Fitted) -> list[Fitted]:
@@ -111,18 +110,21 @@ def _led(everywhere: Fitter, best: Fitted, nominal: Fitted) -> list[Fitted]:
     return []
 
 
-def _around_itself(everywhere: Fitter, start: Start, until: float = DONE) -> Fitted:
-    """A fit with the nuisances' responses around where it begins, and again around where it ended, until it leaves no
-    more than that or a round brings little."""
-    (best,) = everywhere.around(starts.point(start)).fit_all([start])
-    for _ in range(AROUND):
-        if not fails(best, until) or fails(best, HOPELESS) or everywhere.out_of_time():
+def _around_themselves(everywhere: Fitter, begin: Sequence[tuple[Start, float]]) -> list[Fitted]:
+    """Fits with the nuisances' responses around where each begins, and again around where it ended, until it leaves no
+    more than its number or a round brings little; side by side."""
+    best: dict[int, Fitted] = {}
+    going = {k: start for k, (start, _) in enumerate(begin)}
+    for _ in range(AROUND + 1):
+        fitters = everywhere.around_each([starts.point(start) for start in going.values()])
+        there = zip(going, everywhere.fit_each(fitters, list(going.values())), strict=True)
+        better = {k: fit for k, fit in there if k not in best or fit.evidence >= best[k].evidence + BRINGS}
+        best |= better
+        unfinished = [k for k, fit in better.items() if fails(fit, begin[k][1]) and not fails(fit, HOPELESS)]
+        going = {k: starts.again(better[k]) for k in unfinished}
+        if not going or everywhere.out_of_time():
             break
-        (there,) = everywhere.around(starts.point(best)).fit_all([starts.again(best)])
-        if there.evidence < best.evidence + BRINGS:
-            break
-        best = there
-    return best
+    return list(best.values())
 
 
 def refined(everywhere: Fitter, fits: Sequence[Fitted], others: Sequence[Fitted]) -> list[Fitted]:
