@@ -124,6 +124,7 @@ def _diagnosed(
     test = [k for k, t in enumerate(trials) if t.name in splits["test"]]
     validation = [k for k, t in enumerate(trials) if t.name in splits["validation"]]
     tick("replaying", len(trials))
+    replaying = time.monotonic()
     everything = list(range(len(trials)))
     predict, nominal = predictor(plant, trials, usable, threads=threads, seed=seed)
     on, data = predict.on, predict.data
@@ -148,6 +149,8 @@ def _diagnosed(
         data = noise_model.without_repeats(data)
     data = readings.with_grids(data, known)
     part = noise_model.part(data, fitted_on)
+    # What follows the search simulates about as much as what came before it.
+    reserve = time.monotonic() - replaying
     ranked = select.select(
         predict,
         part,
@@ -158,7 +161,7 @@ def _diagnosed(
         known,
         seen,
         steps=on.commands.shape[1] * math.ceil(plant.period / plant.max_timestep),
-        out_of_time=lambda: budget is not None and time.monotonic() - begun > budget,
+        out_of_time=lambda: budget is not None and time.monotonic() - begun > budget - reserve,
         tick=tick,
     )
     placed, ranked = _unless_ended(ranked, partial(place.refined, plant, ranked, part, fitted_on), None)

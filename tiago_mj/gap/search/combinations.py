@@ -90,7 +90,7 @@ def with_another(search: Search, size: int, promising: Sequence[Screened]) -> Se
         fits = _judged(everywhere, shortlist.ordered(refinement.again(fits)))
     fits = [*fits, *_judged(everywhere, found)]
     if not out_of_time():
-        fits = refinement.renewed(everywhere, fits)
+        fits = refinement.renewed(everywhere, fits, size)
     if not out_of_time():
         fits += refinement.refined(everywhere, [f for f in fits if len(f.parts) == size], fits)
     fits += everywhere.fit_all([] if out_of_time() else starts.absorbed(fits, everywhere))

@@ -82,16 +82,19 @@ def without_astray(everywhere: Fitter, fits: list[Fitted], at: Array) -> tuple[F
     return rest, rest.fit_all(begin), everywhere.of(kept, at)
 
 
-def renewed(everywhere: Fitter, fits: Sequence[Fitted]) -> list[Fitted]:
+def renewed(everywhere: Fitter, fits: Sequence[Fitted], size: int = 0) -> list[Fitted]:
     """The same, with what draws lead the best to, and with the nuisances' responses around each where that may decide:
-    near the best, and the best by fewer effects; not where the best is no more than a nominal number a little off."""
+    near the best, of so many effects at least, and the best by fewer effects; not where the best is no more than a
+    nominal number a little off."""
     best, nominal = shortlist.ordered(fits)[0], shortlist.nominal(fits)
     if best.evidence - nominal.evidence < PROMISES and done(nominal):
         return list(fits)
     fits = [*fits, *_led(everywhere, best, nominal)]
     best = shortlist.ordered(fits)[0]
     least = best.evidence - (starts.VALLEY if fails(best, DONE) else starts.NEAR)
-    near = shortlist.once_each(shortlist.ordered([f for f in fits if f.parts and f.evidence > least]))
+    near = shortlist.once_each(
+        shortlist.ordered([f for f in fits if len(f.parts) >= max(size, 1) and f.evidence > least])
+    )
     near = near[:RENEWED]
     begin = [(starts.again(f), DONE) for f in near]
     # What the nominal model's numbers were moved for without the effect, they may be stuck at.
