@@ -50,10 +50,10 @@ def magnitudes(name: str) -> dict[str, float]:
 def left(predict: Predictor, effects: tuple[Entry, ...]) -> dict[str, Any]:
     """What a prediction of all trials leaves in the worst channel: mean square sample by sample, and over blocks."""
     data = predict.data
-    difference = data.value - predict.all_trials([effects], range(len(data.value)))[0]
+    predicted = predict.all_trials([effects], range(len(data.value)))[0]
     known = np.maximum(np.isfinite(data.value).sum(axis=(0, 1)), 1)
-    misfit = (likelihood.scaled(data, difference) ** 2).sum(axis=(0, 1)) / known
-    lasting = np.nan_to_num(likelihood.lasting(data, difference))
+    misfit = (likelihood.scaled(data, likelihood.residual(data, predicted)) ** 2).sum(axis=(0, 1)) / known
+    lasting = np.nan_to_num(likelihood.lasting(data, data.value - predicted))
     return {"misfit": round(float(misfit.max()), 2), "lasting": round(float(lasting.max()), 2)}
 
 

@@ -12,12 +12,17 @@ from numpy.typing import NDArray
 from benchmarks.blind import motions, reality, robots
 from benchmarks.blind.dictionary import ARM, GRIPPER, KINDS, PLAIN, draw
 from benchmarks.blind.effects.base import Effect
+from benchmarks.blind.facts import Grid, converters
 from tiago_mj.models import names
 
 Array = NDArray[np.float64]
 
 #: Version of generator and drawing; a case of another version is another case.
-VERSION: Final = 6
+VERSION: Final = 7
+#: Versions whose cases can still be made, to the last bit: those of the kept runs.
+VERSIONS: Final = (6, 7)
+#: Fields of a case, with the version that they came with.
+SINCE: Final = {"version": 7, "grids": 7, "narrow": 7}
 TRIALS: Final = 10
 #: Control rates [Hz]: of the real robot's controllers, and of the environments.
 RATE: Final = 25.0
@@ -61,6 +66,9 @@ class Case:
         without: effects that are deleted from the library for this case.
         trials, seconds: of the session.
         rate: of control [Hz].
+        version: of the generator that drew it.
+        grids: converters of its sensors, which the sidecars state.
+        narrow: how far joints move in the recordings that are no test trials, over how far they do in those.
     """
 
     seed: int
@@ -75,6 +83,9 @@ class Case:
     trials: int = TRIALS
     seconds: float = SECONDS
     rate: float = RATE
+    version: int = VERSION
+    grids: tuple[Grid, ...] = ()
+    narrow: float = 1.0
 
     @property
     def kind(self) -> str:
@@ -142,6 +153,11 @@ def effects_of(case: Case) -> list[Effect]:
     return made
 
 
+def measured_with(case: Case, robot: robots.Robot) -> list[Effect]:
+    """The case's effects, and the converters of its sensors."""
+    return [*effects_of(case), *converters(case.grids, robot)]
+
+
 def real_robot(case: Case, folder: Path | None) -> robots.Robot:
     """The case's robot; the same numbers every time."""
     jitter = robots.Jitter(np.random.default_rng([case.seed, 1]), case.spread)
@@ -168,12 +184,19 @@ def simulate(case: Case, folder: Path | None = None) -> Made:
         moving = list(range(n)) if case.setting == PLAIN else [robot.joints.index(j) for j in ARM_JOINTS]
         reach, fastest = _limits(robot, case.setting)
         programs = [
-            motions.joint_program(np.random.default_rng([case.seed, 8, k]), robot, moving, reach, fastest, pace)
+            motions.joint_program(
+                np.random.default_rng([case.seed, 8, k]),
+                robot,
+                moving,
+                reach if k in TEST else case.narrow * reach,
+                fastest,
+                pace,
+            )
             for k in range(case.trials)
         ]
     smooth = ARM_ACCELERATION if case.setting == ARM else None
     conductor = motions.Conductor(programs, robot, setup.interface, setup.start, 1 / case.rate, smooth)
-    recorded = reality.simulate(robot, effects_of(case), setup, conductor)
+    recorded = reality.simulate(robot, measured_with(case, robot), setup, conductor)
     return Made(case, robot, recorded, setup, dict(robot.truth), folder)
 
 
@@ -181,7 +204,7 @@ def play(case: Case, commands: Array, repeats: int, folder: Path | None = None) 
     """The same reality moves again: given commands (rows, n), a few times."""
     robot = real_robot(case, folder)
     setup = setup_of(case, robot, repeats, len(commands), case.seed + 1)
-    recorded = reality.simulate(robot, effects_of(case), setup, np.tile(commands, (repeats, 1, 1)))
+    recorded = reality.simulate(robot, measured_with(case, robot), setup, np.tile(commands, (repeats, 1, 1)))
     return Made(case, robot, recorded, setup, dict(robot.truth), folder)
 
 

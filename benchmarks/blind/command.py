@@ -38,10 +38,17 @@ def blind(arguments: argparse.Namespace, say: Any = print) -> int:
     only, settings = _listed(arguments.kinds, plan.SHARES), _listed(arguments.settings, plan.SETTINGS)
     store = Store(arguments.out.resolve())
     rates, trials = _rates(arguments.rates), _trials(arguments.trials)
-    seconds = _seconds(arguments.seconds)
-    store.begin(run.facts(arguments.cases, arguments.seed, only, settings, rates, trials, seconds))
+    seconds, version = _seconds(arguments.seconds), _version(arguments.generator)
+    store.begin(run.facts(arguments.cases, arguments.seed, only, settings, rates, trials, seconds, version))
     planned = plan.plan(
-        arguments.cases, arguments.seed, only=only, settings=settings, rates=rates, trials=trials, seconds=seconds
+        arguments.cases,
+        arguments.seed,
+        only=only,
+        settings=settings,
+        rates=rates,
+        trials=trials,
+        seconds=seconds,
+        version=version,
     )
     run.generate(planned, store, workers=max(arguments.workers, 1), say=say)
     digest = store.seal(len(planned))
@@ -105,7 +112,7 @@ def calibration_seeds(path: Path = VERDICT) -> list[int]:
 def command(arguments: argparse.Namespace) -> str:
     """The command line that makes the same run elsewhere."""
     words = ["tiago-mj", "blind", "--cases", str(arguments.cases), "--seed", str(arguments.seed)]
-    for name in ("kinds", "settings", "rates", "trials", "seconds"):
+    for name in ("kinds", "settings", "rates", "trials", "seconds", "generator"):
         if getattr(arguments, name):
             words += [f"--{name}", str(getattr(arguments, name))]
     return shlex.join([*words, "--out", "DIR"])
@@ -121,6 +128,14 @@ def _trials(given: int | None) -> int:
         return cases.TRIALS
     if given < LEAST_TRIALS:
         raise ValueError(f"--trials is {given}: give {LEAST_TRIALS} or more, to fit, to choose and to report with")
+    return given
+
+
+def _version(given: int | None) -> int:
+    if given is None:
+        return cases.VERSION
+    if given not in cases.VERSIONS:
+        raise ValueError(f"--generator is {given}: give one of {', '.join(str(known) for known in cases.VERSIONS)}")
     return given
 
 

@@ -30,6 +30,7 @@ class Kind:
             (least, most distance from 1) under ``factor`` with ``below`` or ``above``.
         group: class of the contract.
         known: whether the library has it.
+        since: version of the generator that it came with.
     """
 
     make: type[Effect]
@@ -38,6 +39,7 @@ class Kind:
     group: str = ""
     known: bool = True
     fixed: Mapping[str, Any] = field(default_factory=dict)
+    since: int = 0
 
 
 def _r(gripper: Any = None, arm: Any = None, plain: Any = None) -> dict[str, Any]:
@@ -234,6 +236,14 @@ KINDS: Final[Mapping[str, Kind]] = {
     ),
     "supply_sag": Kind(unknown.SupplySag, "joint", _r({"current": (LOG, 4.0, 16.0)}), known=False),
     "sticky_pads": Kind(unknown.StickyPads, "sensor", _r({"share": (LOG, 0.15, 1.0)}), known=False),
+    "soft_saturation": Kind(unknown.SoftSaturation, "sensor", _r({"limit": (LOG, 0.6, 2.5)}), known=False, since=7),
+    "late_stamps": Kind(
+        unknown.LateStamps,
+        "none",
+        _same(seconds=(LOG, 0.008, 0.12), period=(FLAT, 0.8, 2.0)),
+        known=False,
+        since=7,
+    ),
 }
 
 KNOWN: Final = tuple(name for name, kind in KINDS.items() if kind.known)

@@ -17,6 +17,7 @@ is ordinary.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
@@ -26,6 +27,7 @@ from numpy.typing import NDArray
 
 from benchmarks.blind import cases, reality, robots
 from benchmarks.blind.cases import Case, Made
+from benchmarks.blind.effects.unknown import LateStamps
 
 Array = NDArray[np.float64]
 
@@ -43,30 +45,35 @@ def judge(made: Made, folder: Path | None = None) -> dict[str, Any]:
     case = made.case
     sigma = _sigma(made)
     test = [k for k in cases.TEST if k < case.trials] or [case.trials - 1]
+    # Where joints move far in the test trials alone, what can be known is what others show.
+    others = [k for k in range(case.trials) if k not in test][: len(test)] if case.narrow < 1 else []
+    shown, end = slice(len(test) if others else 0, None), slice(0, len(test))
     skew = float(np.prod([1 + e.parameters["rate"] for e in case.effects if e.name == "clock_skew"]))
-    others = [_drawn(case, folder, number) for number in range(DRAWS)]
-    robots_without = [cases.real_robot(case, folder), _nominal(case, folder), *others]
-    without = _run(robots_without, [], made, test, rate=case.rate / skew)
+    drawn = [_drawn(case, folder, number) for number in range(DRAWS)]
+    robots_without = [cases.real_robot(case, folder), _nominal(case, folder), *drawn]
+    late = [e for e in cases.effects_of(case) if isinstance(e, LateStamps)]
+    without = _run(robots_without, [], made, [*test, *others], rate=case.rate / skew, stamped=late)
     measured = _stacked(made.recorded, test)
-    before = float(np.mean(((measured - without[1]) / sigma) ** 2))
-    imitations = ((without[2:] - without[1]) / sigma).reshape(DRAWS, -1)
+    before = float(np.mean(((measured - without[1, end]) / sigma) ** 2))
+    imitations = ((without[2:, shown] - without[1, shown]) / sigma).reshape(DRAWS, -1)
     usual = ordinary(imitations)
-    _, itself = _shows((without[0] - without[1]) / sigma, 0.0, imitations)
+    _, itself = _shows((without[0, shown] - without[1, shown]) / sigma, 0.0, imitations)
     out: dict[str, Any] = {"nominal_gap": before, "ordinary": usual, "distance_without": itself}
     if not case.effects:
         return {**out, "gap": {}, "distance": 0.0, "detectable": False, "closable": None, "each": []}
-    with_it = _with(case, cases.effects_of(case), made, test, folder)
-    noisy = [_noise(effect, made) for effect in cases.effects_of(case)]
-    per, distance = _shows((with_it[0] - without[0]) / sigma, sum(noisy), imitations)
+    with_it = _with(case, cases.effects_of(case), made, [*test, *others], folder)
+    noisy = [_noise(effect, made, sigma) for effect in cases.effects_of(case)]
+    per, distance = _shows((with_it[0, shown] - without[0, shown]) / sigma, sum(noisy), imitations)
     each = []
     if len(case.effects) > 1:
         for k in range(len(case.effects)):
             kept = replace(case, effects=tuple(e for n, e in enumerate(case.effects) if n != k))
-            rest = _with(kept, [e for n, e in enumerate(cases.effects_of(case)) if n != k], made, test, folder)
-            each.append(_shows((with_it[0] - rest[0]) / sigma, noisy[k], imitations))
+            left = [e for n, e in enumerate(cases.effects_of(case)) if n != k]
+            rest = _with(kept, left, made, [*test, *others], folder)
+            each.append(_shows((with_it[0, shown] - rest[0, shown]) / sigma, noisy[k], imitations))
     else:
         each.append((per, distance))
-    after = float(np.mean(((measured - with_it[1]) / sigma) ** 2))
+    after = float(np.mean(((measured - with_it[1, end]) / sigma) ** 2))
     return {
         **out,
         "gap": dict(zip(channels(made), (float(x) for x in per), strict=True)),
@@ -76,7 +83,7 @@ def judge(made: Made, folder: Path | None = None) -> dict[str, Any]:
         ],
         "detectable": all(_seen(gap, away, usual) for gap, away in each),
         "after_true_effect": after,
-        "after_truth": float(np.mean(((measured - with_it[0]) / sigma) ** 2)),
+        "after_truth": float(np.mean(((measured - with_it[0, end]) / sigma) ** 2)),
         "closable": _closed(before, after),
     }
 
@@ -107,11 +114,12 @@ def _shows(e: Array, noisy: Any, imitations: Array) -> tuple[Array, float]:
     return per, distance + float((np.asarray(noisy) ** 2).sum()) / 4 * e.shape[0] * e.shape[1]
 
 
-def _noise(effect: Any, made: Made) -> Array:
-    """Variance that an effect adds to the noise, in units of the noise's, by channel."""
+def _noise(effect: Any, made: Made, sigma: Array) -> Array:
+    """Variance that an effect adds to the noise, in units of the floor's, by channel."""
     out = np.zeros(2 * len(made.robot.joints) + made.robot.units.shape[-1])
     if made.robot.pads is not None:
-        out[-2:] = np.broadcast_to(np.asarray(effect.noise_factor(_Columns(made)), dtype=float), 2) ** 2 - 1
+        share = (robots.FORCE_NOISE / sigma[-2:]) ** 2  # a coarse grid hides what is added
+        out[-2:] = share * (np.broadcast_to(np.asarray(effect.noise_factor(_Columns(made)), dtype=float), 2) ** 2 - 1)
     return out
 
 
@@ -152,9 +160,13 @@ def _drawn(case: Case, folder: Path | None, number: int) -> robots.Robot:
 
 
 def _sigma(made: Made) -> Array:
-    parts = [made.robot.noise[0], made.robot.noise[1]]
+    """Noise of every channel, and the error of rounding where it has a grid."""
+    steps = {grid.kind: grid.steps(made.robot) for grid in made.case.grids}
+    position, velocity = made.robot.noise
+    parts = [np.sqrt(position**2 + steps["position"] ** 2 / 12) if "position" in steps else position, velocity]
     if made.robot.pads is not None:
-        parts.append(np.full(2, robots.FORCE_NOISE))
+        force = np.full(2, robots.FORCE_NOISE)
+        parts.append(np.sqrt(force**2 + steps["force"] ** 2 / 12) if "force" in steps else force)
     return np.concatenate(parts)
 
 
@@ -170,12 +182,13 @@ def _run(
     test: list[int],
     *,
     rate: float | None = None,
+    stamped: Sequence[Any] = (),
 ) -> Array:
     """Silent simulations of the recorded commands, (robots, test trials, T, channels).
 
     The second robot's object stands where the user says that it does, further ones' as far from there as reality's
-    may. ``rate`` is that of the commands by the
-    recorder's clock, if that is not the control's.
+    may. ``rate`` is that of the commands by the recorder's clock, if that is not the control's; ``stamped`` are effects
+    that have them at the instants that they write.
     """
     n, count = len(several), len(test)
     offsets = np.tile(made.setup.offsets[test], n)
@@ -184,6 +197,8 @@ def _run(
     offsets[2 * count :] += made.case.placement * rng.standard_normal(max(n - 2, 0) * count)
     rate = rate or made.setup.rate
     setup = replace(made.setup, rate=rate, offsets=offsets, start=np.tile(made.setup.start[test], (n, 1)), silent=True)
+    for effect in stamped:
+        setup = replace(setup, instants=effect.stamp(np.arange(setup.rows + 1) / rate))
     plan = np.tile(made.recorded.commands[test], (n, 1, 1))
     together = robots.stack(several, count)
     together.step = together.coarse

@@ -12,7 +12,7 @@ from typing import Final
 
 import numpy as np
 
-from benchmarks.blind import cases
+from benchmarks.blind import cases, facts
 from benchmarks.blind.cases import FAST_RATE, FAST_SECONDS, RATE, SECONDS, TRIALS, Case, EffectChoice
 from benchmarks.blind.dictionary import ARM, GRIPPER, KINDS, KNOWN, PLAIN, UNKNOWN, available
 
@@ -28,6 +28,8 @@ RATES: Final = (RATE, FAST_RATE)
 OFFSET: Final = 0.005
 #: Share of cases whose nominal masses are another publication's.
 OTHER_SOURCE: Final = 0.2
+#: Effects that are a grid of readings themselves, and of which.
+ROUNDED: Final = {"encoder_quantization": "position", "force_quantization": "force"}
 #: Two effects that undo or hide each other by construction are no pair: only different stages or classes are drawn.
 ALIKE: Final = (
     {"force_gain", "torque_constant", "servo_stiffness", "joint_elasticity", "force_nonlinearity"},
@@ -60,6 +62,7 @@ def plan(
     rates: Sequence[float] = (),
     trials: int = TRIALS,
     seconds: float | None = None,
+    version: int = cases.VERSION,
 ) -> list[Case]:
     """The cases of a run.
 
@@ -71,23 +74,25 @@ def plan(
         rates: of control [Hz], of :data:`RATES`; all by default. The arm is at the real robot's, whatever is given.
         trials: of a case.
         seconds: of a trial; None: by its rate.
+        version: of the generator, of :data:`benchmarks.blind.cases.VERSIONS`.
     """
     turn = dict.fromkeys(SHARES, 0)
     out = []
     for number, kind in enumerate(kinds(count, seed, only)):
-        case = _case(number, kind, turn[kind], seed, settings)
-        out.append(_timed(case, number, seed, rates or RATES, trials, seconds))
+        case = _case(number, kind, turn[kind], seed, settings, version)
+        case = _timed(case, number, seed, rates or RATES, trials, seconds)
+        out.append(case if version < cases.SINCE["grids"] else _with_facts(case, number, seed))
         turn[kind] += 1
     return out
 
 
-def _case(number: int, kind: str, turn: int, seed: int, settings: Sequence[str]) -> Case:
+def _case(number: int, kind: str, turn: int, seed: int, settings: Sequence[str], version: int) -> Case:
     rng = np.random.default_rng([seed, number, 11])
     shares = {name: share for name, share in SETTINGS.items() if not settings or name in settings}
     setting = str(rng.choice(list(shares), p=np.array(list(shares.values())) / sum(shares.values())))
     names: tuple[str, ...] = ()
     if kind in ("one", "left_out", "outside"):
-        deck = UNKNOWN if kind == "outside" else KNOWN
+        deck = [name for name in (UNKNOWN if kind == "outside" else KNOWN) if KINDS[name].since <= version]
         name = _dealt(deck, turn, [seed, {"one": 21, "left_out": 22, "outside": 23}[kind]])
         if setting not in KINDS[name].ranges:
             possible = [s for s in shares if s in KINDS[name].ranges]
@@ -111,7 +116,16 @@ def _case(number: int, kind: str, turn: int, seed: int, settings: Sequence[str])
         spread=float(np.round(rng.uniform(0.03, 0.05), 4)),
         other_source=bool(setting != PLAIN and rng.random() < OTHER_SOURCE),
         without=names if kind == "left_out" else (),
+        version=version,
     )
+
+
+def _with_facts(case: Case, number: int, seed: int) -> Case:
+    """A case with the converters of its sensors and how far its session moves."""
+    rounded = frozenset(ROUNDED[effect.name] for effect in case.effects if effect.name in ROUNDED)
+    gripper = case.setting == GRIPPER
+    grids, narrow = facts.draw([seed, number, 17], cells=gripper, rounded=rounded, gripper=gripper)
+    return replace(case, grids=grids, narrow=narrow)
 
 
 def _timed(case: Case, number: int, seed: int, rates: Sequence[float], trials: int, given: float | None) -> Case:

@@ -61,6 +61,7 @@ class Setup:
         start: joints' initial positions, (ntrials, n).
         noise_seed: of the sensors' noise.
         silent: no noise, for oracles.
+        instants: of the rows, (rows + 1,) [s], where they are not evenly apart; None: they are.
     """
 
     interface: str
@@ -70,6 +71,7 @@ class Setup:
     start: Array
     noise_seed: int
     silent: bool = False
+    instants: Array | None = None
 
 
 def simulate(robot: Robot, effects: Sequence[Effect], setup: Setup, plan: Planner | Array) -> Recorded:
@@ -114,6 +116,13 @@ def run_built(robot: Robot, effects: Sequence[Effect], setup: Setup, plan: Plann
     return _Loop(robot, list(effects), setup, plan, world, batch, substeps).run()
 
 
+#: Of effects, in the order in which they are asked.
+HOOKS: Final = (
+    *("sent", "shaped", "executed", "control", "drive", "load"),
+    *("joints_read", "forces_read", "converted", "sampled"),
+)
+
+
 class _Loop:
     """One run; splits the chain into steps that each do one thing."""
 
@@ -140,7 +149,7 @@ class _Loop:
         self.set_point = setup.start.copy()
         self.speed = np.zeros_like(world.q)
         self.past: list[tuple[float, Array, Array, Array]] = []
-        for name in ("sent", "shaped", "executed", "control", "drive", "load", "joints_read", "forces_read", "sampled"):
+        for name in HOOKS:
             setattr(self, f"_{name}", [e for e in self.effects if e.has(name)])
 
     def run(self) -> Recorded:
@@ -157,6 +166,9 @@ class _Loop:
         position, velocity = np.zeros((ntrials, rows, n)), np.zeros((ntrials, rows, n))
         force = np.zeros((ntrials, rows, nforce))
         time = np.zeros(rows)
+        steps = np.full(setup.rows, self.substeps)
+        if setup.instants is not None:
+            steps = np.maximum(np.diff(np.round(setup.instants / world.h).astype(int)), 1)
         world.t = -round(SETTLING / world.h) * world.h
         self.seen = self._sense()
         while world.t < -world.h / 2:  # a robot that is switched on has settled before anything is logged
@@ -176,7 +188,9 @@ class _Loop:
             for effect in self._sent:  # type: ignore[attr-defined]
                 sent = effect.sent(sent, world)
             self.sent.append((world.t, sent))
-            for _ in range(self.substeps):
+            if setup.instants is not None:
+                world.period = steps[k] * world.h
+            for _ in range(steps[k]):
                 self._step()
         stamps = time.copy()
         for effect in self.effects:
@@ -267,6 +281,8 @@ class _Loop:
         if not (self._joints_read or self._forces_read or self.late):  # type: ignore[attr-defined]
             self.seen = self._sense()
         q, v, x = self.seen if not self.late else self._then(world.t - self.late)
+        for effect in self._converted:  # type: ignore[attr-defined]
+            q, v, x = effect.converted(q, v, x, world)
         drawn = self.noise.standard_normal((3, *world.q.shape))
         noise = self.noise.standard_normal(world.newtons.shape)
         if not self.setup.silent:

@@ -9,7 +9,7 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from benchmarks.blind import cases, robots
+from benchmarks.blind import cases, facts, robots
 from benchmarks.blind.cases import Made
 from benchmarks.blind.dictionary import ARM, GRIPPER, PLAIN
 from tiago_mj.models import names
@@ -51,8 +51,10 @@ def sidecar(made: Made, name: str, k: int) -> dict[str, Any]:
         "rate_hz": made.setup.rate,
         "interface": "position" if case.setting == PLAIN else case.interface,
         "initial": {"position": measured, "set_point": initial},
-        "source": {"tool": "benchmarks/blind", "version": cases.VERSION},
+        "source": {"tool": "benchmarks/blind", "version": case.version},
     }
+    if case.grids:
+        out["quantum"] = facts.stated(case.grids, robot)
     if case.setting != PLAIN:
         out["servo"] = {"name": made.servo}
     if case.setting == GRIPPER:

@@ -31,6 +31,8 @@ HARMLESS = {
     "velocity_limit": {"velocity": 10.0},
     "clock_skew": {"rate": 0.0},
     "dropped_commands": {"probability": 0.0},
+    "soft_saturation": {"limit": 50.0},
+    "late_stamps": {"seconds": 0.0, "period": 1.0},
 }
 
 

@@ -10,9 +10,9 @@ import pytest
 import tiago_mj  # noqa: F401
 from tiago_mj.cli import main
 from tiago_mj.effects import EFFECTS, read_effects
+from tiago_mj.gap.data.grid import grid_step
 from tiago_mj.gap.data.read import read_recordings
 from tiago_mj.gap.decision.verdict import calibration
-from tiago_mj.gap.detectors.readings import grid_step
 from tiago_mj.gap.pipeline import diagnose, split
 from tiago_mj.gap.simulation import replay
 from tiago_mj.gap.simulation.plant import plant_of

@@ -39,35 +39,6 @@ def test_what_a_step_shifts_for_good_is_one_error_and_not_many():
     assert cost(data, off * (-1.0) ** np.arange(ROWS)[None, :, None]) > 20 * ROWS / data.block
 
 
-@pytest.mark.parametrize("share", [0.05, 0.2, 2.0])
-def test_readings_on_a_grid_differ_by_what_is_allowed_for_it(share):
-    """Against draws: of values a deviation apart of which both are rounded. A quarter more than they scatter by is
-    allowed where the grid is as fine as the noise."""
-    step, rng = 1.0, np.random.default_rng(1)
-    deviation = share * step
-    one = rng.uniform(0, 100, 200_000)
-    other = one + rng.normal(0, deviation, one.size)
-    apart = np.round(one / step) * step - np.round(other / step) * step
-    data = noise_model.on_grid(
-        Data(
-            ("position.hinge",),
-            np.array([0]),
-            np.zeros((1, 1, 1)),
-            np.array([deviation]),
-            np.full((1, 1, 1), deviation),
-            np.zeros((1, 1, 1)),
-        ),
-        "position",
-        ("hinge",),
-        step,
-    )
-    allowed = float(data.sigma[0, 0, 0])
-    assert np.sqrt(np.mean(apart**2)) <= allowed < 1.25 * np.sqrt(np.mean(apart**2))
-    whole = np.full((1, 1, 1), step)
-    assert likelihood.lasting(data, whole)[0] < (step / deviation) ** 2  # what stands still stays apart
-    assert (noise_model.on_grid(data, "force", None, step).sigma == data.sigma).all()
-
-
 @pytest.mark.parametrize("rows", [150, 600])
 def test_white_noise_is_its_own_floor(rows):
     values = 0.3 * np.random.default_rng(rows).standard_normal((10, rows))

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from tiago_mj.cli import main
-from tiago_mj.gap.data.lint import inspect_all, refuse, summary, usable
+from tiago_mj.gap.data.lint import believed, inspect_all, refuse, summary, usable
 from tiago_mj.gap.data.read import read_recordings
 from tiago_mj.gap.data.recording import Finding, RecordingError
 from tiago_mj.gap.data.write import write_trial
+from tiago_mj.gap.inference import noise_model
 from tiago_mj.gap.simulation.plant import plant_of
 from tiago_mj.gap.tools.record import Motion
 from tiago_mj.gap.tools.record.plain import record_model
@@ -202,6 +203,84 @@ def test_of_two_coarse_cells_the_one_that_reads_nothing_while_the_other_is_press
     dead = [f for f in inspect_all(some, plant_of(grasps)) if f.code == "dead_channel"]
     assert {f.channel for f in dead} == {"force.left"}
     assert "while force.right is pressed" in dead[0].message
+
+
+def test_a_coarse_cell_that_nothing_touches_in_one_recording_is_not_dead_while_the_other_is_pressed(grasps):
+    some = [rounded(t, 0.15) for t in grasps]
+    some[1] = replace(some[1], forces={**some[1].forces, "left": np.zeros(len(some[1].time))})
+    assert np.ptp(some[1].forces["right"]) > 0.5
+    findings = inspect_all(some, plant_of(grasps))
+    assert not [f for f in findings if f.discredits]
+    assert all("force.left" in names for names in believed(some, findings).values())
+
+
+def test_a_coarse_cell_that_holds_a_line_is_not_stuck(grasps):
+    """At 24 Hz every reading of a ramp is another line, as if there were noise, and then the force is held."""
+    step, some = 0.15, []
+    for number, trial in enumerate(grasps):
+        cut = rounded(trial, step, slice(None, None, 10))
+        ramp = step * np.arange(4 * len(cut.time) // 10)
+        held = np.full(len(cut.time) // 2, ramp[-1])
+        pressed = np.concatenate(
+            [ramp, held, ramp[::-1][: len(cut.time) - len(ramp) - len(held)] + (2 + number) * step]
+        )
+        some.append(replace(cut, forces={**cut.forces, "left": pressed}))
+    assert not [f for f in inspect_all(some, plant_of(grasps)) if f.code == "stuck"]
+
+
+def test_what_is_dead_in_one_recording_is_compared_in_the_others(grasps):
+    broken = replace(grasps[1], forces={**grasps[1].forces, "right": np.zeros(len(grasps[1].time))})
+    some = [grasps[0], broken, grasps[2]]
+    plant = plant_of(some)
+    findings = inspect_all(some, plant)
+    assert {(f.code, f.channel, f.file) for f in findings if f.discredits} == {
+        ("dead_channel", "force.right", broken.source)
+    }
+    data = noise_model.collect(plant, some, believed(some, findings))
+    read = np.isfinite(data.value[:, :, data.channels.index("force.right")]).any(axis=1)
+    assert list(read) == [True, False, True]
+    assert np.isfinite(data.sigma).all()
+
+
+def test_a_stated_grid_excuses_an_encoder_that_never_changes_by_less(tmp_path):
+    path = model_file(tmp_path)
+    (slow,) = moves(path, episodes=1)
+    still = replace(slow, efforts={}, positions={**slow.positions, "elbow": np.full(len(slow.time), 0.1)})
+    dead = ("dead_channel", "position.elbow")
+    assert dead in {(f.code, f.channel) for f in looked_at([still], path)}
+
+    def stating(step):
+        raw = {**still.sidecar.raw, "quantum": {"position.elbow": step}}
+        return replace(still, sidecar=replace(still.sidecar, raw=raw))
+
+    far = float(np.ptp(slow.positions["elbow"]))
+    assert dead not in {(f.code, f.channel) for f in looked_at([stating(far)], path)}
+    assert dead in {(f.code, f.channel) for f in looked_at([stating(far / 10)], path)}
+
+
+@pytest.mark.parametrize(
+    ("said", "mend"),
+    [
+        ("0.1", "write steps by kind or column"),
+        ({"force": -0.1}, "a positive number"),
+        ({"force": True}, "a positive number"),
+        ({"fource": 0.1}, "none of its columns"),
+    ],
+)
+def test_a_stated_grid_that_cannot_be_is_refused_in_one_line(grasps, said, mend):
+    wrong = [replace(t, sidecar=replace(t.sidecar, raw={**t.sidecar.raw, "quantum": said})) for t in grasps]
+    with pytest.raises(RecordingError, match=mend) as fault:
+        plant_of(wrong)
+    assert "\n" not in str(fault.value)
+
+
+def test_recordings_of_one_robot_state_one_grid(grasps):
+    def stating(trial, step):
+        return replace(trial, sidecar=replace(trial.sidecar, raw={**trial.sidecar.raw, "quantum": {"force": step}}))
+
+    assert plant_of([stating(t, 0.1) for t in grasps]).grids == {"force.right": 0.1, "force.left": 0.1}
+    with pytest.raises(RecordingError, match="one sensor has one grid"):
+        plant_of([stating(t, 0.1 * (k + 1)) for k, t in enumerate(grasps)])
 
 
 def test_an_encoder_of_eight_bits_is_not_dead_where_the_joint_moves_less_than_its_step(tmp_path):

@@ -55,8 +55,7 @@ def named(explanation):
 
 def diagnosed(trials, **options):
     findings = lint.inspect(trials)
-    usable = frozenset.intersection(*(lint.usable(trial, findings) for trial in trials))
-    return diagnose(trials, findings=findings, usable=usable, threads=2, **options)
+    return diagnose(trials, findings=findings, usable=lint.believed(trials, findings), threads=2, **options)
 
 
 # XL-330 ---------------------------------------------------------------------------------------------------------------

@@ -185,6 +185,9 @@ class Effect:
     #: Whether its hooks ask for nothing but the signal that they are given and the time: then nobody has to look at the
     #: joints between two physics steps, and the diagnosis simulates a whole run in one go.
     signal_only: ClassVar[bool] = False
+    #: Kind of the readings (``position``, ``velocity`` or ``force``) that it rounds to a grid of its first parameter's
+    #: step, and does nothing else to; None: none. A reading on a grid is compared with what was not rounded.
+    rounds: ClassVar[str | None] = None
 
     def __init__(self, values: Mapping[str, Array], targets: Sequence[str] = ()) -> None:
         for key, value in values.items():

@@ -273,6 +273,7 @@ class ForceQuantization(Effect):
     """
 
     signal_only = True
+    rounds = "force"
 
     step = parameter(UNITS, identity=0.0, default=0.05, bounds=(0.0, 0.4))
 

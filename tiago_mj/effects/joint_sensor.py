@@ -75,6 +75,7 @@ class EncoderQuantization(Effect):
     """
 
     signal_only = True
+    rounds = "position"
 
     step = parameter(LENGTH, identity=0.0, default=0.0005, bounds=((0.0, 0.005), (0.0, 0.1)))
 

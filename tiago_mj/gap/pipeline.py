@@ -55,7 +55,7 @@ def diagnose(
     trials: Sequence[Trial],
     *,
     findings: Sequence[Finding] = (),
-    usable: frozenset[str] | None = None,
+    usable: noise_model.Usable | None = None,
     env: str | None = None,
     model: Path | None = None,
     names: Sequence[str] | None = None,
@@ -72,7 +72,7 @@ def diagnose(
     Args:
         trials: of one robot.
         findings: of the lint, for the report.
-        usable: channels that the lint trusts; None for all.
+        usable: channels that the lint trusts, of all trials or by their sources; None for all.
         env, model: what to simulate where the recordings do not say.
         names: effects to consider; None for the whole library.
         given: effects that are known already: part of the nominal simulator, and of what is found beside them.
@@ -96,7 +96,7 @@ def diagnose(
 def _diagnosed(
     trials: Sequence[Trial],
     findings: Sequence[Finding],
-    usable: frozenset[str] | None,
+    usable: noise_model.Usable | None,
     env: str | None,
     model: Path | None,
     names: Sequence[str] | None,
@@ -147,7 +147,6 @@ def _diagnosed(
     known = readings.betrayed([m for m in marks if m.channel not in hums], pool)
     if any(k.candidate.effect == "force_dropout" for k in known):
         data = noise_model.without_repeats(data)
-    data = readings.with_grids(data, known)
     part = noise_model.part(data, fitted_on)
     # What follows the search simulates about as much as what came before it.
     reserve = time.monotonic() - replaying

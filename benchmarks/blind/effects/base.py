@@ -152,6 +152,10 @@ class Effect:
         """Of the load cells' noise."""
         return 1.0
 
+    def converted(self, q: Array, v: Array, x: Array, world: World) -> tuple[Array, Array, Array]:
+        """What converters make of the sensors' signals before noise comes in."""
+        return q, v, x
+
     def sampled(self, q: Array, v: Array, x: Array, world: World) -> tuple[Array, Array, Array]:
         """What is written to the log."""
         return q, v, x

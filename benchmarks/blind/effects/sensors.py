@@ -52,6 +52,37 @@ class VelocityFilter(Effect):
         return q, _some(v, self._b, self.targets)
 
 
+class Converter(Effect):
+    """Encoders or load cells of few bits, as their data sheet has them: no effect of a case, but part of its robot.
+
+    Args:
+        kind: ``position`` or ``force``.
+        steps: of each joint, (n,), or load cell, (2,).
+        before: whether noise comes after rounding.
+    """
+
+    order = 85
+
+    def __init__(self, kind: str, steps: Array, before: bool) -> None:
+        super().__init__({}, [])
+        self._kind, self._steps, self._before = kind, steps, before
+
+    def _rounded(self, q: Array, x: Array) -> tuple[Array, Array]:
+        if self._kind == "position":
+            return np.floor(q / self._steps + 0.5) * self._steps, x
+        return q, np.floor(x / self._steps + 0.5) * self._steps
+
+    def converted(self, q: Array, v: Array, x: Array, world: World) -> tuple[Array, Array, Array]:
+        if self._before:
+            q, x = self._rounded(q, x)
+        return q, v, x
+
+    def sampled(self, q: Array, v: Array, x: Array, world: World) -> tuple[Array, Array, Array]:
+        if not self._before:
+            q, x = self._rounded(q, x)
+        return q, v, x
+
+
 # Load cells ---------------------------------------------------------------------------------------------------------
 
 

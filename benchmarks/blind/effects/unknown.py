@@ -103,6 +103,24 @@ class SupplySag(Effect):
         return force * np.where(self.on(world, 1.0) > 0, share, 1.0)
 
 
+class SoftSaturation(Effect):
+    """An amplifier that gives way long before its rail: small forces are right, large ones come ever shorter."""
+
+    order = 71
+
+    def forces_read(self, x: Array, world: World) -> Array:
+        short = (1 + (np.abs(x) / self.values["limit"]) ** 4) ** -0.25
+        return x * np.where(self.cells(1.0) > 0, short, 1.0)
+
+
+class LateStamps(Effect):
+    """A busy logger: its stamps come late by what waits before it, which swells and is worked off."""
+
+    def stamp(self, time: Array) -> Array:
+        waits = 0.5 * self.values["seconds"] * (1 - np.cos(2 * np.pi * time / self.values["period"]))
+        return time + waits
+
+
 class StickyPads(Effect):
     """Pads that cling: letting go takes a pull, the more the longer and harder they were pressed."""
 

@@ -70,7 +70,7 @@ def remainder(
         (placed,) = fitter.fit_all([Start((), np.zeros(0))])
         predicted = fitter.predictions([starts.point(placed)])[0]
     residual = here.value - predicted
-    square = (likelihood.scaled(here, residual) ** 2).sum(axis=(0, 1))
+    square = (likelihood.scaled(here, likelihood.residual(here, predicted)) ** 2).sum(axis=(0, 1))
     measured = np.isfinite(here.value).sum(axis=(0, 1))
     samples = float((square / np.maximum(measured, 1)).max(initial=0.0))
     lasting = float(np.nan_to_num(likelihood.lasting(here, residual)).max(initial=0.0))

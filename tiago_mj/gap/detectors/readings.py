@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import signal, stats
 
-from tiago_mj.gap.inference import noise_model
+from tiago_mj.gap.data.grid import grid_step
 from tiago_mj.gap.inference.hypotheses import Candidate
 from tiago_mj.gap.inference.noise_model import Data
 from tiago_mj.gap.simulation.phases import still
@@ -39,6 +39,8 @@ LOUD: Final = 0.5
 SLOW: Final = 3
 #: Share of the time until a load cell should feel something in which it surely does not, wherever the object stands.
 UNTOUCHED: Final = 0.6
+#: A grid that leaves out every other line of one that is stated has twice its step: halfway there.
+LINES_LEFT_OUT: Final = 1.5
 #: Offset of a load cell that is one, three deviations of what every cell may have [sensor units].
 LEAST_BIAS: Final = 0.006
 
@@ -61,6 +63,7 @@ class Trace:
         noise: scatter of one sample at rest; ``noise_samples`` differences went into it.
         repeats: number of readings that equal the one before exactly, of ``samples``.
         grid: step of the grid that all readings lie on, 0 if they lie on none.
+        stated: step of the grid that the sensor is said to have, 0 if it is said to have none.
         expected: the noise that the nominal sensor has; 0 for one without.
         rest: what it reads before anything is touched, with one standard deviation, where that is the same from
             beginning to end; None where it is not, or unknown.
@@ -74,6 +77,7 @@ class Trace:
     grid: float
     expected: float
     rest: tuple[float, float] | None = None
+    stated: float = 0.0
 
 
 def of_channels(plant: Plant, data: Data, base: Array) -> list[Trace]:
@@ -94,6 +98,7 @@ def of_channels(plant: Plant, data: Data, base: Array) -> list[Trace]:
             still(base[:, :, c]),
             float(noises[data.part[c]]) if name.startswith("force") else 0.0,
             before if name.startswith("force") else None,
+            plant.grids.get(name, 0.0),
         )
         for c, name in enumerate(data.channels)
     ]
@@ -139,6 +144,7 @@ def trace(
     quiet: NDArray[np.bool_],
     expected: float,
     untouched: NDArray[np.bool_] | None = None,
+    stated: float = 0.0,
 ) -> Trace:
     """Look at the readings of a channel.
 
@@ -148,6 +154,7 @@ def trace(
         quiet: rows in which the signal is predicted to stand still, (ntrials, T).
         expected: noise that the nominal sensor has.
         untouched: rows before anything is touched, (ntrials, T); None: not asked.
+        stated: step of the grid that it is said to have.
     """
     steps = np.diff(values, axis=1)
     known = np.isfinite(steps) & ~_at_an_end(values)[:, 1:]
@@ -163,6 +170,7 @@ def trace(
         grid=grid_step(values[np.isfinite(values)]),
         expected=expected,
         rest=None if untouched is None else _level(values, untouched, expected),
+        stated=stated,
     )
 
 
@@ -175,19 +183,6 @@ def _at_an_end(values: Array) -> NDArray[np.bool_]:
     ends = (float(known.min()), float(known.max()))
     near = 1e-9 * (ends[1] - ends[0])
     return np.asarray((np.abs(values - ends[0]) <= near) | (np.abs(values - ends[1]) <= near))
-
-
-def grid_step(values: Array) -> float:
-    """Step of the grid that all values lie on; 0 if there is none or it is finer than a thousandth of their range."""
-    levels = np.unique(values)
-    if len(levels) < 3 or len(levels) > 0.5 * len(values):
-        return 0.0
-    gaps = np.diff(levels)
-    step = float(gaps.min())
-    if step <= 1e-4 * float(levels[-1] - levels[0]):
-        return 0.0
-    multiples = gaps / step
-    return step if float(np.abs(multiples - np.round(multiples)).max()) < 1e-3 else 0.0
 
 
 @dataclass(frozen=True)
@@ -301,20 +296,13 @@ def betrayed(traces: Sequence[Trace], pool: Sequence[Candidate]) -> tuple[Known,
     return tuple(found)
 
 
-def with_grids(data: Data, known: Sequence[Known]) -> Data:
-    """With the tolerance of readings that lie on a grid."""
-    for k in known:
-        if k.candidate.effect in GRIDS:
-            data = noise_model.on_grid(data, GRIDS[k.candidate.effect], k.candidate.target, k.value)
-    return data
-
-
 def _known(candidate: Candidate, value: float, error: float) -> Known:
     return Known(candidate, float(np.clip(value, candidate.low, candidate.high)), error)
 
 
 def _grid(trace: Trace) -> tuple[float, float] | None:
-    return (trace.grid, 1e-3 * trace.grid) if trace.grid else None
+    """Step of a grid that nothing states, or of one that is coarser than what is stated: it leaves out lines."""
+    return (trace.grid, 1e-3 * trace.grid) if trace.grid > LINES_LEFT_OUT * trace.stated else None
 
 
 def _noise(trace: Trace) -> tuple[float, float] | None:
@@ -352,7 +340,5 @@ MEASURES: Final = {
     "force_dropout": _dropout,
     "force_bias": _bias,
 }
-#: Those that round, and what.
-GRIDS: Final = {"encoder_quantization": "position", "force_quantization": "force"}
 #: And those of them that predicted means are blind to.
 ONLY_READ_OFF: Final = ("encoder_quantization", "force_quantization", "force_noise", "force_dropout")

@@ -11,6 +11,7 @@ and, where the predictions have nuisances ν₀ already, of what is left to ν.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
@@ -18,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg
 
+from tiago_mj.gap.inference import between
 from tiago_mj.gap.inference.noise_model import Data, by_block, over_blocks
 
 Array = NDArray[np.float64]
@@ -77,7 +79,7 @@ def frame(
         per_trial: whether every trial has its own, (p,).
         at: nuisances that the predictions to be scored have already, ordered as :func:`columns`; None: none.
     """
-    a = columns(whiten(data, responses, weight), per_trial)
+    a = columns(whiten(data, told(data, responses), weight), per_trial)
     gram = np.eye(a.shape[1]) + a.T @ a
     factor = linalg.cho_factor(gram, lower=True)
     moved = np.zeros(a.shape[1]) if at is None else at
@@ -93,6 +95,40 @@ def columns(white: Array, per_trial: NDArray[np.bool_]) -> Array:
             alone[t] = one[t]
             out.append(alone.ravel())
     return np.stack(out, axis=1) if out else np.zeros((int(np.prod(white.shape[1:])), 0))
+
+
+def residual(data: Data, predicted: Array) -> Array:
+    """What was measured less predictions, (..., ntrials, T, C), as sums of squares are made of it: of readings on a
+    grid the working residual of :mod:`tiago_mj.gap.inference.between`."""
+    difference = data.value - predicted
+    return _on_grids(data, difference, between.residual)
+
+
+def slope(data: Data, predicted: Array) -> Array | None:
+    """How fast residuals grow with what was measured, from 0 to 1, (..., ntrials, T, C); None where that is 1."""
+    if data.step is None:
+        return None
+    return _on_grids(data, data.value - predicted, between.slope, np.ones(1))
+
+
+def told(data: Data, change: Array) -> Array:
+    """A change of predictions, (..., ntrials, T, C), as readings show it on average: on a grid not every one does."""
+    if data.step is None:
+        return change
+    return change * np.sqrt(between.told(data.sigma, np.broadcast_to(data.step, data.sigma.shape)))
+
+
+def _on_grids(data: Data, difference: Array, how: Callable[..., Array], elsewhere: Array | None = None) -> Array:
+    """A function of differences, deviations and steps, of the channels that have a grid."""
+    if data.step is None:
+        return difference
+    out = np.array(np.broadcast_to(difference if elsewhere is None else elsewhere, difference.shape))
+    mine = np.nonzero(data.step)[0]
+    known = np.nan_to_num(difference[..., mine])
+    out[..., mine] = np.where(
+        np.isfinite(data.value[..., mine]), how(known, data.sigma[..., mine], data.step[mine]), out[..., mine]
+    )
+    return out
 
 
 def whiten(data: Data, difference: Array, weight: Array) -> Array:
@@ -119,7 +155,7 @@ def scaled(data: Data, difference: Array) -> Array:
 
 def distance(data: Data, predicted: Array) -> float:
     """How far predictions (ntrials, T, C) are from what was measured, in units of floor and tolerance, squared."""
-    return float((soften(scaled(data, data.value - predicted)) ** 2).sum())
+    return float((soften(scaled(data, residual(data, predicted))) ** 2).sum())
 
 
 def lasting(data: Data, difference: Array) -> Array:
@@ -159,8 +195,9 @@ def astray(data: Data, difference: Array) -> NDArray[np.bool_]:
 def _over_blocks(data: Data, difference: Array) -> Array:
     """Squares of a residual's means over blocks, (ntrials, nblocks, C); NaN where nothing was measured."""
     known = np.isfinite(data.value)
-    white = np.where(known, np.nan_to_num(difference / data.noise), 0.0)
-    tolerance = np.where(known, np.sqrt(np.maximum(data.sigma**2 - data.noise**2, 0.0)) / data.noise, 0.0)
+    pull = _on_grids(data, difference, between.pull)  # its mean is 0 wherever between two lines the truth lies
+    white = np.where(known, np.nan_to_num(pull / data.noise), 0.0)
+    tolerance = np.where(known, np.sqrt(np.maximum(data.sigma**2 - data.own**2, 0.0)) / data.noise, 0.0)
     count = by_block(known.astype(float), data.block)
     size = count + by_block(tolerance, data.block) ** 2
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -177,7 +214,7 @@ def soften(white: Array) -> Array:
 
 def log_likelihood(on: Frame, predicted: Array) -> Array:
     """log p of the recordings given predictions (..., ntrials, T, C), nuisance integrated out, (...)."""
-    white = whiten(on.data, on.data.value - predicted, on.weight)
+    white = whiten(on.data, residual(on.data, predicted), on.weight)
     r = white.reshape(-1, on.columns.shape[0])
     further = linalg.cho_solve(on.factor, (r @ on.columns - on.at).T).T
     nuisance = np.clip(on.at + further, -NUISANCE_BOUND, NUISANCE_BOUND)
@@ -193,7 +230,7 @@ def independence(data: Data, predicted: Array) -> Array:
     1 / (1 + 2 Σ ρ_k) over the autocorrelation of the whitened residual up to its first zero (initial positive
     sequence).
     """
-    white = whiten(data, data.value - predicted, np.ones(len(data.channels)))
+    white = whiten(data, residual(data, predicted), np.ones(len(data.channels)))
     shares = np.ones(white.shape[-1])
     for c in range(white.shape[-1]):
         times = []

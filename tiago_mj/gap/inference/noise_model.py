@@ -1,17 +1,18 @@
 """How well a simulator can be expected to agree with a recording: noise of the sensor, and tolerance of the model.
 
 The noise floor of a channel is one standard deviation of what its sensor adds: from where it is quietest, by the median
-absolute deviation of differences, at least the quantum over √12, at least what no sensor is better than. Differences of
-order k cancel a motion that is a polynomial of degree k - 1 over their samples, and make √(2k choose k) of noise: the
-first will do for a joint that hardly moves, only the fourth for one that swings at four samples a radian. The tolerance
-is what two correct simulators differ by, at other time steps or integrators: it grows where a signal's slope jumps (an
-onset is never in the same millisecond) and a little with its size.
+absolute deviation of differences, with the quantum over √12, at least what no sensor is better than. A grid is no
+noise: what is compared knows its step, and that a reading on it says "between" (:mod:`tiago_mj.gap.inference.between`).
+Differences of order k cancel a motion that is a polynomial of degree k - 1 over their samples, and make √(2k choose k)
+of noise: the first will do for a joint that hardly moves, only the fourth for one that swings at four samples a radian.
+The tolerance is what two correct simulators differ by, at other time steps or integrators: it grows where a signal's
+slope jumps (an onset is never in the same millisecond) and a little with its size.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -19,11 +20,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
+from tiago_mj.gap.data.grid import grid_step
 from tiago_mj.gap.data.recording import RecordingError, Trial
+from tiago_mj.gap.inference import between
 from tiago_mj.gap.simulation.plant import Plant
 from tiago_mj.gap.simulation.replay import Signals
 
 Array = NDArray[np.float64]
+#: Names of channels that can be believed: in all trials, or of each trial by its source.
+Usable = frozenset[str] | Mapping[str, frozenset[str]]
 
 #: Smallest noise that is believed, (slide, hinge): 27 µm is what the 2023 project took for the fingers' encoders
 #: (llach/learning_fc), 0.1 mrad a 14-bit encoder's step over √12; velocities by the same over 50 ms.
@@ -69,6 +74,8 @@ class Data:
         sigma: floor and tolerance, (ntrials, T, C).
         common: part of the tolerance that errs alike over a block of rows, (ntrials, T, C).
         block: rows of a block.
+        step: of the grid that the readings of each channel lie on, or are rounded to before noise comes in, (C,); 0 for
+            none. It is part of ``noise``, and not of ``sigma``. None: no channel has one.
     """
 
     channels: tuple[str, ...]
@@ -78,6 +85,12 @@ class Data:
     sigma: Array
     common: Array
     block: int = 1
+    step: Array | None = None
+
+    @property
+    def own(self) -> Array:
+        """Noise of each channel apart from its grid, (C,)."""
+        return self.noise if self.step is None else np.sqrt(np.maximum(self.noise**2 - self.step**2 / 12, 0.0))
 
     @property
     def kinds(self) -> tuple[str, ...]:
@@ -85,26 +98,25 @@ class Data:
         return tuple(name.partition(".")[0] for name in self.channels)
 
 
-def collect(plant: Plant, trials: Sequence[Trial], usable: frozenset[str] | None = None) -> Data:
+def collect(plant: Plant, trials: Sequence[Trial], usable: Usable | None = None) -> Data:
     """Measured channels that the plant predicts.
 
     Args:
         plant: the nominal simulator.
         trials: recordings.
-        usable: names of the channels that the lint trusts; None for all.
+        usable: names of the channels that the lint trusts, of all trials or by their sources; None for all.
     """
     length = max(len(trial.time) for trial in trials)
     wanted = [("position", plant.joints), ("velocity", plant.joints), ("force", plant.sensors)]
-    channels, part, columns, noise, share = [], [], [], [], []
+    channels, part, columns, noise, share, steps = [], [], [], [], [], []
     for kind, names in wanted:
         for index, name in enumerate(names):
             channel = f"{kind}.{name}"
-            if usable is not None and channel not in usable:
-                continue
             values = np.full((len(trials), length), np.nan)
             for k, trial in enumerate(trials):
                 source = {"position": trial.positions, "velocity": trial.velocities, "force": trial.forces}[kind]
-                if name in source:
+                trusted = usable.get(trial.source, frozenset()) if isinstance(usable, Mapping) else usable
+                if name in source and (trusted is None or channel in trusted):
                     values[k, : len(trial.time)] = source[name]
             if not np.isfinite(values).any():
                 continue
@@ -113,17 +125,22 @@ def collect(plant: Plant, trials: Sequence[Trial], usable: frozenset[str] | None
             part.append(index)
             columns.append(values)
             stated = max((_stated(trial, kind, channel) for trial in trials), default=0.0)
-            noise.append(max(noise_floor(values, LEAST[kind][0 if slide else 1]), stated))
+            least = max(LEAST[kind][0 if slide else 1], stated)
+            nominal = float(plant.cell.noises[index]) if kind == "force" and plant.cell is not None else 0.0
+            step = plant.grids.get(channel, 0.0)
+            noise.append(noise_beside(values, least, step, nominal))
+            steps.append(max(step, grid_of(values)))
             share.append(SHARE[kind][0 if slide else 1])
     value = np.stack(columns, axis=-1) if columns else np.zeros((len(trials), length, 0))
-    floor = np.array(noise)
+    own, grid = np.array(noise), np.array(steps)
     return Data(
         tuple(channels),
         np.array(part, dtype=int),
         value,
-        floor,
-        *sigma(value, floor, np.array(share), tuple(channels), plant.period),
+        np.sqrt(own**2 + grid**2 / 12),
+        *sigma(value, own, np.array(share), tuple(channels), plant.period, grid),
         block=max(round(BLOCK / plant.period), 1),
+        step=grid if grid.any() else None,
     )
 
 
@@ -141,6 +158,31 @@ def _stated(trial: Trial, kind: str, channel: str) -> float:
     return value
 
 
+def grid_of(values: Array) -> float:
+    """Step of the grid that the readings of a channel lie on, (ntrials, T), NaN where nothing was measured; 0 if they
+    lie on none. Two values that alternate are a grid, too."""
+    return grid_step(values[np.isfinite(values)], least=2)
+
+
+def noise_beside(values: Array, least: float, stated: float = 0.0, nominal: float = 0.0) -> float:
+    """One standard deviation of a channel's noise, apart from its grid.
+
+    Args:
+        values: (ntrials, T).
+        least: what is believed at least.
+        stated: step of a grid that the sensor is said to have; noise may come after it.
+        nominal: noise that the sensor is said to have: what a coarser grid hides is believed.
+    """
+    step = grid_of(values)
+    whole = noise_floor(values, least)
+    if not step:  # what is rounded before noise comes in stands still under it
+        return whole
+    seen = between.noise(_free(values), step)
+    if seen is None or seen > step / 2:  # it never rests, or spans many lines: rounding adds white noise of step² / 12
+        seen = max(seen or 0.0, math.sqrt(max(_by_differences(values) ** 2 - step**2 / 12, 0.0)))
+    return max(seen, nominal if step > nominal else 0.0, least)
+
+
 def noise_floor(values: Array, least: float) -> float:
     """One standard deviation of a channel's noise, from the quietest third of its differences, of the order that leaves
     least of the motion.
@@ -149,19 +191,29 @@ def noise_floor(values: Array, least: float) -> float:
         values: (ntrials, T).
         least: what is believed at least.
     """
-    ends = (np.nanmin(values), np.nanmax(values)) if np.isfinite(values).any() else (np.nan, np.nan)
-    at_an_end = np.isclose(values, ends[0], rtol=1e-9, atol=0) | np.isclose(values, ends[1], rtol=1e-9, atol=0)
-    # What a sensor says below its threshold, or at its limit, has no noise.
-    free = np.where(at_an_end, np.nan, values)
-    steps = np.diff(free, axis=1).ravel()
+    steps = np.diff(_free(values), axis=1).ravel()
     steps = steps[np.isfinite(steps)]
     if len(steps) < 8:
         return least
     moving = np.nonzero(steps)[0]
     quantum = np.min(np.abs(steps[moving])) if len(moving) else 0.0
-    quiet = min(_quiet(np.diff(free, n=k, axis=1)) / np.sqrt(math.comb(2 * k, k)) for k in range(1, ORDERS + 1))
     repeated = quantum if len(np.unique(values[np.isfinite(values)])) < 0.2 * len(steps) else 0.0
-    return float(max(quiet / SHOWN, repeated / np.sqrt(12), least))
+    return float(max(_by_differences(values), repeated / np.sqrt(12), least))
+
+
+def _free(values: Array) -> Array:
+    """Without readings at either end of all: what a sensor says below its threshold, or at its limit, has no noise."""
+    ends = (np.nanmin(values), np.nanmax(values)) if np.isfinite(values).any() else (np.nan, np.nan)
+    at_an_end = np.isclose(values, ends[0], rtol=1e-9, atol=0) | np.isclose(values, ends[1], rtol=1e-9, atol=0)
+    return np.where(at_an_end, np.nan, values)
+
+
+def _by_differences(values: Array) -> float:
+    """One standard deviation of what is left of the quietest third of the differences, of the order that leaves
+    least."""
+    free = _free(values)
+    least = min(_quiet(np.diff(free, n=k, axis=1)) / np.sqrt(math.comb(2 * k, k)) for k in range(1, ORDERS + 1))
+    return least / SHOWN if np.isfinite(least) else 0.0
 
 
 def _quiet(differences: Array) -> float:
@@ -177,7 +229,9 @@ def _quiet(differences: Array) -> float:
     return float(1.4826 * np.quantile(spread, 1 / 3))
 
 
-def sigma(value: Array, noise: Array, share: Array, channels: Sequence[str], period: float) -> tuple[Array, Array]:
+def sigma(
+    value: Array, noise: Array, share: Array, channels: Sequence[str], period: float, step: Array | None = None
+) -> tuple[Array, Array]:
     """Floor and tolerance of every sample, and the part of it that errs alike over a block; same shape as ``value``.
 
     How fast a smooth signal changes costs no tolerance: a common delay is a nuisance of its own. Where its slope jumps
@@ -187,7 +241,11 @@ def sigma(value: Array, noise: Array, share: Array, channels: Sequence[str], per
     kinds = [name.partition(".")[0] for name in channels]
     force = np.array([kind == "force" for kind in kinds])
     filled = np.where(np.isfinite(value), value, 0.0)
-    slope = np.gradient(filled, axis=1) / period
+    grid = np.zeros(len(kinds)) if step is None else step
+    smooth = filled.copy()
+    for c in np.nonzero(grid)[0]:
+        smooth[:, :, c] = _across_lines(filled[:, :, c])
+    slope = np.gradient(smooth, axis=1) / period
     lag = max(round(EVENT / period), 1)
     jump = np.zeros_like(slope)
     if slope.shape[1] > 2 * lag:
@@ -195,19 +253,31 @@ def sigma(value: Array, noise: Array, share: Array, channels: Sequence[str], per
         # A joint that swings bends all the time: an event stands out of its surroundings.
         usual = median_filter(inner, size=(1, 2 * max(AROUND * lag, AROUND_ROWS) + 1, 1))
         inner -= np.where(force, 0.0, usual)
-        jump[:, lag:-lag] = np.maximum(inner - 4 * noise / period, 0.0)  # less what noise alone makes
+        # Less what noise alone makes, and half a step, which a fast signal may be off between two lines.
+        jump[:, lag:-lag] = np.maximum(inner - (4 * noise + grid / 2) / period, 0.0)
     steepest = jump.copy()
     for shift in range(1, lag + EVENT_ROWS + 1):
         steepest[:, shift:] = np.maximum(steepest[:, shift:], jump[:, :-shift])
         steepest[:, :-shift] = np.maximum(steepest[:, :-shift], jump[:, shift:])
-    span = np.nanmax(np.where(np.isfinite(value), value, np.nan), axis=1) - np.nanmin(
-        np.where(np.isfinite(value), value, np.nan), axis=1
-    )
-    pressed = np.where(np.abs(filled) > TOUCHED * noise, np.abs(filled), 0.0)
-    size = np.where(force, pressed, np.nan_to_num(span)[:, None, :])
+    known = np.isfinite(value)
+    span = np.max(value, axis=1, where=known, initial=-np.inf) - np.min(value, axis=1, where=known, initial=np.inf)
+    pressed = np.where(np.abs(filled) > TOUCHED * np.hypot(noise, grid / np.sqrt(12)), np.abs(filled), 0.0)
+    size = np.where(force, pressed, np.maximum(span, 0.0)[:, None, :])
     common = share * size
     instant = np.where(force, INSTANT * pressed, 0.0)
     return np.sqrt(noise**2 + (TIMING * steepest) ** 2 + instant**2 + common**2), common
+
+
+def _across_lines(values: Array) -> Array:
+    """Readings on a grid as straight lines from where they cross from one value to another to where they do next:
+    (ntrials, T), what was rounded to within half a step."""
+    rows = np.arange(values.shape[1])
+    out = np.empty_like(values)
+    for k, row in enumerate(values):
+        at = np.flatnonzero(np.diff(row))
+        crossed = np.concatenate([row[:1], (row[at] + row[at + 1]) / 2, row[-1:]])
+        out[k] = np.interp(rows, np.concatenate([[0.0], at + 0.5, [len(row) - 1.0]]), crossed)
+    return out
 
 
 def with_numerics(data: Data, predicted: Array, finer: Array) -> Data:
@@ -237,17 +307,6 @@ def with_scatter(data: Data, alike: Array) -> Data:
     share = 1 / (len(alike) - 1)
     lasting, apart = (share * (part**2).sum(axis=0) for part in (common, spread - common))
     return replace(data, sigma=np.sqrt(data.sigma**2 + lasting + apart), common=np.sqrt(data.common**2 + lasting))
-
-
-def on_grid(data: Data, kind: str, names: Sequence[str] | None, step: float) -> Data:
-    """With readings of some parts (None: of all) that lie on a grid, as predictions of them do: two values δ apart end
-    up a whole step apart with probability |δ| / step, which is their mean square; E|δ| = √(2/π) σ. It is no noise: what
-    stands still stays apart."""
-    channels = [f"{kind}.{name}" for name in names] if names is not None else None
-    mine = [k == kind if channels is None else c in channels for c, k in zip(data.channels, data.kinds, strict=True)]
-
-    wider = np.sqrt(data.sigma**2 + np.minimum(np.sqrt(2 / np.pi) * data.sigma * step, step**2 / 6))
-    return replace(data, sigma=np.where(mine, wider, data.sigma))
 
 
 def by_block(values: Array, rows: int) -> Array:

@@ -14,6 +14,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from tiago_mj.effects import EFFECTS
 from tiago_mj.effects.spec import Entry
 from tiago_mj.gap.data.recording import RecordingError, Trial
 from tiago_mj.gap.inference import likelihood, noise_model
@@ -40,6 +41,8 @@ class Predictor:
         off: what the step makes wrong in the nominal signals of every trial
             (:func:`tiago_mj.gap.inference.noise_model.off_by_step`); None: not known.
         corrected: whether that is put right where it is known; else predictions are as they are simulated.
+        rounded: whether readings are rounded where an effect rounds them; else they are what is rounded: a likelihood
+            knows the grid (:mod:`tiago_mj.gap.inference.between`).
         runs: number of physics simulations made.
         tally: numbers of ``simulations`` and of those that ``diverged``, of this one and all that were made of it.
     """
@@ -51,6 +54,7 @@ class Predictor:
     seed: int = 0
     off: Signals | None = None
     corrected: bool = True
+    rounded: bool = False
     runs: int = 0
     tally: Counter[str] = field(default_factory=Counter)
     _kept: dict[tuple[int, Effects], tuple[Array, ...]] = field(default_factory=dict)
@@ -81,14 +85,15 @@ class Predictor:
             physics = tuple(e for e in effects if not sensor_only(e))
             for draw in range(count):
                 rows.append(true[(trial, physics, draw)])
-                sims.append((trial, tuple(e for e in effects if sensor_only(e) and e.name not in RANDOM)))
+                sims.append((trial, tuple(e for e in effects if self._measures(e))))
                 owner.append(k)
         signals = Signals(*(np.stack(parts) for parts in zip(*rows, strict=True)))
         measuring = np.array([bool(effects) or any(sensor_only(e) for e in given) for _, effects in sims])
         if measuring.any():
             index = np.nonzero(measuring)[0]
             some = Signals(*(getattr(signals, f)[index] for f in Signals.__dataclass_fields__))
-            measured = replay.measure(_certain(self.plant), self.on, some, [sims[i] for i in index], seed=self.seed)
+            plant = replace(self.plant, given=tuple(e for e in given if not sensor_only(e) or self._measures(e)))
+            measured = replay.measure(plant, self.on, some, [sims[i] for i in index], seed=self.seed)
             for name in ("position", "velocity", "reading"):
                 getattr(signals, name)[index] = getattr(measured, name)
         channels = noise_model.predicted(self.data, signals)
@@ -111,12 +116,18 @@ class Predictor:
         return replace(self, on=replace(self.on, luck=luck), runs=0, _kept=kept)
 
     def as_simulated(self) -> Predictor:
-        """The same with the error of the physics step in it: what the environment, or the repaired model, does."""
-        return replace(self, corrected=False)
+        """The same with the error of the physics step in it, and its readings rounded: what the environment, or the
+        repaired model, does."""
+        return replace(self, corrected=False, rounded=True)
 
     def otherwise_corrected(self) -> Predictor | None:
         """The same with the step's error put right where it was not, or the other way round; None: it is not known."""
         return None if self.off is None else replace(self, corrected=not self.corrected)
+
+    def _measures(self, entry: Entry) -> bool:
+        """Whether an effect is applied to signals: of those that draw at random none is, as a reading that was missed
+        is no other reading."""
+        return sensor_only(entry) and entry.name not in RANDOM and (self.rounded or not rounds(entry))
 
     def _put_right(self, trial: int, run: tuple[Array, ...]) -> tuple[Array, ...]:
         fields = Signals.__dataclass_fields__
@@ -144,14 +155,14 @@ class Predictor:
 
 
 def predictor(
-    plant: Plant, trials: Sequence[Trial], usable: frozenset[str] | None = None, *, threads: int = 0, seed: int = 0
+    plant: Plant, trials: Sequence[Trial], usable: noise_model.Usable | None = None, *, threads: int = 0, seed: int = 0
 ) -> tuple[Predictor, Signals]:
     """Everything that trials are compared with, and the nominal replay of each, one row a trial.
 
     Args:
         plant: of the trials.
         trials: recorded.
-        usable: channels that are trusted; None for all.
+        usable: channels that are trusted, of all trials or by their sources; None for all.
         threads, seed: of the simulations.
 
     Raises:
@@ -171,10 +182,12 @@ def predictor(
     finer = replay.simulate(fine, on, everything, threads=threads, seed=seed)
     if finer.diverged.any():  # a step that is not fine enough tells nothing of another
         finer = true
-    off = noise_model.off_by_step(true, finer)  # of true signals: a given quantum would make steps of it
+    off = noise_model.off_by_step(true, finer)
     nominal = true
     if bare.given != plant.given:
-        sensed = _certain(plant)
+        sensed = replace(
+            plant, given=tuple(e for e in plant.given if not sensor_only(e) or not (e.name in RANDOM or rounds(e)))
+        )
         nominal, finer = (replay.measure(sensed, on, one, everything, seed=seed) for one in (true, finer))
     as_simulated = noise_model.predicted(data, nominal)
     data = noise_model.with_numerics(data, as_simulated, noise_model.predicted(data, finer))
@@ -185,9 +198,9 @@ def predictor(
     return Predictor(plant, on, data, threads, seed, off, corrected=not same), nominal
 
 
-def _certain(plant: Plant) -> Plant:
-    """Without given effects of the sensors that draw at random: a reading that was missed is no other reading."""
-    return replace(plant, given=tuple(e for e in plant.given if not (sensor_only(e) and e.name in RANDOM)))
+def rounds(entry: Entry) -> bool:
+    """Whether an effect rounds readings, and does nothing else."""
+    return EFFECTS[entry.name].rounds is not None
 
 
 def _plain(key: tuple[int, Effects, int]) -> tuple[int, Effects]:

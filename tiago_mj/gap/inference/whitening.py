@@ -44,21 +44,25 @@ class Whitening:
         return likelihood.columns(likelihood.whiten(self.data, responses, self.weight), per_trial)
 
     def weighted(self, predicted: Array, columns: Array) -> tuple[Array, Array]:
-        """Residual (n,) and responses (n, k), both scaled down where the residual is softened."""
-        white = self.white(self.data.value - predicted)
+        """Residual (n,) and responses (n, k), both scaled down where the residual is softened, responses also where a
+        reading on a grid does not show them."""
+        white = self.white(likelihood.residual(self.data, predicted))
         soft = likelihood.soften(white)
         with np.errstate(divide="ignore", invalid="ignore"):
             share = np.where(white == 0, 1.0, soft / white)
+        on_grids = likelihood.slope(self.data, predicted)
+        if on_grids is not None:
+            share = share * on_grids.ravel()
         return soft, columns * share[:, None]
 
     def cost(self, predicted: Array, nuisance: Array) -> float:
         """Half the sum of squares of residual and nuisances [nats]."""
-        r = likelihood.soften(self.white(self.data.value - predicted))
+        r = likelihood.soften(self.white(likelihood.residual(self.data, predicted)))
         return float(0.5 * r @ r + 0.5 * nuisance @ nuisance)
 
     def misfit(self, predicted: Array) -> Array:
         """Mean squared residual of every channel in units of floor and tolerance, (C,)."""
-        white = likelihood.scaled(self.data, self.data.value - predicted)
+        white = likelihood.scaled(self.data, likelihood.residual(self.data, predicted))
         known = np.isfinite(self.data.value).sum(axis=(0, 1))
         mean: Array = np.sum(white**2, axis=(0, 1)) / np.maximum(known, 1)
         return mean

@@ -195,6 +195,6 @@ def spread(base: Array, data: Data, count: int) -> list[int]:
 
 def _failing(predicted: Array, data: Data) -> list[int]:
     """Trials, those first in which a prediction fails most, sample by sample."""
-    white = likelihood.scaled(data, data.value - predicted)
+    white = likelihood.scaled(data, likelihood.residual(data, predicted))
     size = (likelihood.soften(white) ** 2).sum(axis=(1, 2))
     return [int(k) for k in np.argsort(-size)]

@@ -103,7 +103,7 @@ def screen(
         found = found - fitter.paid(c)
         best = int(np.argmax(found))
         change = stack - base
-        white = likelihood.scaled(on.data, change)
+        white = likelihood.scaled(on.data, likelihood.told(on.data, change))
         out.append(
             Screened(
                 c,

@@ -167,7 +167,7 @@ def _searched(
     data, base, trials = noise_model.part(data, chosen), base[chosen], [trials[k] for k in chosen]
     terms = tuple(sorted(terms, key=lambda term: term.per_trial))
     responses = (predict.all_trials([(term.entry(NUDGE),) for term in terms], trials) - base) / NUDGE
-    telling = (likelihood.whiten(data, responses, weight) ** 2).sum(axis=(1, 2, 3)) > 2 * SILENT
+    telling = (likelihood.whiten(data, likelihood.told(data, responses), weight) ** 2).sum(axis=(1, 2, 3)) > 2 * SILENT
     shared = telling[[not term.per_trial for term in terms]]
     terms = tuple(term for term, tells in zip(terms, telling, strict=True) if tells)
     given = tuple(k.candidate.entry(k.value) for k in known)
@@ -336,7 +336,7 @@ def _with_scatter(fitter: Fitter, fit: Fitted) -> Fitter:
 def _with_something_to_explain(pool: Sequence[Candidate], data: Data, base: Array) -> list[Candidate]:
     """Without candidates of one joint or cell where the nominal model predicts all of its channels."""
     known = np.isfinite(data.value).sum(axis=(0, 1))
-    square = (likelihood.scaled(data, data.value - base) ** 2).sum(axis=(0, 1)) / np.maximum(known, 1)
+    square = (likelihood.scaled(data, likelihood.residual(data, base)) ** 2).sum(axis=(0, 1)) / np.maximum(known, 1)
     quiet = (square < QUIET[0]) & (likelihood.lasting(data, data.value - base) < QUIET[1])
     of: dict[str, list[bool]] = {}
     for channel, still in zip(data.channels, quiet, strict=True):

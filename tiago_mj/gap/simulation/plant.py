@@ -21,7 +21,8 @@ from tiago_mj.effects import EFFECTS
 from tiago_mj.effects.chain import Wiring
 from tiago_mj.effects.spec import Entry, arrays
 from tiago_mj.effects.wiring import wire
-from tiago_mj.gap.data.nominal_priors import known_to
+from tiago_mj.gap.data.grid import grid_step
+from tiago_mj.gap.data.nominal_priors import grids, known_to
 from tiago_mj.gap.data.recording import RecordingError, Sidecar, Trial
 from tiago_mj.models import names, scene
 from tiago_mj.models.files import refuse_urdf
@@ -92,6 +93,8 @@ class Plant:
         known: how well the recordings say that numbers of the model are known
             (:mod:`tiago_mj.gap.data.nominal_priors`).
         given: effects that are known already: part of every simulation, whatever else is tried.
+        grids: step of the grid of every channel that is said to have one
+            (:func:`tiago_mj.gap.data.nominal_priors.grids`).
     """
 
     name: str
@@ -107,6 +110,7 @@ class Plant:
     starts: Mapping[str, Start] = field(default_factory=dict)
     known: Mapping[tuple[str, str | None], float] = field(default_factory=dict)
     given: tuple[Entry, ...] = ()
+    grids: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def substeps(self) -> int:
@@ -164,7 +168,7 @@ def plant_of(
     plant = _plain(trials, Path(robot)) if file else _environment(trials, robot)
     for entry in given:
         arrays(EFFECTS[entry.name], [[entry]], plant.wiring.targets)
-    return replace(plant, known=known_to(trials), given=tuple(given))
+    return replace(plant, known=known_to(trials), given=tuple(given), grids=grids(trials, given))
 
 
 # Environments --------------------------------------------------------------------------------------------------------
@@ -297,7 +301,10 @@ def _relative(trials: Sequence[Trial]) -> bool:
 
 
 def _initial(model: mujoco.MjModel, wiring: Wiring, trial: Trial, qpos: Array, item: GraspObject | None) -> Start:
-    """Start of a trial: what its sidecar says, unless its first measured row says clearly otherwise."""
+    """Start of a trial: what its sidecar says, unless its first measured row says clearly otherwise.
+
+    A reading on a grid says less: of what it leaves open that is nearest to where the servo holds the joint.
+    """
     said = trial.sidecar.initial or {}
     qvel = np.zeros(model.nv)
     for k, joint in enumerate(wiring.targets.joint):
@@ -316,7 +323,16 @@ def _initial(model: mujoco.MjModel, wiring: Wiring, trial: Trial, qpos: Array, i
         value = said.get("set_point", {}).get(joint, said.get("set_point", {}).get(actuator))
         if value is not None:
             set_point[k] = value
+            address = wiring.qpos[wiring.targets.actuated[k]]
+            around = grid_step(_known(trial.positions.get(joint)), least=2) / 2
+            if around and not said.get("velocity", {}).get(joint):  # it rests within half a step of what it reads
+                qpos[address] = np.clip(value, qpos[address] - around, qpos[address] + around)
     return Start(qpos, qvel, set_point, item)
+
+
+def _known(values: Array | None) -> Array:
+    """The readings of a channel that there are, (n,)."""
+    return np.empty(0) if values is None else values[np.isfinite(values)]
 
 
 def _held(model: mujoco.MjModel, wiring: Wiring, trial: Trial, start: Start) -> Start:

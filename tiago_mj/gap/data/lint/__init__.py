@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
@@ -21,6 +21,10 @@ from tiago_mj.gap.data.recording import CODES, KINDS, Finding, RecordingError, T
 
 if TYPE_CHECKING:
     from tiago_mj.gap.simulation.plant import Plant
+
+
+#: Findings on a channel that say nothing of the same channel in another recording.
+OF_ONE_RECORDING: Final = ("dead_channel", "stuck")
 
 
 def inspect(trials: Sequence[Trial], joint_ranges: JointRanges | None = None) -> tuple[Finding, ...]:
@@ -110,10 +114,23 @@ def _changes(name: str, trials: Sequence[Trial]) -> bool:
     return len(values) > 0 and bool(np.ptp(values))
 
 
+def believed(trials: Sequence[Trial], findings: Sequence[Finding]) -> dict[str, frozenset[str]]:
+    """The measured channels of every trial that are to be compared, by its source.
+
+    What is dead or stuck in one recording is left out in that one; what is wrong with a channel otherwise is wrong with
+    its sensor, and leaves it out in all.
+    """
+    everywhere = {f.channel for f in findings if f.discredits and f.code not in OF_ONE_RECORDING}
+    out: dict[str, frozenset[str]] = {}
+    for trial in trials:  # one file may hold several
+        out[trial.source] = out.get(trial.source, frozenset()) | (usable(trial, findings) - everywhere)
+    return out
+
+
 def usable(trial: Trial, findings: Sequence[Finding]) -> frozenset[str]:
     """The measured channels of a trial that can be believed, by their columns' names."""
     bad = {finding.channel for finding in findings if finding.file == trial.source and finding.discredits}
     return frozenset(channels(trial)) - bad
 
 
-__all__ = ["Found", "JointRanges", "check_names", "inspect", "inspect_all", "refuse", "summary", "usable"]
+__all__ = ["Found", "JointRanges", "believed", "check_names", "inspect", "inspect_all", "refuse", "summary", "usable"]

@@ -9,6 +9,7 @@ import numpy as np
 
 from tiago_mj.gap.data.lint.motion import CLEAR, commanded, integrated, measured
 from tiago_mj.gap.data.lint.numbers import noise, quantum, rms, runs
+from tiago_mj.gap.data.nominal_priors import grids
 from tiago_mj.gap.data.recording import Array, Finding, Trial, names, sampled
 
 #: Share of the samples of a moving joint in which a dead effort channel reads exactly its most frequent value.
@@ -30,17 +31,22 @@ BOTH_WAYS: Final = 0.15
 
 
 def check(trials: Sequence[Trial]) -> Iterator[Finding]:
-    """What is wrong with single channels."""
+    """What is wrong with single channels. A sensor's grid is the same in all recordings, and is judged over all."""
+    stated = grids(trials)
     for name in names(tuple(trials)):
         having = [trial for trial in trials if name in _all(trial)]
         pooled = np.concatenate([sampled(trial, name)[1] for trial in having])
         step = quantum(pooled)
         coarse = float(np.diff(np.unique(pooled)).min(initial=np.inf))
+        if name in stated:
+            coarse = stated[name] if np.isinf(coarse) else max(coarse, stated[name])
+        hides = step is not None and noise(pooled) < step  # readings at rest repeat, and are between two lines
         unsigned = _is_unsigned(name, having, pooled)
         for trial in having:
             found = list(_dead(trial, name, having, coarse))
             if not found:
-                found = [*_stuck(trial, name), *_saturated(trial, name)]
+                if not (hides and name.startswith("force.")):
+                    found = [*_stuck(trial, name), *_saturated(trial, name)]
                 if unsigned:
                     found.append(_unsigned(trial, name))
             if step is not None:
@@ -63,7 +69,8 @@ def _dead(trial: Trial, name: str, having: Sequence[Trial], coarse: float) -> It
         trial: that is looked at.
         name: of the channel.
         having: all trials with it.
-        coarse: smallest difference between any two of its readings; infinite where it has but one.
+        coarse: step of its grid, as stated, or the smallest difference between any two of its readings; infinite where
+            it has but one.
     """
     kind, _, joint = name.partition(".")
     values = sampled(trial, name)[1]
@@ -95,12 +102,19 @@ def _dead(trial: Trial, name: str, having: Sequence[Trial], coarse: float) -> It
 
 
 def _must_have_read(trial: Trial, name: str, having: Sequence[Trial], coarse: float) -> str:
-    """Why a load cell that reads one value is dead; "" where a coarse grid, or that nothing touched it, explains it."""
+    """Why a load cell that reads one value is dead; "" where a coarse grid, or that nothing touched it, explains it.
+
+    One that reads other values in other recordings, without noise, has a grid: its reading says "between".
+    """
+    alive = False
     for other in having:
         values = sampled(other, name)[1]
         start, _ = runs(values)
         if other is not trial and len(values) >= RUN and len(start) > ANALOGUE * len(values):
             return "without any noise, which it has elsewhere"
+        alive = alive or bool(np.ptp(values))
+    if alive:
+        return ""
     step = coarse if np.isfinite(coarse) else 0.0
     for cell in trial.forces:
         if f"force.{cell}" == name:

@@ -54,7 +54,7 @@ def run(arguments: argparse.Namespace) -> int:
         plant = plant_of(read.trials, env=arguments.env, model=arguments.model, given=given)
         findings = (*read.findings, *lint.inspect_all(read.trials, plant))
         lint.refuse(read.trials, findings)
-        usable = frozenset.intersection(*(lint.usable(trial, findings) for trial in read.trials))
+        usable = lint.believed(read.trials, findings)
         with told("preflight", "trying what these recordings would show"):
             if along_a_motion(plant, read.trials):
                 found = preflight_along(plant, read.trials, findings)

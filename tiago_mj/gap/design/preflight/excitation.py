@@ -89,7 +89,7 @@ def preflight(
     plant: Plant,
     trials: Sequence[Trial],
     *,
-    usable: frozenset[str] | None = None,
+    usable: noise_model.Usable | None = None,
     threads: int = 0,
     seed: int = 0,
 ) -> Preflight:
@@ -98,7 +98,7 @@ def preflight(
     Args:
         plant: the nominal simulator.
         trials: recordings.
-        usable: channels that the lint trusts; None for all.
+        usable: channels that the lint trusts, of all trials or by their sources; None for all.
         threads: of the simulations.
         seed: of effects that draw at random.
 
@@ -152,7 +152,7 @@ def _excited(
     """An effect's distances over its magnitudes, and its signature at its default (nearest to what was tried)."""
     values = np.array(sorted({*candidate.grid, _default(predict.plant, candidate)}))
     change = predict.all_trials([(candidate.entry(float(v)),) for v in values], trials) - base
-    white = likelihood.whiten(frame.data, change, frame.weight).reshape(len(values), -1)
+    white = likelihood.whiten(frame.data, likelihood.told(frame.data, change), frame.weight).reshape(len(values), -1)
     left = white - linalg.cho_solve(frame.factor, frame.columns.T @ white.T).T @ frame.columns.T
     distance = np.sqrt(np.maximum((white * left).sum(axis=1), 0.0))
     at = int(np.argmin(np.abs(values - _default(predict.plant, candidate))))
