@@ -1,8 +1,7 @@
 """Fit an explanation: its magnitudes jointly with the nominal model's own numbers, and the evidence for it.
 
-Gauss-Newton on whitened residuals with a normal prior on the nuisance parameters, then Laplace's approximation: the
-evidence integrates over magnitudes (with :meth:`Candidate.log_prior`) and nuisances, so that an effect pays for its
-freedom.
+Gauss-Newton on whitened residuals with a normal prior on the nuisance parameters, within bounds; what a fit is worth is
+its :func:`tiago_mj.gap.inference.evidence.log_evidence`.
 """
 
 from __future__ import annotations
@@ -17,6 +16,7 @@ from numpy.typing import NDArray
 from tiago_mj.effects import EFFECTS
 from tiago_mj.effects.spec import Entry
 from tiago_mj.gap.inference import likelihood, noise_model
+from tiago_mj.gap.inference.evidence import log_evidence
 from tiago_mj.gap.inference.hypotheses import Candidate, Term
 from tiago_mj.gap.inference.noise_model import Data
 from tiago_mj.gap.inference.points import NUDGE, Fitted, Point, Start
@@ -51,8 +51,6 @@ CERTAIN: Final = 1e12
 #: floor and tolerance), unless the best beside it costs so many times less.
 FITS: Final = 1.2
 BEHIND: Final = 3.0
-#: Evidence against an effect that is no larger than what the nominal model's own numbers are uncertain by [nats].
-TOLERATED: Final = 6.0
 #: A magnitude is moved by at least this share of its range to see what it does.
 REACH: Final = 5e-3
 
@@ -336,32 +334,16 @@ class Fitter:
         return np.array([*(part.high - part.low for part in parts), *np.ones(self.size)])
 
     def _finished(self, on: Whitening, at: Point, base: Array, columns: Array) -> Fitted:
-        parts = at.parts
-        _, weighted = on.weighted(base, columns)
-        curvature = weighted.T @ weighted + np.diag(np.concatenate([np.full(len(parts), 1e-9), np.ones(self.size)]))
-        for k, part in enumerate(parts):  # a magnitude that the data do not bind is bound by its bounds
-            curvature[k, k] += 12 / (part.high - part.low) ** 2
-        # Of the magnitudes, whatever the nuisances are: what these are known to is the same for all explanations.
-        _, logdet = np.linalg.slogdet(curvature)
-        _, of_nuisances = np.linalg.slogdet(curvature[len(parts) :, len(parts) :])
-        prior = -0.5 * float(at.nuisance @ at.nuisance) - 0.5 * (logdet - of_nuisances)
-        # What meets the recordings without leave to differ in form shall not pay for it.
-        plain = Whitening(self.data, self.weight)
-        evidence = -min(on.cost(base, np.zeros(0)) + on.wider, plain.cost(base, np.zeros(0)))
-        for part, value in zip(parts, at.values, strict=True):
-            prior += 0.5 * np.log(2 * np.pi) + part.log_prior(float(value))
-            evidence -= self.paid(part)
-            far = abs(np.log(value) if part.identity == 1 else value - part.identity)
-            evidence -= TOLERATED * max(0.0, 1 - far / part.tolerance) if part.tolerance else 0.0
-        deviations = np.sqrt(np.diag(np.linalg.inv(curvature))[: len(parts)])
+        found = log_evidence(on, Whitening(self.data, self.weight), at, base, columns)
+        spreads = [d if p.spread is None else p.spread for p, d in zip(at.parts, found.deviations, strict=True)]
         return Fitted(
-            parts,
+            at.parts,
             at.values,
-            np.array([d if p.spread is None else p.spread for p, d in zip(parts, deviations, strict=True)]),
+            np.array(spreads),
             at.nuisance,
-            float(evidence + prior),
+            found.met + found.prior - sum(self.paid(part) for part in at.parts),
             float(on.misfit(base).max(initial=0.0)),
-            float(prior),
+            found.prior,
             float(np.nan_to_num(likelihood.lasting(on.data, on.data.value - base)).max(initial=0.0)),
         )
 

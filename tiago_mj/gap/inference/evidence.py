@@ -1,0 +1,63 @@
+"""Evidence for an explanation: the probability of the recordings under it, by Laplace's approximation.
+
+The evidence integrates over magnitudes, whose prior is :meth:`Candidate.log_prior
+<tiago_mj.gap.inference.hypotheses.Candidate.log_prior>`, so that an effect pays for its freedom (Occam's factor; MacKay
+2003, chapter 28). Of the nuisances it takes the best: what these are known to is the same for all explanations.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tiago_mj.gap.inference.points import Point
+from tiago_mj.gap.inference.whitening import Whitening
+
+Array = NDArray[np.float64]
+
+#: Evidence against an effect that is no larger than what the nominal model's own numbers are uncertain by [nats].
+TOLERATED: Final = 6.0
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """Evidence for an explanation at its best.
+
+    Attributes:
+        met: log-likelihood, up to what is the same for all explanations [nats].
+        prior: of nuisances and magnitudes, with the volume that the recordings leave to these [nats].
+        deviations: of the magnitudes, (k,), one standard deviation.
+    """
+
+    met: float
+    prior: float
+    deviations: Array
+
+
+def log_evidence(on: Whitening, plain: Whitening, at: Point, predicted: Array, columns: Array) -> Evidence:
+    """Evidence at a point that was fitted.
+
+    Args:
+        on: what residuals are measured by, with the tolerance for the form of the effects.
+        plain: the same without that tolerance: what meets the recordings without it shall not pay for it.
+        at: candidates, magnitudes (k,) and nuisances (p,).
+        predicted: there, (ntrials, T, C).
+        columns: whitened response to each magnitude and nuisance, (n, k + p).
+    """
+    parts, count = at.parts, len(at.parts)
+    _, weighted = on.weighted(predicted, columns)
+    curvature = weighted.T @ weighted + np.diag(np.concatenate([np.full(count, 1e-9), np.ones(len(at.nuisance))]))
+    for k, part in enumerate(parts):  # a magnitude that the data do not bind is bound by its bounds
+        curvature[k, k] += 12 / (part.high - part.low) ** 2
+    _, logdet = np.linalg.slogdet(curvature)
+    _, of_nuisances = np.linalg.slogdet(curvature[count:, count:])
+    prior = -0.5 * float(at.nuisance @ at.nuisance) - 0.5 * (logdet - of_nuisances)
+    met = -min(on.cost(predicted, np.zeros(0)) + on.wider, plain.cost(predicted, np.zeros(0)))
+    for part, value in zip(parts, at.values, strict=True):
+        prior += 0.5 * np.log(2 * np.pi) + part.log_prior(float(value))
+        far = abs(np.log(value) if part.identity == 1 else value - part.identity)
+        met -= TOLERATED * max(0.0, 1 - far / part.tolerance) if part.tolerance else 0.0
+    return Evidence(float(met), float(prior), np.sqrt(np.diag(np.linalg.inv(curvature))[:count]))
