@@ -78,6 +78,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     headless.hush_unmade_viewers()
     arguments = build_parser(next((word for word in given if not word.startswith("-")), None)).parse_args(given)
     from tiago_mj import mujoco_log
+    from tiago_mj.quoting import one_line
 
     try:
         with mujoco_log.counted() as warned:
@@ -92,7 +93,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     except Exception as fault:
         if os.environ.get(TRACEBACK) or not isinstance(fault, _foreseen()):
             raise
-        print(f"tiago-mj {arguments.command}: {' '.join(str(fault).split())}", file=sys.stderr)
+        print(f"tiago-mj {arguments.command}: {one_line(fault)}", file=sys.stderr)
         return 2
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -10,15 +9,17 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 
 from tiago_mj.effects.declare import EFFECTS, Detail, Effect, Parameter
+from tiago_mj.loading import is_file
 from tiago_mj.quantities import SMALLER, quantity
+from tiago_mj.quoting import is_one_of, quoted
 
 Array = NDArray[np.float64]
 
-SCHEMA: Final = "tiago_mj.calibration/1"
+#: Of one simulator; a verdict names two.
+MOST: Final = 1000
 #: What a user gives may lie this many times farther than what a fit tries.
 FAR: Final = 10.0
 
@@ -93,22 +94,33 @@ def read_effects(given: Any) -> tuple[Entry, ...]:
         ValueError: an unknown effect or parameter, a value that is no finite number, a file of another schema; one
         line.
     """
-    if given is None:
-        return ()
+    return () if given is None else _read(given, files=True)
+
+
+def _read(given: Any, files: bool) -> tuple[Entry, ...]:
+    """The same; what a file holds may not name files, itself among them."""
     if isinstance(given, (str, Path)):
-        given = _load(given)
+        from tiago_mj.effects import written
+
+        given, files = written.load(given), files and written.is_json(given)
     if isinstance(given, Mapping):
-        if "schema" in given:
-            if given["schema"] != SCHEMA:
-                raise ValueError(f"calibration has schema {given['schema']!r}: this version reads {SCHEMA!r}")
-            given = given.get("effects") or []
-        else:
-            given = [{"name": name, "parameters": parameters} for name, parameters in given.items()]
-    if not isinstance(given, Sequence):
+        given = _listed(given)
+    if not isinstance(given, Sequence) or isinstance(given, (str, bytes)):
         raise ValueError(
             f"effects are {type(given).__name__}: give a list, a mapping name to parameters, or a YAML file"
         )
-    return tuple(entry for item in given for entry in _entries(item))
+    if len(given) > MOST:
+        raise ValueError(f"effects are {len(given)}: give at most {MOST}")
+    return tuple(entry for item in given for entry in _entries(item, files))
+
+
+def _listed(given: Mapping[Any, Any]) -> Any:
+    """Entries of a calibration or of the short form."""
+    if "schema" not in given:
+        return [{"name": name, "parameters": parameters} for name, parameters in given.items()]
+    from tiago_mj.effects import written
+
+    return written.calibration(given).get("effects") or []
 
 
 def arrays(declared: type[Effect], sims: Sequence[Sequence[Entry]], targets: Targets) -> Effect:
@@ -172,63 +184,55 @@ def _reach(entry: Entry, declared: type[Effect], names: tuple[str, ...]) -> list
     unknown = [name for name in entry.target if name not in names]
     if unknown:
         raise ValueError(
-            f"effect {entry.name!r} has target {unknown[0]!r}: this robot's {declared.targets} targets are "
+            f"effect {entry.name!r} has target {quoted(unknown[0])}: this robot's {declared.targets} targets are "
             f"{', '.join(names) or 'none'}"
         )
     return [names.index(name) for name in entry.target]
 
 
-def _entries(item: Any) -> tuple[Entry, ...]:
+def _entries(item: Any, files: bool) -> tuple[Entry, ...]:
     if isinstance(item, Entry):
         return (item,)
-    if isinstance(item, Path) or (isinstance(item, str) and _is_source(item)):
-        return read_effects(item)
+    if files and (isinstance(item, Path) or (isinstance(item, str) and _is_source(item))):
+        return _read(item, files)
     return (_entry(item),)
 
 
 def _is_source(text: str) -> bool:
     """Whether a text is JSON or names a file, rather than an effect."""
-    return text.lstrip().startswith(("{", "[")) or text.lower().endswith((".yaml", ".yml")) or Path(text).is_file()
+    from tiago_mj.effects import written
+
+    return written.is_json(text) or text.lower().endswith((".yaml", ".yml")) or is_file(text)
 
 
 def _entry(item: Any) -> Entry:
+    from tiago_mj.effects import written
+
     if not isinstance(item, Mapping) or "name" not in item:
-        raise ValueError(f"effect {item!r} has no name: write {{'name': ..., 'target': ..., 'parameters': {{...}}}}")
+        raise ValueError(
+            f"effect {quoted(item)} has no name: write {{'name': ..., 'target': ..., 'parameters': {{...}}}}"
+        )
     name = item["name"]
-    if name not in EFFECTS:
-        raise ValueError(f"effect {name!r} is unknown: use one of {', '.join(EFFECTS)}")
-    unknown = set(item) - {"name", "target", "parameters"}
-    if unknown:
-        raise ValueError(f"effect {name!r} has an unknown key {sorted(unknown)[0]!r}: use name, target, parameters")
-    target = item.get("target", "all")
-    if isinstance(target, str):
-        target = None if target == "all" else (target,)
-    elif not (isinstance(target, Sequence) and target and all(isinstance(t, str) for t in target)):
-        raise ValueError(f"effect {name!r} has target {target!r}: give a name, a list of names, or 'all'")
-    parameters = item.get("parameters") or {}
-    if not isinstance(parameters, Mapping):
-        raise ValueError(f"effect {name!r} has parameters {parameters!r}: give a mapping of names to numbers")
+    if not is_one_of(name, EFFECTS):
+        raise ValueError(f"effect {quoted(name)} is unknown: use one of {', '.join(EFFECTS)}")
+    target, values, fitted = written.entry(name, {key: value for key, value in item.items() if key != "name"})
     declared, forms, details = EFFECTS[name].parameters, EFFECTS[name].forms, EFFECTS[name].details
-    values = {}
-    for key, value in parameters.items():
+    for key, number in values.items():
         if key not in declared and key not in forms and key not in details:
-            raise ValueError(f"effect {name!r} has no parameter {key!r}: use {', '.join((*declared, *details))}")
-        number = value.get("value") if isinstance(value, Mapping) else value  # a calibration carries low and high too
-        if isinstance(number, bool) or not isinstance(number, (int, float, np.number)) or math.isnan(number):
-            raise ValueError(f"effect {name!r}: {key} is {number!r}, give a number")
+            raise ValueError(f"effect {name!r} has no parameter {quoted(key)}: use {', '.join((*declared, *details))}")
+        if math.isnan(number):
+            raise ValueError(f"effect {name!r}: {key} is nan, give a number")
         if key in declared:
-            _check_possible(name, declared[key], float(number))
+            _check_possible(name, declared[key], number)
         elif key in details:
-            _check_detail(name, details[key], float(number))
+            _check_detail(name, details[key], number)
         elif number not in forms[key].values:
             possible = ", ".join(f"{one:g}" for one in forms[key].values)
             raise ValueError(f"effect {name!r}: {key} is {number:g}, use one of {possible}")
-        values[key] = float(number)
-    fitted = any(isinstance(value, Mapping) for value in parameters.values())
     if not fitted:
         for key, number in values.items():
             _check_size(name, declared.get(key), number, (0, 1))
-    return Entry(name, None if target is None else tuple(target), values, fitted)
+    return Entry(name, target, values, fitted)
 
 
 def check_sizes(entries: Sequence[Entry], targets: Targets) -> None:
@@ -302,19 +306,3 @@ def _check_detail(name: str, detail: Detail, number: float) -> None:
             f"effect {name!r}: {detail.name} is {number:g} {detail.unit}, give a number from {low:g} to {high:g} "
             f"{detail.unit}"
         )
-
-
-def _load(source: str | Path) -> Any:
-    text = str(source)
-    if isinstance(source, str) and text.lstrip().startswith(("{", "[")):
-        try:
-            return json.loads(text)
-        except json.JSONDecodeError as fault:
-            raise ValueError(f"effects are no valid JSON: {fault}") from fault
-    path = Path(source)
-    if not path.is_file():
-        raise ValueError(f"no calibration file {text!r}: give the path of a calibration.yaml, or effects as JSON")
-    try:
-        return yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (yaml.YAMLError, UnicodeDecodeError) as fault:
-        raise ValueError(f"calibration {path.name} is no valid YAML: {' '.join(str(fault).split())}") from fault

@@ -11,6 +11,7 @@ from gymnasium import error
 from numpy.typing import NDArray
 
 from tiago_mj import headless
+from tiago_mj.quoting import quoted
 
 Array = NDArray[np.float64]
 
@@ -30,7 +31,7 @@ def action_in_range(action: Any, joints: Sequence[str]) -> Array:
         except ValueError:  # a ragged list
             given = np.asarray(None)
     if given.dtype.kind not in "biuf":
-        raise ValueError(f"action {action!r} is not numeric: give {len(joints)} numbers from -1 to 1")
+        raise ValueError(f"action {quoted(action)} is not numeric: give {len(joints)} numbers from -1 to 1")
     if given.shape != shape:
         raise ValueError(f"action has shape {given.shape}: give {shape}, one number a joint of {tuple(joints)}")
     command: Array = given.astype(np.float64)
@@ -47,10 +48,10 @@ def goal_numbers(goal: Any, size: int) -> Array:
     """
     try:
         values = np.broadcast_to(np.asarray(goal, dtype=np.float64), (size,)).copy()
-    except (TypeError, ValueError) as fault:
-        raise ValueError(f"goal {goal!r} is not usable: give {size} numbers") from fault
+    except (TypeError, ValueError, OverflowError) as fault:
+        raise ValueError(f"goal {quoted(goal)} is not usable: give {size} numbers") from fault
     if not np.isfinite(values).all():
-        raise ValueError(f"goal {goal!r} is not finite: give {size} numbers")
+        raise ValueError(f"goal {quoted(goal)} is not finite: give {size} numbers")
     return values
 
 
@@ -64,10 +65,10 @@ def reset_options(options: Any, known: Sequence[str]) -> dict[str, Any]:
     if options is None:
         return {}
     if not isinstance(options, Mapping):
-        raise ValueError(f"reset options {options!r} are no mapping: give a dict with {listed}, or nothing")
+        raise ValueError(f"reset options {quoted(options)} are no mapping: give a dict with {listed}, or nothing")
     for name in options:
         if name not in known:
-            raise ValueError(f"reset option {name!r} is unknown: there is {listed}")
+            raise ValueError(f"reset option {quoted(name)} is unknown: there is {listed}")
     return dict(options)
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tiago_mj.models.objects import GraspObject, named_object
+from tiago_mj.quoting import quoted
 
 #: A number, or (low, high) to draw it uniformly at every reset.
 Range = float | tuple[float, float] | Sequence[float]
@@ -40,13 +41,13 @@ def interval(name: str, value: Range, *, unit: str = "") -> Interval:
     """
     try:
         numbers = np.asarray(value, dtype=float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         numbers = np.full((), np.nan)
     if numbers.shape not in ((), (2,)) or not np.isfinite(numbers).all():
-        raise ValueError(f"{name} is {value!r}: give one number or (low, high){f' in {unit}' if unit else ''}")
+        raise ValueError(f"{name} is {quoted(value)}: give one number or (low, high){f' in {unit}' if unit else ''}")
     low, high = (float(numbers), float(numbers)) if numbers.shape == () else (float(numbers[0]), float(numbers[1]))
     if low > high:
-        raise ValueError(f"{name} is {value!r}: the first of (low, high) must not be above the second")
+        raise ValueError(f"{name} is {quoted(value)}: the first of (low, high) must not be above the second")
     return Interval(low, high)
 
 
@@ -136,7 +137,7 @@ def object_choice(
     Raises:
         ValueError: an unknown object, or a number that no object can have.
     """
-    listed = [kind] if isinstance(kind, (str, GraspObject)) else list(kind)
+    listed: list[Any] = list(kind) if isinstance(kind, (list, tuple)) else [kind]
     if not listed:
         raise ValueError("object is an empty list: name at least one object")
     kinds = tuple(item if isinstance(item, GraspObject) else named_object(item) for item in listed)

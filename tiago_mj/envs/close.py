@@ -12,6 +12,7 @@ from tiago_mj.envs.choices import Range, interval
 from tiago_mj.envs.robot_env import RobotEnv
 from tiago_mj.envs.state import State
 from tiago_mj.models import names
+from tiago_mj.quoting import is_number, is_one_of, quoted
 
 Array = NDArray[np.float64]
 
@@ -77,10 +78,10 @@ class GripperClose(RobotEnv, EzPickle):
             **kwargs: of :class:`RobotEnv`.
         """
         EzPickle.__init__(self, goal=goal, reward_type=reward_type, tolerance=tolerance, robot=robot, **kwargs)
-        if reward_type not in REWARDS:
-            raise ValueError(f"reward_type {reward_type!r} is unknown: use one of {', '.join(REWARDS)}")
-        if not (np.isfinite(tolerance) and tolerance > 0):
-            raise ValueError(f"tolerance is {tolerance!r}: give a distance above 0 [m]")
+        if not is_one_of(reward_type, REWARDS):
+            raise ValueError(f"reward_type {quoted(reward_type)} is unknown: use one of {', '.join(REWARDS)}")
+        if not (is_number(tolerance) and tolerance > 0):
+            raise ValueError(f"tolerance is {quoted(tolerance)}: give a distance above 0 [m]")
         self.reward_type = reward_type
         self.tolerance = tolerance
         self._goal_choice = interval("goal", goal, unit="m")

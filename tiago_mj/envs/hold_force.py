@@ -14,6 +14,7 @@ from tiago_mj.envs.robot_env import FORCE_BOUND, RobotEnv
 from tiago_mj.envs.state import State
 from tiago_mj.models import names
 from tiago_mj.models.objects import GraspObject
+from tiago_mj.quoting import is_one_of, quoted
 from tiago_mj.sensing.load_cell import GOAL_NEWTONS
 
 Array = NDArray[np.float64]
@@ -130,8 +131,8 @@ class HoldForce(RobotEnv, EzPickle):
             **kwargs,
         )
         for name, value, known in (("force_type", force_type, FORCE_TYPES), ("reward_type", reward_type, REWARDS)):
-            if value not in known:
-                raise ValueError(f"{name} {value!r} is unknown: use one of {', '.join(known)}")
+            if not is_one_of(value, known):
+                raise ValueError(f"{name} {quoted(value)} is unknown: use one of {', '.join(known)}")
         self.force_type = force_type
         self.reward_type = reward_type
         choice = object_choice(

@@ -17,6 +17,7 @@ from tiago_mj.envs.robot_env import VELOCITY_BOUND
 from tiago_mj.envs.state import State
 from tiago_mj.models import names
 from tiago_mj.models.objects import GraspObject
+from tiago_mj.quoting import is_number, quoted
 
 Array = NDArray[np.float64]
 
@@ -52,12 +53,8 @@ class SteadyWeights:
 
     def __post_init__(self) -> None:
         for name, value in asdict(self).items():
-            if (
-                isinstance(value, bool)
-                or not isinstance(value, (int, float))
-                or not (np.isfinite(value) and value >= 0)
-            ):
-                raise ValueError(f"weights: {name} is {value!r}: give a finite number, 0 or more")
+            if not is_number(value) or value < 0:
+                raise ValueError(f"weights: {name} is {quoted(value)}: give a finite number, 0 or more")
 
     @classmethod
     def of(cls, given: SteadyWeights | Mapping[str, float] | None) -> SteadyWeights:
@@ -70,10 +67,10 @@ class SteadyWeights:
             return given or cls()
         known = tuple(asdict(cls()))
         if not isinstance(given, Mapping):
-            raise ValueError(f"weights is {given!r}: give a mapping with any of {', '.join(known)}")
+            raise ValueError(f"weights is {quoted(given)}: give a mapping with any of {', '.join(known)}")
         for name in given:
             if name not in known:
-                raise ValueError(f"weights: {name!r} is no term of the reward: use any of {', '.join(known)}")
+                raise ValueError(f"weights: {quoted(name)} is no term of the reward: use any of {', '.join(known)}")
         return cls(**given)
 
 
@@ -180,8 +177,8 @@ class HoldForceSteady(HoldForce):
             "object_offset": object_offset,
             **kwargs,
         }
-        if isinstance(exponent, bool) or not isinstance(exponent, (int, float)) or not 0 < exponent < np.inf:
-            raise ValueError(f"exponent is {exponent!r}: give a number above 0")
+        if not is_number(exponent) or exponent <= 0:
+            raise ValueError(f"exponent is {quoted(exponent)}: give a number above 0")
         self.weights, self.observe_fingers, self.exponent = SteadyWeights.of(weights), observe_fingers, exponent
         super().__init__(**arguments)
         EzPickle.__init__(self, weights=self.weights, observe_fingers=observe_fingers, exponent=exponent, **arguments)

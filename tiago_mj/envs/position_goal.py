@@ -16,6 +16,7 @@ from tiago_mj.envs.start import Start
 from tiago_mj.envs.state import State
 from tiago_mj.models import names, scene
 from tiago_mj.models.objects import GraspObject
+from tiago_mj.quoting import is_number, is_one_of, quoted
 
 Array = NDArray[np.float64]
 
@@ -80,10 +81,10 @@ class PositionGoal(RobotEnv):
             ("force_type", force_type, FORCE_TYPES),
             ("reward_type", reward_type, REWARDS),
         ):
-            if value not in known:
-                raise ValueError(f"{name} {value!r} is unknown: use one of {', '.join(known)}")
-        if not (np.isfinite(distance_threshold) and distance_threshold > 0):
-            raise ValueError(f"distance_threshold is {distance_threshold!r}: give a distance above 0 [m]")
+            if not is_one_of(value, known):
+                raise ValueError(f"{name} {quoted(value)} is unknown: use one of {', '.join(known)}")
+        if not (is_number(distance_threshold) and distance_threshold > 0):
+            raise ValueError(f"distance_threshold is {quoted(distance_threshold)}: give a distance above 0 [m]")
         self.workspace = workspace
         self.force_type = force_type
         self.reward_type = reward_type

@@ -27,6 +27,7 @@ from tiago_mj.envs.start import Start, contact_of, grasp_frame, put_object
 from tiago_mj.models import names, scene
 from tiago_mj.models.files import model_file
 from tiago_mj.models.objects import GraspObject
+from tiago_mj.quoting import is_number, is_one_of, quoted
 from tiago_mj.sensing.load_cell import LoadCell, MovingAverage, named_load_cell
 from tiago_mj.sensing.noise import NoiseBlocks
 
@@ -118,16 +119,20 @@ class RobotSimulation(MujocoRobotEnv, ABC):  # type: ignore[misc]
         width: int = 480,
         height: int = 480,
     ) -> None:
-        if control not in CONTROLS:
-            raise ValueError(f"control {control!r} is unknown: use one of {', '.join(CONTROLS)}")
-        if not (np.isfinite(control_hz) and 1 <= control_hz <= 10_000):
-            raise ValueError(f"control_hz is {control_hz!r}: give a rate from 1 to 10000 Hz")
-        if not (np.isfinite(finger_speed) and 0 < finger_speed <= 1):
-            raise ValueError(f"finger_speed is {finger_speed!r}: give a speed above 0, at most 1 m/s")
+        if not is_one_of(control, CONTROLS):
+            raise ValueError(f"control {quoted(control)} is unknown: use one of {', '.join(CONTROLS)}")
+        if not (is_number(control_hz) and 1 <= control_hz <= 10_000):
+            raise ValueError(f"control_hz is {quoted(control_hz)}: give a rate from 1 to 10000 Hz")
+        if not (is_number(finger_speed) and 0 < finger_speed <= 1):
+            raise ValueError(f"finger_speed is {quoted(finger_speed)}: give a speed above 0, at most 1 m/s")
         if render_mode is not None and render_mode not in self.metadata["render_modes"]:
-            raise ValueError(f"render_mode {render_mode!r} is unknown: use one of {self.metadata['render_modes']}")
+            raise ValueError(
+                f"render_mode {quoted(render_mode)} is unknown: use one of {self.metadata['render_modes']}"
+            )
         if render_mode is not None and not visual:
-            raise ValueError(f"visual is False and render_mode {render_mode!r}: there is nothing to see; leave one out")
+            raise ValueError(
+                f"visual is False and render_mode {quoted(render_mode)}: there is nothing to see; leave one out"
+            )
         self.joints = joints
         self.control = control
         self.servo = servo

@@ -7,8 +7,6 @@ stable-baselines3 is needed to act.
 from __future__ import annotations
 
 import json
-import zipfile
-import zlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -18,7 +16,9 @@ import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
-from tiago_mj import atomic
+from tiago_mj import arrays, atomic
+from tiago_mj.loading import parse_json
+from tiago_mj.quoting import quoted
 
 SCHEMA: Final = "tiago_mj.agent/1"
 #: What makes a file one of these.
@@ -144,23 +144,23 @@ def load_agent(path: Path, name: str | None = None) -> Agent:
         OSError: it cannot be read.
     """
     try:
-        with np.load(path, allow_pickle=False) as file:
-            arrays = {key: np.asarray(file[key]) for key in file.files}
-        header = json.loads(str(arrays.pop("header")))
-        if header["schema"] != SCHEMA:
-            raise ValueError(f"schema {header['schema']!r}, this version reads {SCHEMA!r}")
-        return _checked(from_arrays(header, arrays))
-    except FileNotFoundError:
-        raise
-    except (zipfile.BadZipFile, zlib.error, EOFError, KeyError, TypeError, IndexError, ValueError) as fault:
-        reason = " ".join(str(fault).split()) or type(fault).__name__
-        raise ValueError(f"policy {name or path} is no agent that can be read, or is damaged: {reason}") from fault
+        found = arrays.read_npz(path)
+        header = parse_json(str(found.pop("header")), "its header is no JSON")
+        if not isinstance(header, dict) or header.get("schema") != SCHEMA:
+            said = header.get("schema") if isinstance(header, dict) else header
+            raise ValueError(f"schema {quoted(said)}, this version reads {SCHEMA!r}")
+        return _checked(from_arrays(header, found))
+    except arrays.FAULTS as fault:
+        raise ValueError(
+            f"policy {name or path} is no agent that can be read, or is damaged: {arrays.reason(fault)}"
+        ) from fault
 
 
-def from_arrays(header: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> Agent:
+def from_arrays(header: Mapping[str, Any], found: Mapping[str, NDArray[Any]]) -> Agent:
     """An agent of what :meth:`Agent.arrays` and its header say."""
-    count = sum(key.startswith("weight_") for key in arrays)
-    single = {key: np.asarray(value, dtype=np.float32) for key, value in arrays.items()}
+    count = sum(key.startswith("weight_") for key in found)
+    with np.errstate(over="ignore"):
+        single = {key: np.asarray(value, dtype=np.float32) for key, value in found.items()}
     return Agent(
         layers=tuple((single[f"weight_{n}"], single[f"bias_{n}"]) for n in range(count)),
         activation=header["activation"],
@@ -168,15 +168,15 @@ def from_arrays(header: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -
         inputs=tuple((str(key), int(size)) for key, size in header["inputs"]),
         low=single["low"],
         high=single["high"],
-        mean=arrays.get("mean"),
-        deviation=arrays.get("deviation"),
+        mean=found.get("mean"),
+        deviation=found.get("deviation"),
         limit=float(header["limit"]),
         origin=header["origin"],
     )
 
 
 def _checked(agent: Agent) -> Agent:
-    width = sum(size for _, size in agent.inputs)
+    width = inputs = sum(size for _, size in agent.inputs)
     for weight, bias in agent.layers:
         if weight.ndim != 2 or weight.shape[1] != width or bias.shape != weight.shape[:1]:
             raise ValueError(f"a layer of shape {weight.shape} does not follow one of width {width}")
@@ -184,9 +184,16 @@ def _checked(agent: Agent) -> Agent:
     if not agent.layers or agent.low.shape != (width,) or agent.high.shape != (width,):
         raise ValueError("layers and actions do not match")
     if agent.activation not in ACTIVATIONS or agent.output not in OUTPUTS:
-        raise ValueError(f"activation {agent.activation!r} or output {agent.output!r} is unknown")
-    if not all(np.isfinite(value).all() for value in agent.arrays().values()):
+        raise ValueError(f"activation {quoted(agent.activation)} or output {quoted(agent.output)} is unknown")
+    scales = [value for value in (agent.mean, agent.deviation) if value is not None]
+    if len(scales) == 1 or any(value.shape != (inputs,) or value.dtype.kind != "f" for value in scales):
+        raise ValueError("its normalisation does not match its observations")
+    if not all(np.isfinite(value).all() for value in (*agent.arrays().values(), agent.limit)):
         raise ValueError("it has numbers that are not finite")
+    if (agent.deviation is not None and not (agent.deviation > 0).all()) or agent.limit <= 0:
+        raise ValueError("it divides observations by 0 or less")
+    if not isinstance(agent.origin, Mapping):
+        raise ValueError(f"its origin is {quoted(agent.origin)}")
     return agent
 
 

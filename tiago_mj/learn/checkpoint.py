@@ -9,10 +9,12 @@ from __future__ import annotations
 
 import io
 import json
+import math
+import pickle
 import random
 import zipfile
-import zlib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -21,10 +23,14 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from tiago_mj import atomic
+from tiago_mj import arrays, atomic
+from tiago_mj.loading import parse_json
+from tiago_mj.quoting import quoted
 
 SCHEMA: Final = "tiago_mj.checkpoint/1"
 FILE: Final = "checkpoint.zip"
+#: Generators' states are whole numbers of 128 bits.
+_GENERATORS: Final = 2**128
 #: Of a replay buffer: arrays over (steps, environments), and over environments.
 _STORED: Final = (
     "observations", "next_observations", "actions", "rewards", "dones", "timeouts", "ep_start", "ep_length",
@@ -95,34 +101,64 @@ def read(path: Path, model: Any) -> Checkpoint:
         ValueError: the file is damaged, or of another model; one line.
     """
     try:
-        with zipfile.ZipFile(path) as archive:
-            if (bad := archive.testzip()) is not None:
+        with archive(path) as packed:
+            if (bad := packed.testzip()) is not None:
                 raise ValueError(f"{bad} is damaged")
-            state = json.loads(archive.read("state.json"))
+            state = parse_json(packed.read("state.json"), "state.json is no JSON", most_whole=_GENERATORS)
             if state["schema"] != SCHEMA:
-                raise ValueError(f"schema {state['schema']!r}, this version reads {SCHEMA!r}")
-            tensors = torch.load(io.BytesIO(archive.read("parameters.pt")), map_location="cpu", weights_only=True)
-            arrays = {
-                name.removesuffix(".npy"): np.lib.format.read_array(archive.open(name), allow_pickle=False)
-                for name in archive.namelist()
-                if name.endswith(".npy")
-            }
+                raise ValueError(f"schema {quoted(state['schema'])}, this version reads {SCHEMA!r}")
+            parameters = io.BytesIO(packed.read("parameters.pt"))
+            with archive(parameters):
+                parameters.seek(0)
+                tensors = torch.load(parameters, map_location="cpu", weights_only=True)
+            names = [name for name in packed.namelist() if name.endswith(".npy")]
+            found = {name.removesuffix(".npy"): arrays.read_array(packed, name) for name in names}
+        kept = [array for name, array in found.items() if name.startswith(("replay/", "running/"))]
+        if not _finite([tensors["parameters"], tensors["variables"], *kept]):
+            raise ValueError("it has weights or memories that are not finite")
         model.set_parameters(tensors["parameters"], exact_match=True, device="cpu")
         for name, value in tensors["variables"].items():
             getattr(model, name).data.copy_(value)
         model.num_timesteps, model._n_updates = int(state["steps"]), int(state["updates"])
         model._episode_num = int(state["episodes"])
-        _put_replay(model, arrays)
-        _put_running(model, arrays)
-    except (zipfile.BadZipFile, zlib.error, EOFError, KeyError, TypeError, RuntimeError, ValueError) as fault:
-        reason = " ".join(str(fault).split())[:200] or type(fault).__name__
+        _put_replay(model, found)
+        _put_running(model, found)
+        _check_generators(model, state["generators"], tensors["generator"])
+        callbacks = dict(state["callbacks"])
+    except (*arrays.FAULTS, pickle.UnpicklingError) as fault:
         raise ValueError(
-            f"checkpoint {path} cannot be read ({reason}): delete that file to begin this seed anew, or give another "
-            "--out"
+            f"checkpoint {path} cannot be read ({arrays.reason(fault)}): delete that file to begin this seed anew, or "
+            "give another --out"
         ) from fault
     model._restored = (state["generators"], tensors["generator"])
-    own = {name.removeprefix("own/"): array for name, array in arrays.items() if name.startswith("own/")}
-    return Checkpoint(model.num_timesteps, bool(state["finished"]), state["callbacks"], own)
+    own = {name.removeprefix("own/"): array for name, array in found.items() if name.startswith("own/")}
+    return Checkpoint(model.num_timesteps, bool(state["finished"]), callbacks, own)
+
+
+@contextmanager
+def archive(file: Path | io.BytesIO) -> Iterator[zipfile.ZipFile]:
+    """A checkpoint's archive; nothing in it is packed, so that it is no larger in memory than on the disk.
+
+    Raises:
+        OSError, ValueError: it cannot be read.
+    """
+    size = file.stat().st_size if isinstance(file, Path) else file.getbuffer().nbytes
+    with arrays.opened(file, size) as opened:
+        if any(part.compress_type != zipfile.ZIP_STORED for part in opened.infolist()):
+            raise ValueError("a part of it is compressed")
+        yield opened
+
+
+def _finite(value: Any) -> bool:
+    """Whether every number in arrays and tensors, and in mappings and lists of them, is finite."""
+    if isinstance(value, torch.Tensor):
+        if value.numel() * value.element_size() > value.untyped_storage().nbytes():
+            raise ValueError(f"a tensor claims the shape {tuple(value.shape)}")
+        return not value.is_floating_point() or bool(torch.isfinite(value).all())
+    if isinstance(value, np.ndarray):
+        return value.dtype.kind != "f" or bool(np.isfinite(value).all())
+    several = value.values() if isinstance(value, Mapping) else value if isinstance(value, (list, tuple)) else ()
+    return all(map(_finite, several)) and not (isinstance(value, float) and not math.isfinite(value))
 
 
 def restore_generators(model: Any) -> None:
@@ -130,13 +166,25 @@ def restore_generators(model: Any) -> None:
     restored = model.__dict__.pop("_restored", None)
     if restored is None:
         return
-    states, torch_state = restored
+    _put_generators(model, *restored)
+
+
+def _put_generators(model: Any, states: Mapping[str, Any], torch_state: torch.Tensor) -> None:
     version, numbers, gauss = states["python"]
     random.setstate((version, tuple(numbers), gauss))
     name, keys, *rest = states["numpy"]
     np.random.set_state((name, np.array(keys, dtype=np.uint32), *rest))  # noqa: NPY002  (stable-baselines3 draws there)
     model.action_space.np_random.bit_generator.state = states["actions"]
     torch.set_rng_state(torch_state)
+
+
+def _check_generators(model: Any, states: Mapping[str, Any], torch_state: torch.Tensor) -> None:
+    """Raise what putting them back would, and leave them as they are."""
+    now, torch_now = _generators(model), torch.get_rng_state()
+    try:
+        _put_generators(model, states, torch_state)
+    finally:
+        _put_generators(model, now, torch_now)
 
 
 def _generators(model: Any) -> dict[str, Any]:
@@ -168,15 +216,20 @@ def _put_replay(model: Any, arrays: Mapping[str, NDArray[Any]]) -> None:
     buffer = getattr(model, "replay_buffer", None)
     if buffer is None:
         return
+    position, full = map(int, arrays["replay/place"])
+    rows = buffer.buffer_size if full else position
+    if not 0 <= position < max(buffer.buffer_size, 1):
+        raise ValueError(f"the replay buffer goes on at {position} of {buffer.buffer_size}")
     for name in _STORED:
         value = getattr(buffer, name, None)
         parts = value.items() if isinstance(value, dict) else [("", value)]
         for key, part in parts:
             if part is not None:
                 stored = arrays[f"replay/{name}/{key}"]
-                part[: len(stored)] = stored
-    position, full = arrays["replay/place"]
-    buffer.pos, buffer.full = int(position), bool(full)
+                if stored.shape != (rows, *part.shape[1:]):
+                    raise ValueError(f"replay/{name}/{key} has shape {stored.shape}")
+                part[:rows] = stored
+    buffer.pos, buffer.full = position, bool(full)
     if hasattr(buffer, "_current_ep_start"):
         buffer._current_ep_start[:] = arrays["replay/begun"]
 

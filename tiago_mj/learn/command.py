@@ -141,27 +141,21 @@ def _effects(path: Path | None) -> Any:
     """The contents of a calibration: what is trained must not change with the file."""
     if path is None:
         return None
-    import yaml
+    from tiago_mj.effects import read_effects, written
 
-    from tiago_mj.effects import read_effects
-
-    read_effects(path)  # complains of what it cannot use
-    return json.loads(json.dumps(yaml.safe_load(path.read_text(encoding="utf-8"))))
+    given = written.load(path)
+    read_effects(given)  # complains of what it cannot use
+    return given
 
 
 def _ranges(path: Path | None) -> Any:
     """The contents of a file of ranges, checked."""
     if path is None:
         return None
-    import yaml
-
     from tiago_mj.learn.randomise import read_ranges
+    from tiago_mj.loading import load_yaml
 
-    try:
-        given = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (OSError, yaml.YAMLError, UnicodeDecodeError) as fault:
-        raise ValueError(f"--randomise {path} cannot be read: {' '.join(str(fault).split())}") from fault
-    return read_ranges(given, f"--randomise {path}")
+    return read_ranges(load_yaml(path, f"--randomise {path} cannot be read"), f"--randomise {path}")
 
 
 def _try_out(settings: Settings, *, measure: bool) -> float:

@@ -7,24 +7,24 @@ greatest value of the training's own memory keeps it where it has learned; nothi
 
 from __future__ import annotations
 
-import zipfile
-import zlib
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tiago_mj import arrays
+from tiago_mj.learn import checkpoint
 from tiago_mj.learn.agent_file import Agent
 
 Array = NDArray[np.float64]
 
 
-def met(checkpoint: Path, agent: Agent) -> tuple[Array, Array]:
+def met(file: Path, agent: Agent) -> tuple[Array, Array]:
     """The least and the greatest of every entry of the observations that a training remembers, each (inputs,).
 
     Args:
-        checkpoint: of the seed, with a replay buffer.
+        file: the seed's checkpoint, with a replay buffer.
         agent: of that training.
 
     Raises:
@@ -32,14 +32,12 @@ def met(checkpoint: Path, agent: Agent) -> tuple[Array, Array]:
     """
     ends: list[tuple[Array, Array]] = []
     try:
-        with zipfile.ZipFile(checkpoint) as archive:
+        with checkpoint.archive(file) as archive:
             for key, size in agent.inputs:
-                with archive.open(f"replay/observations/{key}.npy") as file:
-                    seen = np.lib.format.read_array(file, allow_pickle=False).reshape(-1, size)
+                seen = arrays.read_array(archive, f"replay/observations/{key}.npy").reshape(-1, size)
                 ends.append((seen.min(axis=0).astype(np.float64), seen.max(axis=0).astype(np.float64)))
-    except (OSError, zipfile.BadZipFile, zlib.error, EOFError, KeyError, ValueError) as fault:
-        reason = " ".join(str(fault).split())
-        raise ValueError(f"{checkpoint} holds no observations of that agent's training: {reason}") from fault
+    except (OSError, *arrays.FAULTS) as fault:
+        raise ValueError(f"{file} holds no observations of that agent's training: {arrays.reason(fault)}") from fault
     low, high = (np.concatenate(parts) for parts in zip(*ends, strict=True))
     return low, high
 

@@ -19,6 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv
 
+from tiago_mj.quoting import is_number, quoted, unquoted
+
 Ranges = Mapping[str, Mapping[str, Sequence[float]]]
 
 
@@ -39,7 +41,7 @@ def read_ranges(given: Any, where: str) -> dict[str, dict[str, list[float]]]:
     ranges: dict[str, dict[str, list[float]]] = {}
     for name, parameters in given.items():
         if not isinstance(parameters, Mapping) or not parameters:
-            raise ValueError(f"{where}: {name} needs a range of a parameter, such as {{seconds: [0, 0.03]}}")
+            raise ValueError(f"{where}: {unquoted(name)} needs a range of a parameter, such as {{seconds: [0, 0.03]}}")
         ranges[str(name)] = {str(key): _range(where, f"{name}.{key}", value) for key, value in parameters.items()}
     for end in (0, 1):
         try:
@@ -139,10 +141,9 @@ class Randomised(VecEnv):  # type: ignore[misc]
 
 def _range(where: str, name: str, value: Any) -> list[float]:
     pair = list(value) if isinstance(value, (list, tuple)) else [value, value]
-    numbers = [one for one in pair if isinstance(one, (int, float)) and not isinstance(one, bool)]
-    if len(pair) != 2 or len(numbers) != 2 or not all(math.isfinite(one) for one in numbers) or pair[0] > pair[1]:
-        raise ValueError(f"{where}: {name} is {value!r}: give [low, high], or one number")
-    return [float(one) for one in numbers]
+    if len(pair) != 2 or not all(map(is_number, pair)) or pair[0] > pair[1]:
+        raise ValueError(f"{where}: {unquoted(name)} is {quoted(value)}: give [low, high], or one number")
+    return [float(one) for one in pair]
 
 
 def _only(observation: Any) -> Any:

@@ -6,13 +6,17 @@ import json
 import platform
 import subprocess
 from collections.abc import Mapping
-from dataclasses import MISSING, asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, Literal
+
+from pydantic import Field
 
 from tiago_mj import __version__, atomic
+from tiago_mj.loading import load_json
 from tiago_mj.registration import ENVIRONMENTS, NAMESPACE
+from tiago_mj.schema import Open, SchemaError, checked
 
 SCHEMA: Final = "tiago_mj.training/1"
 FILE: Final = "settings.json"
@@ -65,17 +69,21 @@ class Settings:
         return data
 
 
-def from_data(data: Mapping[str, Any]) -> Settings:
-    """The settings that a file holds.
+class _Written(Open):
+    """Settings as a file has them."""
 
-    Raises:
-        ValueError: something is missing or unknown.
-    """
-    try:
-        needed = [field.name for field in fields(Settings) if field.name in data or field.default is MISSING]
-        return Settings(**{name: data[name] for name in needed})
-    except KeyError as missing:
-        raise ValueError(f"settings lack {missing}") from missing
+    written: Literal["tiago_mj.training/1"] = Field(alias="schema")
+    env: str
+    algo: str
+    steps: int = Field(ge=1)
+    env_options: dict[str, Any]
+    effects: Any
+    hyperparameters: dict[str, Any]
+    updates_per_step: float | None = None
+    evaluate_every: int = Field(default=10_000, ge=1)
+    evaluation_episodes: int = Field(default=10, ge=1)
+    checkpoint_every: int = Field(default=12_000, ge=1)
+    randomise: dict[str, Any] | None = None
 
 
 def claim(folder: Path, settings: Settings) -> bool:
@@ -111,14 +119,13 @@ def read(folder: Path) -> Settings:
     Raises:
         ValueError: there is none, or it cannot be read; one line.
     """
-    path = folder / FILE
+    lead = f"{folder} holds no training that can be read: {FILE}"
+    data = load_json(folder / FILE, lead)
     try:
-        data = json.loads(path.read_text(encoding="utf-8"))
-        if data.get("schema") != SCHEMA:
-            raise ValueError(f"schema is {data.get('schema')!r}, this version reads {SCHEMA!r}")
-        return from_data(data)
-    except (OSError, ValueError, AttributeError) as fault:
-        raise ValueError(f"{folder} holds no training that can be read: {FILE}: {fault}") from fault
+        said = checked(_Written, data)
+    except SchemaError as fault:
+        raise ValueError(f"{lead}: {fault.path or 'it'} {fault.problem}") from fault
+    return Settings(**{field.name: getattr(said, field.name) for field in fields(Settings)})
 
 
 def provenance() -> dict[str, str]:

@@ -11,6 +11,8 @@ from typing import Any, Final
 
 from tiago_mj import atomic
 from tiago_mj.learn.agent_file import SUFFIX, load_agent
+from tiago_mj.loading import load_json
+from tiago_mj.quoting import quoted
 
 #: A name that no other kind of policy can have.
 NAME: Final = re.compile(r"[a-z][a-z0-9-]{2,40}")
@@ -93,14 +95,14 @@ def export(
     from tiago_mj.learn.card import markdown
 
     if name is None or not NAME.fullmatch(name):
-        raise ValueError(f"--name is {name!r}: give 3 to 41 small letters, digits and hyphens")
+        raise ValueError(f"--name is {quoted(name)}: give 3 to 41 small letters, digits and hyphens")
     if name in ("random",):
         raise ValueError(f"--name {name} is that of another policy: choose another")
     try:
-        card: dict[str, Any] = json.loads((training / "card.json").read_text(encoding="utf-8"))
+        card: dict[str, Any] = load_json(training / "card.json", "card.json is not readable JSON")
         trained = [result["seed"] for result in card["seeds"]]
         card["agent_seed"] = card["best_seed"] if seed is None else seed
-    except (OSError, ValueError, KeyError) as fault:
+    except (ValueError, KeyError, TypeError) as fault:
         raise ValueError(f"--export {training} holds no finished training: card.json: {fault}") from fault
     if card["agent_seed"] not in trained:
         raise ValueError(f"--seed is {seed}: the training has {', '.join(str(one) for one in trained)}")

@@ -9,17 +9,21 @@ from __future__ import annotations
 
 import ast
 import inspect
-import math
 from collections.abc import Mapping
+from copy import copy
 from importlib.resources import files
 from importlib.resources.abc import Traversable
 from pathlib import Path
-from typing import Any, Final
+from typing import Annotated, Any, Final, Literal
 
-import yaml
+from pydantic import BeforeValidator, Field
 
 from tiago_mj import extra
+from tiago_mj.loading import load_yaml
+from tiago_mj.quoting import is_number, is_one_of, quoted
 from tiago_mj.registration import NAMESPACE
+from tiago_mj.schema import Closed, SchemaError
+from tiago_mj.schema import checked as schema_checked
 
 #: Algorithm: class of stable-baselines3. The hyperparameters shipped for it are ``hyperparameters/NAME.yml``.
 ALGORITHMS: Final[Mapping[str, str]] = {
@@ -45,12 +49,117 @@ _NOT_GIVEN: Final = frozenset(
     )
 )  # fmt: skip
 NOISES: Final = ("normal", "ornstein-uhlenbeck")
-#: Of ``policy_kwargs``: what an exported agent can be made of.
-POLICY_KEYS: Final = ("net_arch", "activation_fn", "n_critics", "log_std_init", "ortho_init")
 ACTIVATIONS: Final = ("ReLU", "Tanh", "ELU")
-NORMALISE_KEYS: Final = ("norm_obs", "norm_reward", "clip_obs", "gamma")
+#: Characters of a mapping that is written as Python.
+_LONGEST: Final = 1000
 #: The entry for environments that have none of their own.
 DEFAULT: Final = "default"
+
+
+def _whole(value: Any) -> Any:
+    """YAML 1.1 reads 4e5 as text, 4.0e+5 as a number."""
+    number = float(value) if isinstance(value, (str, float)) else value
+    return int(number) if isinstance(number, float) and number.is_integer() else number
+
+
+def _mapping(value: Any) -> Any:
+    """The value of ``dict(net_arch=[400, 300], activation_fn=nn.ReLU)`` and the like, without running it."""
+    if not isinstance(value, str):
+        return {} if value is None else value
+    if len(value) > _LONGEST:
+        raise ValueError
+    try:
+        return _value(ast.parse(value, mode="eval").body)
+    except (SyntaxError, TypeError, RecursionError, MemoryError) as fault:
+        raise ValueError from fault
+
+
+def _number(value: Any) -> Any:
+    """A number, truth value or nothing; of text: a number, ``lin_NUMBER``, or a word that starts with ``auto``."""
+    if isinstance(value, str) and not value.startswith("auto"):
+        number = float(value.removeprefix("lin_"))
+        value = value if value.startswith("lin_") else number  # YAML 1.1 reads 1e-3 as text
+    else:
+        number = value
+    if not (number is None or isinstance(number, (bool, str)) or is_number(number)):
+        raise ValueError
+    return value
+
+
+def _deviation(value: Any) -> Any:
+    number = _number(value)
+    start = float(number.removeprefix("lin_")) if isinstance(number, str) else number
+    if not (is_number(start) and start >= 0):
+        raise ValueError
+    return number
+
+
+def _train_freq(value: Any) -> Any:
+    pair = value if isinstance(value, list) else [value, "step"]
+    if len(pair) != 2 or not is_one_of(pair[1], ("step", "episode")):
+        raise ValueError
+    count = _whole(pair[0])
+    if not isinstance(count, int) or isinstance(count, bool) or count < 1:
+        raise ValueError
+    return [count, pair[1]]
+
+
+_Whole = Annotated[int, Field(ge=1), BeforeValidator(_whole)]
+_Mapping = Annotated[dict[str, Any], BeforeValidator(_mapping)]
+_Share = Annotated[float, Field(ge=0, le=1)]
+_Numbers = dict[str, Annotated[Any, BeforeValidator(_number)]]
+_WHOLE: Final = "give a whole number, 1 or more"
+_MAPPING: Final = "give a mapping, or dict(NAME=VALUE, ...)"
+_Sizes = list[Annotated[int, Field(ge=1, le=100_000)]]
+
+
+class _PolicyArguments(Closed):
+    """What an exported agent can be made of."""
+
+    net_arch: _Sizes | dict[str, _Sizes] = Field(default=[], description="give a list of layers' sizes")
+    activation_fn: Annotated[
+        Literal["ReLU", "Tanh", "ELU"],
+        BeforeValidator(lambda value: value.removeprefix("nn.") if isinstance(value, str) else value),
+    ] = Field(default="ReLU", description=f"use {', '.join(f'nn.{a}' for a in ACTIVATIONS)}")
+    n_critics: int = Field(default=2, ge=1, le=100, description="give a whole number, 1 or more")
+    log_std_init: float = Field(default=0.0, description="give a number")
+    ortho_init: bool = Field(default=True, description="give true or false")
+
+
+class _Normalise(Closed):
+    norm_obs: bool = Field(default=True, description="give true or false")
+    norm_reward: bool = Field(default=True, description="give true or false")
+    clip_obs: float = Field(default=10.0, gt=0, description="give a number above 0")
+    gamma: _Share = Field(default=0.99, description="give a number from 0 to 1")
+
+
+class _Entry(Closed):
+    n_timesteps: _Whole = Field(default=400_000, description=_WHOLE)
+    n_envs: _Whole = Field(default=1, description=_WHOLE)
+    hold: _Whole = Field(default=1, description=_WHOLE)
+    hold_share: _Share = Field(default=0.0, description="give a share of the environments, 0 to 1")
+    leak: _Share = Field(default=0.0, description="give a slope, 0 to 1")
+    policy: Literal["MlpPolicy", "MultiInputPolicy"] = Field(
+        default="MlpPolicy", description="use 'MlpPolicy' or 'MultiInputPolicy'"
+    )
+    env_kwargs: _Mapping = Field(default={}, description=_MAPPING)
+    policy_kwargs: Annotated[_PolicyArguments | None, BeforeValidator(_mapping)] = Field(
+        default=None, description=_MAPPING
+    )
+    normalize: bool | Annotated[_Normalise, BeforeValidator(_mapping)] = Field(
+        default=False, description="give true, false or a mapping"
+    )
+    noise_type: Literal["normal", "ornstein-uhlenbeck"] | None = Field(
+        default=None, description=f"use one of {', '.join(NOISES)}"
+    )
+    noise_std: Annotated[Any, BeforeValidator(_deviation)] = Field(
+        default=0.0, description="give a number, 0 or more, or 'lin_NUMBER' to fall to 0"
+    )
+    train_freq: Annotated[list[Any], BeforeValidator(_train_freq)] = Field(
+        default=[1, "step"], description="give a number of steps, or [NUMBER, step or episode]"
+    )
+    replay_buffer_kwargs: _Mapping = Field(default={}, description=_MAPPING)
+    others: _Numbers = Field(description="give a number, or 'lin_NUMBER' to fall to 0")
 
 
 def shipped(algo: str) -> Traversable:
@@ -60,7 +169,7 @@ def shipped(algo: str) -> Traversable:
         ValueError: there is no such algorithm.
     """
     if algo not in ALGORITHMS:
-        raise ValueError(f"algorithm {algo!r} is unknown: use one of {', '.join(ALGORITHMS)}")
+        raise ValueError(f"algorithm {quoted(algo)} is unknown: use one of {', '.join(ALGORITHMS)}")
     return files("tiago_mj.learn") / "hyperparameters" / f"{algo}.yml"
 
 
@@ -74,27 +183,23 @@ def read_hyperparameters(algo: str, env_id: str, path: Path | None = None) -> di
 
     Raises:
         ValueError: no such algorithm or entry, no YAML, a key or value that cannot be used; one line.
-        OSError: the file cannot be read.
         ModuleNotFoundError: stable-baselines3 is not installed.
     """
     source: Traversable | Path = shipped(algo) if path is None else path
     name = source.name if path is None else str(path)
-    try:
-        entries = yaml.safe_load(source.read_text(encoding="utf-8"))
-    except (yaml.YAMLError, UnicodeDecodeError) as fault:
-        raise ValueError(f"hyperparameters {name} are no YAML: {' '.join(str(fault).split())}") from fault
+    entries = load_yaml(source, f"hyperparameters {name} are no YAML")
     if not isinstance(entries, dict):
         raise ValueError(f"hyperparameters {name}: the top level must map environment ids to entries")
     short = env_id.removeprefix(f"{NAMESPACE}/")
     key = next((k for k in (short, f"{NAMESPACE}/{short}", DEFAULT) if k in entries), None)
     if key is None:
         raise ValueError(
-            f"hyperparameters {name} have no entry for {short!r}, nor {DEFAULT!r}: there are "
+            f"hyperparameters {name} have no entry for {quoted(short)}, nor {DEFAULT!r}: there are "
             f"{', '.join(map(str, entries)) or 'none'}"
         )
     where = f"hyperparameters {name}, entry {key}"
     if not isinstance(entries[key], dict):
-        raise ValueError(f"{where}: an entry must map names to values, this is {entries[key]!r}")
+        raise ValueError(f"{where}: an entry must map names to values, this is {quoted(entries[key])}")
     return checked(algo, entries[key], where)
 
 
@@ -105,48 +210,32 @@ def checked(algo: str, entry: Mapping[str, Any], where: str) -> dict[str, Any]:
         ValueError: one is not; says which, where, and what is possible.
     """
     known = class_arguments(algo)
-    values = dict(entry)
-    for key in values:
-        if key in REFUSED:
-            raise ValueError(f"{where}: {key!r} is of rl-zoo3 but not supported here; leave it out")
-        if key not in OWN_KEYS and key not in known:
-            raise ValueError(f"{where}: {key!r} is unknown to {algo}: use {', '.join((*OWN_KEYS, *sorted(known)))}")
-    for key in ("n_timesteps", "n_envs"):
-        values.setdefault(key, 1 if key == "n_envs" else 400_000)
-        values[key] = _whole(where, key, values[key])
-    if "hold" in values:
-        values["hold"] = _whole(where, "hold", values["hold"])
-    for key, what in (("hold_share", "a share of the environments"), ("leak", "a slope")):
-        share = values.get(key, 0.0)
-        if isinstance(share, bool) or not isinstance(share, (int, float)) or not 0 <= share <= 1:
-            raise ValueError(f"{where}: {key} is {share!r}: give {what}, 0 to 1")
-    values.setdefault("policy", "MlpPolicy")
-    if values["policy"] not in ("MlpPolicy", "MultiInputPolicy"):
-        raise ValueError(f"{where}: policy is {values['policy']!r}: use 'MlpPolicy' or 'MultiInputPolicy'")
-    values["env_kwargs"] = _mapping(where, "env_kwargs", values.get("env_kwargs"))
-    values["policy_kwargs"] = _policy_arguments(where, values.get("policy_kwargs"))
-    if values.get("noise_type") not in (None, *NOISES):
-        raise ValueError(f"{where}: noise_type is {values['noise_type']!r}: use one of {', '.join(NOISES)}")
-    values["normalize"] = _normalize(where, values.get("normalize", False))
-    if "train_freq" in values:
-        values["train_freq"] = _train_freq(where, values["train_freq"])
-    if "replay_buffer_kwargs" in values:
-        values["replay_buffer_kwargs"] = _mapping(where, "replay_buffer_kwargs", values["replay_buffer_kwargs"])
-    for key in set(values) - {*OWN_KEYS, "policy_kwargs", "replay_buffer_kwargs", "train_freq"} | {"noise_std"}:
-        if key in values:
-            values[key] = _number(where, key, values[key])
-    deviation = values.get("noise_std", 0.0)
-    start = deviation.removeprefix("lin_") if isinstance(deviation, str) else deviation
-    usable = isinstance(deviation, (int, float, str)) and not str(start).startswith("auto")
-    if not usable or not 0 <= float(start) < math.inf:
-        raise ValueError(f"{where}: noise_std is {deviation!r}: give a number, 0 or more, or 'lin_NUMBER' to fall to 0")
-    return values
+    for key in entry:
+        if is_one_of(key, REFUSED):
+            raise ValueError(f"{where}: {quoted(key)} is of rl-zoo3 but not supported here; leave it out")
+        if not is_one_of(key, (*OWN_KEYS, *known)):
+            names = ", ".join((*OWN_KEYS, *sorted(known)))
+            raise ValueError(f"{where}: {quoted(key)} is unknown to {algo}: use {names}")
+    own = {key: value for key, value in entry.items() if key in _Entry.model_fields}
+    others = {key: value for key, value in entry.items() if key not in own}
+    try:
+        found = schema_checked(_Entry, {**own, "others": others})
+    except SchemaError as fault:
+        path = fault.path.removeprefix("others.")
+        said = f"{path} {fault.problem}"
+        if fault.problem == "is unknown":
+            said = f"{fault.where[0]} has {quoted(fault.where[-1])}"
+        raise ValueError(f"{where}: {said}: {fault.mend}") from fault
+    always = ("n_timesteps", "n_envs", "policy", "env_kwargs", "normalize")
+    values = found.model_dump(exclude_unset=True) | found.others
+    defaults = {key: copy(_Entry.model_fields[key].default) for key in always if key not in entry}
+    return {"policy_kwargs": {}} | {key: values[key] for key in entry} | defaults
 
 
 def class_arguments(algo: str) -> frozenset[str]:
     """Arguments of the algorithm's class that an entry may have."""
     if algo not in ALGORITHMS:
-        raise ValueError(f"algorithm {algo!r} is unknown: use one of {', '.join(ALGORITHMS)}")
+        raise ValueError(f"algorithm {quoted(algo)} is unknown: use one of {', '.join(ALGORITHMS)}")
     return frozenset(inspect.signature(sb3_class(algo).__init__).parameters) - _NOT_GIVEN
 
 
@@ -157,77 +246,6 @@ def sb3_class(algo: str) -> Any:
         ModuleNotFoundError: the extra is not installed.
     """
     return getattr(extra.load("stable_baselines3", "training", "train"), ALGORITHMS[algo])
-
-
-def _whole(where: str, key: str, value: Any) -> int:
-    try:
-        number = float(value)  # YAML 1.1 reads 4e5 as text, 4.0e+5 as a number
-    except (TypeError, ValueError):
-        number = 0.5
-    if isinstance(value, bool) or not number.is_integer() or number < 1:
-        raise ValueError(f"{where}: {key} is {value!r}: give a whole number, 1 or more")
-    return int(number)
-
-
-def _mapping(where: str, key: str, value: Any) -> dict[str, Any]:
-    if isinstance(value, str):
-        value = _literal(where, key, value)
-    if value is None:
-        return {}
-    if not isinstance(value, dict):
-        raise ValueError(f"{where}: {key} is {value!r}: give a mapping")
-    return dict(value)
-
-
-def _policy_arguments(where: str, value: Any) -> dict[str, Any]:
-    given = _mapping(where, "policy_kwargs", value)
-    for key in given:
-        if key not in POLICY_KEYS:
-            raise ValueError(f"{where}: policy_kwargs has {key!r}: use {', '.join(POLICY_KEYS)}")
-    if "activation_fn" in given:
-        name = str(given["activation_fn"]).removeprefix("nn.")
-        if name not in ACTIVATIONS:
-            raise ValueError(f"{where}: activation_fn is {name!r}: use {', '.join(f'nn.{a}' for a in ACTIVATIONS)}")
-        given["activation_fn"] = name
-    return given
-
-
-def _number(where: str, key: str, value: Any) -> Any:
-    """A number, truth value or nothing; of text: a number, ``lin_NUMBER``, or a word that starts with ``auto``."""
-    if isinstance(value, str) and not value.startswith("auto"):
-        try:
-            number = float(value.removeprefix("lin_"))
-        except ValueError:
-            raise ValueError(f"{where}: {key} is {value!r}: give a number, or 'lin_NUMBER' to fall to 0") from None
-        return value if value.startswith("lin_") else number  # YAML 1.1 reads 1e-3 as text
-    if isinstance(value, (list, dict)) or (isinstance(value, float) and not math.isfinite(value)):
-        raise ValueError(f"{where}: {key} is {value!r}: give a number")
-    return value
-
-
-def _train_freq(where: str, value: Any) -> int | list[Any]:
-    pair = [value, "step"] if not isinstance(value, list) else value
-    if len(pair) != 2 or pair[1] not in ("step", "episode"):
-        raise ValueError(f"{where}: train_freq is {value!r}: give a number of steps, or [NUMBER, step or episode]")
-    return [_whole(where, "train_freq", pair[0]), pair[1]]
-
-
-def _normalize(where: str, value: Any) -> bool | dict[str, Any]:
-    if isinstance(value, bool):
-        return value
-    given = _mapping(where, "normalize", value)
-    for key in given:
-        if key not in NORMALISE_KEYS:
-            raise ValueError(f"{where}: normalize has {key!r}: use {', '.join(NORMALISE_KEYS)}")
-    return given
-
-
-def _literal(where: str, key: str, text: str) -> Any:
-    """The value of ``dict(net_arch=[400, 300], activation_fn=nn.ReLU)`` and the like, without running it."""
-    try:
-        return _value(ast.parse(text, mode="eval").body)
-    except (SyntaxError, ValueError) as fault:
-        raise ValueError(f"{where}: {key} is {text!r}: give a mapping, or dict(NAME=VALUE, ...)") from fault
 
 
 def _value(node: ast.expr) -> Any:

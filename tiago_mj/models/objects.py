@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from tiago_mj.compliance import Compliance
 from tiago_mj.models import names
+from tiago_mj.quoting import is_number, is_one_of, quoted
 
 SHAPES: Final[Mapping[str, mujoco.mjtGeom]] = MappingProxyType(
     {"cylinder": mujoco.mjtGeom.mjGEOM_CYLINDER, "box": mujoco.mjtGeom.mjGEOM_BOX}
@@ -46,14 +47,14 @@ class GraspObject:
     friction: float = 1.0
 
     def __post_init__(self) -> None:
-        if self.shape not in SHAPES:
-            raise ValueError(f"object shape {self.shape!r} is unknown: use one of {', '.join(SHAPES)}")
+        if not is_one_of(self.shape, SHAPES):
+            raise ValueError(f"object shape {quoted(self.shape)} is unknown: use one of {', '.join(SHAPES)}")
         for field in ("width", "height", "mass", "stiffness", "friction"):
             value = getattr(self, field)
-            if not (np.isfinite(value) and value > 0):
-                raise ValueError(f"object {field} is {value!r}: give a positive, finite number")
-        if not (np.isfinite(self.damping) and self.damping >= 0):
-            raise ValueError(f"object damping is {self.damping!r}: give a finite number, 0 or more [N·s/m]")
+            if not (is_number(value) and value > 0):
+                raise ValueError(f"object {field} is {quoted(value)}: give a positive, finite number")
+        if not (is_number(self.damping) and self.damping >= 0):
+            raise ValueError(f"object damping is {quoted(self.damping)}: give a finite number, 0 or more [N·s/m]")
 
     @property
     def compliance(self) -> Compliance:
@@ -103,8 +104,8 @@ def named_object(name: str, **changes: Any) -> GraspObject:
     Raises:
         ValueError: no such object; says which there are.
     """
-    if name not in OBJECTS:
-        raise ValueError(f"object {name!r} is unknown: use one of {', '.join(OBJECTS)}")
+    if not is_one_of(name, OBJECTS):
+        raise ValueError(f"object {quoted(name)} is unknown: use one of {', '.join(OBJECTS)}")
     return replace(OBJECTS[name], **changes)
 
 

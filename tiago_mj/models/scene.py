@@ -19,6 +19,7 @@ from tiago_mj import compliance
 from tiago_mj.models import names
 from tiago_mj.models.files import model_file
 from tiago_mj.models.objects import SHAPES, GraspObject, give_object
+from tiago_mj.quoting import is_one_of, quoted
 
 ROBOTS: Final = ("gripper_ta11", "tiago_ta11", "tiago_pal_gripper")
 SERVOS: Final = ("pal", "ideal")
@@ -67,8 +68,8 @@ class SceneConfig:
 
     def __post_init__(self) -> None:
         for name, value, known in (("robot", self.robot, ROBOTS), ("servo", self.servo, SERVOS)):
-            if value not in known:
-                raise ValueError(f"{name} {value!r} is unknown: use one of {', '.join(known)}")
+            if not is_one_of(value, known):
+                raise ValueError(f"{name} {quoted(value)} is unknown: use one of {', '.join(known)}")
 
 
 def build(config: SceneConfig) -> mujoco.MjModel:

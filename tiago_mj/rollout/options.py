@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import argparse
-import json
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import gymnasium
 
+from tiago_mj.loading import parse_json
+from tiago_mj.quoting import quoted
 from tiago_mj.registration import ENVIRONMENTS, NAMESPACE
 
 
@@ -64,7 +65,7 @@ def environment_id(name: str) -> str:
     """
     short = name.removeprefix(f"{NAMESPACE}/")
     if short not in ENVIRONMENTS:
-        raise ValueError(f"environment {name!r} is unknown: use one of {', '.join(ENVIRONMENTS)}")
+        raise ValueError(f"environment {quoted(name)} is unknown: use one of {', '.join(ENVIRONMENTS)}")
     return f"{NAMESPACE}/{short}"
 
 
@@ -78,10 +79,12 @@ def read_options(given: Sequence[str]) -> dict[str, Any]:
     for word in given:
         key, separator, value = word.partition("=")
         if not separator or not key.isidentifier():
-            raise ValueError(f"--env-option {word!r} is no key=value: write it as servo=ideal or goal='[0.5, 1.5]'")
+            raise ValueError(
+                f"--env-option {quoted(word)} is no key=value: write it as servo=ideal or goal='[0.5, 1.5]'"
+            )
         try:
-            options[key] = json.loads(value)
-        except json.JSONDecodeError:
+            options[key] = parse_json(value, "")
+        except ValueError:
             options[key] = value
     return options
 

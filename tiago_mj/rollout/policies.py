@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import zipfile
 from pathlib import Path
 from typing import Any, Final
@@ -10,13 +9,15 @@ from typing import Any, Final
 import gymnasium
 import numpy as np
 
-from tiago_mj import extra
+from tiago_mj import arrays, extra
 from tiago_mj.control.force_pi import ForcePI
 from tiago_mj.control.tuned import tuned_pi
 from tiago_mj.envs.flat import core_of
 from tiago_mj.envs.hold_force import HoldForce
 from tiago_mj.learn.agent_file import SUFFIX, Agent, load_agent
 from tiago_mj.learn.shipped import shipped_agents
+from tiago_mj.loading import MAX_BYTES, parse_json
+from tiago_mj.quoting import quoted
 from tiago_mj.rollout.episode import Policy
 
 #: Algorithms of stable-baselines3 by a setting that only they store; DDPG is stored as the TD3 that it is made of.
@@ -109,9 +110,12 @@ def _load(path: Path, env: gymnasium.Env[Any, Any], trust: bool) -> Any:
         )
     loader = getattr(extra.load("stable_baselines3", f"policy {path}", "train"), algorithm)
     try:
-        return loader.load(path, env=env, device="cpu", custom_objects=dict(_NO_BUFFER))
+        model = loader.load(path, env=env, device="cpu", custom_objects=dict(_NO_BUFFER))
+        if not all(bool(value.isfinite().all()) for value in model.policy.state_dict().values()):
+            raise ValueError("it has weights that are not finite")
+        return model
     except Exception as fault:
-        reason = " ".join(str(fault).split())
+        reason = arrays.reason(fault)
         raise ValueError(f"policy {path}: {algorithm} could not load it for this environment: {reason}") from fault
 
 
@@ -120,15 +124,15 @@ def _algorithm(path: Path) -> str:
     if not path.is_file():
         named = ", ".join(("pi", RANDOM, *shipped_agents()))
         raise ValueError(
-            f"policy {str(path)!r} is unknown: give {named}, an agent's {SUFFIX} file, or a file saved by "
+            f"policy {quoted(str(path))} is unknown: give {named}, an agent's {SUFFIX} file, or a file saved by "
             "stable-baselines3"
         )
     try:
-        with zipfile.ZipFile(path) as archive:
-            settings = json.loads(archive.read("data"))
-    except (zipfile.BadZipFile, KeyError, ValueError) as fault:
-        raise ValueError(f"policy {path} is not a file saved by stable-baselines3: {fault}") from fault
+        with zipfile.ZipFile(path) as archive, archive.open("data") as data:
+            settings = parse_json(data.read(MAX_BYTES + 1), "its settings are no JSON")
+    except arrays.FAULTS as fault:
+        raise ValueError(f"policy {path} is not a file saved by stable-baselines3: {arrays.reason(fault)}") from fault
     for key, algorithm in ALGORITHMS.items():
-        if key in settings:
+        if isinstance(settings, dict) and key in settings:
             return algorithm
     raise ValueError(f"policy {path} is of an unknown algorithm: {', '.join(ALGORITHMS.values())} and DDPG are known")

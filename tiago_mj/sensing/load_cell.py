@@ -33,6 +33,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from tiago_mj.quoting import is_number, quoted
+
 Array = NDArray[np.float64]
 
 #: Standard deviation of the real TA11 without contact, from 10 000 samples [sensor units] (paper, section III-B).
@@ -49,13 +51,9 @@ TA11_CONTACT_UNIT: Final = PAPER_SCALE * SERVO_STIFFNESS / TA11_SLOPE
 GOAL_NEWTONS: Final = SERVO_STIFFNESS / TA11_SLOPE
 
 
-def _numbers(given: Any) -> Array | None:
-    """One finite number or two; None for anything else."""
-    try:
-        values = np.asarray(given, dtype=float)
-    except (TypeError, ValueError):
-        return None
-    return values if values.shape in ((), (2,)) and np.isfinite(values).all() else None
+def _numbers(given: Any) -> bool:
+    """Whether it is one finite number, or two."""
+    return is_number(given) or (isinstance(given, (list, tuple)) and len(given) == 2 and all(map(is_number, given)))
 
 
 @dataclass(frozen=True)
@@ -81,28 +79,27 @@ class LoadCell:
     bias: float | tuple[float, float] = 0.0
 
     def __post_init__(self) -> None:
-        for name in ("scale", "noise", "bias"):
+        for name in ("scale", "noise", "bias", "threshold"):
             given = getattr(self, name)
-            if _numbers(given) is None:
-                raise ValueError(f"load cell {name} is {given!r}: give one number, or two (right, left)")
-            if isinstance(given, (list, np.ndarray)):
-                object.__setattr__(self, name, tuple(float(value) for value in given))  # hashable, as the others
+            given = given.tolist() if isinstance(given, np.ndarray) else given
+            if not _numbers(given) and not (name == "threshold" and given is None):
+                raise ValueError(f"load cell {name} is {quoted(given)}: give one number, or two (right, left)")
+            if isinstance(given, list):
+                given = tuple(map(float, given))  # hashable, as the others
+            object.__setattr__(self, name, given)
         if not (np.asarray(self.scale) > 0).all():
-            raise ValueError(f"load cell scale is {self.scale!r}: give a positive, finite number")
-        if not (np.isfinite(self.contact_unit) and self.contact_unit > 0):
-            raise ValueError(f"load cell contact_unit is {self.contact_unit!r}: give a positive, finite number")
+            raise ValueError(f"load cell scale is {quoted(self.scale)}: give a positive, finite number")
+        if not (is_number(self.contact_unit) and self.contact_unit > 0):
+            raise ValueError(f"load cell contact_unit is {quoted(self.contact_unit)}: give a positive, finite number")
         if not (np.asarray(self.noise) >= 0).all():
             raise ValueError(
-                f"load cell noise is {self.noise!r}: give a standard deviation of 0 or more [sensor units]"
+                f"load cell noise is {quoted(self.noise)}: give a standard deviation of 0 or more [sensor units]"
             )
-        if not (isinstance(self.average, (int, np.integer)) and 1 <= self.average <= 1000):
-            raise ValueError(f"load cell average is {self.average!r}: give a whole number of samples from 1 to 1000")
-        if self.threshold is not None:
-            limits = np.asarray(self.threshold, dtype=float)
-            if limits.shape not in ((), (2,)) or not np.isfinite(limits).all():
-                raise ValueError(
-                    f"load cell threshold is {self.threshold!r}: give one number, or two (right, left) [sensor units]"
-                )
+        whole = isinstance(self.average, (int, np.integer)) and not isinstance(self.average, bool)
+        if not (whole and 1 <= self.average <= 1000):
+            raise ValueError(
+                f"load cell average is {quoted(self.average)}: give a whole number of samples from 1 to 1000"
+            )
 
     @cached_property
     def thresholds(self) -> Array:
@@ -159,7 +156,7 @@ def named_load_cell(name: str | Path) -> LoadCell:
         return read_load_cell(name)
     if not isinstance(name, str) or name not in SENSING:
         raise ValueError(
-            f"sensing {name!r} is unknown: use one of {', '.join(SENSING)}, a sensor's .yaml file, or a LoadCell"
+            f"sensing {quoted(name)} is unknown: use one of {', '.join(SENSING)}, a sensor's .yaml file, or a LoadCell"
         )
     return SENSING[name]
 

@@ -14,15 +14,32 @@ What is left out is the TA11's. Any other key is for the reader.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, Final
+from typing import Annotated, Any, Final
 
-import yaml
+from pydantic import Field
 
+from tiago_mj.loading import load_yaml
+from tiago_mj.quoting import quoted
+from tiago_mj.schema import Open, SchemaError, checked
 from tiago_mj.sensing.load_cell import LoadCell
 
 SCHEMA: Final = "tiago_mj.sensor/1"
 SUFFIXES: Final = (".yaml", ".yml")
-KEYS: Final = ("scale", "contact_unit", "noise", "bias", "threshold", "average")
+_Numbers = Annotated[float | list[float] | None, Field(description="give one number, or two (right, left)")]
+
+
+class _Sheet(Open):
+    """What counts; how large the numbers may be, the load cell says."""
+
+    scale: _Numbers = None
+    contact_unit: float | None = Field(default=None, description="give a positive number [N]")
+    noise: _Numbers = None
+    bias: _Numbers = None
+    threshold: _Numbers = None
+    average: int | None = Field(default=None, description="give a whole number of samples")
+
+
+KEYS: Final = tuple(_Sheet.model_fields)
 
 
 def read_load_cell(path: str | Path) -> LoadCell:
@@ -33,19 +50,18 @@ def read_load_cell(path: str | Path) -> LoadCell:
     """
     file = Path(path)
     if not file.is_file():
-        raise ValueError(f"no sensor file {str(path)!r}: give the path of what tiago-mj calibrate-sensor wrote")
+        raise ValueError(f"no sensor file {quoted(str(path))}: give the path of what tiago-mj calibrate-sensor wrote")
+    data = load_yaml(file, f"{file.name} is no valid YAML")
+    said = data.get("schema") if isinstance(data, dict) else None
+    if said != SCHEMA:
+        raise ValueError(f"{file.name} describes no load cell: its schema is {quoted(said)}, {SCHEMA!r} is read")
     try:
-        data = yaml.safe_load(file.read_text(encoding="utf-8"))
-    except (yaml.YAMLError, UnicodeDecodeError) as fault:
-        raise ValueError(f"{file.name} is no valid YAML: {' '.join(str(fault).split())}") from fault
-    if not isinstance(data, dict) or data.get("schema") != SCHEMA:
-        said = data.get("schema") if isinstance(data, dict) else None
-        raise ValueError(f"{file.name} describes no load cell: its schema is {said!r}, {SCHEMA!r} is read")
-    known: dict[str, Any] = {key: data[key] for key in KEYS if data.get(key) is not None}
+        known: dict[str, Any] = checked(_Sheet, data).model_dump(exclude_none=True, include=set(KEYS))
+    except SchemaError as fault:
+        raise ValueError(f"{file.name}: {fault}") from fault
     if not known:
         raise ValueError(f"{file.name} says nothing of the load cell: write one of {', '.join(KEYS)}")
     try:
-        cell: dict[str, Any] = {key: tuple(value) if isinstance(value, list) else value for key, value in known.items()}
-        return LoadCell(**cell)
-    except (TypeError, ValueError) as fault:
-        raise ValueError(f"{file.name}: {' '.join(str(fault).split())}") from fault
+        return LoadCell(**known)
+    except ValueError as fault:
+        raise ValueError(f"{file.name}: {fault}") from fault

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tiago_mj.models import names
+from tiago_mj.quoting import quoted
 
 Array = NDArray[np.float64]
 
@@ -30,7 +31,7 @@ class PadForces:
 
     def __init__(self, model: mujoco.MjModel, source: str = "contact") -> None:
         if source not in SOURCES:
-            raise ValueError(f"force source {source!r} is unknown: use one of {', '.join(SOURCES)}")
+            raise ValueError(f"force source {quoted(source)} is unknown: use one of {', '.join(SOURCES)}")
         self.source = source
         self._object = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, names.OBJECT_BODY) >= 0
         if self._object:

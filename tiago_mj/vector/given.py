@@ -10,6 +10,8 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
+from tiago_mj.quoting import quoted
+
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
@@ -28,7 +30,7 @@ def number_of_simulations(num_envs: Any, each: int) -> int:
         ValueError: no whole number above 0, or more than there is memory for.
     """
     if isinstance(num_envs, bool) or not isinstance(num_envs, (int, np.integer)) or num_envs < 1:
-        raise ValueError(f"num_envs is {num_envs!r}: give a whole number of environments, 1 or more")
+        raise ValueError(f"num_envs is {quoted(num_envs)}: give a whole number of environments, 1 or more")
     free = _free_memory()
     if num_envs * each > free:
         raise ValueError(
@@ -45,7 +47,7 @@ def number_of_threads(threads: Any, simulations: int) -> int:
         ValueError: no whole number from 0 to 1024; 0 is all processors.
     """
     if isinstance(threads, bool) or not isinstance(threads, (int, np.integer)) or not 0 <= threads <= 1024:
-        raise ValueError(f"threads is {threads!r}: give a whole number from 1 to 1024, or 0 for all processors")
+        raise ValueError(f"threads is {quoted(threads)}: give a whole number from 1 to 1024, or 0 for all processors")
     processors = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     return min(int(threads) or processors, simulations)
 
@@ -61,7 +63,7 @@ def autoreset(mode: Any) -> AutoresetMode:
     except ValueError as fault:
         known = ", ".join(repr(known.value) for known in AutoresetMode)
         raise ValueError(
-            f"autoreset_mode {mode!r} is unknown: use one of {known}, or gymnasium's AutoresetMode"
+            f"autoreset_mode {quoted(mode)} is unknown: use one of {known}, or gymnasium's AutoresetMode"
         ) from fault
 
 
@@ -74,7 +76,7 @@ def time_limit(steps: Any) -> int | None:
     if steps is None:
         return None
     if isinstance(steps, bool) or not isinstance(steps, (int, np.integer)) or steps < 1:
-        raise ValueError(f"max_episode_steps is {steps!r}: give a whole number of steps, 1 or more")
+        raise ValueError(f"max_episode_steps is {quoted(steps)}: give a whole number of steps, 1 or more")
     return int(steps)
 
 
@@ -113,12 +115,12 @@ def seeds(seed: Any, count: int) -> list[int | None]:
     elif isinstance(seed, (list, tuple, np.ndarray)):
         listed = list(seed)
     else:
-        raise ValueError(f"seed is {seed!r}: give a whole number, or a list of {count}, one an environment")
+        raise ValueError(f"seed is {quoted(seed)}: give a whole number, or a list of {count}, one an environment")
     if len(listed) != count:
         raise ValueError(f"{len(listed)} seeds for {count} environments: give one each, or a single number")
     for one in listed:
         if one is not None and (isinstance(one, bool) or not isinstance(one, (int, np.integer)) or one < 0):
-            raise ValueError(f"seed {one!r} is not usable: give whole numbers from 0, or None to go on as before")
+            raise ValueError(f"seed {quoted(one)} is not usable: give whole numbers from 0, or None to go on as before")
     return [None if one is None else int(one) for one in listed]
 
 

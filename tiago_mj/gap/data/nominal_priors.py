@@ -17,6 +17,7 @@ from collections.abc import Mapping, Sequence
 from tiago_mj.effects import EFFECTS
 from tiago_mj.effects.spec import Entry
 from tiago_mj.gap.data.recording import MEASURED, RecordingError, Trial, channels
+from tiago_mj.quoting import is_number, quoted
 
 
 def known_to(trials: Sequence[Trial]) -> dict[tuple[str, str | None], float]:
@@ -32,10 +33,10 @@ def known_to(trials: Sequence[Trial]) -> dict[tuple[str, str | None], float]:
             effect, _, target = str(key).partition(".")
             if effect not in EFFECTS:
                 continue  # of a kind of reading, or of a column
-            if isinstance(value, bool) or not isinstance(value, (int, float)) or not 0 < value < float("inf"):
+            if not is_number(value) or value <= 0:
                 raise RecordingError(
-                    f"{trial.source}: uncertainty.{key} in the sidecar is {value!r}: write one standard deviation, a "
-                    "positive number"
+                    f"{trial.source}: uncertainty.{key} in the sidecar is {quoted(value)}: write one standard "
+                    "deviation, a positive number"
                 )
             if found.setdefault((effect, target or None), float(value)) != float(value):
                 raise RecordingError(

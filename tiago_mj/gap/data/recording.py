@@ -13,6 +13,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from tiago_mj.quoting import one_line
+
 Array = NDArray[np.float64]
 
 SCHEMA: Final = "tiago_mj.recording/1"
@@ -54,10 +56,15 @@ CODES: Final = (
     "single_trial",
     "contradiction",
 )
+#: Characters of a message.
+_LONGEST: Final = 2000
 
 
 class RecordingError(ValueError):
     """A recording cannot be used; one line says which file, which column and how to mend it."""
+
+    def __init__(self, message: str) -> None:
+        super().__init__(one_line(message if len(message) <= _LONGEST else f"{message[:_LONGEST]} ..."))
 
 
 @dataclass(frozen=True)

@@ -2,29 +2,86 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Final
+from typing import Annotated, Any, Final, Literal
 
 import numpy as np
+from pydantic import Field
 
 from tiago_mj.gap.data.recording import INTERFACES, SCHEMA, RecordingError, Sidecar
+from tiago_mj.loading import load_json
+from tiago_mj.quoting import quoted
+from tiago_mj.schema import Closed, Open, SchemaError, checked
 
-_MAPPINGS: Final = ("servo", "sensing", "object", "initial", "units")
-INITIAL: Final = ("position", "velocity", "set_point")
-#: What an object's numbers may be: whether 0 and less are allowed, and the most; nothing that fingers hold is larger.
-_OBJECT: Final[Mapping[str, tuple[bool, float]]] = {
-    "radius_m": (False, 0.25),
-    "width_m": (False, 0.5),
-    "height_m": (False, 1.0),
-    "mass_kg": (False, 50.0),
-    "offset_m": (True, 0.25),
-    "stiffness": (False, math.inf),
-    "friction": (False, math.inf),
-}
-_SENSING: Final = ("scale", "contact_unit", "average", "noise", "bias")
+#: What recorders write as they like.
+_FREE: Final = ("goal", "motion", "source")
+
+_Text = Annotated[str, Field(description="write text")]
+_Mapping = Annotated[dict[str, Any] | None, Field(description="write a mapping, {...}")]
+_Number = Annotated[float | None, Field(description="write a number")]
+_Numbers = Annotated[float | list[float] | None, Field(description="write a number")]
+_ByJoint = Annotated[dict[str, float], Field(description="write a number")]
+
+
+def _positive(most: float = math.inf) -> Any:
+    return Field(default=None, gt=0, le=most, description="write a positive number")
+
+
+class _Servo(Open):
+    name: str | None = Field(default=None, description="write text")
+    effort_limit: dict[str, float] | None = Field(default=None, description="write limits by joint, {...}")
+
+
+class _Sensing(Open):
+    scale: _Numbers = None
+    contact_unit: _Numbers = None
+    average: _Numbers = None
+    noise: _Numbers = None
+    bias: _Numbers = None
+
+
+class _Object(Open):
+    """Nothing that fingers hold is larger."""
+
+    shape: Annotated[str | None, Field(description="write text")] = None
+    radius_m: float | None = _positive(0.25)
+    width_m: float | None = _positive(0.5)
+    height_m: float | None = _positive(1.0)
+    mass_kg: float | None = _positive(50.0)
+    offset_m: float | None = Field(default=None, ge=-0.25, le=0.25, description="write a number")
+    stiffness: float | None = _positive()
+    damping: _Number = None
+    friction: float | None = _positive()
+    position_m: list[float] | None = Field(default=None, min_length=2, description="write a list of numbers")
+
+
+class _Initial(Closed):
+    position: _ByJoint = Field(default={})
+    velocity: _ByJoint = Field(default={})
+    set_point: _ByJoint = Field(default={})
+
+
+class _Written(Open):
+    """What is read of a sidecar; the rest is for its reader."""
+
+    written: Literal["tiago_mj.recording/1"] = Field(default=SCHEMA, alias="schema")
+    trial: _Text = ""
+    robot: _Text = ""
+    rate_hz: float = Field(default=0.0, ge=0, description="write a positive number [Hz]")
+    interface: Literal["velocity", "position", "effort"] | None = Field(
+        default=None, description=f"write one of {', '.join(INTERFACES)}"
+    )
+    servo: _Servo | None = Field(default=None, description="write a mapping, {...}")
+    sensing: _Sensing | None = Field(default=None, description="write a mapping, {...}")
+    object: _Object | None = Field(default=None, description="write a mapping, {...}")
+    initial: _Initial | None = Field(default=None, description="write a mapping, {...}")
+    units: dict[str, str] | None = Field(default=None, description='map columns to units, such as {"time": "us"}')
+    uncertainty: dict[str, float] | None = Field(
+        default=None, description='write columns or kinds and numbers, such as {"force": 0.02}'
+    )
+    command_reference: Literal["measured"] | None = Field(default=None, description='write "measured", or leave it out')
 
 
 def load_sidecar(path: Path) -> dict[str, Any]:
@@ -33,17 +90,13 @@ def load_sidecar(path: Path) -> dict[str, Any]:
     Raises:
         RecordingError: it is no JSON object, or of another schema.
     """
-    try:
-        raw = json.loads(path.read_text(encoding="utf-8"))
-    except (ValueError, OSError) as fault:
-        raise RecordingError(
-            f"{path.name}: the sidecar is not readable JSON ({_line(fault)}): mend or delete it"
-        ) from fault
+    lead = f"{path.name}: the sidecar is not readable JSON"
+    raw = load_json(path, lead, mend="mend or delete it", error=RecordingError)
     if not isinstance(raw, dict):
         raise RecordingError(f"{path.name}: the sidecar is no JSON object: write {{...}} with the recording's facts")
     schema = raw.get("schema", SCHEMA)
     if schema != SCHEMA:
-        raise RecordingError(f"{path.name}: schema is {schema!r}, this version reads {SCHEMA!r}")
+        raise RecordingError(f"{path.name}: schema is {quoted(schema)}, this version reads {SCHEMA!r}")
     return raw
 
 
@@ -60,45 +113,26 @@ def parse_sidecar(raw: Mapping[str, Any], file: str, defaults: Mapping[str, Any]
     """
     merged = {key: value for key, value in (defaults or {}).items() if value is not None}
     merged.update({key: value for key, value in raw.items() if value is not None})
-    for key in _MAPPINGS:
-        value = merged.get(key)
-        if key == "servo" and isinstance(value, str):
-            merged[key] = {"name": value}
-        elif value is not None and not isinstance(value, dict):
-            raise RecordingError(f"{file}: {key} in the sidecar is {value!r}: write a mapping, {{...}}")
-    for key in ("trial", "robot"):
-        if not isinstance(merged.get(key, ""), str):
-            raise RecordingError(f"{file}: {key} in the sidecar is {merged[key]!r}: write text")
-    _check_object(merged.get("object") or {}, file)
-    for key in _SENSING:
-        value = (merged.get("sensing") or {}).get(key)
-        several = value if isinstance(value, list) else [value]
-        if value is not None and not all(_is_number(number) for number in several):
-            raise RecordingError(f"{file}: sensing.{key} in the sidecar is {value!r}: write a number")
-    interface = merged.get("interface")
-    if interface is not None and interface not in INTERFACES:
-        raise RecordingError(f"{file}: interface in the sidecar is {interface!r}: write one of {', '.join(INTERFACES)}")
-    rate = merged.get("rate_hz", 0.0)
-    if not _is_number(rate) or rate < 0:
-        raise RecordingError(f"{file}: rate_hz in the sidecar is {rate!r}: write a positive number [Hz]")
-    units = merged.get("units")
-    if units is not None and not all(isinstance(unit, str) for unit in units.values()):
-        raise RecordingError(f'{file}: units in the sidecar must map columns to units, such as {{"time": "us"}}')
+    if isinstance(merged.get("servo"), str):
+        merged["servo"] = {"name": merged["servo"]}
+    try:
+        checked(_Written, merged)
+    except SchemaError as fault:
+        mend = f": {fault.mend}"
+        if most := fault.limits.get("le", -fault.limits.get("ge", 0)):
+            unit = fault.path.rpartition("_")[2]
+            mend = f", more than {most:g} {unit}: is it in {unit}?"
+        raise RecordingError(f"{file}: {fault.path} in the sidecar {fault.problem}{mend}") from fault
+    initial = merged.get("initial")
+    taken = ("interface", "servo", "sensing", "object", "units", *_FREE)
+    others: dict[str, Any] = {key: merged.get(key) for key in taken}
     return Sidecar(
-        schema=SCHEMA,
         trial=merged.get("trial", ""),
         robot=merged.get("robot", ""),
-        rate_hz=float(rate),
-        interface=interface,
-        servo=merged.get("servo"),
-        sensing=merged.get("sensing"),
-        object=merged.get("object"),
-        initial=_initial(merged.get("initial"), file),
-        goal=merged.get("goal"),
-        motion=merged.get("motion"),
-        source=merged.get("source"),
-        units=units,
+        rate_hz=float(merged.get("rate_hz", 0.0)),
+        initial=initial and {part: {k: float(v) for k, v in by_joint.items()} for part, by_joint in initial.items()},
         raw=dict(raw),
+        **others,
     )
 
 
@@ -108,7 +142,7 @@ def sidecar_mapping(sidecar: Sidecar) -> dict[str, Any]:
         key: getattr(sidecar, key)
         for key in (
             *("schema", "trial", "robot", "rate_hz", "interface", "servo", "sensing", "object", "initial"),
-            *("goal", "motion", "source", "units"),
+            *(*_FREE, "units"),
         )
     }
     return plain({**{key: value for key, value in sidecar.raw.items() if key not in fields}, **fields})
@@ -127,38 +161,3 @@ def plain(value: Any) -> Any:
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return value
-
-
-def _check_object(said: Mapping[str, Any], file: str) -> None:
-    for key, (signed, most) in _OBJECT.items():
-        value = said.get(key)
-        if value is None:
-            continue
-        if not _is_number(value) or (value <= 0 and not signed):
-            raise RecordingError(
-                f"{file}: object.{key} in the sidecar is {value!r}: write a {'' if signed else 'positive '}number"
-            )
-        if abs(value) > most:
-            unit = key.rpartition("_")[2]
-            raise RecordingError(
-                f"{file}: object.{key} in the sidecar is {value!r}, more than {most:g} {unit}: is it in {unit}?"
-            )
-
-
-def _initial(value: Any, file: str) -> dict[str, dict[str, float]] | None:
-    if value is None:
-        return None
-    for part, by_joint in value.items():
-        if part not in INITIAL:
-            raise RecordingError(f"{file}: initial.{part} in the sidecar is unknown: use {', '.join(INITIAL)}")
-        if not isinstance(by_joint, dict) or not all(_is_number(number) for number in by_joint.values()):
-            raise RecordingError(f"{file}: initial.{part} in the sidecar must map joints to numbers")
-    return {part: {joint: float(number) for joint, number in by_joint.items()} for part, by_joint in value.items()}
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
-
-
-def _line(fault: BaseException) -> str:
-    return " ".join(str(fault).split())

@@ -9,6 +9,7 @@ from tiago_mj import atomic
 from tiago_mj.extra import pyarrow
 from tiago_mj.gap.data.recording import KINDS, Trial, channel, channels
 from tiago_mj.gap.data.sidecar import sidecar_mapping
+from tiago_mj.quoting import quoted
 
 
 def write_trial(trial: Trial, folder: Path) -> Path:
@@ -26,7 +27,7 @@ def write_trial(trial: Trial, folder: Path) -> Path:
         ModuleNotFoundError: pyarrow is not installed; says how to.
     """
     if not trial.name or Path(trial.name).name != trial.name or trial.name.startswith("."):
-        raise ValueError(f"trial name {trial.name!r} is no file name: use letters, digits, '-' and '_'")
+        raise ValueError(f"trial name {quoted(trial.name)} is no file name: use letters, digits, '-' and '_'")
     arrow = pyarrow()
     columns = {"time": trial.time}
     columns.update({name: channel(trial, name) for name in channels(trial, kinds=tuple(KINDS))})

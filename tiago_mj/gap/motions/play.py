@@ -17,18 +17,23 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-import yaml
 
 from tiago_mj.gap import motions
 from tiago_mj.gap.data.read.tables import read_table
 from tiago_mj.gap.data.recording import INTERFACES, Array
 from tiago_mj.gap.data.sidecar import load_sidecar
+from tiago_mj.loading import load_yaml
+from tiago_mj.quoting import is_number, is_one_of, quoted, unquoted
 
 _PREFIX: Final = "command."
 #: Times within this share of a control step of its beginning were rounded.
 ROUNDED: Final = 0.02
 #: A motion is for minutes, not for hours [control steps].
 MAX_STEPS: Final = 200_000
+#: Stamps since 1970 have ten digits [s]; of more, a millisecond is no longer told from the next.
+LONGEST: Final = 1e11
+#: No robot is commanded as often [Hz].
+FASTEST: Final = 1e6
 #: Frequencies of random motions [Hz]: below what a robot's servos follow, above what a short recording misses.
 FREQUENCIES: Final = (0.2, 1.5)
 #: Waves that are added up.
@@ -59,10 +64,12 @@ class Motion:
         Raises:
             ValueError: there would be too many.
         """
-        steps = int(np.floor(self.time[-1] * rate_hz + 1e-6)) + 1
-        if steps > MAX_STEPS:
-            raise ValueError(f"motion {self.name}: {steps} control steps are more than {MAX_STEPS}: is its time in s?")
-        return steps
+        steps = np.floor(self.time[-1] * rate_hz + 1e-6) + 1
+        if not steps <= MAX_STEPS:
+            raise ValueError(
+                f"motion {self.name}: {steps:.0f} control steps are more than {MAX_STEPS}: is its time in s?"
+            )
+        return int(steps)
 
     def at(self, rate_hz: float) -> dict[str, Array]:
         """The command of every control step, by actuator, (steps,)."""
@@ -87,13 +94,13 @@ def read_motion(path: Path) -> Motion:
     facts: Mapping[str, Any]
     columns: dict[str, Any]
     if path.suffix.lower() in (".yaml", ".yml"):
-        try:
-            facts = yaml.safe_load(path.read_text(encoding="utf-8"))
-        except (yaml.YAMLError, UnicodeDecodeError) as fault:
-            raise ValueError(f"motion {path.name} is no YAML: {' '.join(str(fault).split())}") from fault
+        facts = load_yaml(path, f"motion {path.name} is no YAML", mend="mend the file, or give a long one as CSV")
         if not isinstance(facts, dict):
             raise ValueError(f"motion {path.name} is no mapping: write time: [...] and {_PREFIX}ACTUATOR: [...]")
-        columns = {key: value for key, value in facts.items() if key == "time" or str(key).startswith(_PREFIX)}
+        columns = {key: value for key, value in facts.items() if key == "time" or key.startswith(_PREFIX)}
+        for name, values in columns.items():
+            if not isinstance(values, list) or not all(map(is_number, values)):
+                raise ValueError(f"motion {path.name}: column {unquoted(name)} does not hold numbers: {quoted(values)}")
     elif path.suffix.lower() in (".csv", ".parquet"):
         beside = path.with_suffix(".json")
         facts = load_sidecar(beside) if beside.is_file() else {}
@@ -134,11 +141,8 @@ def _motion(path: Path, columns: Mapping[str, Any], facts: Mapping[str, Any]) ->
     for name, values in columns.items():
         if name != "time" and not name.startswith(_PREFIX):
             continue
-        try:
-            series[name] = np.asarray(values, dtype=np.float64)
-        except (TypeError, ValueError) as fault:
-            raise ValueError(f"motion {file}: column {name} does not hold numbers") from fault
-        if series[name].ndim != 1 or not np.isfinite(series[name]).all():
+        series[name] = np.asarray(values, dtype=np.float64)
+        if not np.isfinite(series[name]).all():
             raise ValueError(f"motion {file}: column {name} has empty or infinite cells: give every row a number")
     if "time" not in series or len(series) < 2:
         raise ValueError(f"motion {file}: give the columns time and {_PREFIX}ACTUATOR")
@@ -146,13 +150,15 @@ def _motion(path: Path, columns: Mapping[str, Any], facts: Mapping[str, Any]) ->
     for name, values in series.items():
         if len(values) != len(time):
             raise ValueError(f"motion {file}: {name} has {len(values)} numbers, time has {len(time)}: give as many")
+    if not (np.abs(time) < LONGEST).all():
+        raise ValueError(f"motion {file}: column time reads {np.abs(time).max():g}: is it in s?")
     if len(time) < 2 or (np.diff(time) <= 0).any():
         raise ValueError(f"motion {file}: column time must have two rows or more and increase from row to row")
     interface, rate = facts.get("interface"), facts.get("rate_hz")
-    if interface is not None and interface not in INTERFACES:
-        raise ValueError(f"motion {file}: interface {interface!r} is unknown: use one of {', '.join(INTERFACES)}")
-    if rate is not None and not (isinstance(rate, (int, float)) and not isinstance(rate, bool) and rate > 0):
-        raise ValueError(f"motion {file}: rate_hz is {rate!r}: give a positive number [Hz]")
+    if interface is not None and not is_one_of(interface, INTERFACES):
+        raise ValueError(f"motion {file}: interface {quoted(interface)} is unknown: use one of {', '.join(INTERFACES)}")
+    if rate is not None and not (is_number(rate) and 0 < rate <= FASTEST):
+        raise ValueError(f"motion {file}: rate_hz is {quoted(rate)}: give a positive number [Hz], at most {FASTEST:g}")
     commands = {name.removeprefix(_PREFIX): values for name, values in series.items()}
     time = time - time[0]
     if rate is not None:  # written with few digits, a row must not fall behind the control step that it is for

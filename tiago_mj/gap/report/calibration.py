@@ -8,7 +8,8 @@ from typing import Any
 import yaml
 
 from tiago_mj import atomic
-from tiago_mj.effects.spec import SCHEMA, Entry
+from tiago_mj.effects.spec import Entry
+from tiago_mj.effects.written import SCHEMA
 from tiago_mj.gap.report.json import clean, fingerprint, target
 from tiago_mj.gap.result import Diagnosis, Named, Value
 

@@ -1,4 +1,4 @@
-"""A diagnosis as ``diagnosis.json`` (schema ``tiago_mj.diagnosis/1``), and back.
+"""A diagnosis as ``diagnosis.json`` (schema ``tiago_mj.diagnosis/1``), and back (:mod:`~.read`).
 
 Floats have six significant digits, keys a fixed order: equal diagnoses are equal files, but for ``seconds``. What is
 unknown is null.
@@ -9,26 +9,16 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, fields, replace
+from collections.abc import Mapping
+from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
 
 from tiago_mj import atomic
-from tiago_mj.gap.data.recording import Finding
-from tiago_mj.gap.result import (
-    PHASES,
-    SCHEMA,
-    Closing,
-    Diagnosis,
-    Evidence,
-    Explanation,
-    Named,
-    NextMotion,
-    Place,
-    Shrink,
-    Value,
-)
+from tiago_mj.gap.report.read import keys, load, target
+from tiago_mj.gap.result import PHASES, SCHEMA, Closing, Diagnosis, Named, NextMotion, Place
+
+__all__ = ["as_data", "clean", "fingerprint", "load", "target", "text", "write"]
 
 DIGITS = 6
 SPLITS = ("train", "validation", "test")
@@ -70,7 +60,7 @@ def as_data(diagnosis: Diagnosis) -> dict[str, Any]:
                 "effects": [_effect(e) for e in one.effects],
                 "validation_gain": one.validation_gain,
                 "probability": one.probability,
-                "parameters": {key: _parameters(e) for key, e in zip(_keys(one.effects), one.effects, strict=True)},
+                "parameters": {key: _parameters(e) for key, e in zip(keys(one.effects), one.effects, strict=True)},
                 "evidence": None if one.evidence is None else asdict(one.evidence),
             }
             for one in diagnosis.ranking
@@ -115,28 +105,6 @@ def fingerprint(path: Path) -> str:
     return hashlib.sha256(json.dumps(data, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
 
 
-def load(path: Path) -> Diagnosis:
-    """Read a diagnosis back; it has no overlays. Alternatives and the best take the rest from the ranking; without it
-    their gain is NaN.
-
-    Raises:
-        ValueError: there is no such file, it is no diagnosis of this schema, or something is missing in it; one line.
-    """
-    try:
-        data = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError as fault:
-        raise ValueError(f"no diagnosis at {path}: give the diagnosis.json that tiago-mj diagnose wrote") from fault
-    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as fault:
-        raise ValueError(f"diagnosis {path} cannot be read as JSON: {' '.join(str(fault).split())}") from fault
-    schema = data.get("schema") if isinstance(data, dict) else None
-    if schema != SCHEMA:
-        raise ValueError(f"diagnosis {path} has schema {schema!r}: this version reads {SCHEMA!r}")
-    try:
-        return _diagnosis(data)
-    except (KeyError, TypeError, AttributeError, ValueError) as fault:
-        raise ValueError(f"diagnosis {path} is incomplete: {fault!r}; write it anew with tiago-mj diagnose") from fault
-
-
 def clean(value: Any) -> Any:
     """Plain JSON values: numbers finite and rounded, NumPy's turned into Python's."""
     if isinstance(value, Mapping):
@@ -150,28 +118,12 @@ def clean(value: Any) -> Any:
     return value
 
 
-def target(effect: Named) -> str | list[str]:
-    """A name, several, or ``"all"``."""
-    if isinstance(effect.target, str):
-        return effect.target
-    return effect.target[0] if len(effect.target) == 1 else list(effect.target)
-
-
 def _effect(effect: Named) -> dict[str, Any]:
     return {"name": effect.name, "target": target(effect)}
 
 
 def _parameters(effect: Named) -> dict[str, Any]:
     return {key: {f.name: getattr(v, f.name) for f in fields(v)} for key, v in sorted(effect.parameters.items())}
-
-
-def _keys(effects: Sequence[Named]) -> list[str]:
-    """Of a ranking's ``parameters``: the effect's name, with its target where one effect is there twice."""
-    names = [effect.name for effect in effects]
-    return [
-        e.name if names.count(e.name) == 1 else ":".join([e.name, *([t] if isinstance(t := target(e), str) else t)])
-        for e in effects
-    ]
 
 
 def _closing(c: Closing) -> dict[str, Any]:
@@ -198,100 +150,3 @@ def _next_motion(motion: NextMotion | None) -> dict[str, Any] | None:
         "resolves": [list(pair) for pair in motion.resolves],
         "expected_probability": motion.expected_probability,
     }
-
-
-def _diagnosis(data: Mapping[str, Any]) -> Diagnosis:
-    verdict, shrink, motion = data["verdict"], data["shrink"], data["next_motion"]
-    ranking = tuple(_ranked(one) for one in data["ranking"])
-    best = _known(tuple(_named(e, e["parameters"]) for e in verdict["effects"]), verdict["probability"], ranking)
-    return Diagnosis(
-        kind=verdict["kind"],
-        best=best,
-        alternatives=tuple(_alternative(one, ranking) for one in verdict["alternatives"]),
-        remains=verdict["remains"]["flag"],
-        remains_where=_places(verdict["remains"]["where"]),
-        not_excited=tuple(verdict["not_excited"]),
-        where=_places(data["where"]),
-        stage=data["stage"],
-        shrink=Shrink(
-            **{key: shrink[key] for key in ("before", "after", "floor", "closed", "low", "high")},
-            per_channel=_read_closings(shrink["per_channel"]),
-            task=shrink["return"],
-            per_phase=_read_closings(shrink.get("per_phase", {})),
-            per_place={
-                name: _read_closings(places) for name, places in shrink.get("per_channel_and_phase", {}).items()
-            },
-            resampled=shrink.get("resampled", ""),
-            accounted=_number(shrink.get("accounted")),
-        ),
-        ranking=ranking,
-        findings=tuple(Finding(**finding) for finding in data["lint"]),
-        next_motion=None
-        if motion is None
-        else NextMotion(
-            motion["file"],
-            tuple((first, second) for first, second in motion["resolves"]),
-            _number(motion["expected_probability"]),
-        ),
-        splits={name: tuple(data["splits"][name]) for name in SPLITS},
-        robot=data.get("robot", ""),
-        complete=data["complete"],
-        seed=data["seed"],
-        version=data["version"],
-        seconds=data["seconds"],
-        notes=tuple(data.get("notes", ())),
-    )
-
-
-def _number(value: float | None) -> float:
-    return math.nan if value is None else float(value)
-
-
-def _read_closings(given: Mapping[str, Mapping[str, Any]]) -> dict[str, Closing]:
-    return {
-        name: Closing(_number(c["before"]), _number(c["after"]), c["closed"], c.get("low"), c.get("high"))
-        for name, c in given.items()
-    }
-
-
-def _named(effect: Mapping[str, Any], parameters: Mapping[str, Any]) -> Named:
-    whom = effect["target"]
-    values = {
-        key: Value(_number(p["value"]), p["low"], p["high"], p["unit"], p.get("deviation"), p.get("known_to"))
-        for key, p in parameters.items()
-    }
-    return Named(effect["name"], whom if isinstance(whom, str) else tuple(whom), values)
-
-
-def _ranked(one: Mapping[str, Any]) -> Explanation:
-    keys = _keys([_named(e, {}) for e in one["effects"]])
-    effects = tuple(_named(e, one["parameters"][key]) for key, e in zip(keys, one["effects"], strict=True))
-    given = one.get("evidence")
-    evidence = None
-    if given is not None:
-        met, price, misfit, lasting = (_number(given[key]) for key in ("met", "price", "misfit", "lasting"))
-        evidence = Evidence(met, price, misfit, lasting, bool(given.get("edge", False)))
-    return Explanation(effects, _number(one["probability"]), _number(one["validation_gain"]), evidence)
-
-
-def _alternative(one: Mapping[str, Any], ranking: tuple[Explanation, ...]) -> Explanation:
-    return _known(tuple(_named(e, {}) for e in one["effects"]), one["probability"], ranking)
-
-
-def _known(effects: tuple[Named, ...], probability: float | None, ranking: tuple[Explanation, ...]) -> Explanation:
-    """An explanation with what the ranking says of it."""
-    same = next((r for r in ranking if _identity(r.effects) == _identity(effects)), Explanation(effects, 0.0, math.nan))
-    return replace(same, probability=_number(probability))
-
-
-def _identity(effects: tuple[Named, ...]) -> list[tuple[str, str | tuple[str, ...]]]:
-    return [(effect.name, effect.target) for effect in effects]
-
-
-def _places(rows: Sequence[Mapping[str, Any]]) -> tuple[Place, ...]:
-    return tuple(
-        Place(
-            row["channel"], row["phase"], row["band"], *(_number(row[key]) for key in ("gap", "low", "high", "share"))
-        )
-        for row in rows
-    )

@@ -24,9 +24,11 @@ from tiago_mj.effects.wiring import wire
 from tiago_mj.gap.data.grid import grid_step
 from tiago_mj.gap.data.nominal_priors import grids, known_to
 from tiago_mj.gap.data.recording import RecordingError, Sidecar, Trial
+from tiago_mj.loading import is_file
 from tiago_mj.models import names, scene
-from tiago_mj.models.files import refuse_urdf
+from tiago_mj.models.bounded import load_model
 from tiago_mj.models.objects import SHAPES, GraspObject
+from tiago_mj.quoting import quoted
 from tiago_mj.sensing.load_cell import LoadCell
 from tiago_mj.sensing.sources import PadForces
 
@@ -226,8 +228,9 @@ def _environment(trials: Sequence[Trial], robot: str) -> Plant:
             name = known[robot]
         else:
             raise RecordingError(
-                f"{trials[0].source}: robot {robot!r} is neither an environment ({', '.join(tiago_mj.ENVIRONMENTS)}) "
-                "nor an MJCF file: mend 'robot' in the sidecar or give --env or --model"
+                f"{trials[0].source}: robot {quoted(robot)} is neither an environment "
+                f"({', '.join(tiago_mj.ENVIRONMENTS)}) nor an MJCF file: mend 'robot' in the sidecar or give --env or "
+                "--model"
             )
     arguments = environment_arguments(trials[0].sidecar)
     core = _core(name, arguments)
@@ -291,7 +294,8 @@ def _relative(trials: Sequence[Trial]) -> bool:
     reference = said.pop()
     if reference not in (None, "measured"):
         raise RecordingError(
-            f'{trials[0].source}: command_reference in the sidecar is {reference!r}: write "measured", or leave it out'
+            f"{trials[0].source}: command_reference in the sidecar is {quoted(reference)}: write "
+            '"measured", or leave it out'
         )
     if reference and trials[0].sidecar.interface != "position":
         raise RecordingError(
@@ -363,16 +367,9 @@ def _held(model: mujoco.MjModel, wiring: Wiring, trial: Trial, start: Start) -> 
 
 
 def _plain(trials: Sequence[Trial], path: Path) -> Plant:
-    if not path.is_file():
-        raise RecordingError(f"no model file {str(path)!r}: give --model FILE.xml")
-    try:
-        refuse_urdf(path)
-    except ValueError as fault:
-        raise RecordingError(str(fault)) from fault
-    try:
-        model = mujoco.MjModel.from_xml_path(str(path))
-    except ValueError as fault:
-        raise RecordingError(f"{path.name} does not compile: {' '.join(str(fault).split())}") from fault
+    if not is_file(path):
+        raise RecordingError(f"no model file {quoted(str(path))}: give --model FILE.xml")
+    model = load_model(path, f"{path.name} does not compile", RecordingError)
     commands = list(trials[0].commands)
     measured = dict.fromkeys(name for trial in trials for name in (*trial.positions, *trial.velocities))
     by_command = {}

@@ -14,16 +14,16 @@ from typing import Any, Final
 
 import mujoco
 import numpy as np
-import yaml
 from numpy.typing import ArrayLike, NDArray
 
-from tiago_mj.effects import check_sizes, read_effects
+from tiago_mj.effects import check_sizes, read_effects, written
 from tiago_mj.effects.chain import Chain
 from tiago_mj.effects.host import ScalarHost
 from tiago_mj.effects.model_file import MARK
 from tiago_mj.effects.wiring import wire
 from tiago_mj.gap.simulation.plant import substeps
 from tiago_mj.gap.tools.record.plain import interface_of, scalar_joints
+from tiago_mj.quoting import quoted
 
 Array = NDArray[np.float64]
 
@@ -198,20 +198,18 @@ def apply(
 
 
 def _said(calibration: Any) -> Mapping[str, Any]:
-    """What a calibration says beside its effects; empty for effects alone. Faults are left to what reads those."""
-    if isinstance(calibration, (str, Path)) and Path(str(calibration)).suffix.lower() in (".yaml", ".yml"):
-        try:
-            calibration = yaml.safe_load(Path(calibration).read_text(encoding="utf-8"))
-        except (OSError, yaml.YAMLError, UnicodeDecodeError):
-            return {}
+    """What a calibration says beside its effects; empty for effects alone."""
+    if isinstance(calibration, (str, Path)):
+        calibration = written.load(calibration)
     if isinstance(calibration, Mapping) and "schema" in calibration:
-        return {key: calibration[key] for key in KEYS if calibration.get(key) is not None}
+        said = written.calibration(calibration)
+        return {key: said[key] for key in KEYS if said.get(key) is not None}
     return {}
 
 
 def _place(name: str, names: Sequence[str], what: str) -> int:
     if name not in names:
-        raise ValueError(f"there is no {what} {name!r}: this robot has {', '.join(names)}")
+        raise ValueError(f"there is no {what} {quoted(name)}: this robot has {', '.join(names)}")
     return list(names).index(name)
 
 

@@ -2,9 +2,17 @@
 
 from __future__ import annotations
 
+from typing import Final
+
+from tiago_mj.quoting import one_line
+
+#: Characters of each part of a message.
+_LONGEST: Final = 500
+
 
 class ConversionError(ValueError):
     """The input cannot be converted. The message is one line: file, element, what is wrong, how to mend it."""
 
     def __init__(self, where: str, what: str, mend: str) -> None:
-        super().__init__(" ".join(f"{where}: {what}; {mend}".split()))
+        parts = (part if len(part) <= _LONGEST else f"{part[:_LONGEST]}..." for part in (where, what, mend))
+        super().__init__(one_line("{}: {}; {}".format(*parts)))

@@ -10,11 +10,16 @@ from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
-import yaml
+from pydantic import Field
 
+from tiago_mj.loading import is_file, load_yaml
 from tiago_mj.models.convert.errors import ConversionError
+from tiago_mj.quoting import quoted
+from tiago_mj.schema import Open, SchemaError, checked
 
 Settings = Mapping[str, Any]
+#: That include each other.
+_FILES = 100
 
 
 @dataclass(frozen=True)
@@ -39,6 +44,19 @@ class Extras:
         return ConversionError(self.where, what, mend)
 
 
+class _Form(Open):
+    """Of what lists and mappings are made; what their values may be, MuJoCo knows."""
+
+    bodies: dict[str, dict[str, Any]] = Field(default={}, description="give mappings")
+    joints: dict[str, dict[str, Any]] = Field(default={}, description="give mappings")
+    geoms: dict[str, dict[str, Any]] = Field(default={}, description="give mappings")
+    capsules: list[str] = Field(default=[], description="give names")
+    sites: list[dict[str, Any]] = Field(default=[], description="give mappings")
+    actuators: dict[str, dict[str, Any]] = Field(default={}, description="give mappings")
+    sensors: list[dict[str, Any]] = Field(default=[], description="give mappings")
+    keyframes: dict[str, dict[str, float]] = Field(default={}, description="give joints and their values")
+
+
 _KINDS: dict[str, type] = {
     f.name: tuple if str(f.type).startswith("tuple") else dict for f in fields(Extras) if f.name != "where"
 }
@@ -50,7 +68,11 @@ def read(path: Path) -> Extras:
     Raises:
         ConversionError: the file cannot be read, or holds an unknown key or a value of the wrong kind.
     """
-    merged = _merged(path, ())
+    merged = _merged(path, (), [])
+    try:
+        checked(_Form, merged)
+    except SchemaError as fault:
+        raise ConversionError(str(path), f"{fault.path} {fault.problem}", fault.mend) from None
     settings: dict[str, Any] = {}
     for key, value in merged.items():
         settings[key] = tuple(value) if _KINDS[key] is tuple else value
@@ -64,14 +86,17 @@ def beside(urdf: Path) -> Path | None:
     return path if path.is_file() else None
 
 
-def _merged(path: Path, within: tuple[Path, ...]) -> dict[str, Any]:
+def _merged(path: Path, within: tuple[Path, ...], read: list[Path]) -> dict[str, Any]:
     if path in within:
         raise ConversionError(str(path), "includes itself", "remove one include")
+    read.append(path)
+    if len(read) > _FILES:
+        raise ConversionError(str(path), f"more than {_FILES} files are included", "include each once")
     content = _load(path)
     included = content.pop("include", [])
     merged: dict[str, Any] = {}
     for name in included if isinstance(included, list) else [included]:
-        _merge(merged, _merged(path.parent / str(name), (*within, path)))
+        _merge(merged, _merged(path.parent / str(name), (*within, path), read))
     for key, value in content.items():
         if key not in _KINDS:
             raise ConversionError(str(path), f'unknown key "{key}"', f"use one of include, {', '.join(_KINDS)}")
@@ -94,12 +119,13 @@ def _merge(target: dict[str, Any], more: dict[str, Any]) -> None:
 
 
 def _load(path: Path) -> dict[str, Any]:
+    if not is_file(path):
+        raise ConversionError(str(path), "cannot be read (no such file)", "give the path of a YAML file")
     try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise ConversionError(str(path), f"cannot be read ({error.strerror})", "give the path of a YAML file") from None
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise ConversionError(str(path), f"is not YAML ({error})", "mend the file") from None
+        content = load_yaml(path, "is not YAML")
+    except ValueError as fault:
+        what, _, mend = str(fault).rpartition(": ")
+        raise ConversionError(str(path), what, mend) from None
     if content is None:
         return {}
     if not isinstance(content, dict):
@@ -109,5 +135,5 @@ def _load(path: Path) -> dict[str, Any]:
 
 def _pair(path: Path, entry: Any) -> tuple[str, str]:
     if not (isinstance(entry, list) and len(entry) == 2):
-        raise ConversionError(str(path), f"exclude entry {entry!r} is not a pair", "give [body, body]")
+        raise ConversionError(str(path), f"exclude entry {quoted(entry)} is not a pair", "give [body, body]")
     return str(entry[0]), str(entry[1])

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from tiago_mj.models.convert.errors import ConversionError
 from tiago_mj.models.convert.urdf import Joint, Urdf
 
+#: Links from the root to the last: MuJoCo reads 500 elements within each other.
+DEPTH = 200
 JOINTED = ("revolute", "continuous", "prismatic")
 
 
@@ -51,8 +53,18 @@ def build(urdf: Urdf) -> Tree:
             str(urdf.path), what, "join them with fixed joints, or remove the links that hang on nothing"
         )
     _check_mimics(urdf)
-    children = {link: tuple(joint for joint in urdf.joints.values() if joint.parent == link) for link in urdf.links}
-    return Tree(roots[0], children)
+    hanging: dict[str, list[Joint]] = {link: [] for link in urdf.links}
+    for joint in urdf.joints.values():
+        hanging[joint.parent].append(joint)
+    tree = Tree(roots[0], {link: tuple(joints) for link, joints in hanging.items()})
+    depth = {tree.root: 0}
+    for link in tree.order()[1:]:
+        depth[link] = depth[parent[link].parent] + 1
+        if depth[link] > DEPTH:
+            raise ConversionError(
+                parent[link].where, f"hangs on more than {DEPTH} others", "join links with fixed joints into one"
+            )
+    return tree
 
 
 def _check_cycles(urdf: Urdf, parent: dict[str, Joint]) -> None:

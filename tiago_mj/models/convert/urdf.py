@@ -15,6 +15,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 from numpy.typing import NDArray
 
+from tiago_mj.models.bounded import BODIES
 from tiago_mj.models.convert import xml_lines
 from tiago_mj.models.convert.errors import ConversionError
 
@@ -139,6 +140,8 @@ class _Reader:
             if color is not None and material.get("name"):
                 self.colors.setdefault(material.get("name", ""), self.vector(color, "rgba", 4, "material"))
         links: dict[str, Link] = {}
+        if (count := len(root.findall("link"))) > BODIES:
+            raise ConversionError(str(self.path), f"has {count} links", f"give a robot of {BODIES} links at most")
         for element in root.findall("link"):
             link = self.link(element)
             if link.name in links:

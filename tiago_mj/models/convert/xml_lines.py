@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Final
 from xml.etree import ElementTree as ET
 from xml.parsers import expat
 
 from tiago_mj.models.convert.errors import ConversionError
 
 Lines = dict[ET.Element, int]
+#: Of a file [bytes]; a humanoid's URDF has 0.2 MB.
+BYTES: Final = 16_000_000
+#: Elements of a file, and of each other.
+ELEMENTS: Final = 100_000
+DEPTH: Final = 64
 
 
 def parse(path: Path) -> tuple[ET.Element, Lines]:
@@ -18,22 +24,36 @@ def parse(path: Path) -> tuple[ET.Element, Lines]:
         ConversionError: the file cannot be read, is not well-formed, or declares a document type.
     """
     try:
-        text = path.read_bytes()
+        with path.open("rb") as file:
+            text = file.read(BYTES + 1)
     except OSError as error:
         raise ConversionError(str(path), f"cannot be read ({error.strerror})", "give the path of a URDF file") from None
+    if len(text) > BYTES:
+        raise ConversionError(str(path), f"has more than {BYTES // 1_000_000} MB", "keep meshes in files of their own")
     builder = ET.TreeBuilder()
     lines: Lines = {}
     parser = expat.ParserCreate()
+    depth = 0
 
     def start(tag: str, attributes: dict[str, str]) -> None:
+        nonlocal depth
+        depth += 1
+        if depth > DEPTH or len(lines) >= ELEMENTS:
+            what = f"has more than {ELEMENTS} elements, or {DEPTH} within each other"
+            raise ConversionError(f"{path}:{parser.CurrentLineNumber}", what, "give a robot's URDF")
         lines[builder.start(tag, attributes)] = parser.CurrentLineNumber
+
+    def end(tag: str) -> None:
+        nonlocal depth
+        depth -= 1
+        builder.end(tag)
 
     def refuse_doctype(*_: object) -> None:
         where = f"{path}:{parser.CurrentLineNumber}"
         raise ConversionError(where, "declares a document type (<!DOCTYPE>)", "remove it: URDF needs none")
 
     parser.StartElementHandler = start
-    parser.EndElementHandler = builder.end
+    parser.EndElementHandler = end
     parser.CharacterDataHandler = builder.data
     parser.StartDoctypeDeclHandler = refuse_doctype
     try:

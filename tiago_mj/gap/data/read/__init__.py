@@ -15,6 +15,8 @@ from tiago_mj.gap.data.read.mapping import FACTS, column_map, load_map
 from tiago_mj.gap.data.read.tables import TEXT, Table, read_table
 from tiago_mj.gap.data.recording import KINDS, Finding, ReadResult, RecordingError, Trial, channel, channels
 from tiago_mj.gap.data.sidecar import load_sidecar
+from tiago_mj.loading import is_file
+from tiago_mj.quoting import quoted, unquoted
 
 TABLES: Final = (".parquet", *TEXT)
 BAGS: Final = (".bag", ".mcap", ".db3")
@@ -59,7 +61,8 @@ def read_recordings(
     findings += copies
     robots = sorted({trial.sidecar.robot for trial in kept})
     if len(robots) > 1:
-        raise RecordingError(f"the recordings are of several robots ({', '.join(robots)}): give those of one at a time")
+        several = ", ".join(map(unquoted, robots))
+        raise RecordingError(f"the recordings are of several robots ({several}): give those of one at a time")
     return ReadResult(tuple(kept), tuple(findings))
 
 
@@ -89,7 +92,8 @@ def find_recordings(paths: Sequence[Path]) -> Iterator[Path]:
             raise RecordingError(f"{path}: the folder holds no recording ({', '.join(TABLES + BAGS)})")
         if stems and max(stems.values()) > 1:
             raise RecordingError(
-                f"{path}: {stems.most_common(1)[0][0]!r} is there in two formats, which share a sidecar: delete one"
+                f"{path}: {quoted(stems.most_common(1)[0][0])} is there in two formats, which share a sidecar: delete "
+                "one"
             )
         yield from inside
 
@@ -118,7 +122,7 @@ def _load(path: Path, content: Mapping[str, Any]) -> Table:
 def _model_found(trial: Trial, path: Path) -> Trial:
     """An MJCF that the sidecar names lies where the sidecar says, seen from the recording's folder."""
     model = path.parent / trial.sidecar.robot
-    if not trial.sidecar.robot.endswith((".xml", ".urdf")) or not model.is_file():
+    if not trial.sidecar.robot.endswith((".xml", ".urdf")) or not is_file(model):
         return trial
     return replace(trial, sidecar=replace(trial.sidecar, robot=str(model.resolve())))
 
@@ -133,7 +137,9 @@ def _unique_names(trials: list[Trial], files: Sequence[Path]) -> list[Trial]:
         named.append(trial if counts[trial.name] == 1 else apart)
     again = [name for name, count in Counter(trial.name for trial in named).items() if count > 1]
     if again:
-        raise RecordingError(f'two recordings are the trial {again[0]!r}: give each its own "trial" in the sidecar')
+        raise RecordingError(
+            f'two recordings are the trial {quoted(again[0])}: give each its own "trial" in the sidecar'
+        )
     return named
 
 

@@ -19,16 +19,19 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 
 from tiago_mj.extra import load
 from tiago_mj.gap.data.read import ros2_control
 from tiago_mj.gap.data.read.tables import Table, check_size
 from tiago_mj.gap.data.recording import KINDS, Array, Finding, RecordingError
 from tiago_mj.models import names
+from tiago_mj.quoting import quoted
+from tiago_mj.schema import Closed, SchemaError, checked
 
 #: The real TIAGo with TA11 load cells: finger commands are positions, readings come right before left.
 TIAGO_TOPICS: Final[Mapping[str, Mapping[str, Any]]] = {
@@ -44,8 +47,15 @@ SAME_CLOCK: Final = 1.0
 _REFERENCE, _NUMBERS = "reference", "numbers"
 _STATES: Final = "/joint_states"
 Streams = dict[str, tuple[NDArray[np.int64], Array]]
-_KEYS: Final = {"kind", "names", "joints", "optional", "stamp"}
 _JOINT_STATE: Final = (("position", "position"), ("velocity", "velocity"), ("effort", "effort"))
+
+
+class _Entry(Closed):
+    kind: str = Field(description=f"use joint_state, {', '.join(KINDS)}")
+    names: str | list[str] = Field(default=[], description="write a list of names")
+    joints: str | list[str] = Field(default=[], description="write a list of names")
+    optional: bool = Field(default=False, description="write true or false")
+    stamp: Literal["header", "bag"] = Field(default="header", description="write header or bag")
 
 
 @dataclass(frozen=True)
@@ -113,22 +123,19 @@ def topic_map(section: Any) -> tuple[Topic, ...]:
         raise RecordingError("map file: 'topics' is no mapping: write '/joint_states: {kind: joint_state}'")
     found = []
     for name, entry in section.items():
-        where = f"map file: topic {name!r}"
-        if not isinstance(entry, Mapping) or not set(entry) <= _KEYS or "kind" not in entry:
-            raise RecordingError(f"{where} is {entry!r}: write {{kind: KIND, names: [NAME]}}")
-        kind = entry["kind"]
+        where = f"map file: topic {quoted(name)}"
+        try:
+            said = checked(_Entry, entry, "write {kind: KIND, names: [NAME]}")
+        except SchemaError as fault:
+            raise RecordingError(f"{where}{': ' if fault.path else ' '}{fault}") from fault
+        kind = said.kind
         if kind != "joint_state" and kind not in KINDS:
-            raise RecordingError(f"{where}: kind {kind!r} is unknown: use joint_state, {', '.join(KINDS)}")
-        listed = entry.get("joints" if kind == "joint_state" else "names", [])
+            raise RecordingError(f"{where}: kind {quoted(kind)} is unknown: use joint_state, {', '.join(KINDS)}")
+        listed = said.joints if kind == "joint_state" else said.names
         listed = [listed] if isinstance(listed, str) else listed
-        if not isinstance(listed, Sequence) or not all(isinstance(item, str) for item in listed):
-            raise RecordingError(f"{where}: names is {listed!r}: write a list of names")
         if kind != "joint_state" and not listed:
             raise RecordingError(f"{where}: names is missing: name each of the message's numbers")
-        stamp = entry.get("stamp", "header")
-        if stamp not in ("header", "bag"):
-            raise RecordingError(f"{where}: stamp is {stamp!r}: write header or bag")
-        found.append(Topic(str(name), kind, tuple(listed), bool(entry.get("optional", False)), stamp))
+        found.append(Topic(str(name), kind, tuple(listed), said.optional, said.stamp))
     return tuple(found)
 
 

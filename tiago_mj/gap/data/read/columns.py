@@ -17,6 +17,7 @@ from tiago_mj.gap.data.read.torque import TORQUE, says_torque, without_torque_of
 from tiago_mj.gap.data.read.units import factor
 from tiago_mj.gap.data.recording import KINDS, Array, Finding, RecordingError, Sidecar, Trial
 from tiago_mj.gap.data.sidecar import parse_sidecar
+from tiago_mj.quoting import quoted
 
 #: A column of stamps that has its unit in its name, taken where there is no column ``time``.
 _STAMPS: Final = re.compile(r"^(?:time|timestamp|stamp|t)[ _]?[\[(]?(s|ms|us|µs|ns)[\])]?$", re.IGNORECASE)
@@ -50,7 +51,8 @@ def trial_from_table(
     unused = set(units) - {target.column for target in targets.values()} - set(targets) - {"time", *KINDS}
     if unused:
         raise RecordingError(
-            f"{table.sidecar_file}: units name the column {min(unused)!r}, which {file} does not have: mend the name"
+            f"{table.sidecar_file}: units name the column {quoted(min(unused))}, which {file} does not have: mend the "
+            "name"
         )
     channels: dict[str, dict[str, Array]] = {kind: {} for kind in KINDS}
     time: Array | None = None
@@ -118,7 +120,7 @@ def _targets(table: Table, columns: Mapping[str, Target]) -> tuple[dict[str, Tar
         if column in table.text and columns[column].column is not None:
             held = table.text[column]
             raise RecordingError(
-                f"{file}: column {column}: it holds {held!r}, not numbers: mend the cells or map it to null"
+                f"{file}: column {column}: it holds {quoted(held)}, not numbers: mend the cells or map it to null"
             )
     targets: dict[str, Target] = {}
     findings: list[Finding] = []
@@ -131,7 +133,7 @@ def _targets(table: Table, columns: Mapping[str, Target]) -> tuple[dict[str, Tar
                 targets[column] = columns[column]
         elif ours and column in table.text:
             raise RecordingError(
-                f"{file}: column {column}: it holds {table.text[column]!r}, not numbers: mend the cells"
+                f"{file}: column {column}: it holds {quoted(table.text[column])}, not numbers: mend the cells"
             )
         elif ours:
             targets[column] = Target(column)

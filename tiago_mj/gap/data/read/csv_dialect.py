@@ -22,6 +22,9 @@ _STATED: Final = re.compile(r'^"?sep=(.)"?$')
 _DECIMAL_COMMA: Final = re.compile(r"^[+-]?\d*,\d+([eE][+-]?\d+)?$")
 _MARK: Final = b"\xef\xbb\xbf"
 
+#: Characters of a header.
+_LONGEST: Final = 1_000_000
+
 
 @dataclass(frozen=True)
 class Dialect:
@@ -58,14 +61,17 @@ def of(path: Path) -> Dialect:
 
     Raises:
         UnicodeDecodeError: it is no UTF-8 text.
+        csv.Error: its first line is no header.
     """
     with path.open("rb") as raw:
         marked = raw.read(len(_MARK)) == _MARK
     with path.open(newline="", encoding="utf-8-sig") as stream:
-        first = stream.readline()
+        first = stream.readline(_LONGEST)
         stated = _STATED.match(first.strip("\r\n"))
         if stated:
-            first = stream.readline()
+            first = stream.readline(_LONGEST)
+    if len(first) >= _LONGEST:
+        raise csv.Error(f"more than {_LONGEST} characters")
     cells = {delimiter: next(csv.reader([first], delimiter=delimiter), []) for delimiter in _DELIMITERS}
     # A file without any of them has one column; commas win a tie.
     delimiter = stated[1] if stated else max(cells, key=lambda one: len(cells[one]))

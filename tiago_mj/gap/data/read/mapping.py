@@ -20,17 +20,27 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-import yaml
+from pydantic import Field
 
 from tiago_mj.gap.data.read.torque import TORQUE
 from tiago_mj.gap.data.read.units import factor
 from tiago_mj.gap.data.recording import KINDS, RecordingError
+from tiago_mj.loading import load_yaml
+from tiago_mj.quoting import quoted
+from tiago_mj.schema import Closed, SchemaError, checked
 
 #: Of a sidecar, what a map file may say for all its recordings.
 FACTS: Final = ("robot", "rate_hz", "interface", "servo", "sensing", "object")
 #: Kinds of which there is no joint, actuator or sensor to be named.
 NAMELESS: Final = ("time", TORQUE)
-_KEYS: Final = {"kind", "name", "unit", "scale"}
+_SCALE: Final = "give a number other than 0, such as -1"
+
+
+class _Entry(Closed):
+    kind: str = Field(description=f"use {', '.join((*NAMELESS, *KINDS))}")
+    name: str | None = Field(default=None, description="give the joint's, actuator's or sensor's")
+    unit: str | None = Field(default=None, description="give its name, such as mm")
+    scale: float = Field(default=1.0, description=_SCALE)
 
 
 @dataclass(frozen=True)
@@ -54,12 +64,7 @@ def load_map(path: Path) -> dict[str, Any]:
     Raises:
         RecordingError: no such file, or no YAML mapping.
     """
-    try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except OSError as fault:
-        raise RecordingError(f"map file {path}: {fault.strerror or fault}") from fault
-    except (yaml.YAMLError, UnicodeDecodeError) as fault:
-        raise RecordingError(f"map file {path.name} is no YAML: {' '.join(str(fault).split())}") from fault
+    content = load_yaml(path, f"map file {path.name} is no YAML", error=RecordingError)
     if not isinstance(content, dict) or not content:
         raise RecordingError(f"map file {path.name} is no mapping: write 'column: {{kind: position, name: JOINT}}'")
     return content
@@ -80,20 +85,22 @@ def column_map(content: Mapping[str, Any], file: str) -> dict[str, Target]:
 
 
 def _target(column: str, entry: Any, file: str) -> Target:
-    where = f"map file {file}: column {column!r}"
+    where = f"map file {file}: column {quoted(column)}"
     if entry is None:
         return Target(None)
     if isinstance(entry, str):
         entry = dict(zip(("kind", "name"), entry.split(".", 1), strict=False))
-    if not isinstance(entry, Mapping) or not set(entry) <= _KEYS or "kind" not in entry:
-        raise RecordingError(f"{where} is {entry!r}: write {{kind: KIND, name: NAME}}, optionally unit and scale")
-    kind, name, unit, scale = entry["kind"], entry.get("name"), entry.get("unit"), entry.get("scale", 1.0)
+    try:
+        said = checked(_Entry, entry, "write {kind: KIND, name: NAME}, optionally unit and scale")
+    except SchemaError as fault:
+        raise RecordingError(f"{where}{': ' if fault.path else ' '}{fault}") from fault
+    kind, unit = said.kind, said.unit
     if kind not in (*NAMELESS, *KINDS):
-        raise RecordingError(f"{where}: kind {kind!r} is unknown: use {', '.join((*NAMELESS, *KINDS))}")
-    if kind not in NAMELESS and not (isinstance(name, str) and name):
+        raise RecordingError(f"{where}: kind {quoted(kind)} is unknown: use {', '.join((*NAMELESS, *KINDS))}")
+    if kind not in NAMELESS and not said.name:
         raise RecordingError(f"{where}: name is missing: give the joint's, actuator's or sensor's")
-    if isinstance(scale, bool) or not isinstance(scale, (int, float)) or scale == 0:
-        raise RecordingError(f"{where}: scale is {scale!r}: give a number other than 0, such as -1")
+    if said.scale == 0:
+        raise RecordingError(f"{where}: scale is 0: {_SCALE}")
     if unit is not None:
         try:
             factor(kind, unit)
@@ -101,4 +108,4 @@ def _target(column: str, entry: Any, file: str) -> Target:
             raise RecordingError(f"{where}: {fault}") from fault
     if kind == TORQUE:
         return Target(f"{TORQUE}.{column}")
-    return Target("time" if kind == "time" else f"{kind}.{name}", unit, float(scale))
+    return Target("time" if kind == "time" else f"{kind}.{said.name}", unit, float(said.scale))

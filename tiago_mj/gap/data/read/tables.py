@@ -6,7 +6,10 @@ refused before it is loaded, from the Parquet footer or by counting lines.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import csv
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
@@ -16,6 +19,7 @@ import numpy as np
 from tiago_mj.extra import pyarrow
 from tiago_mj.gap.data.read import csv_dialect
 from tiago_mj.gap.data.recording import Array, Finding, RecordingError
+from tiago_mj.quoting import HIDDEN, QUOTED, quoted
 
 #: Over an hour at 240 Hz. The fit simulates every row of every trial again and again: a longer recording is better cut.
 MAX_ROWS: Final = 1_000_000
@@ -23,6 +27,16 @@ MAX_ROWS: Final = 1_000_000
 MAX_CELLS: Final = 40_000_000
 #: Endings of files of text.
 TEXT: Final = (".csv", ".tsv")
+#: A robot has some hundred.
+MAX_COLUMNS: Final = 5000
+#: Of one Parquet file, unpacked, lists and texts with it: twice what MAX_CELLS take.
+MAX_BYTES: Final = 640_000_000
+#: Of a CSV file, on average [bytes]; text of any length fits into the first 64 MB.
+MAX_CELL: Final = 64
+#: Rows that are read at once where lists and texts of any length are among them.
+_FEW: Final = 64
+#: Bytes of a column of which no cell is shown.
+_LARGE: Final = 10_000_000
 _BLOCK: Final = 1 << 22
 
 
@@ -59,22 +73,7 @@ def read_table(path: Path, sidecar: Mapping[str, Any], sidecar_file: str) -> Tab
     """
     if path.stat().st_size == 0:
         raise RecordingError(f"{path.name}: the file is empty: record again or leave it out")
-    is_text = path.suffix.lower() in TEXT
-    table, cut, said = _read_csv(path) if is_text else (read_parquet(path, path.name), False, "")
-    twice = {name for name in table.column_names if table.column_names.count(name) > 1}
-    if twice:
-        raise RecordingError(f"{path.name}: column {min(twice)!r} is there more than once: rename or delete one")
-    arrow = pyarrow()
-    columns: dict[str, Array] = {}
-    text: dict[str, str] = {}
-    for name, column in zip(table.column_names, table.columns, strict=True):
-        kind = column.type
-        if arrow.types.is_null(kind):
-            columns[name] = np.full(len(column), np.nan)
-        elif arrow.types.is_floating(kind) or arrow.types.is_integer(kind) or arrow.types.is_boolean(kind):
-            columns[name] = np.asarray(column.cast(arrow.float64(), safe=False).to_numpy(), dtype=np.float64)
-        else:
-            text[name] = csv_dialect.strange((str(cell.as_py()) for cell in column if cell.is_valid), said)
+    columns, text, cut, said = _read_csv(path) if path.suffix.lower() in TEXT else (*_read_parquet(path), False, "")
     findings = (Finding("unit_scale", path.name, "", said, repaired=True),) if said else ()
     return Table(columns, path.name, sidecar, sidecar_file, text, cut, findings)
 
@@ -85,36 +84,72 @@ def check_size(file: str, rows: int, columns: int) -> None:
     Raises:
         RecordingError: too many rows or cells.
     """
-    if rows > MAX_ROWS or rows * columns > MAX_CELLS:
+    if rows > MAX_ROWS or columns > MAX_COLUMNS or rows * columns > MAX_CELLS:
         raise RecordingError(
-            f"{file}: {rows} rows of {columns} columns are more than the {MAX_ROWS} rows or {MAX_CELLS} cells that are "
-            "read: cut it into trials, one motion each"
+            f"{file}: {rows} rows of {columns} columns are more than the {MAX_ROWS} rows, {MAX_COLUMNS} columns or "
+            f"{MAX_CELLS} cells that are read: cut it into trials, one motion each"
         )
 
 
-def read_parquet(path: Path, name: str, columns: Sequence[str] = (), optional: Sequence[str] = ()) -> Any:
-    """A Parquet file as an arrow table.
+def read_parquet(path: Path, name: str, columns: Sequence[str], optional: Sequence[str] = ()) -> Any:
+    """Columns of a Parquet file as an arrow table.
 
     Args:
         path: of the file.
         name: of the file, for messages.
-        columns: that must be there; none named: all are read.
+        columns: that must be there.
         optional: that are read, too, where they are there.
 
     Raises:
         RecordingError: it is cut off, too long, of another format, or lacks a column.
     """
-    arrow = pyarrow()
-    try:
-        file = arrow.parquet.ParquetFile(path)
+    with _parquet(path, name) as file:
         there = file.schema_arrow.names
-        wanted = [column for column in there if not columns or column in (*columns, *optional)]
-        check_size(name, file.metadata.num_rows, len(wanted))
         missing = [column for column in columns if column not in there]
         if missing:
             raise RecordingError(f"{name}: column {missing[0]} is missing (there are {', '.join(there[:8])})")
-        return file.read(columns=wanted)
-    except (arrow.ArrowInvalid, OSError) as fault:
+        wanted = [column for column in there if column in (*columns, *optional)]
+        check_size(name, _rows(file), len(wanted))
+        return _bounded(file, name, wanted)
+
+
+def _read_parquet(path: Path) -> tuple[dict[str, Array], dict[str, str]]:
+    """The columns of numbers of a Parquet file, and what a cell of each other column holds."""
+    arrow = pyarrow()
+    with _parquet(path, path.name) as file:
+        fields = list(file.schema_arrow)
+        check_size(path.name, _rows(file), len(fields))
+        _check_names(path.name, [field.name for field in fields])
+        numbers = [field.name for field in fields if _holds_numbers(field.type, arrow)]
+        text = {field.name: _example(file, field) for field in fields if field.name not in numbers}
+        table = file.read(columns=numbers)  # 8 bytes a cell, however well they are packed
+        return {name: _floats(table.column(name), arrow) for name in numbers}, text
+
+
+def _check_names(file: str, names: Sequence[str]) -> None:
+    twice = [name for name, count in Counter(names).items() if count > 1]
+    if twice:
+        raise RecordingError(f"{file}: column {quoted(min(twice))} is there more than once: rename or delete one")
+    for name in names:
+        if HIDDEN.search(name):
+            raise RecordingError(f"{file}: column {quoted(name)} has a character that is not shown: rename it")
+
+
+def _floats(column: Any, arrow: Any) -> Array:
+    """A column of numbers, (rows,); NaN where a cell is empty."""
+    if arrow.types.is_null(column.type):
+        return np.full(len(column), np.nan)
+    return np.asarray(column.cast(arrow.float64(), safe=False).to_numpy(), dtype=np.float64)
+
+
+@contextmanager
+def _parquet(path: Path, name: str) -> Iterator[Any]:
+    """A Parquet file, open; what arrow finds wrong with it is one line."""
+    arrow = pyarrow()
+    try:
+        with arrow.parquet.ParquetFile(path) as file:
+            yield file
+    except (arrow.ArrowException, OSError, MemoryError) as fault:
         reason = " ".join(str(fault).split())[:120]
         raise RecordingError(
             f"{name}: not a whole Parquet file ({reason}): "
@@ -126,24 +161,66 @@ def read_parquet(path: Path, name: str, columns: Sequence[str] = (), optional: S
         ) from fault
 
 
+def _rows(file: Any) -> int:
+    """Of an open file, by its footer and by its parts, which may say different things."""
+    parts = (file.metadata.row_group(k).num_rows for k in range(file.metadata.num_row_groups))
+    return int(max(file.metadata.num_rows, sum(parts)))
+
+
+def _holds_numbers(kind: Any, arrow: Any) -> bool:
+    types = arrow.types
+    return bool(types.is_null(kind) or types.is_floating(kind) or types.is_integer(kind) or types.is_boolean(kind))
+
+
+def _bounded(file: Any, name: str, columns: Sequence[str]) -> Any:
+    """Columns of an open file, lists and texts among them, a few rows at a time and no farther than memory allows: one
+    that is repeated takes some bytes in the file."""
+    pieces, size = [], 0
+    for piece in file.iter_batches(_FEW, columns=list(columns)):
+        size += piece.nbytes
+        if size > MAX_BYTES:
+            raise RecordingError(f"{name}: unpacked it takes more than {MAX_BYTES // 1_000_000} MB: cut it into trials")
+        pieces.append(piece)
+    schema = pyarrow().schema([field for field in file.schema_arrow if field.name in columns])
+    return pyarrow().Table.from_batches(pieces, schema)
+
+
+def _example(file: Any, field: Any) -> str:
+    """What a cell of a column holds, in so many characters as a message has; its type where cells are large."""
+    groups = [file.metadata.row_group(k) for k in range(file.metadata.num_row_groups)]
+    leaves = [leaf for group in groups[:1] for leaf in map(group.column, range(group.num_columns))]
+    own = [leaf for leaf in leaves if f"{leaf.path_in_schema}.".startswith(f"{field.name}.")]
+    if sum(leaf.total_uncompressed_size + leaf.num_values for leaf in own) > _LARGE:
+        return f"a large {field.type}"[:QUOTED]
+    cells = (cell.as_py() for piece in file.iter_batches(_FEW, columns=[field.name]) for cell in piece.column(0))
+    return str(next((cell for cell in cells if cell is not None), ""))[:QUOTED]
+
+
 def _is_pointer(path: Path) -> bool:
     """Whether a file is what Git LFS leaves in place of a file that was not fetched."""
     with path.open("rb") as stream:
         return stream.read(64).startswith(b"version https://git-lfs")
 
 
-def _read_csv(path: Path) -> tuple[Any, bool, str]:
-    """The table, whether it ends within a row, and how it is written where that is not with commas and points."""
+def _read_csv(path: Path) -> tuple[dict[str, Array], dict[str, str], bool, str]:
+    """The columns of numbers, what a cell of each other column holds, whether the file ends within a row, and how it is
+    written where that is not with commas and points."""
     arrow = pyarrow()
     try:
         dialect = csv_dialect.of(path)
     except UnicodeDecodeError as fault:
         raise RecordingError(f"{path.name}: not UTF-8 text: save it as CSV in UTF-8") from fault
+    except csv.Error as fault:
+        raise RecordingError(f"{path.name}: the first line is no header ({fault}): name the columns there") from fault
     header = dialect.header
     if not header or not any(header):
         raise RecordingError(f"{path.name}: the first line is no header: name the columns there")
     lines, cut = _count_lines(path)
     check_size(path.name, lines - dialect.rows, len(header))
+    if path.stat().st_size > max(lines * len(header) * MAX_CELL, 16 * _BLOCK):
+        raise RecordingError(
+            f"{path.name}: {path.stat().st_size // 1_000_000} MB in {lines} rows are no table of numbers: is it CSV?"
+        )
     if csv_dialect.is_number(header[0]):
         raise RecordingError(f"{path.name}: the first line holds numbers: put the columns' names there")
     # The last cell of a file that does not end in a line's end may be half a number.
@@ -175,7 +252,16 @@ def _read_csv(path: Path) -> tuple[Any, bool, str]:
         raise RecordingError(
             f"{path.name}: a row does not fit the header's {len(header)} columns ({reason}): delete or mend that row"
         ) from fault
-    return table, cut, dialect.said(point)
+    _check_names(path.name, header)
+    said = dialect.said(point)
+    columns: dict[str, Array] = {}
+    text: dict[str, str] = {}
+    for name, column in zip(header, table.columns, strict=True):
+        if _holds_numbers(column.type, arrow):
+            columns[name] = _floats(column, arrow)
+        else:
+            text[name] = csv_dialect.strange((str(cell.as_py()) for cell in column if cell.is_valid), said)
+    return columns, text, cut, said
 
 
 def _count_lines(path: Path) -> tuple[int, bool]:

@@ -7,6 +7,8 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Final
 
+from tiago_mj.quoting import quoted
+
 _DEGREE: Final = math.pi / 180
 
 #: Unit: factor to s, m, rad, N, N·m or their rates. Force channels are in sensor units, which have no factor.
@@ -34,5 +36,5 @@ def factor(kind: str, unit: str) -> float:
     """
     known = FACTORS.get(kind, {})
     if unit not in known:
-        raise ValueError(f"unit {unit!r} of a {kind} is unknown: use one of {', '.join(known)}")
+        raise ValueError(f"unit {quoted(unit)} of a {kind} is unknown: use one of {', '.join(known)}")
     return known[unit]

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tiago_mj.gap.data.read.tables import check_size, read_parquet
+from tiago_mj.gap.data.read.tables import MAX_COLUMNS, MAX_ROWS, check_size, read_parquet
 from tiago_mj.gap.data.recording import Array, RecordingError
+from tiago_mj.loading import load_json, parse_json
+from tiago_mj.quoting import is_number, is_one_of, quoted, unquoted
 
 STATE: Final = "observation.state"
 ACTION: Final = "action"
@@ -85,11 +87,14 @@ class Folder:
                 raise RecordingError(f"{self.name}: episode {index} is there twice: copy the dataset anew")
             seen.add(index)
             yield self._episode(index, rows)
-        wanted = set(self.lengths) or set(range(self.total or 0))
-        if missing := sorted(wanted - seen):
+        missing = set(self.lengths) - seen
+        wanted = len(self.lengths) or self.total or 0
+        if not self.lengths and wanted > len(seen):
+            missing = {next(k for k in range(wanted) if k not in seen)}
+        if missing:
             raise RecordingError(
-                f"{self.name}: episode {missing[0]} is missing ({len(seen)} of {len(wanted)} are there): the dataset "
-                "was not copied whole; fetch it again"
+                f"{self.name}: episode {min(missing)} is missing ({len(seen)} of {wanted} are there): the dataset was "
+                "not copied whole; fetch it again"
             )
 
     def _files(self, arrow: Any) -> Iterator[tuple[NDArray[np.int64], Array]]:
@@ -140,23 +145,20 @@ def open_folder(source: str) -> Folder:
         raise RecordingError(
             f"{path}: meta/info.json is missing: give the local folder of a LeRobot dataset (v3.0 or v2.x)"
         )
-    try:
-        info = json.loads(info_file.read_text(encoding="utf-8"))
-    except (ValueError, OSError) as fault:
-        raise RecordingError(
-            f"meta/info.json is not readable JSON ({' '.join(str(fault).split())}): fetch the dataset again"
-        ) from fault
+    info = load_json(
+        info_file, "meta/info.json is not readable JSON", mend="fetch the dataset again", error=RecordingError
+    )
     if not isinstance(info, dict) or not isinstance(info.get("features"), dict):
         raise RecordingError("meta/info.json: 'features' is missing: this is no LeRobot dataset")
     version = str(info.get("codebase_version", ""))
     if not version.startswith(("v2.", "v3.")):
         raise RecordingError(
-            f"meta/info.json: codebase_version is {version!r}: v3.0 and v2.x are read; convert it with lerobot's own "
-            "script"
+            f"meta/info.json: codebase_version is {quoted(version)}: v3.0 and v2.x are read; convert it with lerobot's "
+            "own script"
         )
     rate = info.get("fps")
-    if isinstance(rate, bool) or not isinstance(rate, (int, float)) or not rate > 0:
-        raise RecordingError(f"meta/info.json: fps is {rate!r}: write the rate, a positive number")
+    if not is_number(rate) or not rate > 0:
+        raise RecordingError(f"meta/info.json: fps is {quoted(rate)}: write the rate, a positive number")
     total = info.get("total_episodes")
     robot = info.get("robot_type")
     lengths, tasks = _listed(path)
@@ -177,8 +179,8 @@ def _names(features: Mapping[str, Any], key: str) -> tuple[str, ...]:
     """Names of a feature's numbers; their places where it names none."""
     feature = features.get(key)
     shape = feature.get("shape") if isinstance(feature, dict) else None
-    if not isinstance(shape, list) or len(shape) != 1 or not isinstance(shape[0], int) or shape[0] < 1:
-        there = ", ".join(features) or "nothing"
+    if not isinstance(shape, list) or len(shape) != 1 or not is_one_of(shape[0], range(1, MAX_COLUMNS)):
+        there = unquoted(", ".join(features)) or "nothing"
         raise RecordingError(f"meta/info.json: {key} is no list of numbers (there are {there}): nothing can be read")
     names = feature.get("names") if isinstance(feature, dict) else None
     if isinstance(names, dict):  # {"motors": [...]}, as version 2 has it
@@ -186,7 +188,9 @@ def _names(features: Mapping[str, Any], key: str) -> tuple[str, ...]:
     if names is None:
         return tuple(str(k) for k in range(shape[0]))
     if not isinstance(names, list) or len(names) != shape[0] or len({str(name) for name in names}) != shape[0]:
-        raise RecordingError(f"meta/info.json: names of {key} are {names!r}: {shape[0]} different names are needed")
+        raise RecordingError(
+            f"meta/info.json: names of {key} are {quoted(names)}: {shape[0]} different names are needed"
+        )
     return tuple(str(name) for name in names)
 
 
@@ -199,10 +203,11 @@ def _listed(path: Path) -> tuple[dict[int, int], dict[int, str]]:
             name = f"meta/episodes/{file.parent.name}/{file.name}"
             entries += read_parquet(file, name, ("episode_index", "length"), ("tasks",)).to_pylist()
         if not entries and old.is_file():
-            entries = [json.loads(line) for line in old.read_text(encoding="utf-8").splitlines() if line.strip()]
+            with old.open(encoding="utf-8") as lines:
+                entries = [parse_json(line, "a line is no JSON") for line in islice(lines, MAX_ROWS) if line.strip()]
         lengths = {int(entry["episode_index"]): int(entry["length"]) for entry in entries}
         said = {int(entry["episode_index"]): entry.get("tasks") for entry in entries}
-    except (KeyError, TypeError, ValueError, AttributeError) as fault:
+    except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as fault:
         if isinstance(fault, RecordingError):
             raise
         raise RecordingError(

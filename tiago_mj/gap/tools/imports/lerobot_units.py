@@ -104,16 +104,14 @@ def arm_of(path: Path) -> Arm:
     """
     import mujoco
 
+    from tiago_mj.models.bounded import load_model
     from tiago_mj.models.limits import joint_limits
 
     if not path.is_file():
         raise RecordingError(f"--model {path}: no such file")
     if path.suffix.lower() == ".urdf":
         raise RecordingError(f"--model {path.name} is a URDF: make an MJCF of it first, with tiago-mj convert")
-    try:
-        model: Any = mujoco.MjModel.from_xml_path(str(path))
-    except ValueError as fault:
-        raise RecordingError(f"{path.name} does not compile: {' '.join(str(fault).split())}") from fault
+    model: Any = load_model(path, f"{path.name} does not compile", RecordingError)
     slide, hinge = int(mujoco.mjtJoint.mjJNT_SLIDE), int(mujoco.mjtJoint.mjJNT_HINGE)
     static, unbiased = int(mujoco.mjtDyn.mjDYN_NONE), int(mujoco.mjtBias.mjBIAS_NONE)
     kinds = (slide, hinge)

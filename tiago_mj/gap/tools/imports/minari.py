@@ -32,6 +32,7 @@ from tiago_mj.gap.data.recording import SCHEMA, Array, Finding, RecordingError, 
 from tiago_mj.gap.tools.imports.minari_folder import Dataset, Episode, open_dataset
 from tiago_mj.gap.tools.record.environment import episode_facts, sensing_facts, servo_facts
 from tiago_mj.models import names
+from tiago_mj.quoting import is_number, quoted
 from tiago_mj.registration import ENVIRONMENTS, NAMESPACE
 
 #: Arguments of an environment in a dataset that are not a user's, or that the nominal simulator must not have.
@@ -82,10 +83,10 @@ def _mapped(dataset: Dataset, map_file: Path, robot: str | None) -> tuple[list[T
     content = load_map(map_file)
     columns = column_map(content, map_file.name)
     rate = content.get("rate_hz")
-    if isinstance(rate, bool) or not isinstance(rate, (int, float)) or not rate > 0:
+    if not is_number(rate) or not rate > 0:
         raise RecordingError(
-            f"map file {map_file.name}: rate_hz is {rate!r}: a Minari dataset has no stamps, so write the rate of its "
-            "steps [Hz]"
+            f"map file {map_file.name}: rate_hz is {quoted(rate)}: a Minari dataset has no stamps, so write the rate "
+            "of its steps [Hz]"
         )
     facts: dict[str, Any] = {key: content[key] for key in FACTS if key in content}
     trials: list[Trial] = []

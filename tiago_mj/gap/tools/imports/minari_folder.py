@@ -6,7 +6,7 @@ import whatever they want imported.
 
 from __future__ import annotations
 
-import json
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,8 +15,11 @@ from typing import Any, Final
 import numpy as np
 
 from tiago_mj.extra import load, pyarrow
-from tiago_mj.gap.data.read.tables import check_size
+from tiago_mj.gap.data.read.tables import MAX_BYTES, check_size
 from tiago_mj.gap.data.recording import Array, RecordingError
+from tiago_mj.loading import load_json, parse_json
+from tiago_mj.quoting import quoted
+from tiago_mj.schema import Open, SchemaError, checked
 
 PARTS: Final = ("observations", "actions", "infos")
 _FILE: Final = "main_data.hdf5"
@@ -75,6 +78,15 @@ class Dataset:
             )
 
 
+class _Metadata(Open):
+    """Of a dataset's ``metadata.json``, what is read."""
+
+    env_spec: str | dict[str, Any] | None = None
+    data_format: str = "hdf5"
+    total_episodes: int | None = None
+    dataset_id: str | None = None
+
+
 def open_dataset(source: str) -> Dataset:
     """A dataset from its ``metadata.json``.
 
@@ -88,24 +100,23 @@ def open_dataset(source: str) -> Dataset:
     path = next((p for p in (given, given / "data") if (p / "metadata.json").is_file()), None)
     if path is None:
         raise RecordingError(f"{given}: data/metadata.json is missing: give the folder of a local Minari dataset")
+    again = "copy the dataset again"
+    content = load_json(path / "metadata.json", "metadata.json is not readable", mend=again, error=RecordingError)
     try:
-        content = json.loads((path / "metadata.json").read_text(encoding="utf-8"))
-        spec = content.get("env_spec")
-        spec = json.loads(spec) if isinstance(spec, str) else spec
-        form, total = content.get("data_format", "hdf5"), content.get("total_episodes")
-    except (ValueError, OSError, AttributeError) as fault:
-        raise RecordingError(
-            f"metadata.json is not readable ({' '.join(str(fault).split())}): copy the dataset again"
-        ) from fault
+        said = checked(_Metadata, content)
+        spec = said.env_spec
+        if isinstance(spec, str):
+            spec = parse_json(spec, "metadata.json: env_spec is not readable", mend=again, error=RecordingError)
+    except SchemaError as fault:
+        raise RecordingError(f"metadata.json is not readable ({fault}): {again}") from fault
+    form = said.data_format
     if form not in ("hdf5", "arrow", "parquet"):
-        raise RecordingError(f"metadata.json: data_format is {form!r}: hdf5, arrow and parquet are read")
+        raise RecordingError(f"metadata.json: data_format is {quoted(form)}: hdf5, arrow and parquet are read")
     environment = None
     if isinstance(spec, dict) and isinstance(spec.get("id"), str):
         kwargs = spec.get("kwargs")
         environment = spec["id"], kwargs if isinstance(kwargs, dict) else {}
-    name = content.get("dataset_id")
-    name = name if isinstance(name, str) and name else given.resolve().name
-    return Dataset(path, name, form, total if isinstance(total, int) else None, environment)
+    return Dataset(path, said.dataset_id or given.resolve().name, form, said.total_episodes, environment)
 
 
 def _hdf5(dataset: Dataset) -> Iterator[tuple[int, dict[str, Any], int | None]]:
@@ -124,7 +135,7 @@ def _hdf5(dataset: Dataset) -> Iterator[tuple[int, dict[str, Any], int | None]]:
                         _walk(part, group[part], arrays)
                 seed = group.attrs.get("seed")
                 yield index, arrays, None if seed is None else int(seed)
-    except (OSError, KeyError, RuntimeError) as fault:
+    except (OSError, KeyError, RuntimeError, TypeError, MemoryError) as fault:
         raise RecordingError(
             f"{_FILE}: not a whole HDF5 file ({' '.join(str(fault).split())[:120]}): it was cut off or is of another "
             "format; copy it again"
@@ -136,7 +147,8 @@ def _walk(name: str, node: Any, arrays: dict[str, Any]) -> None:
     if hasattr(node, "keys"):
         for key in node:
             _walk(f"{name}.{key.removeprefix('_index_')}", node[key], arrays)
-    elif node.dtype.kind in "biuf" and 1 <= node.ndim <= 3 and int(np.prod(node.shape[1:])) <= WIDEST:
+    elif node.dtype.kind in "biuf" and 1 <= node.ndim <= 3 and math.prod(node.shape[1:]) <= WIDEST:
+        check_size(name, node.shape[0], math.prod(node.shape[1:]))
         arrays[name] = node[()]
 
 
@@ -149,14 +161,21 @@ def _arrow(dataset: Dataset) -> Iterator[tuple[int, dict[str, Any], int | None]]
     for folder in folders:
         try:
             beside = folder / "metadata.json"
-            said = json.loads(beside.read_text(encoding="utf-8")) if beside.is_file() else {}
+            said = load_json(beside, f"{folder.name}/metadata.json is no JSON") if beside.is_file() else {}
             files = [str(p) for p in sorted(folder.iterdir()) if p.suffix == f".{dataset.form}"]
-            table = tables.dataset(files, format=dataset.form).to_table()
+            there = tables.dataset(files, format=dataset.form)
+            pieces, size = [], 0
+            for piece in there.to_batches(columns=[part for part in PARTS if part in there.schema.names]):
+                size += piece.nbytes
+                if size > MAX_BYTES:
+                    raise ValueError(f"it takes more than {MAX_BYTES // 1_000_000} MB")
+                pieces.append(piece)
+            table = arrow.Table.from_batches(pieces, pieces[0].schema if pieces else None)
             arrays: dict[str, Any] = {}
             for part in PARTS:
                 if part in table.column_names:
                     _open(part, table.column(part).combine_chunks(), arrays, arrow)
-        except (arrow.ArrowInvalid, OSError, ValueError) as fault:
+        except (arrow.ArrowException, OSError, ValueError, MemoryError) as fault:
             raise RecordingError(
                 f"{dataset.name}: episode {folder.name}: not a whole {dataset.form} file "
                 f"({' '.join(str(fault).split())[:120]}): copy the dataset again"

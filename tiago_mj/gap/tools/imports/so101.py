@@ -10,17 +10,19 @@ trials: what other joints and gravity do to it is an offset, a share and an iner
 from __future__ import annotations
 
 import csv
-import json
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from itertools import islice
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 
+from tiago_mj.gap.data.read.tables import MAX_ROWS
 from tiago_mj.gap.data.recording import SCHEMA, Array, RecordingError, Sidecar, Trial
 from tiago_mj.gap.data.trials import cut, repeatability
 from tiago_mj.gap.tools.imports.public import DataSet, folder_of, need
+from tiago_mj.loading import parse_json
 
 _MOTIONS: Final = {
     "backlash_detection": (
@@ -204,10 +206,10 @@ def _read(path: Path, wanted: Sequence[str], joints: int) -> tuple[Array, tuple[
     """Stamps [µs] (n,) and the named list columns, each (n, joints)."""
     try:
         with path.open(newline="", encoding="utf-8") as stream:
-            rows = list(csv.DictReader(stream))
+            rows = list(islice(csv.DictReader(stream), MAX_ROWS))
         stamps = np.array([float(row["timestamp"]) for row in rows])
-        columns = tuple(np.array([json.loads(row[name]) for row in rows], dtype=np.float64) for name in wanted)
-    except (KeyError, TypeError, ValueError) as fault:
+        columns = tuple(np.array([parse_json(row[name], name) for row in rows], dtype=np.float64) for name in wanted)
+    except (KeyError, TypeError, ValueError, csv.Error) as fault:
         raise RecordingError(
             f"{path.parent.name}/{path.name}: not the data set's format, or cut off ({fault})"
         ) from fault

@@ -10,17 +10,20 @@ the pendulum is known: the PWM, the supply voltage and the speed, by the motor's
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+from pydantic import Field
 
 from tiago_mj import inverse
 from tiago_mj.gap.data.recording import SCHEMA, Array, RecordingError, Sidecar, Trial
 from tiago_mj.gap.tools.imports.public import DataSet, folder_of
+from tiago_mj.loading import load_json
+from tiago_mj.quoting import one_line, quoted
+from tiago_mj.schema import Open, checked
 
 DATA: Final = DataSet(
     name="xl330",
@@ -114,7 +117,7 @@ def trials(source: str, commands: str = "torque") -> Iterator[tuple[str, Trial]]
         RecordingError: no recording is there, or a file is not what it was.
     """
     if commands not in COMMANDS:
-        raise ValueError(f"commands {commands!r} are unknown: use one of {', '.join(COMMANDS)}")
+        raise ValueError(f"commands {quoted(commands)} are unknown: use one of {', '.join(COMMANDS)}")
     folder = folder_of(DATA, source)
     files = sorted(path for path in folder.glob("*.json"))
     if not files:
@@ -164,6 +167,15 @@ def model_for(trial: Trial) -> str:
     )
 
 
+class _Facts(Open):
+    mass: float = Field(gt=0)
+    length: float = Field(gt=0)
+    kp: float
+    vin: float
+    trajectory: str | int
+    entries: list[dict[str, Any]]
+
+
 def read_run(path: Path) -> Run:
     """A recording from its file.
 
@@ -171,17 +183,18 @@ def read_run(path: Path) -> Run:
         RecordingError: it is cut off, of another format or of another motor.
     """
     try:
-        facts = json.loads(path.read_text(encoding="utf-8"))
+        facts = load_json(path, "it is no JSON")
+        checked(_Facts, facts)
         entries = facts.pop("entries")
         columns = {name: np.array([float(entry[name]) for entry in entries]) for name in _ENTRY}
-        for name in ("mass", "length", "kp", "vin"):
-            facts[name] = float(facts[name])
         facts["trajectory"] = str(facts["trajectory"])
-    except (KeyError, TypeError, ValueError, AttributeError) as fault:
-        raise RecordingError(f"{path.name}: not the data set's format, or cut off ({fault})") from fault
+        if not all(np.isfinite(column).all() for column in columns.values()):
+            raise ValueError("an entry is not finite")
+    except (KeyError, TypeError, ValueError) as fault:
+        raise RecordingError(f"{path.name}: not the data set's format, or cut off ({one_line(fault)})") from fault
     motor = facts.get("motor")
     if motor != MOTOR:
-        said = "it does not say which motor it is of" if motor is None else f"it is of the motor {motor!r}"
+        said = "it does not say which motor it is of" if motor is None else f"it is of the motor {quoted(motor)}"
         raise RecordingError(
             f"{path.name}: {said}, and the torque is made with the constants of the {MOTOR!r} alone: leave the file "
             "out, or write its torques as a recording of your own (docs/recordings.md)"

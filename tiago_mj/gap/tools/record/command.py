@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import os
 from collections.abc import Sequence
 from pathlib import Path
@@ -15,7 +14,9 @@ from tiago_mj.gap.motions.play import Motion, read_motion
 from tiago_mj.gap.tools.record import minari
 from tiago_mj.gap.tools.record.environment import Plan, record
 from tiago_mj.gap.tools.record.plain import record_model
+from tiago_mj.loading import is_file, parse_json
 from tiago_mj.progress import Progress
+from tiago_mj.quoting import quoted
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -96,12 +97,9 @@ def parse_effects(given: Sequence[str] | None) -> Any:
         return None
     for text in map(str.strip, given):
         if text.startswith(("{", "[")):
-            try:
-                json.loads(text)
-            except json.JSONDecodeError as fault:
-                raise ValueError(f"--effects is no JSON: {fault}") from fault
-        elif not Path(text).is_file():
-            raise ValueError(f"--effects {text}: neither JSON (a list or a mapping) nor a file")
+            parse_json(text, "--effects is no JSON")
+        elif not is_file(text):
+            raise ValueError(f"--effects {quoted(text)}: neither JSON (a list or a mapping) nor a file")
     return list(read_effects([text.strip() for text in given]))
 
 
@@ -113,10 +111,7 @@ def _of_environment(
 
     if arguments.rate is not None:
         raise ValueError("--rate is of --model: give an environment its rate with --arguments '{\"control_hz\": 100}'")
-    try:
-        given = {} if arguments.arguments is None else json.loads(arguments.arguments)
-    except json.JSONDecodeError as fault:
-        raise ValueError(f"--arguments is no JSON: {fault}") from fault
+    given = {} if arguments.arguments is None else parse_json(arguments.arguments, "--arguments is no JSON")
     if not isinstance(given, dict) or "effects" in given:
         raise ValueError("--arguments must be a JSON mapping of the environment's arguments; effects go to --effects")
     label = motion.name if motion is not None else Path(arguments.policy).stem

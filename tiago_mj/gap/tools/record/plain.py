@@ -16,7 +16,7 @@ from tiago_mj.effects.host import ScalarHost
 from tiago_mj.effects.wiring import wire
 from tiago_mj.gap.data.recording import SCHEMA, Array, Sidecar, Trial
 from tiago_mj.gap.motions.play import Motion, random_motion
-from tiago_mj.models.files import refuse_urdf
+from tiago_mj.models import bounded
 
 #: Control rate where neither the motion nor the command line says one [Hz].
 RATE: Final = 100.0
@@ -36,11 +36,7 @@ def load_model(path: Path) -> mujoco.MjModel:
     """
     if not path.is_file():
         raise ValueError(f"model {path}: no such file")
-    refuse_urdf(path)
-    try:
-        return mujoco.MjModel.from_xml_path(str(path))
-    except (ValueError, mujoco.FatalError) as fault:
-        raise ValueError(f"model {path.name}: {' '.join(str(fault).split())}") from fault
+    return bounded.load_model(path, f"model {path.name}")
 
 
 def interface_of(model: mujoco.MjModel) -> str:

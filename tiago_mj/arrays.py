@@ -1,0 +1,88 @@
+"""Arrays out of archives (npz and the like) that somebody else wrote: what a header claims is checked before memory is
+taken, and nothing is unpickled."""
+
+from __future__ import annotations
+
+import math
+import zipfile
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, BinaryIO, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tiago_mj.quoting import one_line
+
+#: Of an archive that is unpacked whole [bytes]; an agent has less than 1 MB.
+MOST: Final = 100_000_000
+#: Parts of an archive.
+_PARTS: Final = 10_000
+_FORMAT: Final[Any] = np.lib.format
+_HEADERS: Final = {(1, 0): _FORMAT.read_array_header_1_0, (2, 0): _FORMAT.read_array_header_2_0}
+#: What zipfile, zlib and NumPy raise of damaged files.
+FAULTS: Final = (
+    zipfile.BadZipFile,
+    zlib.error,
+    EOFError,
+    NotImplementedError,
+    KeyError,
+    IndexError,
+    TypeError,
+    AttributeError,
+    ValueError,
+    OverflowError,
+    RuntimeError,
+    MemoryError,
+    SyntaxError,
+)
+
+
+@contextmanager
+def opened(path: Path | BinaryIO, most: int = MOST) -> Iterator[zipfile.ZipFile]:
+    """An archive whose parts are together no larger than they may be [bytes].
+
+    Raises:
+        OSError: it cannot be read.
+        ValueError: it is larger, or no archive.
+    """
+    with zipfile.ZipFile(path) as archive:
+        parts = archive.infolist()
+        if len(parts) > _PARTS or sum(part.file_size for part in parts) > most:
+            raise ValueError(f"unpacked it takes more than {most / 1e6:.0f} MB")
+        yield archive
+
+
+def read_array(archive: zipfile.ZipFile, name: str) -> NDArray[Any]:
+    """An array of an archive.
+
+    Raises:
+        KeyError: there is none of that name.
+        ValueError: it is damaged, claims more than it holds, or holds objects.
+    """
+    part = archive.getinfo(name)
+    with archive.open(part) as file:
+        header = _HEADERS.get(_FORMAT.read_magic(file))
+        if header is None:
+            raise ValueError(f"{name} is of an unknown version of NumPy's format")
+        shape, _, kind = header(file)
+        size = math.prod(shape) * kind.itemsize
+        if kind.hasobject or any(one < 0 for one in shape) or size > part.file_size:
+            raise ValueError(f"{name} claims {size} bytes of {kind} and holds {part.file_size}")
+    with archive.open(part) as file:
+        array: NDArray[Any] = _FORMAT.read_array(file, allow_pickle=False)
+        return array
+
+
+def read_npz(path: Path) -> dict[str, NDArray[Any]]:
+    """Every array of an npz; faults as of :func:`opened` and :func:`read_array`."""
+    with opened(path) as archive:
+        names = [name for name in archive.namelist() if name.endswith(".npy")]
+        return {name.removesuffix(".npy"): read_array(archive, name) for name in names}
+
+
+def reason(fault: BaseException) -> str:
+    """Why an archive cannot be read, shortly."""
+    return one_line(fault)[:200] or type(fault).__name__

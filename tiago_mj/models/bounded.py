@@ -1,0 +1,180 @@
+"""Compiling an MJCF that somebody else wrote, within bounds of memory and time.
+
+A line of MJCF can ask for a billion bodies (``<replicate>`` within ``<replicate>``) or a texture of gigabytes, and
+MuJoCo compiles what it is asked for. So the file, and those that it includes, are counted before.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Final, NoReturn
+from xml.parsers import expat
+
+import mujoco
+
+from tiago_mj.models.files import refuse_urdf
+from tiago_mj.quoting import one_line, quoted
+
+#: Bodies of a model, copies counted, and copies of anything: MuJoCo takes 0.2 s to compile as many; robots have 100.
+BODIES: Final = 1000
+#: Elements of all files together, copies counted: 0.5 s.
+ELEMENTS: Final = 10_000
+#: Of all files together, meshes and pictures apart [bytes].
+BYTES: Final = 16_000_000
+FILES: Final = 100
+#: Elements within each other; MuJoCo reads 500, a chain of 50 joints has as many.
+DEPTH: Final = 200
+#: Numbers that an attribute makes MuJoCo allocate, as for a texture of 4096 × 4096.
+CELLS: Final = 4096 * 4096
+#: Of ``<size>``: MuJoCo keeps numbers for the user with every element, and states with every key.
+USER: Final = 100
+KEYS: Final = 10_000
+#: Physics steps are no shorter [s], and take no more iterations of a solver.
+TIMESTEP: Final = 1e-6
+ITERATIONS: Final = 10_000
+_COPIES: Final = ("replicate", "composite", "flexcomp")
+#: Attributes whose product is allocated, by element.
+_SIZES: Final[Mapping[str, tuple[str, ...]]] = {
+    "texture": ("width", "height"),
+    "hfield": ("nrow", "ncol"),
+    "numeric": ("size",),
+    "user": ("dim",),
+    "tactile": ("nsample",),
+}
+
+
+def load_model(path: Path, lead: str, error: type[ValueError] = ValueError) -> mujoco.MjModel:
+    """Compile an MJCF file.
+
+    Args:
+        path: of the file.
+        lead: how a complaint begins, such as ``model arm.xml``.
+        error: that is raised.
+
+    Raises:
+        error: there is no such file, it is a URDF, it is larger than this module's bounds, or MuJoCo cannot compile it;
+            one line.
+    """
+    try:
+        refuse_urdf(path)
+    except ValueError as fault:
+        raise error(str(fault)) from fault
+    try:
+        _Counter(path.parent).file(path, 1, ())
+        model = mujoco.MjModel.from_xml_path(str(path))
+        _check_options(model)
+    except (ValueError, OSError, mujoco.FatalError, MemoryError) as fault:
+        raise error(f"{lead}: {one_line(fault) or 'it takes more memory than there is'}") from fault
+    return model
+
+
+def _check_options(model: mujoco.MjModel) -> None:
+    if not model.opt.timestep >= TIMESTEP:
+        raise ValueError(f"option timestep is {model.opt.timestep:g} s: give {TIMESTEP:g} s or more")
+    for name in ("iterations", "ls_iterations", "noslip_iterations", "ccd_iterations", "sdf_iterations"):
+        if getattr(model.opt, name) > ITERATIONS:
+            raise ValueError(f"option {name} is {getattr(model.opt, name)}: give {ITERATIONS} or fewer")
+
+
+class _Counter:
+    """What a model holds, copies counted."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.bodies = self.elements = self.bytes = self.files = 0
+
+    def file(self, path: Path, copies: int, within: tuple[Path, ...]) -> None:
+        """Count a file, and those that it includes or attaches."""
+        self.files += 1
+        if path in within or self.files > FILES:
+            raise ValueError(f"{path.name} is included within itself, or there are more than {FILES} files")
+        with path.open("rb") as file:
+            content = file.read(BYTES + 1)
+        self.bytes += len(content)
+        if self.bytes > BYTES:
+            raise ValueError(f"{path.name}: more than {BYTES // 1_000_000} MB of XML")
+        _File(self, path, copies, within).parse(content)
+
+
+class _File:
+    """One file's elements, as they come."""
+
+    def __init__(self, total: _Counter, path: Path, copies: int, within: tuple[Path, ...]) -> None:
+        self.total, self.path, self.within = total, path, (*within, path)
+        self.copies = [copies]
+        self.models: dict[str, str] = {}
+        self.parser = expat.ParserCreate()
+        self.parser.StartElementHandler = self.start
+        self.parser.EndElementHandler = self.end
+        self.parser.StartDoctypeDeclHandler = lambda *_: self.wrong("declares a document type: remove it")
+
+    def parse(self, content: bytes) -> None:
+        try:
+            self.parser.Parse(content, True)
+        except expat.ExpatError as fault:
+            raise ValueError(f"{self.path.name}:{fault.lineno}: {expat.ErrorString(fault.code)}") from fault
+        except LookupError as fault:
+            raise ValueError(f"{self.path.name}: of an unknown encoding: save it as UTF-8") from fault
+
+    def wrong(self, what: str) -> NoReturn:
+        raise ValueError(f"{self.path.name}:{self.parser.CurrentLineNumber}: {what}")
+
+    def start(self, tag: str, given: dict[str, str]) -> None:
+        copies = self.copies[-1]
+        if len(self.copies) > DEPTH:
+            self.wrong(f"elements are nested more than {DEPTH} deep")
+        self.total.elements += copies
+        if tag in _COPIES:
+            copies *= int(math.prod(max(one, 1) for one in self.numbers(tag, given, "count")))
+            self.total.elements += copies
+            if copies > BODIES:
+                self.wrong(f"<{tag}> makes more than {BODIES} copies: write fewer")
+        self.copies.append(copies)
+        self.total.bodies += copies * (tag == "body")
+        if self.total.bodies > BODIES:
+            self.wrong(f"more than {BODIES} bodies: leave out what does not move the robot")
+        if self.total.elements > ELEMENTS:
+            self.wrong(f"more than {ELEMENTS} elements: leave out what does not move the robot")
+        self.sizes(tag, given)
+        self.others(tag, given, copies)
+
+    def end(self, tag: str) -> None:
+        self.copies.pop()
+
+    def sizes(self, tag: str, given: dict[str, str]) -> None:
+        """Refuse what is allocated without being written."""
+        if math.prod(max(one, 1) for name in _SIZES.get(tag, ()) for one in self.numbers(tag, given, name)) > CELLS:
+            self.wrong(f"<{tag}> is of more than {CELLS} numbers: make it smaller")
+        for name in given if tag == "size" else ():
+            most: float = USER if name.startswith("nuser_") else KEYS if name in ("nkey", "nuserdata") else CELLS
+            if name != "memory" and any(one > most for one in self.numbers(tag, given, name)):
+                self.wrong(f"{name} of <size> is {quoted(given[name])}: give {most} or less")
+        if "nsample" in given and any(one > ELEMENTS for one in self.numbers(tag, given, "nsample")):
+            self.wrong(f"nsample of <{tag}> is {quoted(given['nsample'])}: give {ELEMENTS} or less")
+
+    def others(self, tag: str, given: dict[str, str], copies: int) -> None:
+        """Count other files where this one takes them in."""
+        if tag == "include":
+            self.count(given.get("file", ""), copies)
+        elif tag == "model" and "file" in given:
+            self.models[given.get("name", Path(given["file"]).stem)] = given["file"]
+        elif tag == "attach" and (file := self.models.get(given.get("model", ""))) is not None:
+            self.count(file, copies)
+
+    def count(self, name: str, copies: int) -> None:
+        """A file that is there; what is not, MuJoCo names."""
+        near = [folder / name for folder in (self.path.parent, self.total.folder)]
+        if found := next((path for path in near if path.is_file()), None):
+            self.total.file(found.resolve(), copies, self.within)
+
+    def numbers(self, tag: str, given: dict[str, Any], name: str) -> list[float]:
+        """Numbers of an attribute; none where it is not there."""
+        try:
+            values = [float(word) for word in given.get(name, "").split()]
+        except ValueError:
+            self.wrong(f"{name} of <{tag}> is {quoted(given[name])}: give numbers")
+        if not all(map(math.isfinite, values)):
+            self.wrong(f"{name} of <{tag}> is {quoted(given[name])}: give finite numbers")
+        return values

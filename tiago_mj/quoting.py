@@ -1,0 +1,81 @@
+"""Values that somebody else gave, in messages: short whatever they are, in one line, and without hidden characters."""
+
+from __future__ import annotations
+
+import math
+import re
+import reprlib
+import sys
+from collections.abc import Hashable, Iterable, Sequence
+from difflib import get_close_matches
+from numbers import Real
+from pathlib import Path
+from typing import Any, Final, TypeGuard
+
+import numpy as np
+
+#: Characters of a value that is quoted in a message.
+QUOTED: Final = 60
+#: Of a whole number that is written out.
+MOST_DIGITS: Final = 40
+#: Characters that are not shown: controls but for tab and line ends, line separators, direction overrides, and halves
+#: of surrogate pairs.
+HIDDEN: Final = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069\ufeff\ud800-\udfff]")
+
+
+def quoted(value: Any, most: int = QUOTED) -> str:
+    """A value for a message, in at most so many characters; what cannot be seen is escaped."""
+    text = _SHORT.repr(value)
+    return text if len(text) <= most else f"{text[: most - 3]}..."
+
+
+def unquoted(text: object) -> str:
+    """The same of a text, without quotation marks; with them if it is empty."""
+    return quoted(str(text))[1:-1] or "''"
+
+
+def one_line(text: object) -> str:
+    """A message without line ends and without characters that cannot be seen."""
+    return HIDDEN.sub(lambda found: f"\\u{ord(found[0]):04x}", " ".join(str(text).split()))
+
+
+def is_number(value: Any) -> TypeGuard[float]:
+    """Whether it is a finite number that a float can hold; booleans are none."""
+    if not isinstance(value, Real) or isinstance(value, bool):
+        return False
+    return abs(value) <= sys.float_info.max if isinstance(value, int) else math.isfinite(value)
+
+
+def is_one_of(value: Any, known: Iterable[Any]) -> bool:
+    """Whether it is among them; lists and mappings, which cannot be looked up, are not."""
+    return isinstance(value, Hashable) and value in known
+
+
+def did_you_mean(name: Any, known: Sequence[str]) -> str:
+    """The end of a complaint of an unknown name: the one that is nearly the same, else all."""
+    near = get_close_matches(name, known, 1, 0.7) if isinstance(name, str) and len(name) <= QUOTED else []
+    return f"did you mean {near[0]!r}?" if near else f"use {', '.join(known)}"
+
+
+class _Short(reprlib.Repr):
+    """Representations whose cost does not grow with the value."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.maxlevel, self.maxstring, self.maxother = 3, QUOTED - 4, QUOTED - 4
+
+    def repr_int(self, x: int, level: int) -> str:
+        digits = int(x.bit_length() * math.log10(2)) + 1
+        return repr(x) if digits <= MOST_DIGITS else f"a whole number of some {digits} digits"
+
+    def repr_instance(self, x: Any, level: int) -> str:
+        if isinstance(x, (str, Path)):
+            return self.repr_str(str(x), level)
+        if isinstance(x, np.ndarray) and x.size > 8:
+            return f"an array of shape {x.shape}"
+        if isinstance(x, (float, complex, bytes, bool, np.ndarray, np.generic, type(None), type)):
+            return " ".join(super().repr_instance(x, level).split())
+        return f"<{type(x).__name__}>"
+
+
+_SHORT: Final = _Short()
