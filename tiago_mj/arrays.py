@@ -7,7 +7,7 @@ import math
 import zipfile
 import zlib
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import Any, BinaryIO, Final
 
@@ -41,18 +41,29 @@ FAULTS: Final = (
 
 
 @contextmanager
-def opened(path: Path | BinaryIO, most: int = MOST) -> Iterator[zipfile.ZipFile]:
+def opened(path: Path | BinaryIO, most: int = MOST, *, stored: bool = False) -> Iterator[zipfile.ZipFile]:
     """An archive whose parts are together no larger than they may be [bytes].
 
+    Args:
+        path: of the file, or one that is open.
+        most: bytes, unpacked.
+        stored: whether its parts must not be packed.
+
     Raises:
-        OSError: it cannot be read.
-        ValueError: it is larger, or no archive.
+        OSError: it cannot be opened.
+        ValueError: it is larger, packed, or damaged.
     """
-    with zipfile.ZipFile(path) as archive:
-        parts = archive.infolist()
-        if len(parts) > _PARTS or sum(part.file_size for part in parts) > most:
-            raise ValueError(f"unpacked it takes more than {most / 1e6:.0f} MB")
-        yield archive
+    with path.open("rb") if isinstance(path, Path) else nullcontext(path) as file:
+        try:
+            with zipfile.ZipFile(file) as archive:
+                parts = archive.infolist()
+                if stored and any(part.compress_type != zipfile.ZIP_STORED for part in parts):
+                    raise ValueError("a part of it is compressed")
+                if len(parts) > _PARTS or sum(part.file_size for part in parts) > most:
+                    raise ValueError(f"unpacked it takes more than {most / 1e6:.0f} MB")
+                yield archive
+        except OSError as fault:  # zipfile seeks where a damaged part is said to be
+            raise ValueError(f"it is damaged ({fault.strerror})") from fault
 
 
 def read_array(archive: zipfile.ZipFile, name: str) -> NDArray[Any]:

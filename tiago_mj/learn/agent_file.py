@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from tiago_mj import arrays, atomic
 from tiago_mj.loading import parse_json
-from tiago_mj.quoting import quoted
+from tiago_mj.quoting import is_one_of, quoted
 
 SCHEMA: Final = "tiago_mj.agent/1"
 #: What makes a file one of these.
@@ -183,7 +183,7 @@ def _checked(agent: Agent) -> Agent:
         width = len(bias)
     if not agent.layers or agent.low.shape != (width,) or agent.high.shape != (width,):
         raise ValueError("layers and actions do not match")
-    if agent.activation not in ACTIVATIONS or agent.output not in OUTPUTS:
+    if not is_one_of(agent.activation, ACTIVATIONS) or not is_one_of(agent.output, OUTPUTS):
         raise ValueError(f"activation {quoted(agent.activation)} or output {quoted(agent.output)} is unknown")
     scales = [value for value in (agent.mean, agent.deviation) if value is not None]
     if len(scales) == 1 or any(value.shape != (inputs,) or value.dtype.kind != "f" for value in scales):

@@ -143,9 +143,7 @@ def archive(file: Path | io.BytesIO) -> Iterator[zipfile.ZipFile]:
         OSError, ValueError: it cannot be read.
     """
     size = file.stat().st_size if isinstance(file, Path) else file.getbuffer().nbytes
-    with arrays.opened(file, size) as opened:
-        if any(part.compress_type != zipfile.ZIP_STORED for part in opened.infolist()):
-            raise ValueError("a part of it is compressed")
+    with arrays.opened(file, size, stored=True) as opened:
         yield opened
 
 

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from importlib import resources
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
+#: Bytes in which an XML file's first element is sought.
+_BEGINNING = 1_000_000
 CHECKOUT = Path(__file__).resolve().parents[2] / "models"
 
 
@@ -38,10 +41,12 @@ def refuse_urdf(path: Path) -> None:
 
 def _root_of(path: Path) -> str:
     """Tag of an XML file's root; empty where it is no XML."""
+    parser: Any = ElementTree.XMLPullParser(("start",))
     try:
         with path.open("rb") as file:
-            return next((element.tag for _, element in ElementTree.iterparse(file, events=("start",))), "")
-    except (OSError, ElementTree.ParseError):
+            parser.feed(file.read(_BEGINNING))
+        return next((str(element.tag) for _, element in parser.read_events()), "")
+    except (OSError, ElementTree.ParseError, LookupError, ValueError):
         return ""
 
 

@@ -11,6 +11,7 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from itertools import islice
 from pathlib import Path
 from typing import Any, Final
 
@@ -19,7 +20,7 @@ import numpy as np
 from tiago_mj.extra import pyarrow
 from tiago_mj.gap.data.read import csv_dialect
 from tiago_mj.gap.data.recording import Array, Finding, RecordingError
-from tiago_mj.quoting import HIDDEN, QUOTED, quoted
+from tiago_mj.quoting import HIDDEN, QUOTED, quoted, unquoted
 
 #: Over an hour at 240 Hz. The fit simulates every row of every trial again and again: a longer recording is better cut.
 MAX_ROWS: Final = 1_000_000
@@ -35,8 +36,8 @@ MAX_BYTES: Final = 640_000_000
 MAX_CELL: Final = 64
 #: Rows that are read at once where lists and texts of any length are among them.
 _FEW: Final = 64
-#: Bytes of a column of which no cell is shown.
-_LARGE: Final = 10_000_000
+#: Bytes of a part of a file of which no cell of text is shown.
+_LARGE: Final = 100_000_000
 _BLOCK: Final = 1 << 22
 
 
@@ -149,7 +150,9 @@ def _parquet(path: Path, name: str) -> Iterator[Any]:
     try:
         with arrow.parquet.ParquetFile(path) as file:
             yield file
-    except (arrow.ArrowException, OSError, MemoryError) as fault:
+    except RecordingError:
+        raise
+    except (arrow.ArrowException, OSError, MemoryError, ValueError) as fault:
         reason = " ".join(str(fault).split())[:120]
         raise RecordingError(
             f"{name}: not a whole Parquet file ({reason}): "
@@ -162,7 +165,10 @@ def _parquet(path: Path, name: str) -> Iterator[Any]:
 
 
 def _rows(file: Any) -> int:
-    """Of an open file, by its footer and by its parts, which may say different things."""
+    """Of an open file, by its footer and by its parts, which may say different things.
+
+    Nothing is asked of the parts' columns: of a damaged footer that ends the process (pyarrow 26).
+    """
     parts = (file.metadata.row_group(k).num_rows for k in range(file.metadata.num_row_groups))
     return int(max(file.metadata.num_rows, sum(parts)))
 
@@ -186,13 +192,12 @@ def _bounded(file: Any, name: str, columns: Sequence[str]) -> Any:
 
 
 def _example(file: Any, field: Any) -> str:
-    """What a cell of a column holds, in so many characters as a message has; its type where cells are large."""
-    groups = [file.metadata.row_group(k) for k in range(file.metadata.num_row_groups)]
-    leaves = [leaf for group in groups[:1] for leaf in map(group.column, range(group.num_columns))]
-    own = [leaf for leaf in leaves if f"{leaf.path_in_schema}.".startswith(f"{field.name}.")]
-    if sum(leaf.total_uncompressed_size + leaf.num_values for leaf in own) > _LARGE:
-        return f"a large {field.type}"[:QUOTED]
-    cells = (cell.as_py() for piece in file.iter_batches(_FEW, columns=[field.name]) for cell in piece.column(0))
+    """What a cell of a column holds, in so many characters as a message has; its type where cells may be large."""
+    arrow = pyarrow()
+    groups = file.metadata.num_row_groups
+    if arrow.types.is_nested(field.type) or (groups and file.metadata.row_group(0).total_byte_size > _LARGE):
+        return unquoted(field.type)
+    cells = (piece.column(0)[0].as_py() for piece in islice(file.iter_batches(1, columns=[field.name]), _FEW))
     return str(next((cell for cell in cells if cell is not None), ""))[:QUOTED]
 
 
