@@ -72,11 +72,11 @@ def test_noise_beside_a_grid_does_not_collapse(step):
     assert noise_model.noise_beside(values, 1e-3) == pytest.approx(1.0, rel=0.35)
 
 
-def test_noise_that_a_grid_hides_is_what_the_sensor_is_said_to_have():
+def test_noise_that_a_grid_hides_is_what_the_sensor_is_said_to_have_and_never_a_small_share_of_the_grid():
     constant = np.zeros((4, 100))
-    constant[:, 60:] = 0.075
-    assert noise_model.noise_beside(constant, 0.002) == 0.002
+    constant[:, 60:] = 0.03
     assert noise_model.noise_beside(constant, 0.002, nominal=0.0077) == 0.0077
+    assert noise_model.noise_beside(constant, 0.002) == pytest.approx(0.03 / 8)
 
 
 @pytest.mark.parametrize("level", [0.02, 0.37])

@@ -328,15 +328,11 @@ def _initial(model: mujoco.MjModel, wiring: Wiring, trial: Trial, qpos: Array, i
         if value is not None:
             set_point[k] = value
             address = wiring.qpos[wiring.targets.actuated[k]]
-            around = grid_step(_known(trial.positions.get(joint)), least=2) / 2
+            read = np.asarray(trial.positions.get(joint, ()))
+            around = grid_step(read[np.isfinite(read)], least=2) / 2
             if around and not said.get("velocity", {}).get(joint):  # it rests within half a step of what it reads
                 qpos[address] = np.clip(value, qpos[address] - around, qpos[address] + around)
     return Start(qpos, qvel, set_point, item)
-
-
-def _known(values: Array | None) -> Array:
-    """The readings of a channel that there are, (n,)."""
-    return np.empty(0) if values is None else values[np.isfinite(values)]
 
 
 def _held(model: mujoco.MjModel, wiring: Wiring, trial: Trial, start: Start) -> Start:
