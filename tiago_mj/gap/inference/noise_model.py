@@ -54,9 +54,9 @@ AROUND_ROWS: Final = 6
 ORDERS: Final = 4
 QUIET_ROWS: Final = 16
 SHOWN: Final = 0.81
-#: A converter's lines, and what is predicted of so coarse a sensor, are off by this share of a step at least. Chosen: on
-#: the SO-101's wrist (steps of 1.5 mrad) dry friction closes -6 % of the gap at 0, 63 % at 1/8 and 84 % at 1/√12, where
-#: a force that is held 0.4 steps off its line would look like an error that lasts.
+#: A converter's lines, and what is predicted of so coarse a sensor, are off by this share of a step at least. Chosen:
+#: on the SO-101's wrist (steps of 1.5 mrad) dry friction closes -6 % of the gap at 0, 63 % at 1/8 and 84 % at
+#: 1/√12, where a force that is held 0.4 steps off its line would look like an error that lasts.
 LINES: Final = 1 / 8
 #: Readings of a load cell that are no noise, in deviations of it.
 TOUCHED: Final = 4.0
