@@ -86,6 +86,7 @@ def every() -> dict[str, Kept]:
             rates=run["rates"],
             trials=run["trials"],
             seconds=run["seconds"],
+            version=run["version"],
         )
         for row in file["cases"]:
             name = f"{run['seed']}:{row['case']}"

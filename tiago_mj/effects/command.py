@@ -76,6 +76,7 @@ class DroppedCommands(Effect):
     """
 
     signal_only = True
+    by_chance = True
 
     probability = parameter("-", identity=0.0, default=0.1, bounds=(0.0, 0.6))
 

@@ -252,6 +252,7 @@ class ForceNoise(Effect):
     """
 
     signal_only = True
+    by_chance = True
 
     factor = parameter("-", identity=1.0, default=3.0, bounds=(0.2, 20.0))
 
@@ -323,6 +324,7 @@ class ForceDropout(Effect):
     """
 
     signal_only = True
+    by_chance = True
 
     probability = parameter("-", identity=0.0, default=0.05, bounds=(0.0, 0.8))
 

@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Final, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 import tiago_mj
 from tiago_mj import mujoco_log
 from tiago_mj.effects import Entry
-from tiago_mj.gap.analysis import locate, outcome, place, shrink, task
+from tiago_mj.gap.analysis import held_out, locate, outcome, place, promises, shrink, task
 from tiago_mj.gap.analysis.remainder import remainder
 from tiago_mj.gap.data.recording import Finding, Trial
 from tiago_mj.gap.data.trials import cut_long
@@ -23,7 +24,8 @@ from tiago_mj.gap.decision import verdict
 from tiago_mj.gap.design.next_motion import next_motion
 from tiago_mj.gap.detectors import readings, ripples, set_points
 from tiago_mj.gap.inference import hypotheses, noise_model
-from tiago_mj.gap.inference.predictor import predictor
+from tiago_mj.gap.inference.noise_model import Data
+from tiago_mj.gap.inference.predictor import Predictor, predictor
 from tiago_mj.gap.report.repaired import with_model
 from tiago_mj.gap.result import Diagnosis, Explanation
 from tiago_mj.gap.search import select
@@ -32,6 +34,8 @@ from tiago_mj.gap.simulation import phases, sizes
 from tiago_mj.gap.simulation.plant import Plant, plant_of
 from tiago_mj.gap.torque import diagnose_inverse
 from tiago_mj.gap.torque.way import along_a_motion, efforts_along, torques_along_a_motion
+
+Array = NDArray[np.float64]
 
 #: Trials drawn in the report.
 OVERLAYS: Final = 1
@@ -165,7 +169,15 @@ def _diagnosed(
     )
     placed, ranked = _unless_ended(ranked, partial(place.refined, plant, ranked, part, fitted_on), None)
     ranked = placed or ranked
-    judged = verdict.judge(ranked, strange=bool(tones))
+    left_open = outcome.left_open(plant, ranked)
+    # Before and after are what the simulator itself does: as the environment with these effects, or the repaired model.
+    simulator, by = ranked.predict.as_simulated(), verdict.calibration()
+    base = simulator.all_trials([left_open.get(outcome.nominal(ranked), ())], everything)[0]
+    judging = [k for k in validation if k not in ranked.astray]
+    gains, beaten = held_out.validated(plant, simulator, data, base, ranked.fits, judging or fitted_on, by.fails, seed)
+    options = [verdict.option(fit, ranked) for fit in ranked.fits]
+    judged = verdict.judge(ranked, strange=bool(tones), beaten=beaten if judging else None)
+    judged = promises.standing(judged, options, by)
     best = ranked.fits[judged.rivals[0]]
     following = None
     if judged.kind == "ambiguous":
@@ -177,42 +189,42 @@ def _diagnosed(
         )
         following, ranked = _unless_ended(ranked, choose, None)
     tick("writing", 1)
-    left_open = outcome.left_open(plant, ranked)
-    # Before and after are what the simulator itself does: as the environment with these effects, or the repaired model.
-    simulator = ranked.predict.as_simulated()
-    base = simulator.all_trials([left_open.get(outcome.nominal(ranked), ())], everything)[0]
-    repaired = base
-    if best.parts:
-        repaired = simulator.all_trials([(*best.effects(), *left_open.get(judged.rivals[0], ()))], everything)[0]
+    repair = partial(_repaired, simulator, ranked, left_open, data, base)
+    close = partial(shrink.shrink, data, base, phase=phase, test=test, period=plant.period, seed=seed)
+    leave = partial(remainder, plant, ranked.predict, data, weight=ranked.weight, test=test)
+    repaired = repair(judged.rivals[0])
+    closing = close(repaired)
+    said: tuple[str, ...] = ()
+    if test:
+        rest = leave(fit=best)
+        aside = promises.Aside(closing.closed, rest.gap, rest.misfit, held_out.can_close(best))
+        kept, said = promises.aside(judged, aside, options, by)
+        if kept.rivals[0] != judged.rivals[0]:
+            best, repaired = ranked.fits[kept.rivals[0]], repair(kept.rivals[0])
+            closing, rest = close(repaired), leave(fit=best)
+        judged, closing = kept, replace(closing, accounted=rest.gap)
+        said += held_out.spoiled(plant, ranked.predict, data, best, trials, splits, seed)
     where = locate.locate(data, base, phase, plant.period, seed)
     left = locate.locate(data, repaired, phase, plant.period, seed)
-    explanations = outcome.explanations(
-        simulator, data, base, ranked, judged.probability, validation or fitted_on, left_open
-    )
+    explanations = outcome.explanations(plant, ranked, judged.probability, gains)
     shown = [k for k in judged.rivals if ranked.fits[k].parts or judged.kind == "no_gap"]
     if judged.kind == "no_gap":
         shown = shown[:1]
-    closing = shrink.shrink(data, base, repaired, phase, test, period=plant.period, seed=seed)
-    remains = judged.remains
-    if test:
-        rest = remainder(plant, ranked.predict, data, best, ranked.weight, test)
-        closing = replace(closing, accounted=rest.gap)
-        remains = remains or rest.is_left(verdict.calibration().remains)
     found = Diagnosis(
         kind=judged.kind,
         best=Explanation((), explanations[judged.rivals[0]].probability, 0.0)
         if judged.kind == "no_gap"
         else explanations[judged.rivals[0]],
         alternatives=tuple(explanations[k] for k in shown),
-        remains=remains and judged.kind != "no_gap",
-        remains_where=tuple(place for place in left[:5] if place.share > 0) if remains else (),
+        remains=judged.remains and judged.kind != "no_gap",
+        remains_where=tuple(place for place in left[:5] if place.share > 0) if judged.remains else (),
         not_excited=ranked.not_excited,
         where=where,
         stage=outcome.stage(best) if best.parts and judged.kind != "unknown" else locate.stage(where),
         shrink=closing,
-        ranking=tuple(explanations),
+        ranking=tuple(explanations[k] for k in _ranked(judged)),
         findings=tuple(findings),
-        next_motion=following,
+        next_motion=following if judged.kind == "ambiguous" else None,
         splits=splits,
         robot=plant.name,
         complete=ranked.complete,
@@ -222,7 +234,8 @@ def _diagnosed(
         overlays=tuple(
             outcome.overlay(plant, trials[k], data, base, repaired, phase, k) for k in (test or everything)[:OVERLAYS]
         ),
-        notes=outcome.notes(
+        notes=said
+        + outcome.notes(
             trials,
             tones,
             astray=ranked.astray,
@@ -238,6 +251,22 @@ def _diagnosed(
         ended=ranked.ended,
     )
     return task.told(with_model(found, plant), asked, tick)
+
+
+def _repaired(
+    simulator: Predictor, ranked: Ranked, left_open: Mapping[int, tuple[Entry, ...]], data: Data, base: Array, best: int
+) -> Array:
+    """What the simulator predicts with an explanation, by its index, (ntrials, T, C)."""
+    fit = ranked.fits[best]
+    if not fit.parts:
+        return base
+    return simulator.all_trials([(*fit.effects(), *left_open.get(best, ()))], range(len(data.value)))[0]
+
+
+def _ranked(judged: verdict.Judged) -> list[int]:
+    """Indices of the explanations: those that are not ruled out, the best first, then the others by probability."""
+    rest = [k for k in range(len(judged.probability)) if k not in judged.rivals]
+    return [*judged.rivals, *sorted(rest, key=lambda k: -judged.probability[k])]
 
 
 T = TypeVar("T")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Final
 
@@ -12,12 +14,29 @@ from tiago_mj.gap.inference.noise_model import Data
 from tiago_mj.gap.result import BANDS, PHASES, Place
 
 Array = NDArray[np.float64]
+Ints = NDArray[np.intp]
 
 #: Upper edges of the bands below the last [Hz]; ``bias`` is the mean over the phase.
 EDGES: Final = (1.0, 5.0)
-DRAWS: Final = 200
-#: Channel kinds and phases that point to a stage of the signal chain, first match by the largest share.
-_STAGE_OF_SENSOR: Final = "force_sensor"
+#: Draws of the bootstrap, and the quantiles of its interval.
+DRAWS: Final = 400
+QUANTILES: Final = (0.05, 0.95)
+
+
+@dataclass(frozen=True)
+class Signal:
+    """One stretch of a channel, over which it was measured without a break.
+
+    Attributes:
+        residual: in units of the noise floor, (T,); NaN: not measured.
+        phase: of every row, as indices into ``PHASES``, (T,).
+        piece: of every row, (T,): pieces are as good as independent, and are what the bootstrap draws. Numbers are
+            those of all stretches together.
+    """
+
+    residual: Array
+    phase: Ints
+    piece: Ints
 
 
 def locate(data: Data, predicted: Array, phase: NDArray[np.int_], period: float, seed: int = 0) -> tuple[Place, ...]:
@@ -28,50 +47,76 @@ def locate(data: Data, predicted: Array, phase: NDArray[np.int_], period: float,
         predicted: (ntrials, T, C).
         phase: (ntrials, T).
         period: control period [s].
-        seed: of the moving-block bootstrap (Künsch 1989; whole trials' segments are the blocks).
+        seed: of the bootstrap, which draws trials.
 
     Returns:
         Rows with at least two samples, largest share of the excess first.
     """
-    rng = np.random.default_rng(seed)
     residual = (data.value - predicted) / data.noise
-    rows: list[tuple[str, str, str, float, float, float, float]] = []
-    for c, channel in enumerate(data.channels):
-        parts = _bands(np.where(np.isfinite(residual[:, :, c]), residual[:, :, c], 0.0), period)
-        known = np.isfinite(data.value[:, :, c])
-        for p, name in enumerate(PHASES):
-            inside = known & (phase == p)
-            if inside.sum() < 2:
-                continue
-            bias = np.array(
-                [residual[k, inside[k], c].mean() if inside[k].any() else np.nan for k in range(len(inside))]
-            )
-            counts = inside.sum(axis=1)
-            mean = np.where(counts > 0, np.nan_to_num(bias), 0.0)
-            rows.append(
-                (channel, name, BANDS[0], *_interval(mean**2 * counts, counts, rng), float((mean**2 * counts).sum()))
-            )
-            for b, part in enumerate(parts):
-                longest = counts.max() * period
-                if b < 2 and longest < 1 / (2 * EDGES[b]):
-                    continue  # the phase is too short to hold this band
-                centred = np.where(inside, part - (mean[:, None] if b == 0 else 0.0), 0.0)
-                energy = (centred**2).sum(axis=1)
-                rows.append((channel, name, BANDS[b + 1], *_interval(energy, counts, rng), float(energy.sum())))
-    # Excess over what noise alone would leave in each row's bandwidth.
-    excess = [
-        max(total - _noise_share(band, period) * _samples(data, channel, name, phase), 0.0)
-        for channel, name, band, _, _, _, total in rows
+    signals = {
+        name: [Signal(one[:, c], phase[k], np.full(len(one), k)) for k, one in enumerate(residual)]
+        for c, name in enumerate(data.channels)
+    }
+    return table(signals, period, 0.5 / period, seed)
+
+
+def table(signals: Mapping[str, Sequence[Signal]], period: float, highest: float, seed: int) -> tuple[Place, ...]:
+    """The gap table of any signals.
+
+    Args:
+        signals: stretches of every channel.
+        period: of the rows [s].
+        highest: frequency up to which the noise is white [Hz]; there is none above.
+        seed: of the bootstrap.
+
+    Returns:
+        Rows with at least two samples, largest share of the excess over the noise first.
+    """
+    rng = np.random.default_rng(seed)
+    rows = [
+        (name, PHASES[p], *row)
+        for name, parts in signals.items()
+        for p in range(len(PHASES))
+        for row in _phase(parts, p, period, highest, rng)
     ]
-    whole = sum(excess)
-    places = [
-        Place(channel, name, band, gap, low, high, e / whole if whole > 0 else 0.0)
-        for (channel, name, band, gap, low, high, _), e in zip(rows, excess, strict=True)
-    ]
+    whole = sum(row[-1] for row in rows)
+    places = [Place(*row[:-1], row[-1] / whole if whole > 0 else 0.0) for row in rows]
     return tuple(sorted(places, key=lambda place: -place.share))
 
 
-def stage(places: tuple[Place, ...], onset_late: bool = False) -> str | None:
+def _phase(
+    parts: Sequence[Signal], phase: int, period: float, highest: float, rng: np.random.Generator
+) -> list[tuple[str, float, float, float, float]]:
+    """(band, gap, its interval's ends, summed excess) of one phase of one channel; none of fewer than two samples."""
+    inside = [np.isfinite(part.residual) & (part.phase == phase) for part in parts]
+    counts = [int(rows.sum()) for rows in inside]
+    if sum(counts) < 2:
+        return []
+    means = [float(part.residual[rows].mean()) if rows.any() else 0.0 for part, rows in zip(parts, inside, strict=True)]
+    split = [_bands(np.where(np.isfinite(part.residual), part.residual, 0.0), period) for part in parts]
+    found = []
+    for b, band in enumerate(BANDS):
+        if 0 < b < len(BANDS) - 1 and max(counts) * period < 1 / (2 * EDGES[b - 1]):
+            continue  # the phase is too short to hold this band
+        if _noise_share(band, highest) == 0 and b:
+            continue  # nothing passes the filter there
+        if b == 0:
+            drawn = _mean_squares(parts, inside, rng)
+            energy = float(np.dot(np.square(means), counts))
+        else:
+            centred = [
+                np.where(rows, one[b - 1] - (mean if b == 1 else 0.0), 0.0)
+                for one, rows, mean in zip(split, inside, means, strict=True)
+            ]
+            drawn = _energies(parts, inside, centred, rng)
+            energy = float(sum(one @ one for one in centred))
+        low, high = np.quantile(drawn, QUANTILES)
+        excess = max(energy - _noise_share(band, highest) * sum(counts), 0.0)
+        found.append((band, energy / sum(counts), float(low), float(high), excess))
+    return found
+
+
+def stage(places: tuple[Place, ...]) -> str | None:
     """Stage of the signal chain that the pattern points to; None without an excess."""
     if not places or places[0].share <= 0:
         return None
@@ -80,8 +125,7 @@ def stage(places: tuple[Place, ...], onset_late: bool = False) -> str | None:
         kind = place.channel.partition(".")[0]
         kinds[kind] = kinds.get(kind, 0.0) + place.share
     if kinds.get("force", 0.0) > 0.9:
-        contact = sum(p.share for p in places if p.phase in ("contact onset", "loading", "release"))
-        return "contact" if contact > 0.9 and onset_late else _STAGE_OF_SENSOR
+        return "force_sensor"
     if kinds.get("velocity", 0.0) > 0.9:
         return "joint_sensor"
     bias = sum(p.share for p in places if p.band == "bias" and p.phase == "rest" and p.channel.startswith("position"))
@@ -92,35 +136,57 @@ def stage(places: tuple[Place, ...], onset_late: bool = False) -> str | None:
 
 
 def _bands(residual: Array, period: float) -> list[Array]:
-    """Split signals (ntrials, T) by frequency; the parts add up to the signal."""
-    spectrum = np.fft.rfft(residual, axis=1)
-    frequency = np.fft.rfftfreq(residual.shape[1], period)
+    """A signal, (T,), by frequency; the parts add up to the signal."""
+    spectrum = np.fft.rfft(residual)
+    frequency = np.fft.rfftfreq(len(residual), period)
     edges = (-1.0, *EDGES, np.inf)
     return [
-        np.fft.irfft(np.where((frequency > a) & (frequency <= b), spectrum, 0.0), n=residual.shape[1], axis=1)
+        np.fft.irfft(np.where((frequency > a) & (frequency <= b), spectrum, 0.0), n=len(residual))
         for a, b in pairwise(edges)
     ]
 
 
-def _interval(energy: Array, counts: NDArray[np.int_], rng: np.random.Generator) -> tuple[float, float, float]:
-    """Mean per sample over trials, with a 90 % bootstrap interval over trials."""
-    gap = float(energy.sum() / counts.sum())
-    if len(energy) < 2:
-        return gap, gap, gap
-    drawn = rng.integers(len(energy), size=(DRAWS, len(energy)))
-    totals = counts[drawn].sum(axis=1)
-    means = energy[drawn].sum(axis=1) / np.maximum(totals, 1)
-    low, high = np.quantile(means, [0.05, 0.95])
-    return gap, float(low), float(high)
+def _pieces(
+    parts: Sequence[Signal], inside: Sequence[NDArray[np.bool_]], rng: np.random.Generator
+) -> tuple[list[Ints], Array]:
+    """Pieces that rows inside belong to, numbered from 0, (count,) a stretch, and how often each draw has them,
+    (DRAWS, npieces). Where there is one alone it is always drawn."""
+    numbers = np.concatenate([part.piece[rows] for part, rows in zip(parts, inside, strict=True)])
+    names, of = np.unique(numbers, return_inverse=True)
+    edges = np.cumsum([int(rows.sum()) for rows in inside])[:-1]
+    count = len(names)
+    return np.split(of, edges), rng.multinomial(count, np.full(count, 1 / count), size=DRAWS).astype(float)
 
 
-def _noise_share(band: str, period: float) -> float:
-    """Share of white noise's power that falls into a band."""
-    nyquist = 0.5 / period
-    edges = {BANDS[0]: (0.0, 0.0), BANDS[1]: (0.0, EDGES[0]), BANDS[2]: EDGES, BANDS[3]: (EDGES[1], nyquist)}[band]
-    return max(min(edges[1], nyquist) - min(edges[0], nyquist), 0.0) / nyquist
+def _energies(
+    parts: Sequence[Signal], inside: Sequence[NDArray[np.bool_]], values: Sequence[Array], rng: np.random.Generator
+) -> Array:
+    """Mean squares of resampled pieces, (DRAWS,)."""
+    of, times = _pieces(parts, inside, rng)
+    joined = np.concatenate(of)
+    squares = np.concatenate([one[rows] ** 2 for one, rows in zip(values, inside, strict=True)])
+    drawn: Array = times @ np.bincount(joined, squares) / (times @ np.bincount(joined))
+    return drawn
 
 
-def _samples(data: Data, channel: str, name: str, phase: NDArray[np.int_]) -> int:
-    c = data.channels.index(channel)
-    return int((np.isfinite(data.value[:, :, c]) & (phase == PHASES.index(name))).sum())
+def _mean_squares(parts: Sequence[Signal], inside: Sequence[NDArray[np.bool_]], rng: np.random.Generator) -> Array:
+    """Squares of the stretches' means, weighted by their samples, of resampled pieces, (DRAWS,)."""
+    of, times = _pieces(parts, inside, rng)
+    total, samples = np.zeros(DRAWS), np.zeros(DRAWS)
+    for part, rows, piece in zip(parts, inside, of, strict=True):
+        count = times @ np.bincount(piece, minlength=times.shape[1])
+        mean = times @ np.bincount(piece, part.residual[rows], minlength=times.shape[1]) / np.maximum(count, 1)
+        total, samples = total + mean**2 * count, samples + count
+    drawn: Array = total / samples
+    return drawn
+
+
+def _noise_share(band: str, highest: float) -> float:
+    """Share of the noise's power that falls into a band."""
+    low, high = {
+        BANDS[0]: (0.0, 0.0),
+        BANDS[1]: (0.0, EDGES[0]),
+        BANDS[2]: EDGES,
+        BANDS[3]: (EDGES[1], np.inf),
+    }[band]
+    return max(min(high, highest) - min(low, highest), 0.0) / highest

@@ -17,7 +17,6 @@ from tiago_mj.gap.decision import verdict
 from tiago_mj.gap.detectors.readings import Tone
 from tiago_mj.gap.inference.fit import Fitted
 from tiago_mj.gap.inference.noise_model import Data
-from tiago_mj.gap.inference.predictor import Predictor
 from tiago_mj.gap.result import Explanation, Named, Overlay, Value
 from tiago_mj.gap.search.select import Ranked
 from tiago_mj.gap.simulation.plant import Plant
@@ -55,34 +54,23 @@ def stage(best: Fitted) -> str:
     return EFFECTS[best.parts[0].effect].stage
 
 
-def explanations(
-    predict: Predictor,
-    data: Data,
-    base: Array,
-    ranked: Ranked,
-    probability: Array,
-    judged_on: Sequence[int],
-    along: Mapping[int, tuple[Entry, ...]],
-) -> list[Explanation]:
+def explanations(plant: Plant, ranked: Ranked, probability: Array, gains: Array) -> list[Explanation]:
     """What was fitted, in the order of the fits.
 
     Args:
-        predict: simulates.
-        data: what was measured, in every trial.
-        base: nominal prediction of it, (ntrials, T, channels).
+        plant: the nominal simulator.
         ranked: the fits.
         probability: of each, (n,).
-        judged_on: indices of the trials whose residual is to drop.
-        along: of :func:`left_open`.
+        gains: drop of the validation trials' mean squared residual under each, (n,).
     """
     return [
         Explanation(
-            tuple(named(predict.plant, fit, part) for part in range(len(fit.parts))),
+            tuple(named(plant, fit, part) for part in range(len(fit.parts))),
             float(p),
-            _gain(predict, data, base, fit, judged_on, along.get(k, ())),
+            float(gain),
             verdict.option(fit, ranked).evidence,
         )
-        for k, (fit, p) in enumerate(zip(ranked.fits, probability, strict=True))
+        for fit, p, gain in zip(ranked.fits, probability, gains, strict=True)
     ]
 
 
@@ -118,22 +106,6 @@ def named(plant: Plant, fit: Fitted, k: int) -> Named:
         side = 0 if plant.wiring.targets.slide(declared.targets, index) else 1
         parameters[name] = Value(fixed, None, None, declared.parameters[name].unit[side])
     return Named(part.effect, target, parameters)
-
-
-def _gain(
-    predict: Predictor, data: Data, base: Array, fit: Fitted, trials: Sequence[int], along: tuple[Entry, ...]
-) -> float:
-    """Drop of the mean squared residual of some trials, in units of the floor."""
-    if not fit.parts:
-        return 0.0
-    index = list(trials)
-    after = predict.all_trials([(*fit.effects(), *along)], index)[0]
-    return _gap(data, base[index], index) - _gap(data, after, index)
-
-
-def _gap(data: Data, predicted: Array, trials: Sequence[int]) -> float:
-    """Mean squared residual in units of the floor, of predictions for these trials alone."""
-    return float(np.nanmean(((data.value[list(trials)] - predicted) / data.noise) ** 2))
 
 
 # Pictures and notes ---------------------------------------------------------------------------------------------------

@@ -41,10 +41,6 @@ class Remainder:
     gap: float
     misfit: float
 
-    def is_left(self, allowed: float) -> bool:
-        """Whether more is left than noise, or than a right explanation may leave (``allowed``, of the misfit)."""
-        return self.gap > LEFT or self.misfit > allowed
-
 
 def remainder(
     plant: Plant, predict: Predictor, data: Data, fit: Fitted, weight: Array, test: Sequence[int]

@@ -13,6 +13,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from tiago_mj.gap.data.autocorrelation import integrated_time
+from tiago_mj.gap.inference import noise_model
 from tiago_mj.gap.inference.noise_model import Data
 from tiago_mj.gap.result import PHASES, Closing, Shrink
 
@@ -58,7 +60,8 @@ def shrink(
     if not len(test):
         return Shrink(None, None, 1.0, None, None, None)
     sums = [_binned(data, before[k], after[k], phase[k], k) for k in test]
-    length = _block(data, before, after, test)
+    index = list(test)
+    length = block_rows(noise_model.part(data, index), before[index], after[index])
     drawn = _drawn(sums, length, np.random.default_rng(seed))
     total = np.sum([part.sum(axis=0) for part in sums], axis=0)
     whole = _closing(total.sum(axis=(0, 1)), drawn.sum(axis=(1, 2)))
@@ -120,34 +123,30 @@ def _binned(data: Data, before: Array, after: Array, phase: NDArray[np.int_], k:
     return out.transpose(0, 2, 1, 3)
 
 
-def _block(data: Data, before: Array, after: Array, test: Sequence[int]) -> int:
+def block_rows(data: Data, before: Array, after: Array) -> int:
     """Rows of a block: some correlation times of the more correlated of both residuals, the middle one of all channels.
 
     A slow error is one error however many rows it lasts, and whether it is there decides what can be closed.
+
+    Args:
+        data: measured, of some trials.
+        before, after: predictions of these, (ntrials, T, C).
     """
     found = []
-    for k in test:
+    for k in range(len(data.value)):
         for c in range(len(data.channels)):
             times = [
                 _correlation((data.value[k, :, c] - signal[k, :, c]) / data.noise[c]) for signal in (before, after)
             ]
             found.append(max(times))
-    longest = max(len(np.flatnonzero(np.isfinite(data.value[k]).any(axis=1))) for k in test)
+    longest = max(len(np.flatnonzero(np.isfinite(value).any(axis=1))) for value in data.value)
     return max(int(np.clip(TIMES * float(np.median(found)), SHARES[0] * longest, SHARES[1] * longest)), 1)
 
 
 def _correlation(residual: Array) -> float:
-    """Rows of the integrated autocorrelation time, up to its first fall below 0.05; 1 where there is nothing."""
-    known = residual[np.isfinite(residual)]
-    x = known - known.mean() if len(known) else known
-    power = float(x @ x)
-    if len(x) < 16 or power == 0:
-        return 1.0
-    size = 1 << (2 * len(x) - 1).bit_length()
-    spectrum = np.abs(np.fft.rfft(x, size)) ** 2
-    rho = np.fft.irfft(spectrum, size)[: len(x) // 3] / power
-    below = np.flatnonzero(rho < 0.05)
-    return 1 + 2 * float(rho[1 : below[0] if len(below) else None].sum())
+    """Rows of its integrated autocorrelation time, about its mean over the trial."""
+    known = np.isfinite(residual)
+    return integrated_time(residual - residual[known].mean()) if known.any() else 1.0
 
 
 def _drawn(sums: Sequence[Array], length: int, rng: np.random.Generator) -> Array:

@@ -32,10 +32,7 @@ def notes(trials: Sequence[Trial], splits: Mapping[str, Sequence[str]], slides: 
         splits: names of the ``train``, ``validation`` and ``test`` trials.
         slides: joints that slide, for the unit.
     """
-    tested = set(splits.get("test", ()))
-    fitted = {name for part in ("train", "validation") for name in splits.get(part, ())}
-    before = [trial for trial in trials if trial.name in fitted]
-    after = [trial for trial in trials if trial.name in tested]
+    before, after = _parts(trials, splits)
     joints = dict.fromkeys(joint for trial in after for joint in trial.positions)
     found: list[str] = []
     for what, ends, per in (("far", _range, ""), ("fast", _speeds, "/s")):
@@ -53,6 +50,26 @@ def notes(trials: Sequence[Trial], splits: Mapping[str, Sequence[str]], slides: 
                 "of equal size, in any order."
             )
     return tuple(found)
+
+
+def farther(trials: Sequence[Trial], splits: Mapping[str, Sequence[str]], slides: Sequence[str] = ()) -> list[str]:
+    """Of joints that went much less far in the trials that were fitted, how far in these and in the test; arguments as
+    of :func:`notes`."""
+    before, after = _parts(trials, splits)
+    found = []
+    for joint in dict.fromkeys(joint for trial in after for joint in trial.positions):
+        here, there = _span(before, joint, _range), _span(after, joint, _range)
+        if here is not None and there is not None and here < SMALL * there:
+            unit = "m" if joint in slides else "rad"
+            found.append(f"fitted where {joint} moves over {here:.2g} {unit}, held out over {there:.2g} {unit}")
+    return found
+
+
+def _parts(trials: Sequence[Trial], splits: Mapping[str, Sequence[str]]) -> tuple[list[Trial], list[Trial]]:
+    """Trials that were fitted, and those of the test."""
+    tested = set(splits.get("test", ()))
+    fitted = {name for part in ("train", "validation") for name in splits.get(part, ())}
+    return [trial for trial in trials if trial.name in fitted], [trial for trial in trials if trial.name in tested]
 
 
 def _span(

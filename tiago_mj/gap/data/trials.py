@@ -15,6 +15,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from tiago_mj.gap.data.autocorrelation import integrated_time
 from tiago_mj.gap.data.recording import Array, Trial
 
 #: Length of a part that is aimed at, and the shortest [s].
@@ -121,8 +122,8 @@ def repeatability(trials: Sequence[Trial], joint: str) -> float:
 
 
 def correlation_time(trial: Trial) -> float:
-    """Of command less position, the longest of all joints [s]: 1 + 2 · the sum of the autocorrelation up to its first
-    zero, over the rate; 0 where no joint has both."""
+    """Integrated autocorrelation time of command less position, the longest of all joints [s]: parts must lie so far
+    apart for the slowest; 0 where no joint has both."""
     step = float(np.median(np.diff(trial.time)))
     longest = 0.0
     for joint, command in trial.commands.items():
@@ -130,14 +131,8 @@ def correlation_time(trial: Trial) -> float:
             continue
         error = _filled(command) - _filled(trial.positions[joint])
         error = error - error.mean()
-        power = float(error @ error)
-        if power <= 0:
-            continue
-        n = 2 * len(error)
-        along = np.fft.irfft(np.abs(np.fft.rfft(error, n)) ** 2, n)[: len(error)] / power
-        below = np.flatnonzero(along < 0.05)
-        end = int(below[0]) if len(below) else len(along)
-        longest = max(longest, (1 + 2 * float(along[1:end].sum())) * step)
+        if error.any():
+            longest = max(longest, integrated_time(error) * step)
     return longest
 
 

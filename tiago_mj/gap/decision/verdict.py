@@ -109,14 +109,16 @@ class Judged:
     remains: bool
 
 
-def judge(ranked: Ranked, *, strange: bool = False) -> Judged:
+def judge(ranked: Ranked, *, strange: bool = False, beaten: NDArray[np.bool_] | None = None) -> Judged:
     """Judge ranked explanations, best first.
 
     Args:
         ranked: explanations.
         strange: the readings show what no effect of the library does.
+        beaten: explanations that are refuted by what they predict of the validation trials, (n,).
     """
-    said = decide([option(fit, ranked) for fit in ranked.fits], calibration(), betrayed=ranked.known > 0)
+    options = [option(fit, ranked) for fit in ranked.fits]
+    said = decide(options, calibration(), betrayed=ranked.known > 0, beaten=beaten)
     return replace(said, kind="unknown") if strange else said
 
 
@@ -133,15 +135,18 @@ def option(fit: Fitted, ranked: Ranked) -> Option:
     return Option(frozenset(part.label for part in fit.parts[:count]), classes_of(fit), evidence)
 
 
-def decide(options: Sequence[Option], by: Calibration, *, betrayed: bool = False) -> Judged:
+def decide(
+    options: Sequence[Option], by: Calibration, *, betrayed: bool = False, beaten: NDArray[np.bool_] | None = None
+) -> Judged:
     """The verdict on explanations.
 
     Args:
         options: one of them the nominal model.
         by: calibration.
         betrayed: whether the readings betray an effect by themselves, whichever explanation holds.
+        beaten: explanations that are refuted, (n,); not all of them. None: none is.
     """
-    single = probabilities(options, by, betrayed=betrayed)
+    single = probabilities(options, by, betrayed=betrayed, beaten=beaten)
     classes = [one.classes for one in options]
     pooled = np.array([single[[c == classes[k] for c in classes]].sum() for k in range(len(classes))])
     nominal = next(k for k, one in enumerate(options) if not one.effects)
@@ -181,11 +186,16 @@ def _refuted(options: Sequence[Option], by: Calibration) -> NDArray[np.bool_]:
     return out
 
 
-def probabilities(options: Sequence[Option], by: Calibration, *, betrayed: bool = False) -> Array:
+def probabilities(
+    options: Sequence[Option], by: Calibration, *, betrayed: bool = False, beaten: NDArray[np.bool_] | None = None
+) -> Array:
     """Of every explanation, (n,); arguments as of :func:`decide`."""
     temperature = temperature_of([one.evidence.misfit for one in options], by)
     scores = _met(options, by.further, betrayed) / temperature + np.array([one.evidence.price for one in options])
-    scores[_refuted(options, by)] = -np.inf
+    out_of_it = _refuted(options, by)
+    if beaten is not None:  # what stands on the trials that were fitted may fail on the others: these count
+        out_of_it = beaten if (out_of_it | beaten).all() else out_of_it | beaten
+    scores[out_of_it] = -np.inf
     weights = np.exp(scores - scores.max())
     out: Array = weights / weights.sum()
     return out

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import signal, stats
 
+from tiago_mj.gap.data import robust
 from tiago_mj.gap.data.grid import grid_step
 from tiago_mj.gap.inference.hypotheses import Candidate
 from tiago_mj.gap.inference.noise_model import Data
@@ -128,7 +129,7 @@ def _level(values: Array, counts: NDArray[np.bool_], expected: float) -> tuple[f
     if not expected or len(rows) < 2 * STRETCH:
         return None
     read = values[counts]
-    scatter = max(1.4826 * float(np.median(np.abs(read - np.median(read)))), 0.5 * expected)
+    scatter = max(robust.deviation(read), 0.5 * expected)
     error = scatter / np.sqrt(len(read))
     trials = [float(values[k, row].mean()) - float(read.mean()) for k, row in enumerate(counts) if row.any()]
     sizes = [scatter / np.sqrt(row.sum()) for row in counts if row.any()]
@@ -160,7 +161,7 @@ def trace(
     known = np.isfinite(steps) & ~_at_an_end(values)[:, 1:]
     standing = known & quiet[:, 1:] & quiet[:, :-1]
     different = steps[standing & (steps != 0)]
-    noise = 1.4826 * float(np.median(np.abs(different))) / np.sqrt(2) if len(different) > 10 else 0.0
+    noise = robust.deviation(different, about_zero=True) / np.sqrt(2) if len(different) > 10 else 0.0
     return Trace(
         channel=channel,
         noise=noise,

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg
 
+from tiago_mj.gap.data.autocorrelation import FEWEST, integrated_time
 from tiago_mj.gap.inference import between
 from tiago_mj.gap.inference.noise_model import Data, by_block, over_blocks
 
@@ -227,28 +228,19 @@ def log_likelihood(on: Frame, predicted: Array) -> Array:
 def independence(data: Data, predicted: Array) -> Array:
     """Square root of the share of independent samples of each channel, (C,).
 
-    1 / (1 + 2 Σ ρ_k) over the autocorrelation of the whitened residual up to its first zero (initial positive
-    sequence).
+    Of the whitened residual, what lies far outside cut off, the median of all trials: one in which the motion goes
+    another way than predicted errs for long.
     """
     white = whiten(data, residual(data, predicted), np.ones(len(data.channels)))
     shares = np.ones(white.shape[-1])
     for c in range(white.shape[-1]):
         times = []
         for t in range(white.shape[0]):
-            x = white[t, np.isfinite(data.value[t, :, c]), c]
-            if len(x) < 16:
+            known = np.isfinite(data.value[t, :, c])
+            if known.sum() < FEWEST or not white[t, known, c].any():
                 continue
-            x = np.clip(x - x.mean(), -SOFT, SOFT)
-            power = float(x @ x)
-            if power == 0:
-                continue
-            total = 1.0
-            for lag in range(1, len(x) // 3):
-                rho = float(x[:-lag] @ x[lag:]) / power
-                if rho < 0.05:
-                    break
-                total += 2 * rho
-            times.append(total)
+            x = np.where(known, white[t, :, c], np.nan)
+            times.append(integrated_time(np.clip(x - np.nanmean(x), -SOFT, SOFT)))
         if times:
-            shares[c] = 1 / max(float(np.median(times)), 1.0)
+            shares[c] = 1 / float(np.median(times))
     return np.sqrt(shares)

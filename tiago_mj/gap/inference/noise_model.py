@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
+from tiago_mj.gap.data import robust
 from tiago_mj.gap.data.grid import grid_step
 from tiago_mj.gap.data.recording import RecordingError, Trial
 from tiago_mj.gap.inference import between
@@ -226,10 +227,9 @@ def _quiet(differences: Array) -> float:
     if len(known) < QUIET_ROWS / 2:
         return np.inf
     if count < 3:
-        return float(1.4826 * np.median(np.abs(known - np.median(known))))
+        return robust.deviation(known)
     blocks = known[: count * QUIET_ROWS].reshape(count, QUIET_ROWS)
-    spread = np.median(np.abs(blocks - np.median(blocks, axis=1, keepdims=True)), axis=1)
-    return float(1.4826 * np.quantile(spread, 1 / 3))
+    return float(np.quantile(robust.deviations(blocks, axis=1), 1 / 3))
 
 
 def sigma(

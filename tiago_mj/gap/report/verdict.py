@@ -29,7 +29,7 @@ def headline(diagnosis: Diagnosis) -> str:
         return begin(f"{_either(diagnosis)}{closing(diagnosis, 'adding the likelier one')}.")
     if not best.effects:
         return begin(f"there is a gap, and no effect is named{closing(diagnosis, 'the fitted parameters')}.")
-    them = "adding it" if len(best.effects) == 1 else "adding both"
+    them = {1: "adding it", 2: "adding both"}.get(len(best.effects), "adding all of them")
     return begin(f"{clauses(best)}{closing(diagnosis, them)}.")
 
 

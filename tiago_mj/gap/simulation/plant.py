@@ -41,24 +41,6 @@ PLAIN_TIMESTEP: Final = 1 / 500
 #: about three standard deviations of a poor encoder.
 STARTS_ELSEWHERE: Final = (1e-4, 1e-3)
 
-#: Fields that an object sets in a model: what differs between trials with different objects.
-OBJECT_FIELDS: Final = (
-    "geom_type",
-    "geom_size",
-    "geom_rbound",
-    "geom_aabb",
-    "geom_friction",
-    "bvh_aabb",
-    "body_mass",
-    "body_inertia",
-    "body_subtreemass",
-    "body_invweight0",
-    "dof_invweight0",
-    "pair_friction",
-    "pair_solref",
-    "pair_solimp",
-)
-
 
 @dataclass(frozen=True)
 class Start:

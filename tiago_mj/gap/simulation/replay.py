@@ -22,7 +22,7 @@ from tiago_mj.effects.declare import overrides
 from tiago_mj.effects.host import BatchHost
 from tiago_mj.effects.spec import Entry
 from tiago_mj.gap.data.recording import Trial
-from tiago_mj.gap.simulation.plant import OBJECT_FIELDS, Plant
+from tiago_mj.gap.simulation.plant import Plant
 from tiago_mj.models import scene
 
 Array = NDArray[np.float64]
@@ -306,7 +306,7 @@ def _give_objects(plant: Plant, host: BatchHost, starts: Sequence[object]) -> No
         model = copy.copy(plant.model)
         scene.set_object(model, item)
         models[item] = model
-    for name in OBJECT_FIELDS:
+    for name in scene.OBJECT_FIELDS:
         values = [getattr(models[item], name) for item in items]
         if any(not np.array_equal(value, getattr(plant.model, name)) for value in values):
             host.field(name)[:] = values

@@ -16,7 +16,8 @@ from tiago_mj.gap.result import Diagnosis, Explanation, Named, Value
 from tiago_mj.gap.torque import intervals, notes, tables
 from tiago_mj.gap.torque.band import clearest
 from tiago_mj.gap.torque.evidence import Evidence
-from tiago_mj.gap.torque.judge import OWN, Verdict, judge, up_to_class
+from tiago_mj.gap.torque.judge import Verdict, judge
+from tiago_mj.gap.torque.pool import OWN
 from tiago_mj.gap.torque.search import Scored, Search
 from tiago_mj.gap.torque.terms import ON_THE_EFFORT, Term
 
@@ -81,8 +82,10 @@ def diagnose_inverse(
     def explained(scored: Scored) -> Explanation:
         own = scored is verdict.best
         effects = tuple(_named(evidence, scored, k, spans if own else {}, forms if own else {}) for k in scored.terms)
-        gain = tables.validation_gain(evidence, verdict.null, scored)
-        return Explanation(effects, up_to_class(verdict, search, scored), gain)
+        place = next(k for k, one in enumerate(verdict.ranking) if one is scored)
+        return Explanation(
+            effects, float(verdict.probability[place]), float(verdict.gains[place]), verdict.evidence[place]
+        )
 
     best = explained(verdict.best)
     left = [c for c, remains in enumerate(verdict.remains) if remains]
@@ -96,7 +99,7 @@ def diagnose_inverse(
         not_excited=_not_excited(evidence),
         where=tables.where(evidence, verdict.null, seed),
         stage=_stage(search, verdict),
-        shrink=tables.shrink(evidence, verdict.null, verdict.best, seed),
+        shrink=verdict.shrink,
         ranking=tuple(explained(one) for one in verdict.ranking),
         findings=(*findings, *usable.findings),
         next_motion=None,

@@ -82,6 +82,7 @@ class Evidence:
         tolerance = torques.tolerance(TOLERANCE)
         self.tolerance_columns = [change[:, cols] for change in tolerance.values()]
         self.tolerance_columns.append(self._mistimed(torques.nominal))
+        self.tolerance_names = (*tolerance, "")  # the last is no number of the model
         self.shapes: tuple[Shape, ...] = shapes(course)
         gap = self.measured - self.nominal
         self._size = np.array([_rms(gap[:, c], self.moving[:, c]) for c in range(len(cols))])

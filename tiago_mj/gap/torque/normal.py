@@ -1,7 +1,8 @@
 """Weighted least squares by blocks: normal equations are summed, so that leaving a block out costs nothing.
 
 Every explanation is a subset of one set of columns. Columns of the nominal model's own uncertainty (nuisance) are in
-every fit, each in units of its standard deviation, with a standard normal prior. Strengths stay inside their bounds.
+every fit, each in units of its standard deviation, with a standard normal prior. Strengths stay inside their bounds:
+where the least squares without them lie outside, :func:`scipy.optimize.lsq_linear` finds the optimum within.
 """
 
 from __future__ import annotations
@@ -9,12 +10,21 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import linalg, optimize
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.intp]
+
+#: Added to the diagonal of the normal equations, which is 1: it decides between columns that are the same, and is far
+#: below any prior.
+RIDGE: Final = 1e-9
+#: Steps of the active-set method per variable; each frees or holds one. SciPy's default, one, is too few where many
+#: bounds hold.
+STEPS: Final = 20
 
 
 @dataclass(frozen=True)
@@ -93,22 +103,21 @@ class Normal:
         return self.solve(gram[np.ix_(chosen, chosen)], right[chosen], chosen, bounded=bounded)
 
     def solve(self, gram: Array, right: Array, chosen: Ints, *, bounded: bool = True) -> Array:
-        """Minimum of the penalized misfit, within the bounds."""
+        """Minimum of the penalized misfit over the chosen columns, (n,), within their bounds unless not ``bounded``.
+
+        Args:
+            gram: products of the chosen columns, (n, n).
+            right: their products with the gap, (n,).
+            chosen: indices of the columns, (n,), for their priors and bounds.
+        """
         full = gram + np.diag(self.precision[chosen])
         scale = np.sqrt(np.maximum(np.diag(full), 1e-300))
-        full, right = full / np.outer(scale, scale), right / scale
-        low, high = self.low[chosen] * scale, self.high[chosen] * scale
-        values = np.zeros(len(chosen))
-        free = np.ones(len(chosen), dtype=bool)
-        for _ in range(len(chosen) + 1):
-            # A little ridge decides between columns that are the same; it is far below any prior.
-            inner = full[np.ix_(free, free)] + 1e-9 * np.eye(int(free.sum()))
-            values[free] = np.linalg.solve(inner, right[free] - full[np.ix_(free, ~free)] @ values[~free])
-            beyond = free & ((values < low) | (values > high))
-            if not bounded or not beyond.any():
-                break
-            values = np.where(beyond, np.clip(values, low, high), values)
-            free &= ~beyond
+        full, right = full / np.outer(scale, scale) + RIDGE * np.eye(len(chosen)), right / scale
+        values: Array = np.linalg.solve(full, right)
+        if bounded:
+            low, high = self.low[chosen] * scale, self.high[chosen] * scale
+            if ((values < low) | (values > high)).any():
+                values = within(full, right, low, high)
         return values / scale
 
     def misfit(self, active: Sequence[int], strengths: Array) -> Array:
@@ -148,3 +157,24 @@ class Normal:
         inner += 1e-9 * np.diag(np.diag(inner) + 1e-300)
         own = np.diag(gram) - np.einsum("ki,ik->k", gram[:, chosen], np.linalg.solve(inner, gram[chosen]))
         return np.where(own > 1e-6 * np.diag(gram), score**2 / np.maximum(own, 1e-300), 0.0)
+
+
+def within(gram: Array, right: Array, low: Array, high: Array) -> Array:
+    """Minimum of ``x' gram x / 2 - right' x`` for ``low <= x <= high``, (n,).
+
+    Args:
+        gram: positive definite, (n, n).
+        right: (n,).
+        low, high: bounds, (n,); equal ones fix a variable, infinite ones are none.
+    """
+    values = np.array(low, dtype=float)
+    free = low < high
+    if not free.any():
+        return values
+    root = np.linalg.cholesky(gram[np.ix_(free, free)])  # |root' x - root^-1 right|² is the same up to a constant
+    target = linalg.solve_triangular(root, right[free] - gram[np.ix_(free, ~free)] @ values[~free], lower=True)
+    steps = STEPS * int(free.sum())
+    found = optimize.lsq_linear(root.T, target, (low[free], high[free]), method="bvls", max_iter=steps)
+    inside = np.clip(found.x, low[free], high[free])  # what is held is so but for rounding
+    values[free] = np.select([found.active_mask < 0, found.active_mask > 0], [low[free], high[free]], inside)
+    return values

@@ -16,6 +16,7 @@ from tiago_mj.gap.torque.search import Scored, Search
 def sentences(trials: Sequence[Trial], usable: Usable, search: Search, verdict: Verdict) -> tuple[str, ...]:
     """All of them, the weightiest first."""
     return (
+        *verdict.said,
         *_together(search, verdict),
         *_unnamed(search, verdict),
         *usable.notes,
@@ -27,8 +28,8 @@ def sentences(trials: Sequence[Trial], usable: Usable, search: Search, verdict: 
         "At rest dry friction takes any value within its bounds, so rows at rest are neither fitted nor counted in "
         "before and after.",
         "A torque constant and the gain of the effort reading are one and the same here.",
-        "Probabilities are BIC weights over effective samples, smeared by a bootstrap over blocks; no bank of "
-        "simulated recordings stands behind them.",
+        "Probabilities follow from BIC over effective samples by the calibration of replayed recordings; no bank of "
+        "simulated recordings without commands stands behind them.",
     )
 
 

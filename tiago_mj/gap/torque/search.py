@@ -8,7 +8,7 @@ every effect of the best explanation in turn.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -23,9 +23,9 @@ Array = NDArray[np.float64]
 MOST_EFFECTS: Final = 4
 #: Steps that are refined before one is taken.
 BEAM: Final = 3
-#: Rounds of fitting and renewing what depends on the fit; with a gain that is fitted along they draw near more slowly.
-ROUNDS: Final = 8
-ROUNDS_GIVEN: Final = 40
+#: Rounds of fitting and renewing what depends on the fit, at most: most end after two or three, but strengths that turn
+#: back and forth (a time shift), or a gain that is fitted along, draw near more slowly.
+ROUNDS: Final = 40
 #: Penalty of one more joint for an effect that is on another.
 SIBLING: Final = 2.0
 #: Change of every strength, in units of its magnitude, at which the rounds end. An explanation that does not get there
@@ -44,12 +44,14 @@ class Scored:
         strengths: of the terms and the given ones, from train and validation blocks.
         left_out: (B,) misfit of each of those blocks under the fit to the others.
         bic: Bayesian information criterion.
+        unnamed: columns of unnamed structure beside the terms.
     """
 
     terms: tuple[int, ...]
     strengths: dict[int, float]
     left_out: Array
     bic: float
+    unnamed: tuple[int, ...] = ()
 
 
 class Search:
@@ -68,23 +70,28 @@ class Search:
         e, fixed = self.evidence, [*self.evidence.tolerance, *extra]
         active = [*key, *fixed]
         strengths: dict[int, float] = {}
+        relaxed: dict[int, float] = {}
+        last: dict[int, float] = {}
         settled = False
-        for _ in range(ROUNDS_GIVEN if e.given else ROUNDS):
+        for _ in range(ROUNDS):
             e.refresh(strengths, key)
             before, fitted = strengths, e.normal.fit(active, e.fitted)
-            strengths = {k: float(v) for k, v in zip([*key, *e.given], fitted, strict=False)}
-            change = max(
-                (abs(v - before.get(k, 0.0)) / abs(e.terms[k].magnitude) for k, v in strengths.items()), default=0.0
-            )
-            if change < SETTLED:
+            moves = {k: float(v) - before.get(k, 0.0) for k, v in zip([*key, *e.given], fitted, strict=False)}
+            if max((abs(move) / abs(e.terms[k].magnitude) for k, move in moves.items()), default=0.0) < SETTLED:
                 settled = True
+                strengths = {k: before.get(k, 0.0) + move for k, move in moves.items()}
                 break
-        bic = e.normal.criterion(active, e.fitted) + self._cost(key)
+            for k, move in moves.items():  # a strength that turns back went too far: it goes half as far from then on
+                relaxed[k] = relaxed.get(k, 1.0) * (0.5 if move * last.get(k, 0.0) < 0 else 1.0)
+            strengths = {k: before.get(k, 0.0) + relaxed[k] * move for k, move in moves.items()}
+            last = moves
+        bic = e.normal.criterion(active, e.fitted) + self.penalty(key) + self.price * len(extra)
         found = Scored(
             key,
             strengths,
             e.normal.left_out(active, e.fitted),
             bic if settled or not any(e.stale(k) for k in (*key, *e.given)) else np.inf,
+            tuple(extra),
         )
         if not extra:
             self.tried[key] = found
@@ -119,9 +126,9 @@ class Search:
     def _quick(self, terms: Iterable[int]) -> float:
         """BIC with the columns as they are."""
         e, key = self.evidence, tuple(terms)
-        return e.normal.criterion([*key, *e.tolerance], e.fitted) + self._cost(key)
+        return e.normal.criterion([*key, *e.tolerance], e.fitted) + self.penalty(key)
 
-    def _cost(self, terms: Sequence[int]) -> float:
+    def penalty(self, terms: Sequence[int]) -> float:
         """Penalty of BIC: the logarithm of the effective samples for each effect and shape.
 
         Where an effect is on one joint, its siblings are likely to have it, too: each costs no more than by AIC.
@@ -169,7 +176,6 @@ class Search:
             if best is None or gains[best] < self.price:
                 return current
             wider = self.score(base.terms, [*chosen, best])
-            wider = replace(wider, bic=wider.bic + self.price * (len(chosen) + 1))
             if not (wider.bic < current.bic and clearly(current.left_out - wider.left_out, 1.0)):
                 return current
             current, chosen = wider, [*chosen, best]
@@ -223,22 +229,6 @@ def clearly(gain: Array, errors: float) -> bool:
     if len(gain) < 2:
         return bool(gain.sum() > 0)
     return bool(gain.mean() > errors * gain.std(ddof=1) / np.sqrt(len(gain)))
-
-
-def weights(scored: Sequence[Scored], seed: int, draws: int = 2000) -> Array:
-    """Probability of each explanation among those given, (n,).
-
-    BIC weights, smeared by how far the misfit of left-out blocks depends on which blocks there happened to be: a
-    Bayesian bootstrap over blocks, as in pseudo-BMA+ (Yao et al. 2018).
-    """
-    density = -0.5 * np.stack([s.left_out for s in scored])
-    evidence = -0.5 * np.array([s.bic for s in scored])
-    blocks = density.shape[1]
-    drawn = np.random.default_rng(seed).dirichlet(np.ones(blocks), size=draws) * blocks
-    totals = evidence + (drawn - 1) @ density.T
-    odds = np.exp(totals - totals.max(axis=1, keepdims=True))
-    mean: Array = (odds / odds.sum(axis=1, keepdims=True)).mean(axis=0)
-    return mean
 
 
 def classes(names: Iterable[str]) -> frozenset[str]:

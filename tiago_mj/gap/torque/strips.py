@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from scipy import ndimage, signal
 
 from tiago_mj import inverse
+from tiago_mj.gap.data import robust
 from tiago_mj.gap.data.recording import RecordingError, Trial
 
 Array = NDArray[np.float64]
@@ -250,7 +251,7 @@ def _noise(raw: Array, smooth: Array, rate: float, cutoff: float) -> Array:
     """
     above = raw - smooth
     share = cutoff / (rate / 2 - cutoff)
-    high = 1.4826 * np.median(np.abs(above - np.median(above, axis=0)), axis=0) * np.sqrt(share)
+    high = robust.deviations(above, axis=0) * np.sqrt(share)
     quantum = np.array([_quantum(column) for column in raw.T]) * np.sqrt(2 * cutoff / rate / 12)
     return np.maximum(high, quantum)
 

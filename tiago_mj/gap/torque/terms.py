@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from tiago_mj.effects import EFFECTS, Effect, Entry, Parameter
 from tiago_mj.effects.declare import overrides
 from tiago_mj.effects.spec import arrays
+from tiago_mj.gap.inference.hypotheses import EDGE
 from tiago_mj.gap.torque.torques import STAGES, Torques, invertible
 
 Array = NDArray[np.float64]
@@ -49,6 +50,7 @@ class Term:
         follows_effort: whether the torque depends on the torque that is transmitted.
         linear: whether the torque is in proportion to the strength.
         rigid: whether masses, gravity or the motion itself change; else it is a matter of one joint.
+        removes: whether the lower bound takes away all that the model has of it.
     """
 
     effect: str
@@ -65,6 +67,16 @@ class Term:
     follows_effort: bool = field(default=False, compare=False)
     linear: bool = field(default=True, compare=False)
     rigid: bool = field(default=False, compare=False)
+    removes: bool = field(default=False, compare=False)
+
+    def at_edge(self, strength: float) -> bool:
+        """Whether a strength lies at the bound of what is possible: it stands for something else. To take all of the
+        model's own friction or damping away is none."""
+        if not math.isfinite(self.high - self.low):
+            return False
+        near = EDGE * (self.high - self.low)
+        at_least = strength < self.low + near and not self.removes and self.low != 0
+        return at_least or (strength > self.high - near and self.high > 0)
 
     @property
     def key(self) -> tuple[str, str]:
@@ -224,7 +236,8 @@ def _bounded(term: Term, torques: Torques, effort: Array) -> Term:
     if rigid:
         return replace(term, linear=linear, rigid=True)
     follows = bool(np.abs(unit - per_unit(term, torques, 2 * effort)).max() > 1e-6 * size)
-    low = term.low
+    low, removes = term.low, False
     if linear and math.isfinite(low) and low < 0:
-        low *= min(1.0, float(np.abs(per_unit(term, torques, effort, low)).max()) / size)
-    return replace(term, low=low, follows_effort=follows, linear=linear)
+        share = float(np.abs(per_unit(term, torques, effort, low)).max()) / size
+        low, removes = low * min(1.0, share), share < 1
+    return replace(term, low=low, follows_effort=follows, linear=linear, removes=removes)

@@ -7,10 +7,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from tiago_mj.gap.data import robust
 from tiago_mj.gap.data.recording import Array
 
-#: Standard deviation over median absolute deviation of a normal distribution.
-_MAD: Final = 1.4826
 #: A lattice needs so many distinct values; that as many random ones lie on one by chance is below 1e-5.
 _LATTICE_VALUES: Final = 6
 #: Distance of a value from the lattice, in steps, that counts as on it, and the share that must lie there.
@@ -29,8 +28,7 @@ def noise(values: Array) -> float:
     """
     if len(values) < 4:
         return 0.0
-    second = np.diff(values, 2)
-    return float(_MAD * np.median(np.abs(second)) / np.sqrt(6))
+    return robust.deviation(np.diff(values, 2), about_zero=True) / float(np.sqrt(6))
 
 
 def quantum(values: Array) -> float | None:

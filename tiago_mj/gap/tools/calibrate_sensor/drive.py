@@ -15,6 +15,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from tiago_mj.gap.data import robust
 from tiago_mj.gap.data.recording import Array, Trial
 from tiago_mj.gap.simulation.plant import Plant
 from tiago_mj.gap.simulation.replay import Signals
@@ -116,7 +117,7 @@ def _lost(
         spread = float(np.sqrt(left @ left / max(len(left) - 2, 1)))
         return Lost(float(solved[0]), spread * float(np.sqrt(np.linalg.inv(columns.T @ columns)[0, 0])))
     middle = float(np.median(force))
-    spread = 1.4826 * float(np.median(np.abs(force - middle)))
+    spread = robust.deviation(force)
     return Lost(middle, 1.25 * spread / float(np.sqrt(len(force))))
 
 

@@ -1,8 +1,8 @@
 """What a load cell reads without contact: its noise, its bias, and the threshold that follows.
 
 Rest is found in the recordings themselves: rows in which no command changes, before the reading first leaves where it
-began. The noise is 1.4826 · median |reading - median of its window|, so that a few glitches or a missed onset do not
-count; its interval follows from the median absolute deviation's efficiency (37 % of a standard deviation's) and the
+began. The noise is the median absolute deviation from the medians of the windows, so that a few glitches or a missed
+onset do not count; its interval follows from that deviation's efficiency (37 % of a standard deviation's) and the
 number of independent readings.
 """
 
@@ -16,6 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
+from tiago_mj.gap.data import robust
+from tiago_mj.gap.data.autocorrelation import integrated_time
 from tiago_mj.gap.data.recording import Array, RecordingError, Trial
 
 #: Share of readings without contact that may exceed the threshold: 5 standard deviations of a normal distribution, the
@@ -23,9 +25,8 @@ from tiago_mj.gap.data.recording import Array, RecordingError, Trial
 FALSE_CONTACTS: Final = float(stats.norm.sf(5))
 #: Two-sided 90 % of a normal distribution, for every interval.
 NINETY: Final = 1.645
-#: A standard deviation of normal numbers over their median absolute deviation, and the relative standard error of the
-#: former estimated by the latter, times √n.
-PER_MAD, MAD_ERROR = 1.4826, 1.166
+#: Relative standard error of a standard deviation that is estimated by the median absolute deviation, times √n.
+MAD_ERROR: Final = 1.166
 #: Shortest stretch that counts as rest [rows], and readings that a noise needs in all.
 WINDOW, LEAST = 10, 30
 #: An onset of contact: the median of so many rows this many deviations from where the reading began.
@@ -140,8 +141,7 @@ def _onset(time: Array, values: Array) -> float:
         return float("inf")
     level = float(np.median(y[:WINDOW]))
     steps = np.diff(y)
-    spread = PER_MAD * float(np.median(np.abs(steps - np.median(steps)))) / np.sqrt(2)
-    spread = max(spread, PER_MAD * float(np.median(np.abs(y[:WINDOW] - level))))
+    spread = max(robust.deviation(steps) / np.sqrt(2), robust.deviation(y[:WINDOW]))
     smooth = np.median(np.lib.stride_tricks.sliding_window_view(y, ONSET_ROWS), axis=1)
     away = np.flatnonzero(np.abs(smooth - level) > ONSET * spread)
     return float(t[away[0]]) if len(away) else float("inf")
@@ -171,8 +171,8 @@ def _sensor(name: str, trials: Sequence[Trial], touched: Sequence[NDArray[np.boo
             "sensor and its cable"
         )
     quantum = float(np.diff(levels).min()) if len(levels) < 0.2 * len(values) else 0.0
-    noise = float(max(PER_MAD * np.median(np.abs(left)), quantum / np.sqrt(12)))
-    independent = len(left) / _correlation(parts)
+    noise = max(robust.deviation(left, about_zero=True), quantum / float(np.sqrt(12)))
+    independent = len(left) / integrated_time(parts)
     error = MAD_ERROR / np.sqrt(independent)
     bias = float(np.median(values))
     medians = np.array([np.median(w) for w in kept])
@@ -196,23 +196,10 @@ def _sensor(name: str, trials: Sequence[Trial], touched: Sequence[NDArray[np.boo
 def _alike(found: Sequence[Array]) -> tuple[list[Array], int]:
     """Windows whose level is that of most, and how many are not: a recording may begin with a pad under load."""
     medians = np.array([np.median(w) for w in found])
-    spreads = np.array([PER_MAD * np.median(np.abs(w - np.median(w))) for w in found])
+    spreads = np.array([robust.deviation(w) for w in found])
     level, spread = float(np.median(medians)), float(np.median(spreads))
-    apart = PER_MAD * float(np.median(np.abs(medians - level)))
+    apart = robust.deviation(medians)
     kept = [
         w for w, m in zip(found, medians, strict=True) if abs(m - level) <= STRAY * max(spread, apart) or spread == 0
     ]
     return kept, len(found) - len(kept)
-
-
-def _correlation(parts: Sequence[Array]) -> float:
-    """Readings that are worth one independent one: 1 + 2 Σ ρ_k until ρ is no longer told from 0."""
-    power = sum(float(p @ p) for p in parts)
-    count = sum(len(p) for p in parts)
-    total = 1.0
-    for lag in range(1, max(len(p) for p in parts) // 2):
-        rho = sum(float(p[:-lag] @ p[lag:]) for p in parts if len(p) > lag) / power if power else 0.0
-        if rho < 2 / np.sqrt(count):
-            break
-        total += 2 * rho
-    return total

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
+from tiago_mj.gap.data.autocorrelation import integrated_time
 from tiago_mj.gap.data.recording import Array, Trial
 from tiago_mj.gap.simulation import phases, replay, stability
 from tiago_mj.gap.simulation.plant import Plant
@@ -170,7 +171,7 @@ def _slope(x: Array, y: Array) -> tuple[float, float, float]:
     """Slope through zero, its standard error, and the rms residual as a share of the rms reading."""
     slope = float(x @ y / (x @ x))
     left = y - slope * x
-    error = float(np.sqrt(np.mean(left**2) / (x @ x) * _correlation(left)))
+    error = float(np.sqrt(np.mean(left**2) / (x @ x) * integrated_time(left - left.mean())))
     return slope, error, float(np.sqrt(np.mean(left**2) / np.mean(y**2)))
 
 
@@ -197,15 +198,3 @@ def _between(values: Sequence[float] | Array) -> float:
     if count < 2:
         return 0.0
     return float(stats.t.ppf(0.95, count - 1)) * float(np.std(values, ddof=1) / np.sqrt(count))
-
-
-def _correlation(left: Array) -> float:
-    """Residuals that are worth one independent one."""
-    x = left - left.mean()
-    power, total = float(x @ x), 1.0
-    for lag in range(1, len(x) // 3):
-        rho = float(x[:-lag] @ x[lag:]) / power if power else 0.0
-        if rho < 2 / np.sqrt(len(x)):
-            break
-        total += 2 * rho
-    return total

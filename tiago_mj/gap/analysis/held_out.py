@@ -1,0 +1,139 @@
+"""What explanations predict of trials that were kept out: the validation trials, which choose, and the test trials.
+
+Predicted by the simulator itself, the nominal model's own numbers as they were fitted beside each explanation: an
+explanation that needs them is judged with them. How an object stood in one trial tells nothing of another.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tiago_mj.effects import EFFECTS
+from tiago_mj.gap.analysis import promises, shrink
+from tiago_mj.gap.analysis.remainder import own_numbers
+from tiago_mj.gap.data import travel
+from tiago_mj.gap.data.recording import Trial
+from tiago_mj.gap.inference import likelihood, noise_model
+from tiago_mj.gap.inference.fit import Fitted
+from tiago_mj.gap.inference.hypotheses import Term, terms
+from tiago_mj.gap.inference.noise_model import Data
+from tiago_mj.gap.inference.predictor import Predictor
+from tiago_mj.gap.simulation.plant import Plant
+
+Array = NDArray[np.float64]
+
+#: Numbers of the nominal model that are told.
+TOLD: Final = 3
+
+
+def validated(
+    plant: Plant,
+    predict: Predictor,
+    data: Data,
+    base: Array,
+    fits: Sequence[Fitted],
+    trials: Sequence[int],
+    fails: float,
+    seed: int,
+) -> tuple[Array, NDArray[np.bool_]]:
+    """What explanations gain on some trials, and which of them predict those far worse than the best.
+
+    Args:
+        plant: the nominal simulator.
+        predict: simulates.
+        data: measured, in every trial.
+        base: nominal prediction, (ntrials, T, C).
+        fits: explanations.
+        trials: that judge; they are better not those that were fitted.
+        fails: mean square of the worst channel, in units of floor and tolerance, above which an explanation fails.
+        seed: of the bootstrap.
+
+    Returns:
+        Drop of the mean squared residual in units of the floor, (n,), and who is far worse, (n,).
+    """
+    known = [(*fit.effects(), *own_numbers(plant, fit)) for fit in fits]
+    predicted = predict.all_trials(known, trials)
+    here = noise_model.part(data, trials)
+    nominal = base[list(trials)]
+    length = shrink.block_rows(here, nominal, predicted[0])
+    energy, samples = _blocks(here, predicted, length)
+    before, _ = _blocks(here, nominal[None], length)
+    gains: Array = (before.sum() - energy.sum(axis=1)) / samples.sum()
+    misfit = [_misfit(here, one) for one in predicted]
+    return gains, promises.beaten(energy, samples, np.array(misfit), fails, seed)
+
+
+def spoiled(
+    plant: Plant,
+    predict: Predictor,
+    data: Data,
+    fit: Fitted,
+    recordings: Sequence[Trial],
+    splits: Mapping[str, Sequence[str]],
+    seed: int,
+) -> tuple[str, ...]:
+    """A sentence where the nominal model's own numbers, as fitted beside an explanation, spoil the test trials.
+
+    Args:
+        plant: the nominal simulator.
+        predict: simulates.
+        data: measured, in every trial.
+        fit: the explanation.
+        recordings: all trials.
+        splits: their names, by ``train``, ``validation`` and ``test``.
+        seed: of the bootstrap.
+    """
+    own = own_numbers(plant, fit)
+    trials = [k for k, trial in enumerate(recordings) if trial.name in splits["test"]]
+    if not own or not trials:
+        return ()
+    shared = [term for term in terms(plant) if not term.per_trial]
+    far = sorted(zip(shared, fit.nuisance, strict=False), key=lambda one: -abs(float(one[1])))[:TOLD]
+    fitted, stated = predict.all_trials([(*fit.effects(), *own), tuple(fit.effects())], trials)
+    here = noise_model.part(data, trials)
+    energy, samples = _blocks(here, np.stack([fitted, stated]), shrink.block_rows(here, stated, fitted))
+    slides = [name for name, slides in zip(plant.joints, plant.wiring.targets.slides, strict=True) if slides]
+    told = [_number(plant, term, float(size)) for term, size in far if size]
+    return promises.spoiled(energy[0], energy[1], samples, told, travel.farther(recordings, splits, slides), seed)
+
+
+def can_close(fit: Fitted) -> bool:
+    """Whether an explanation, were it right, would close some of the gap on other trials."""
+    return not any(EFFECTS[part.effect].by_chance for part in fit.parts)
+
+
+def _blocks(data: Data, predicted: Array, length: int) -> tuple[Array, Array]:
+    """Sums of squared residuals in units of the floor, (n, B), and samples, (B,), of blocks of so many rows of each
+    trial, all channels together: they fail together."""
+    known = np.isfinite(data.value)
+    ntrials, rows = data.value.shape[:2]
+    per_trial = -(-rows // length)
+    block = (np.arange(ntrials)[:, None] * per_trial + np.arange(rows) // length).ravel()
+    count = ntrials * per_trial
+    samples = np.bincount(block, known.sum(axis=2).ravel(), minlength=count)
+    square = np.where(known, np.nan_to_num((data.value - predicted) / data.noise) ** 2, 0.0).sum(axis=3)
+    energy: Array = np.stack([np.bincount(block, one.ravel(), minlength=count) for one in square]).astype(float)
+    there = samples > 0
+    return energy[:, there], samples[there].astype(float)
+
+
+def _misfit(data: Data, predicted: Array) -> float:
+    """Mean square of the worst channel in units of floor and tolerance."""
+    square = (likelihood.scaled(data, data.value - predicted) ** 2).sum(axis=(0, 1))
+    measured = np.isfinite(data.value).sum(axis=(0, 1))
+    return float((square / np.maximum(measured, 1)).max(initial=0.0))
+
+
+def _number(plant: Plant, term: Term, deviations: float) -> str:
+    """As ``encoder_scale of hinge 0.947``."""
+    declared = EFFECTS[term.effect]
+    value = term.entry(deviations).parameters[term.parameter]
+    names = plant.wiring.targets.names(declared.targets)
+    index = names.index(term.target[0]) if term.target else 0
+    unit = declared.parameters[term.parameter].unit[0 if plant.wiring.targets.slide(declared.targets, index) else 1]
+    target = f" of {' and '.join(term.target)}" if term.target else ""
+    return f"{term.effect}{target} {value:.3g}{'' if unit == '-' else f' {unit}'}"

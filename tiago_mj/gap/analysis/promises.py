@@ -1,0 +1,171 @@
+"""What a verdict promises, whichever way it was come by: checked just before it is told.
+
+    no effect is named that is not the likeliest, and likelier than everything else together
+    no effect is named at the bound of what is possible, in no set either
+    no explanation goes first that predicts the validation trials far worse than another one
+    no effect is named that closes nothing on trials kept aside
+    nothing large is left on trials kept aside of which it is not said that it remains
+    there is no "no gap" where the trials kept aside have one
+
+Each has one consequence: the verdict gives way to a weaker one, or the explanation to its rival. All is arithmetic on
+what was found; nothing is simulated here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tiago_mj.gap.analysis.remainder import LEFT
+from tiago_mj.gap.decision.verdict import LESS, Calibration, Judged, Option
+
+Array = NDArray[np.float64]
+
+#: Standard errors beyond which two predictions of the same trials differ: scores within two are not told apart.
+ERRORS: Final = 2.0
+#: An effect that is named is likelier than all else together.
+MOST: Final = 0.5
+#: A share of the gap that counts as closed: below, a report says that it does not close.
+CLOSES: Final = 0.02
+DRAWS: Final = 400
+
+
+@dataclass(frozen=True)
+class Aside:
+    """What the best explanation does on trials that were used for nothing else.
+
+    Attributes:
+        closed: share of the gap that is gone; None where there was none to close.
+        left: mean squared residual in units of the noise floor, with the nominal model's own numbers as they were
+            fitted beside the explanation.
+        misfit: mean square of the worst channel in units of floor and tolerance.
+        can_close: whether it would close some if it were right: not what is drawn at random.
+    """
+
+    closed: float | None
+    left: float
+    misfit: float
+    can_close: bool = True
+
+
+def beaten(energy: Array, samples: Array, misfit: Array, fails: float, seed: int = 0) -> NDArray[np.bool_]:
+    """Explanations that predict the validation trials far worse than the one that predicts them best, (n,).
+
+    Far worse is what fails there, leaves so much more of what is beyond the noise that an explanation is refuted
+    (:data:`tiago_mj.gap.decision.verdict.LESS`), and by more than :data:`ERRORS` standard errors of the difference.
+
+    Args:
+        energy: sums of squared residuals in units of the noise floor, of each explanation in each block, (n, B); blocks
+            are as good as independent.
+        samples: of each block, (B,).
+        misfit: mean square of each explanation's worst channel in units of floor and tolerance, (n,).
+        fails: misfit above which an explanation fails.
+        seed: of the bootstrap over blocks.
+    """
+    blocks = len(samples)
+    if blocks < 2 or not len(energy):
+        return np.zeros(len(energy), dtype=bool)
+    left = energy.sum(axis=1) / samples.sum()
+    best = int(left.argmin())
+    times = np.random.default_rng(seed).multinomial(blocks, np.full(blocks, 1 / blocks), size=DRAWS)
+    drawn = times @ (energy - energy[best]).T / (times @ samples)[:, None]
+    out: NDArray[np.bool_] = (
+        (misfit > fails) & (left[best] - 1 < LESS * (left - 1)) & (left - left[best] > ERRORS * drawn.std(axis=0))
+    )
+    return out
+
+
+def standing(judged: Judged, options: Sequence[Option], by: Calibration) -> Judged:
+    """A verdict that keeps what is promised of explanations.
+
+    Args:
+        judged: as decided.
+        options: the explanations.
+        by: calibration.
+    """
+    if judged.kind not in ("effect", "ambiguous"):
+        return judged
+    best = judged.rivals[0]
+    if options[best].evidence.edge:
+        return replace(judged, kind="unknown")
+    rivals = [best, *(k for k in judged.rivals[1:] if not options[k].evidence.edge)]
+    likely = judged.probability[best] >= MOST * (1 - by.lapse)
+    if not likely:  # whatever is about as likely is in the set
+        rivals += _others(judged, options, by.rival * float(judged.probability[best]), rivals)
+    several = any(options[k].classes != options[best].classes for k in rivals)
+    kind = "ambiguous" if several else "effect" if likely else "unknown"
+    return replace(judged, kind=kind, rivals=tuple(rivals))
+
+
+def _others(judged: Judged, options: Sequence[Option], least: float, known: Sequence[int]) -> list[int]:
+    """Explanations at least so probable, the best of each set of classes that is not known yet, likeliest first."""
+    classes = {options[k].classes for k in known}
+    found = []
+    for k in sorted(range(len(options)), key=lambda k: -judged.probability[k]):
+        one = options[k]
+        if one.effects and one.classes not in classes and not one.evidence.edge and judged.probability[k] >= least:
+            classes.add(one.classes)
+            found.append(k)
+    return found
+
+
+def aside(judged: Judged, seen: Aside, options: Sequence[Option], by: Calibration) -> tuple[Judged, tuple[str, ...]]:
+    """A verdict that keeps what is promised of trials that were kept aside, and sentences that say what gave way.
+
+    Args:
+        judged: as decided.
+        seen: what its best explanation does there.
+        options: the explanations, one of them the nominal model.
+        by: calibration.
+
+    Returns:
+        The verdict; where its best explanation closes nothing, the nominal model is its only one.
+    """
+    kind, rivals, said = judged.kind, judged.rivals, []
+    remains = judged.remains or seen.left > LEFT or seen.misfit > by.remains
+    named = kind in ("effect", "ambiguous") and bool(options[rivals[0]].effects)
+    if named and seen.can_close and seen.closed is not None and seen.closed <= CLOSES:
+        kind, remains = "unknown", True
+        rivals = (next(k for k, one in enumerate(options) if not one.effects),)
+        said.append(
+            "What fits the other recordings best closes nothing of the gap on those that were kept aside: it is not "
+            "named."
+        )
+    if kind == "no_gap" and seen.left > LEFT and seen.misfit > by.fails:
+        kind = "unknown"
+        said.append(
+            "The simulator's own numbers, moved within what they are known to, explain the recordings to which they "
+            "were fitted and not those that were kept aside."
+        )
+    return replace(judged, kind=kind, rivals=rivals, remains=remains and kind != "no_gap"), tuple(said)
+
+
+def spoiled(
+    fitted: Array, stated: Array, samples: Array, numbers: Sequence[str], where: Sequence[str], seed: int = 0
+) -> tuple[str, ...]:
+    """A sentence where the nominal model's own numbers, as they were fitted, predict other trials worse than as stated.
+
+    Args:
+        fitted, stated: sums of squared residuals in units of the noise floor by block of those trials, (B,).
+        samples: of each block, (B,).
+        numbers: what was fitted, in words, as "scale 0.947".
+        where: of motions, in words: how far they go in the trials that were fitted and in the others.
+        seed: of the bootstrap over blocks.
+    """
+    blocks = len(samples)
+    if blocks < 2 or not numbers:
+        return ()
+    after, before = fitted.sum() / samples.sum(), stated.sum() / samples.sum()
+    times = np.random.default_rng(seed).multinomial(blocks, np.full(blocks, 1 / blocks), size=DRAWS)
+    error = float((times @ (fitted - stated) / (times @ samples)).std())
+    if not (after > LEFT and before - 1 < LESS * (after - 1) and after - before > ERRORS * error):
+        return ()
+    went = f" ({'; '.join(where)})" if where else ""
+    return (
+        f"Numbers of the nominal model that were fitted along ({', '.join(numbers)}) spoil the recordings that were "
+        f"kept aside: {after:.3g} times the noise is left there, with the stated numbers {before:.3g}{went}.",
+    )
