@@ -107,7 +107,6 @@ def open_case(kept: Kept) -> Opened:
     known = readings.betrayed([m for m in marks if m.channel not in hums], pool)
     if any(k.candidate.effect == "force_dropout" for k in known):
         data = noise_model.without_repeats(data)
-    data = readings.with_grids(data, known)
     terms = tuple(sorted(hypotheses.terms(plant), key=lambda term: term.per_trial))
     steps = predict.on.commands.shape[1] * math.ceil(plant.period / plant.max_timestep)
     made.robot = robot
