@@ -14,7 +14,6 @@ from tiago_mj.effects import EFFECTS
 from tiago_mj.effects.spec import Entry, read_effects
 from tiago_mj.gap import command, report
 from tiago_mj.gap.data.recording import RecordingError, Sidecar, Trial
-from tiago_mj.gap.decision.verdict import judge
 from tiago_mj.gap.inference import noise_model
 from tiago_mj.gap.inference.predictor import Predictor, predictor
 from tiago_mj.gap.pipeline import diagnose
@@ -152,12 +151,12 @@ def test_a_plain_servo_takes_its_command_at_once_whatever_speed_its_joint_may_ha
 
 def stopped_by(fault: BaseException, monkeypatch, after: str) -> None:
     """Let the search end in a fault once it comes to a stage."""
-    whole = select.rounds.renewed if after == "renewed" else select.another.with_another
+    whole = select.refinement.renewed if after == "renewed" else select.combinations.with_another
 
     def failing(*given, **named):
         raise fault
 
-    monkeypatch.setattr(select.rounds if after == "renewed" else select.another, whole.__name__, failing)
+    monkeypatch.setattr(select.refinement if after == "renewed" else select.combinations, whole.__name__, failing)
 
 
 @pytest.mark.parametrize("fault", [KeyboardInterrupt(), ValueError("numbers\nwithout sense")], ids=["Ctrl-C", "fault"])
@@ -241,7 +240,7 @@ def test_a_fault_after_the_search_does_not_lose_what_the_search_found(tmp_path, 
         monkeypatch.setattr(module.place, "refined", failing)
     else:
         monkeypatch.setattr(module, "next_motion", failing)
-        monkeypatch.setattr(module.verdict, "judge", lambda *a, **k: replace(judge(*a, **k), kind="ambiguous"))
+        monkeypatch.setattr(module.promises, "standing", lambda judged, *rest: replace(judged, kind="ambiguous"))
     found = diagnose(played(arm(tmp_path), {"coulomb_friction": {"force": 0.6}}, tmp_path), names=LIBRARY, threads=1)
     assert [effect.name for effect in found.best.effects] == ["coulomb_friction"]
     assert not found.complete
