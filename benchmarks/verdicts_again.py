@@ -7,12 +7,13 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from benchmarks.blind import kept, score
 from benchmarks.blind.score import Judged
+from tiago_mj.gap.analysis import promises
 from tiago_mj.gap.analysis.outcome import STRANGE
 from tiago_mj.gap.decision.verdict import Calibration, Option, decide
 from tiago_mj.gap.result import Evidence
@@ -102,13 +103,17 @@ def read(root: Path) -> tuple[list[Case], dict[str, Any]]:
 
 def again(one: Case, by: Calibration) -> Judged:
     """A case as it would be answered with other numbers."""
-    said = decide(one.options, by, betrayed=one.betrayed)
-    ranking = one.answer["ranking"]
+    said = promises.standing(decide(one.options, by, betrayed=one.betrayed), one.options, by)
+    ranking, notes = one.answer["ranking"], one.answer.get("notes", ())
+    if promises.CLOSES_NOTHING in notes:  # of the trials kept aside, which are not stored
+        said = replace(said, rivals=(next(k for k, option in enumerate(one.options) if not option.effects),))
+    gave_way = {promises.CLOSES_NOTHING, promises.NOT_THOSE_ASIDE} & set(notes)
+    unknown = bool(gave_way) or any(STRANGE in note for note in notes)
     best = said.rivals[0]
     named = [k for k in said.rivals if ranking[k]["effects"]]
     told = {
         **one.answer["verdict"],
-        "kind": "unknown" if any(STRANGE in note for note in one.answer.get("notes", ())) else said.kind,
+        "kind": "unknown" if unknown else said.kind,
         "effects": [{**effect, "parameters": {}} for effect in ranking[best]["effects"]],
         "probability": float(said.probability[best]),
         "alternatives": [{"effects": ranking[k]["effects"]} for k in named],

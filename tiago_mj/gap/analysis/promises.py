@@ -32,6 +32,14 @@ MOST: Final = 0.5
 #: A share of the gap that counts as closed: below, a report says that it does not close.
 CLOSES: Final = 0.02
 DRAWS: Final = 400
+#: Sentences that say which promise of the trials kept aside made a verdict give way.
+CLOSES_NOTHING: Final = (
+    "What fits the other recordings best closes nothing of the gap on those that were kept aside: it is not named."
+)
+NOT_THOSE_ASIDE: Final = (
+    "The simulator's own numbers, moved within what they are known to, explain the recordings to which they were "
+    "fitted and not those that were kept aside."
+)
 
 
 @dataclass(frozen=True)
@@ -131,16 +139,10 @@ def aside(judged: Judged, seen: Aside, options: Sequence[Option], by: Calibratio
     if named and seen.can_close and seen.closed is not None and seen.closed <= CLOSES:
         kind, remains = "unknown", True
         rivals = (next(k for k, one in enumerate(options) if not one.effects),)
-        said.append(
-            "What fits the other recordings best closes nothing of the gap on those that were kept aside: it is not "
-            "named."
-        )
+        said.append(CLOSES_NOTHING)
     if kind == "no_gap" and seen.left > LEFT and seen.misfit > by.fails:
         kind = "unknown"
-        said.append(
-            "The simulator's own numbers, moved within what they are known to, explain the recordings to which they "
-            "were fitted and not those that were kept aside."
-        )
+        said.append(NOT_THOSE_ASIDE)
     return replace(judged, kind=kind, rivals=rivals, remains=remains and kind != "no_gap"), tuple(said)
 
 
