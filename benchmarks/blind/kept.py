@@ -27,7 +27,7 @@ from tiago_mj import atomic
 
 SCHEMA: Final = "tiago_mj.blind/1"
 #: Of an answer; of its ranking only these.
-ANSWER: Final = ("verdict", "seconds", "notes", "complete")
+ANSWER: Final = ("verdict", "seconds", "physics_steps", "notes", "complete")
 RANKED: Final = ("effects", "evidence")
 
 

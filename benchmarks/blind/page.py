@@ -24,6 +24,7 @@ REACH: Final[Mapping[str, tuple[str, Any]]] = {
     "closed_share": ("≥ 90 %", lambda v: v >= 0.9),
     "next_motion": ("≥ 75 %", lambda v: v >= 0.75),
     "seconds": ("≤ 60", lambda v: v <= 60),
+    "physics_steps": ("≤ 600 000", lambda v: v <= 6e5),
 }
 WORDS: Final[Mapping[str, str]] = {
     "top1": "single effect, named first",
@@ -41,9 +42,10 @@ WORDS: Final[Mapping[str, str]] = {
     "closed_share": "closed share of what can be closed",
     "next_motion": "next motion resolves",
     "seconds": "seconds a diagnosis",
+    "physics_steps": "physics steps a diagnosis",
     "failed": "no diagnosis at all",
 }
-_PLAIN_NUMBERS: Final = frozenset({"set_size", "seconds", "ece"})
+_PLAIN_NUMBERS: Final = frozenset({"set_size", "seconds", "physics_steps", "ece"})
 
 _STYLE: Final = """
 :root{color-scheme:light dark;--ink:#1c2227;--paper:#fff;--line:#d5dade;--soft:#f2f4f6;--good:#18794e;--bad:#b42318;

@@ -15,7 +15,7 @@ class of the true effect is right. An effect without a class is a class of its o
   parameter's distance from its identity.
 * ``closed_share``: closed over closable (:mod:`benchmarks.blind.oracle`), where at least :data:`CLOSABLE` is.
 * ``next_motion``: ambiguous cases whose recommended motion was played in reality and diagnosed again.
-* ``seconds``: of a diagnosis.
+* ``seconds``, ``physics_steps``: of a diagnosis; steps do not depend on the machine.
 """
 
 from __future__ import annotations
@@ -132,6 +132,7 @@ def score(judged: Sequence[Judged], motions: Sequence[bool] = ()) -> dict[str, A
     errors, covered = _parameters(one)
     closed = [row for j in (*one, *pairs) if (row := _closed(j)) is not None]
     seconds = [float(j.answer["seconds"]) for j in judged if j.answer is not None]
+    steps = [float(n) for j in judged if j.answer is not None and (n := j.answer.get("physics_steps")) is not None]
     scores = {
         "top1": intervals.share([j.best == j.truth for j in one]),
         "in_set": intervals.share([j.truth in j.set and j.verdict != "unknown" for j in one]),
@@ -148,6 +149,7 @@ def score(judged: Sequence[Judged], motions: Sequence[bool] = ()) -> dict[str, A
         "closed_share": intervals.statistic(closed, np.mean),
         "next_motion": intervals.share(motions),
         "seconds": intervals.statistic(seconds, np.mean),
+        "physics_steps": intervals.statistic(steps, np.mean),
         "failed": intervals.share([j.answer is None for j in judged]),
     }
     if len(said) > 1:

@@ -29,6 +29,7 @@ SCORES = [
     "closed_share",
     "next_motion",
     "seconds",
+    "physics_steps",
 ]
 
 

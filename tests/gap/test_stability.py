@@ -231,7 +231,7 @@ def test_predictions_as_simulated_share_their_simulations_with_those_put_right(t
 
 @pytest.mark.parametrize("stage", ["place", "next motion"])
 def test_a_fault_after_the_search_does_not_lose_what_the_search_found(tmp_path, monkeypatch, stage):
-    import tiago_mj.gap.pipeline as module
+    import tiago_mj.gap.conclusion as module
 
     def failing(*given, **named):
         raise ValueError("numbers without sense")

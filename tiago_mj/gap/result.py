@@ -221,6 +221,7 @@ class Diagnosis:
         repaired: the user's own model, repaired; None for an environment.
         ended: what ended the search before its end, apart from the time: a fault, or the user.
         command: the command line that made it; in the page, not in the JSON, since the answer does not depend on it.
+        physics_steps: that were simulated; None where efforts were explained along the measured motion.
     """
 
     kind: str
@@ -247,3 +248,4 @@ class Diagnosis:
     repaired: Repaired | None = None
     ended: BaseException | None = None
     command: str = ""
+    physics_steps: int | None = None

@@ -44,7 +44,8 @@ class Predictor:
         rounded: whether readings are rounded where an effect rounds them; else they are what is rounded: a likelihood
             knows the grid (:mod:`tiago_mj.gap.inference.between`).
         runs: number of physics simulations made.
-        tally: numbers of ``simulations`` and of those that ``diverged``, of this one and all that were made of it.
+        tally: numbers of ``simulations``, of those that ``diverged`` and of ``physics_steps``, of this one and all that
+            were made of it.
     """
 
     plant: Plant
@@ -146,7 +147,11 @@ class Predictor:
             signals = replay.simulate(
                 replay.unmeasured(self.plant), self.on, [(t, e) for t, e, _ in todo], threads=self.threads, seed=seed
             )
-            self.tally.update(simulations=len(todo), diverged=int(signals.diverged.sum()))
+            self.tally.update(
+                simulations=len(todo),
+                diverged=int(signals.diverged.sum()),
+                physics_steps=len(todo) * replay.physics_steps(self.plant, self.on),
+            )
             for row, key in enumerate(todo):
                 done[key] = tuple(getattr(signals, f)[row] for f in Signals.__dataclass_fields__)
                 if keep:

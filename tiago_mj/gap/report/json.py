@@ -1,7 +1,7 @@
 """A diagnosis as ``diagnosis.json`` (schema ``tiago_mj.diagnosis/1``), and back (:mod:`~.read`).
 
-Floats have six significant digits, keys a fixed order: equal diagnoses are equal files, but for ``seconds``. What is
-unknown is null.
+Floats have six significant digits, keys a fixed order: equal diagnoses are equal files, but for what they took
+(:data:`EFFORT`). What is unknown is null.
 """
 
 from __future__ import annotations
@@ -22,6 +22,8 @@ __all__ = ["as_data", "clean", "fingerprint", "load", "target", "text", "write"]
 
 DIGITS = 6
 SPLITS = ("train", "validation", "test")
+#: What a diagnosis took, which is no part of what it says.
+EFFORT = ("seconds", "physics_steps")
 TASK = ("policy", "nominal", "repaired", "measured")
 
 
@@ -77,6 +79,7 @@ def as_data(diagnosis: Diagnosis) -> dict[str, Any]:
         "seed": diagnosis.seed,
         "version": diagnosis.version,
         "seconds": diagnosis.seconds,
+        "physics_steps": diagnosis.physics_steps,
     }
     cleaned: dict[str, Any] = clean(data)
     return cleaned
@@ -93,15 +96,16 @@ def write(diagnosis: Diagnosis, path: Path) -> None:
 
 
 def fingerprint(path: Path) -> str:
-    """SHA-256 of what a diagnosis says, without ``seconds``: the same recordings and seed have the same.
+    """SHA-256 of what a diagnosis says, without what it took: the same recordings and seed have the same.
 
-    It is taken of the JSON without that key, with sorted keys and no white space (ASCII).
+    It is taken of the JSON without :data:`EFFORT`, with sorted keys and no white space (ASCII).
 
     Raises:
         FileNotFoundError: there is no such file.
     """
     data = json.loads(path.read_text(encoding="utf-8"))
-    data.pop("seconds", None)
+    for effort in EFFORT:
+        data.pop(effort, None)
     return hashlib.sha256(json.dumps(data, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
 
 

@@ -156,6 +156,7 @@ class _Diagnosis(_Part):
     seed: int
     version: str
     seconds: float
+    physics_steps: int | None = None
 
 
 def load(path: Path) -> Diagnosis:
@@ -226,6 +227,7 @@ def _diagnosis(data: _Diagnosis) -> Diagnosis:
         seed=data.seed,
         version=data.version,
         seconds=data.seconds,
+        physics_steps=data.physics_steps,
         notes=tuple(data.notes),
     )
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import copy
 import itertools
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
@@ -84,6 +85,11 @@ class Signals:
             return self
         gone = np.arange(length) >= rows[:, None]
         return Signals(*(np.where(gone[..., None], np.nan, getattr(self, f)) for f in Signals.__dataclass_fields__))
+
+
+def physics_steps(plant: Plant, on: Grid) -> int:
+    """Physics steps of one simulation of a trial."""
+    return on.commands.shape[1] * math.ceil(plant.period / plant.max_timestep)
 
 
 def grid(plant: Plant, trials: Sequence[Trial]) -> Grid:

@@ -43,8 +43,8 @@ def run(arguments: argparse.Namespace) -> int:
     from tiago_mj.gap.data.read import read_recordings
     from tiago_mj.gap.design.preflight.along import preflight_along
     from tiago_mj.gap.design.preflight.excitation import preflight
+    from tiago_mj.gap.simulation.along_a_motion import along_a_motion
     from tiago_mj.gap.simulation.plant import plant_of
-    from tiago_mj.gap.torque.way import along_a_motion
 
     try:
         robot = arguments.env or (str(arguments.model) if arguments.model else None)

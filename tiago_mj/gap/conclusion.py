@@ -1,0 +1,223 @@
+"""From explanations to an answer: which of them stands, what it does on trials kept aside, what to record next."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Final, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+import tiago_mj
+from tiago_mj.effects import Entry
+from tiago_mj.gap.analysis import held_out, locate, outcome, place, promises, shrink
+from tiago_mj.gap.analysis.remainder import remainder
+from tiago_mj.gap.decision import verdict
+from tiago_mj.gap.design.next_motion import next_motion
+from tiago_mj.gap.detectors.proposals import Proposals
+from tiago_mj.gap.inference import noise_model
+from tiago_mj.gap.inference.noise_model import Data
+from tiago_mj.gap.inference.predictor import Predictor
+from tiago_mj.gap.result import Diagnosis, Explanation, Shrink
+from tiago_mj.gap.search.select import Ranked, Tick
+from tiago_mj.gap.simulation import phases
+from tiago_mj.gap.simulation.replay import Signals
+from tiago_mj.gap.simulation.session import FITTED, Session
+
+Array = NDArray[np.float64]
+T = TypeVar("T")
+
+#: Trials drawn in the report.
+OVERLAYS: Final = 1
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What is said, and what it does on the trials that were kept aside.
+
+    Attributes:
+        judged: the verdict.
+        repaired: prediction with its best explanation, of all trials, (ntrials, T, C).
+        closing: how far that closes the gap.
+        said: sentences on what the trials kept aside changed.
+    """
+
+    judged: verdict.Judged
+    repaired: Array
+    closing: Shrink
+    said: tuple[str, ...]
+
+
+def concluded(
+    session: Session,
+    proposed: Proposals,
+    ranked: Ranked,
+    nominal: Signals,
+    *,
+    seed: int,
+    threads: int,
+    until: float | None,
+    tick: Tick,
+) -> Diagnosis:
+    """Decide between explanations, try the verdict on the trials that were kept aside, and tell it.
+
+    Args:
+        session: the recordings.
+        proposed: what they say by themselves.
+        ranked: explanations.
+        nominal: the nominal replay, one row a trial.
+        seed: of the bootstrap.
+        threads: of the simulations.
+        until: when a next motion is no longer sought [s, of :func:`time.monotonic`]; None: never.
+        tick: told what begins.
+    """
+    plant, data = session.plant, proposed.data
+    everything, fitted_on = range(len(session.trials)), session.indices(*FITTED)
+    part = noise_model.part(data, fitted_on)
+    placed, ranked = _unless_ended(ranked, partial(place.refined, plant, ranked, part, fitted_on), None)
+    ranked = placed or ranked
+    # Before and after are what the simulator itself does: as the environment with these effects, or the repaired model.
+    simulator, left_open = ranked.predict.as_simulated(), outcome.left_open(plant, ranked)
+    base = simulator.all_trials([left_open.get(outcome.nominal(ranked), ())], everything)[0]
+    judged, gains = _judged(session, proposed, ranked, base, seed)
+    following = None
+    if judged.kind == "ambiguous":
+        tick("next motion", 1)
+        rivals = [ranked.fits[k] for k in judged.rivals], [judged.probability[k] for k in judged.rivals]
+        choose = partial(
+            next_motion,
+            plant,
+            session.trials[0],
+            part,
+            ranked.weight,
+            *rivals,
+            seed=seed,
+            threads=threads,
+            until=until,
+        )
+        following, ranked = _unless_ended(ranked, choose, None)
+    tick("writing", 1)
+    phase = phases.phases(plant, ranked.predict.on, nominal)[:, : data.value.shape[1]]
+    found = _tried(session, data, ranked, judged, left_open, base, phase, seed)
+    judged, best = found.judged, ranked.fits[found.judged.rivals[0]]
+    where = locate.locate(data, base, phase, plant.period, seed)
+    left = locate.locate(data, found.repaired, phase, plant.period, seed)
+    explanations = outcome.explanations(plant, ranked, judged.probability, gains)
+    shown = [k for k in judged.rivals if ranked.fits[k].parts or judged.kind == "no_gap"]
+    likeliest = explanations[judged.rivals[0]]
+    return Diagnosis(
+        kind=judged.kind,
+        best=Explanation((), likeliest.probability, 0.0) if judged.kind == "no_gap" else likeliest,
+        alternatives=tuple(explanations[k] for k in (shown[:1] if judged.kind == "no_gap" else shown)),
+        remains=judged.remains and judged.kind != "no_gap",
+        remains_where=tuple(place for place in left[:5] if place.share > 0) if judged.remains else (),
+        not_excited=ranked.not_excited,
+        where=where,
+        stage=outcome.stage(best) if best.parts and judged.kind != "unknown" else locate.stage(where),
+        shrink=found.closing,
+        ranking=tuple(explanations[k] for k in _ranked(judged)),
+        findings=(),
+        next_motion=following if judged.kind == "ambiguous" else None,
+        splits=session.splits,
+        robot=plant.name,
+        complete=ranked.complete,
+        seed=seed,
+        version=tiago_mj.__version__,
+        seconds=0.0,
+        physics_steps=ranked.predict.tally["physics_steps"],
+        overlays=tuple(
+            outcome.overlay(plant, session.trials[k], data, base, found.repaired, phase, k)
+            for k in (session.indices("test") or everything)[:OVERLAYS]
+        ),
+        notes=found.said
+        + outcome.notes(
+            session.trials,
+            proposed.tones,
+            astray=ranked.astray,
+            cut_from=session.recorded if len(session.trials) > session.recorded else 0,
+            tested=bool(session.splits["test"]),
+            complete=ranked.complete,
+            ended=ranked.ended,
+            diverged=ranked.predict.tally,
+            splits=session.splits,
+            slides=[name for name, slides in zip(plant.joints, plant.wiring.targets.slides, strict=True) if slides],
+        ),
+        given=plant.given,
+        ended=ranked.ended,
+    )
+
+
+def _judged(
+    session: Session, proposed: Proposals, ranked: Ranked, base: Array, seed: int
+) -> tuple[verdict.Judged, Array]:
+    """The verdict before the trials kept aside are looked at, and what each explanation gains on validation trials."""
+    by = verdict.calibration()
+    judging = [k for k in session.indices("validation") if k not in ranked.astray]
+    gains, beaten = held_out.validated(
+        session.plant,
+        ranked.predict.as_simulated(),
+        proposed.data,
+        base,
+        ranked.fits,
+        judging or session.indices(*FITTED),
+        by.fails,
+        seed,
+    )
+    judged = verdict.judge(ranked, strange=bool(proposed.tones), beaten=beaten if judging else None)
+    return promises.standing(judged, [verdict.option(fit, ranked) for fit in ranked.fits], by), gains
+
+
+def _tried(
+    session: Session,
+    data: Data,
+    ranked: Ranked,
+    judged: verdict.Judged,
+    left_open: Mapping[int, tuple[Entry, ...]],
+    base: Array,
+    phase: NDArray[np.int_],
+    seed: int,
+) -> Verdict:
+    """The verdict, once the trials kept aside were looked at."""
+    plant, test, by = session.plant, session.indices("test"), verdict.calibration()
+    repair = partial(_repaired, ranked.predict.as_simulated(), ranked, left_open, data, base)
+    close = partial(shrink.shrink, data, base, phase=phase, test=test, period=plant.period, seed=seed)
+    leave = partial(remainder, plant, ranked.predict, data, weight=ranked.weight, test=test)
+    best = ranked.fits[judged.rivals[0]]
+    repaired = repair(judged.rivals[0])
+    closing = close(repaired)
+    if not test:
+        return Verdict(judged, repaired, closing, ())
+    rest = leave(fit=best)
+    aside = promises.Aside(closing.closed, rest.gap, rest.misfit, held_out.can_close(best))
+    kept, said = promises.aside(judged, aside, [verdict.option(fit, ranked) for fit in ranked.fits], by)
+    if kept.rivals[0] != judged.rivals[0]:
+        best, repaired = ranked.fits[kept.rivals[0]], repair(kept.rivals[0])
+        closing, rest = close(repaired), leave(fit=best)
+    said += held_out.spoiled(plant, ranked.predict, data, best, session.trials, session.splits, seed)
+    return Verdict(kept, repaired, replace(closing, accounted=rest.gap), said)
+
+
+def _repaired(
+    simulator: Predictor, ranked: Ranked, left_open: Mapping[int, tuple[Entry, ...]], data: Data, base: Array, best: int
+) -> Array:
+    """What the simulator predicts with an explanation, by its index, (ntrials, T, C)."""
+    fit = ranked.fits[best]
+    if not fit.parts:
+        return base
+    return simulator.all_trials([(*fit.effects(), *left_open.get(best, ()))], range(len(data.value)))[0]
+
+
+def _ranked(judged: verdict.Judged) -> list[int]:
+    """Indices of the explanations: those that are not ruled out, the best first, then the others by probability."""
+    rest = [k for k in range(len(judged.probability)) if k not in judged.rivals]
+    return [*judged.rivals, *sorted(rest, key=lambda k: -judged.probability[k])]
+
+
+def _unless_ended(ranked: Ranked, work: Callable[[], T], otherwise: T) -> tuple[T, Ranked]:
+    """What a stage after the search gives, or else something; and the search, which says so if something ended that."""
+    try:
+        return work(), ranked
+    except (Exception, KeyboardInterrupt) as fault:
+        return otherwise, replace(ranked, complete=False, ended=ranked.ended or fault)
