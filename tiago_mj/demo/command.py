@@ -94,7 +94,9 @@ def _pictures(done: Grasp, curve: ta11_curve.Comparison, arm: arm_torque.ArmComp
         pictures["arm"] = figures.png(figures.arm(arm))
     if done.film is not None:
         chosen, titles = strip(done)
-        pictures["filmstrip"] = figures.png(figures.filmstrip([done.film.frames[i] for i in chosen], titles))
+        pictures["filmstrip"] = figures.png(
+            figures.filmstrip([done.film.draw(processes=None)[i] for i in chosen], titles)
+        )
     return pictures
 
 

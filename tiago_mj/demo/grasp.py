@@ -14,10 +14,8 @@ from tiago_mj.models import names
 from tiago_mj.rollout import Episode, Trace, play, summarise
 
 ENV: Final = "tiago_mj/GripperTactile-v0"
-#: Width and height of a frame [pixel], and a camera before and above the fingers, so that both pads are seen.
+#: Width and height of a frame [pixel].
 FRAME: Final = (480, 400)
-SHADOWS: Final = 1024  # shadow map's size; MuJoCo's default of 4096 more than doubles a frame's time without a GPU
-CAMERA: Final = {"lookat": np.array([0.665, 0.0, 0.605]), "distance": 0.36, "azimuth": 170, "elevation": -40}
 
 
 @dataclass(frozen=True)
@@ -83,11 +81,9 @@ def _try_film(env: gymnasium.Env[Any, Any]) -> tuple[Film | None, str]:
         right, left = np.round(core.state.force_raw, 2) + 0.0  # no "-0.00"
         return f"t {time:.2f} s    right {right:5.2f}    left {left:5.2f}    goal {core.goal[0]:.2f}"
 
-    env.reset(seed=0)
-    core.mujoco_renderer.default_cam_config = dict(CAMERA)
-    core.model.vis.quality.shadowsize = SHADOWS
+    film = Film(env, caption)
     try:
-        env.render()
+        film.check()
     except gymnasium.error.DependencyNotInstalled as fault:
         return None, str(fault)
-    return Film(env, caption), ""
+    return film, ""

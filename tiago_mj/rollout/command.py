@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from tiago_mj import scale
-from tiago_mj.film import SUFFIXES, Film, Shoot, check_suffix
+from tiago_mj.film import STRIP_FRAMES, SUFFIXES, Film, check_suffix
 from tiago_mj.progress import Progress
 from tiago_mj.rollout import options
 from tiago_mj.rollout.episode import Episode
@@ -63,10 +63,14 @@ def run(arguments: argparse.Namespace) -> int:
         env = options.make_env(batch.env, given, render_mode="rgb_array")
         try:
             film = Film(env)
+            film.check()
             with Progress("rollout", quiet=arguments.json) as progress:
-                episodes = play_in(env, batch, watch=Shoot(film, progress, len(seeds)))
-                progress.stage(f"writing {arguments.film.name}")
-                film.write(arguments.film)
+                progress.stage("episodes")
+                episodes = play_in(env, batch, watch=film)
+                progress.stage(
+                    "drawing frames", len(film.snapshots) if arguments.film.suffix != ".png" else STRIP_FRAMES
+                )
+                film.write(arguments.film, processes=None, done=progress.at)
         finally:
             env.close()
     if arguments.json:
