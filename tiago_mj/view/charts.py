@@ -51,7 +51,7 @@ class Chart:
         height: int = HEIGHT,
     ) -> None:
         self._time, self._values = time, [np.asarray(v, dtype=float) for v in values]
-        self._shade = None if shaded is None else np.where(shaded, 1.0, np.nan)
+        self._shade = None if shaded is None else np.where(shaded, 1.0, 0.0)
         self._cursor: Array | None = np.full(len(time), np.nan) if cursor else None
         series: list[Mapping[str, Any]] = [{"label": "s"}]
         series += [

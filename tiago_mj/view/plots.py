@@ -78,7 +78,9 @@ def shown(story: Story, most: int) -> list[str]:
 
 def plot(story: Story, name: str) -> Plot:
     """Curves of one channel."""
-    return _plot(story, words.begin(words.channel(name)), curves(story.signals, name), story.signals.units.get(name, ""))
+    return _plot(
+        story, words.begin(words.channel(name)), curves(story.signals, name), story.signals.units.get(name, "")
+    )
 
 
 def _plot(story: Story, title: str, of: Mapping[str, Array], unit: str, height: int = HEIGHT) -> Plot:
@@ -113,7 +115,9 @@ def _plot(story: Story, title: str, of: Mapping[str, Array], unit: str, height: 
         lines=tuple(lines),
         ticks=tuple((y(value), bare(number(value))) for value in nice(low, high, 4 if height == HEIGHT else 3)),
         times=tuple((x(value), f"{value:g}") for value in nice(start, end, 5)),
-        marks=tuple((x(mark.start), round(x(mark.end) - x(mark.start), 1)) for mark in visible(story.marks, start, end)),
+        marks=tuple(
+            (x(mark.start), round(x(mark.end) - x(mark.start), 1)) for mark in visible(story.marks, start, end)
+        ),
     )
 
 

@@ -32,7 +32,8 @@ def serving(port: int, title: str) -> Iterator[Any]:
     """
     viser = extra.load("viser", "tiago-mj view", "view")
     check(port)
-    server = viser.ViserServer(host=HOST, port=port, label=title, verbose=False)
+    with contextlib.redirect_stdout(io.StringIO()):  # a banner; the command says where it is served
+        server = viser.ViserServer(host=HOST, port=port, label=title, verbose=False)
     try:
         if port and server.get_port() != port:  # taken between the check and now
             raise ValueError(in_use(port))

@@ -116,9 +116,7 @@ class Stage:
                 return colours.mixed(colours.grey(part.colour), tint, 0.15), part.opacity
             return colours.mixed(tint, (1.0, 1.0, 1.0), 0.12), look.opacity * part.opacity
 
-        return scene.draw(
-            self.server.scene, f"/{role}", self.story.model, paint=paint, shadows=first, without=without
-        )
+        return scene.draw(self.server.scene, f"/{role}", self.story.model, paint=paint, shadows=first, without=without)
 
     def _name_lit(self) -> Any:
         if not self.story.where or not self.story.lit:
