@@ -70,7 +70,7 @@ class Chart:
             series=tuple(series),
             title=title,
             scales=scales,
-            axes=({"size": 26, "font": "11px sans-serif"}, {"size": 52, "font": "11px sans-serif"}),
+            axes=({"size": 34, "font": "11px sans-serif"}, {"size": 52, "font": "11px sans-serif"}),
             legend={"show": len(names) > 1 and not cursor, "live": False},
             cursor={"show": True, "drag": {"x": True, "y": False}},
             height=height,

@@ -40,8 +40,8 @@ LOOKS: Final[Mapping[str, Look]] = MappingProxyType(
 LIT: Final = "#d6007f"
 #: Forces on the pads, right and left; points of contact; a goal.
 RIGHT: Final = "#009e73"
-LEFT: Final = "#cc6600"
-CONTACT: Final = "#e69f00"
+LEFT: Final = "#0096d6"
+CONTACT: Final = "#f0c000"
 GOAL: Final = "#7a3db8"
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import html
 import threading
 import time
+from functools import partial
 from typing import Any, Final
 
 import numpy as np
@@ -30,7 +31,7 @@ CHARTS_HZ: Final = 8.0
 PAST: Final = 4.0
 SPEEDS: Final = {"1x": 1.0, "1/2": 0.5, "1/4": 0.25, "1/10": 0.1, "1/30": 1 / 30}
 #: Of an arrow [m/N].
-LENGTH: Final = 0.008
+LENGTH: Final = 0.012
 #: Positions that a slider has.
 POSITIONS: Final = 200
 #: A tick that would have to catch up more than this gives up on being on time [s].
