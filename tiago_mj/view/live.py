@@ -54,6 +54,8 @@ class Live:
         watched: the environment.
     """
 
+    _redraw = True
+
     def __init__(self, server: Any, watched: Session) -> None:
         self._server, self._session, self._lock = server, watched, threading.RLock()
         self._last, self._behind, self._charted = time.monotonic(), 0.0, 0.0
@@ -132,7 +134,6 @@ class Live:
             self._goal = self._server.scene.add_icosphere(
                 "/goal", radius=0.02, color=colours.rgb255(colours.GOAL), opacity=0.7
             )
-        self._redraw = True
 
     def _draw(self) -> None:
         watched = self._session
@@ -216,9 +217,7 @@ class Live:
                     0.0 if velocity else round(factor * float(core.state.position[k]), 6),
                 )
                 self._sliders.append((slider, factor * low, factor * high))
-                slider.on_update(
-                    lambda event, k=k, low=factor * low, high=factor * high: self._act(event, k, low, high)
-                )
+                slider.on_update(partial(self._act, k=k, low=factor * low, high=factor * high))
             if velocity:
                 still = gui.add_button("Stand still")
                 still.on_click(lambda _: self._still())
@@ -339,7 +338,7 @@ class Live:
         watched = self._session
         rows = list(watched.rows)
         first = next((k for k, row in enumerate(rows) if row.time >= rows[-1].time - PAST), 0)
-        rows = [rows[first + k] for k in thin(np.arange(len(rows) - first))]
+        rows = [rows[first + k] for k in thin(np.arange(len(rows) - first, dtype=float))]
         if len(rows) < 2:
             return
         moments = np.array([row.time for row in rows])

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Final
 
 import jinja2
+import markupsafe
 import numpy as np
 
 from tiago_mj import atomic
@@ -77,7 +78,7 @@ def with_panel(page: str, story: Story, *, slower: int, larger: int) -> str:
         end=float(story.time[-1]),
         ghosts=len(roles) > 1,
     )
-    title = f"<title>tiago-mj view: {jinja2.filters.escape(story.robot)}</title>"
+    title = f"<title>tiago-mj view: {markupsafe.escape(story.robot)}</title>"
     head, _, rest = page.partition("<title>")
     _, _, after = rest.partition("</title>")
     page = head + title + after if after else page

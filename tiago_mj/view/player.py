@@ -49,6 +49,11 @@ class Player:
         stage: with the robots.
     """
 
+    stage: Stage
+    _charts: list[Chart]
+    _again: bool
+    _charted: int
+
     def __init__(
         self, server: Any, trials: Sequence[str], tell: Callable[[str], Story], first: str, *, beside: bool = False
     ) -> None:
@@ -62,7 +67,7 @@ class Player:
         self._choice = None
         if len(trials) > 1:
             self._choice = server.gui.add_dropdown("recording", tuple(trials), initial_value=first)
-            self._choice.on_update(lambda _: self._want(str(self._choice.value)))  # type: ignore[union-attr]
+            self._choice.on_update(lambda _: self._want(str(self._choice.value)))
         self._begin(tell(first))
 
     def tick(self) -> None:

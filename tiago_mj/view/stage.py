@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, Final
 
 import mujoco
@@ -152,17 +153,35 @@ def measures(story: Story) -> tuple[Array, Array, float]:
     stand = Kinematics(story)
     rows = np.unique(np.linspace(0, len(story.time) - 1, LOOKED_AT).astype(int))
     moves = moving(story.model)
-    at = {motion.role: np.array([stand(motion, row)[0] for row in rows]) for motion in story.motions}
+    poses = {motion.role: [stand(motion, row) for row in rows] for motion in story.motions}
+    at = {role: np.array([positions for positions, _ in of]) for role, of in poses.items()}
     own = np.arange(story.model.nbody) > 0  # what is the world's own, a table say, may be larger than all of it
     low, high = extent(story.model, np.concatenate(list(at.values())), own if own.any() else ~own)
     compared = moves.copy()
     compared[list(story.unmeasured)] = False
-    others = [positions for role, positions in at.items() if role != "measured"]
-    away = max(
-        (float(np.linalg.norm(p[:, compared] - at["measured"][:, compared], axis=-1).max(initial=0.0)) for p in others),
-        default=0.0,
-    )
-    return low, high, away
+    ends = {role: _corners(story, of, compared) for role, of in poses.items()}
+    away = [
+        float(np.linalg.norm(there - ends["measured"], axis=-1).max(initial=0.0))
+        for role, there in ends.items()
+        if role != "measured"
+    ]
+    return low, high, max(away, default=0.0)
+
+
+def _corners(story: Story, poses: Sequence[tuple[Array, Array]], bodies: NDArray[np.bool_]) -> Array:
+    """Corners of boxes around the parts of bodies, row by row, (T, n, 3) [m]: a body that only turns moves them."""
+    found = []
+    for part in parts(story.model):
+        if not bodies[part.body]:
+            continue
+        low, high = part.vertices.min(axis=0), part.vertices.max(axis=0)
+        corners = np.array([np.where(choice, high, low) for choice in np.ndindex(2, 2, 2)])
+        quaternion = np.array([q[part.body] for _, q in poses])[:, None]
+        axis = np.broadcast_to(quaternion[..., 1:], (len(poses), 8, 3))
+        twice = 2 * np.cross(axis, np.broadcast_to(corners, axis.shape))
+        turned = corners + quaternion[..., :1] * twice + np.cross(axis, twice)
+        found.append(turned + np.array([p[part.body] for p, _ in poses])[:, None])
+    return np.concatenate(found, axis=1) if found else np.zeros((len(poses), 0, 3))
 
 
 def well_seen(size: float, away: float) -> int:

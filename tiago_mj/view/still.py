@@ -12,13 +12,17 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from tiago_mj.view import colours, scene
-from tiago_mj.view.shapes import GROUPS, colour_of, moving
+from tiago_mj.view.shapes import GROUPS, colour_of
 from tiago_mj.view.stage import Kinematics, measures, well_seen
 from tiago_mj.view.story import Story
 
 Array = NDArray[np.float64]
 
 WIDTH, HEIGHT = 900, 540
+#: Of the ghosts: more than in a browser, where they are told apart by turning the scene.
+OPACITY: Final = 0.55
+#: Where nothing is.
+PAPER: Final = 246
 #: MuJoCo's vertical field of view [degree].
 FIELD: Final = 40.0
 
@@ -49,6 +53,8 @@ def farthest(story: Story) -> int:
     name = story.channels[0] if story.channels else ""
     if name.startswith("position.") and name in story.signals.nominal:
         away = np.abs(story.signals.nominal[name] - story.signals.measured[name])[:, None]
+        if name in story.signals.repaired:  # where the repair does most
+            away = away - np.abs(story.signals.repaired[name] - story.signals.measured[name])[:, None]
     return int(np.argmax(np.nan_to_num(away).max(axis=1)))
 
 
@@ -58,6 +64,8 @@ def _rendered(story: Story, row: int, larger: int, centre: Array, distance: floa
     model.vis.global_.offwidth, model.vis.global_.offheight = WIDTH, HEIGHT
     model.vis.global_.fovy = FIELD
     model.vis.map.znear = 0.005
+    model.vis.headlight.ambient[:], model.vis.headlight.diffuse[:], model.vis.headlight.specular[:] = 0.5, 0.65, 0.1
+    model.light_active[:] = 0
     _paint(model, story)
     option = mujoco.MjvOption()
     option.geomgroup[:] = [group in GROUPS for group in range(len(option.geomgroup))]
@@ -66,7 +74,7 @@ def _rendered(story: Story, row: int, larger: int, centre: Array, distance: floa
     mujoco.mjv_defaultFreeCamera(model, camera)
     view = np.array(scene.VIEW)
     camera.lookat[:] = centre
-    camera.distance = 1.25 * distance
+    camera.distance = distance
     camera.azimuth = float(np.degrees(np.arctan2(-view[1], -view[0])))
     camera.elevation = float(np.degrees(np.arctan2(-view[2], np.linalg.norm(view[:2]))))
     renderer = mujoco.Renderer(model, HEIGHT, WIDTH)
@@ -74,6 +82,12 @@ def _rendered(story: Story, row: int, larger: int, centre: Array, distance: floa
         data = _at(model, stand(story.motions[0], row))
         renderer.update_scene(data, camera, option)
         drawn = renderer.scene
+        for flag in (
+            mujoco.mjtRndFlag.mjRND_SHADOW,
+            mujoco.mjtRndFlag.mjRND_REFLECTION,
+            mujoco.mjtRndFlag.mjRND_SKYBOX,
+        ):
+            drawn.flags[flag] = 0
         hidden = story.unmeasured if len(story.motions) > 1 else frozenset()
         for k in range(drawn.ngeom):
             geom = drawn.geoms[k]
@@ -87,21 +101,24 @@ def _rendered(story: Story, row: int, larger: int, centre: Array, distance: floa
             look = colours.LOOKS[motion.role]
             for k in range(first, drawn.ngeom):
                 drawn.geoms[k].matid = -1
-                drawn.geoms[k].rgba[:] = (*colours.rgb(look.colour), look.opacity)
-        return np.asarray(renderer.render())
+                drawn.geoms[k].rgba[:] = (*colours.rgb(look.colour), OPACITY)
+        pixels = renderer.render()
+        return np.where((pixels == 0).all(axis=-1, keepdims=True), np.uint8(PAPER), pixels)
     finally:
         renderer.close()
 
 
 def _paint(model: mujoco.MjModel, story: Story) -> None:
     """The measured robot in greys, what is guilty lit."""
-    own = moving(model)
     for geom in range(model.ngeom):
         body = int(model.geom_bodyid[geom])
         rgba = colour_of(model, geom)
         plain = colours.grey((float(rgba[0]), float(rgba[1]), float(rgba[2])))
-        if body == 0 and not own[body] and model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_PLANE:
+        if body == 0 and model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_PLANE:
+            model.geom_matid[geom], model.geom_rgba[geom] = -1, (0.0, 0.0, 0.0, 0.0)
             continue
+        if body == 0:
+            plain = colours.mixed(plain, (1.0, 1.0, 1.0), 0.6)
         if body in story.lit:
             plain = colours.mixed(plain, colours.rgb(colours.LIT), 0.8)
         model.geom_matid[geom] = -1
