@@ -39,7 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--out",
         type=Path,
         required=True,
-        help="folder for report.html, diagnosis.json, calibration.yaml, a model's repaired.xml, with '[view]' scene.html",
+        help="folder for report.html, diagnosis.json, calibration.yaml, repaired.xml of a model, scene.html ('[view]')",
     )
     parser.add_argument("--policy", metavar="pi|FILE.zip", help="predict this policy's return before and after")
     parser.add_argument("--trust", action="store_true", help="load FILE.zip although loading runs what it holds")

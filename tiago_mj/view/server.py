@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import logging
 import signal
 import socket
 import threading
@@ -32,6 +33,7 @@ def serving(port: int, title: str) -> Iterator[Any]:
     """
     viser = extra.load("viser", "tiago-mj view", "view")
     check(port)
+    logging.getLogger("websockets.server").addHandler(logging.NullHandler())  # who hangs up early is no news
     with contextlib.redirect_stdout(io.StringIO()):  # a banner; the command says where it is served
         server = viser.ViserServer(host=HOST, port=port, label=title, verbose=False)
     try:
