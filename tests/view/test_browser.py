@@ -110,8 +110,7 @@ def test_a_slider_moves_the_robot_and_an_effect_is_felt(page):
         assert np.abs(seen(page) - before).max() > 60
         page.get_by_text("Add this effect").click()
         assert until(lambda: [one.name for one in watched.effects] == ["backlash"], live.tick)
-        assert page.get_by_text("width").first.is_visible()
-        page.get_by_text("acts", exact=True).click()
+        page.get_by_text("width [mm]").wait_for()
         page.get_by_role("checkbox").last.click()
         assert until(lambda: watched.effects == (), live.tick)
     watched.close()

@@ -32,8 +32,8 @@ class Look:
 LOOKS: Final[Mapping[str, Look]] = MappingProxyType(
     {
         "measured": Look("measured", "#1a1f26", 1.0),
-        "nominal": Look("nominal simulator", "#d55e00", 0.34),
-        "repaired": Look("repaired simulator", "#0072b2", 0.30),
+        "nominal": Look("nominal simulator", "#d55e00", 0.42),
+        "repaired": Look("repaired simulator", "#0072b2", 0.24),
     }
 )
 #: What is lit: the joint or finger that the diagnosis names, and the place of the gap on the time line.

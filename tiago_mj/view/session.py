@@ -189,7 +189,7 @@ class Session:
     def place_goal(self) -> Array | None:
         """Where the task wants the hand or the object, (3,) [m]; None where its goal is no place."""
         site = mujoco.mj_name2id(self.core.model, mujoco.mjtObj.mjOBJ_SITE, scene.GOAL_SITE)
-        return None if site < 0 else np.array(self.core.model.site_pos[site])
+        return None if site < 0 else np.array(self.core.goal, dtype=float)
 
     def pad_forces(self) -> list[tuple[str, Array, Array]]:
         """Side, place of the pad (3,) [m], and the force on it (3,) [N] in the world."""

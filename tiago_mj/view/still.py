@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import io
+from types import MappingProxyType
 from typing import Any, Final
 
 import mujoco
@@ -19,10 +20,10 @@ from tiago_mj.view.story import Story
 Array = NDArray[np.float64]
 
 WIDTH, HEIGHT = 900, 540
-#: Of the ghosts: more than in a browser, where they are told apart by turning the scene.
-OPACITY: Final = 0.55
 #: Where nothing is.
 PAPER: Final = 246
+#: Of the ghosts; of the repaired one little, as it mostly stands where the measured robot is, which is lit.
+OPACITY: Final = MappingProxyType({"nominal": 0.45, "repaired": 0.13})
 #: MuJoCo's vertical field of view [degree].
 FIELD: Final = 40.0
 
@@ -101,7 +102,7 @@ def _rendered(story: Story, row: int, larger: int, centre: Array, distance: floa
             look = colours.LOOKS[motion.role]
             for k in range(first, drawn.ngeom):
                 drawn.geoms[k].matid = -1
-                drawn.geoms[k].rgba[:] = (*colours.rgb(look.colour), OPACITY)
+                drawn.geoms[k].rgba[:] = (*colours.rgb(look.colour), OPACITY[motion.role])
         pixels = renderer.render()
         return np.where((pixels == 0).all(axis=-1, keepdims=True), np.uint8(PAPER), pixels)
     finally:
