@@ -85,6 +85,9 @@ def test_a_ghost_differs_from_the_measured_robot_where_the_gap_is(page, known):
         player._again = True
         until(lambda: False, player.tick, 4)
         assert there > orange(seen(page)) > 0  # drawn larger, more of the ghost stands clear of the robot
+        player.stage.arrange(True)
+        until(lambda: False, player.tick, 4)
+        assert orange(seen(page)) > 0  # away from the measured robot, and solid
         player._want("pi-000")
         assert until(lambda: player.stage.story.signals.trial == "pi-000", player.tick)
 

@@ -32,6 +32,8 @@ PAST: Final = 4.0
 SPEEDS: Final = {"1x": 1.0, "1/2": 0.5, "1/4": 0.25, "1/10": 0.1, "1/30": 1 / 30}
 #: Of an arrow [m/N].
 LENGTH: Final = 0.012
+#: Arrows float so far above the pads, out of the fingers that would hide them [m].
+LIFTED: Final = np.array([0.0, 0.0, 0.03])
 #: Positions that a slider has.
 POSITIONS: Final = 200
 #: A tick that would have to catch up more than this gives up on being on time [s].
@@ -147,9 +149,9 @@ class Live:
                 newtons = float(np.linalg.norm(force))
                 arrow, label = self._arrows[side], self._newtons[side]
                 arrow.visible = label.visible = newtons > 0.02
-                if arrow.visible:  # it ends at the pad, and comes from where it is seen: behind the finger
-                    tip = place + LENGTH * force
-                    arrow.points = np.array([[place, tip]], dtype=np.float32)
+                if arrow.visible:
+                    tip = place + LIFTED + LENGTH * force
+                    arrow.points = np.array([[place + LIFTED, tip]], dtype=np.float32)
                     label.text, label.position = f"{newtons:.1f} N", tuple(tip)
             points = watched.contacts()[:CONTACTS]
             self._contacts.visible = len(points) > 0

@@ -28,11 +28,13 @@ class Drawn:
         root: frame above all of it; moving it moves the robot.
         frames: by body.
         fixed: below this is what never moves.
+        meshes: what is seen, with its opacity.
     """
 
     root: Any
     frames: dict[int, Any]
     fixed: Any
+    meshes: list[tuple[Any, float]]
     _last: dict[int, bytes] = field(default_factory=dict)
 
     def pose(self, positions: Array, quaternions: Array) -> None:
@@ -72,6 +74,7 @@ def draw(
     fixed = scene.add_frame(f"{name}/fixed", show_axes=False)
     moves = moving(model)
     frames: dict[int, Any] = {}
+    meshes: list[tuple[Any, float]] = []
     data = mujoco.MjData(model)
     if model.nkey:
         mujoco.mj_resetDataKeyframe(model, data, 0)
@@ -86,7 +89,7 @@ def draw(
             )
             frames[part.body] = frame
         colour, opacity = (part.colour, part.opacity) if paint is None else paint(part)
-        scene.add_mesh_simple(
+        mesh = scene.add_mesh_simple(
             f"{place}/{number}",
             part.vertices,
             part.faces,
@@ -95,7 +98,8 @@ def draw(
             cast_shadow=shadows and opacity >= 1,
             receive_shadow=opacity >= 1,
         )
-    return Drawn(root, {body: frame for body, frame in frames.items() if moves[body]}, fixed)
+        meshes.append((mesh, opacity))
+    return Drawn(root, {body: frame for body, frame in frames.items() if moves[body]}, fixed, meshes)
 
 
 def furnish(server: Any, model: mujoco.MjModel, low: Array, high: Array) -> None:

@@ -94,6 +94,8 @@ class Stage:
             robot = self._robots[motion.role]
             robot.root.position = tuple(number * self._aside()) if beside else (0.0, 0.0, 0.0)
             robot.fixed.visible = beside or number == 0
+            for mesh, opacity in robot.meshes:  # side by side nothing is behind a ghost
+                mesh.opacity = None if beside or opacity >= 1 else opacity
 
     def hide(self, role: str, hidden: bool) -> None:
         """Take a robot away, or bring it back."""
