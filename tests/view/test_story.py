@@ -1,5 +1,7 @@
 """What is watched of a recording, before any browser."""
 
+from types import SimpleNamespace
+
 import mujoco
 import numpy as np
 import pytest
@@ -167,3 +169,53 @@ def test_the_still_shows_what_is_lit_and_the_ghosts(known, opengl):
     assert ((red > green + 60) & (blue > green + 40)).sum() > 100  # lit: magenta
     assert ((red > blue + 60) & (green > blue)).sum() > 100  # nominal: orange
     assert larger > 1
+
+
+def test_where_nothing_was_commanded_the_measured_robot_is_alone(known):
+    from dataclasses import replace
+
+    from tiago_mj.gap.simulation.plant import plant_of
+    from tiago_mj.view.page import render
+
+    pytest.importorskip("viser")
+    trial = known.trials[0]
+    efforts = {joint: np.ones(len(trial.time)) for joint in known.plant.joints}
+    trial = replace(trial, commands={}, efforts=efforts)
+    story = tell(plant_of([trial]), trial, ())
+    assert [motion.role for motion in story.motions] == ["measured"]
+    assert "effort.gripper_left_finger_joint" in story.channels
+    assert "only the measured robot" in story.notes[-1]
+    page = render(story)
+    assert "nominal simulator" not in page.partition('id="watch"')[2]
+
+
+def test_a_diverging_simulator_stops_where_it_was(known, monkeypatch):
+    real = replay.motions
+
+    def diverging(*given, **more):
+        signals, poses = real(*given, **more)
+        signals.position[0, 40:] = np.nan
+        return signals, poses
+
+    monkeypatch.setattr(replay, "motions", diverging)
+    story = tell(known.plant, known.trials[0], known.effects)
+    assert any("nominal simulator diverged" in note for note in story.notes)
+    assert np.isfinite(fingers(story, "nominal")).all()
+
+
+def test_joints_that_turn_show_how_far_their_bodies_swing():
+    from tiago_mj.view.stage import _corners
+
+    model = mujoco.MjModel.from_xml_string(
+        '<mujoco><worldbody><body><joint/><geom type="box" size=".1 .1 1" pos="0 0 1"/></body></worldbody></mujoco>'
+    )
+    data = mujoco.MjData(model)
+    poses = []
+    for axis in ((1.0, 0.0, 0.0, 0.0), (np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0)):
+        quaternions = data.xquat.copy()
+        quaternions[1] = axis
+        poses.append((data.xpos.copy(), quaternions))
+
+    corners = _corners(SimpleNamespace(model=model), poses, np.array([False, True]))
+    assert corners[0, :, 2].max() == pytest.approx(2)
+    assert corners[1, :, 1].min() == pytest.approx(-2)  # a quarter turn about x
