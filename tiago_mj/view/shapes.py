@@ -5,6 +5,7 @@ MuJoCo's own viewer shows geoms of the groups 0 to 2; so does this. A texture is
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
@@ -45,6 +46,7 @@ class Part:
     opacity: float
 
 
+@functools.lru_cache(maxsize=2)  # a stage asks again and again, and nobody changes a model that is shown
 def parts(model: mujoco.MjModel) -> tuple[Part, ...]:
     """Everything that is seen of a model but planes, for which a grid stands; bodies in their order."""
     by: dict[tuple[int, tuple[float, ...]], list[trimesh.Trimesh]] = {}
