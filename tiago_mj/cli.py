@@ -27,6 +27,7 @@ COMMANDS: Final[Mapping[str, tuple[str, str]]] = MappingProxyType(
         "convert": ("tiago_mj.models.convert.command", "turn a robot's URDF into MJCF"),
         "preflight": ("tiago_mj.gap.design.preflight.command", "what recordings can tell, before anything is fitted"),
         "diagnose": ("tiago_mj.gap.command", "say why recordings differ from the simulator, and mend it"),
+        "view": ("tiago_mj.view.command", "watch an environment, or recordings beside simulators, in a browser"),
         "diagnose-all": ("tiago_mj.diagnose_all", "diagnose many folders, each by itself, in many processes"),
         "calibrate-sensor": (
             "tiago_mj.gap.tools.calibrate_sensor.command",

@@ -231,6 +231,34 @@ class RobotSimulation(MujocoRobotEnv, ABC):  # type: ignore[misc]
         check_sizes(entries, wiring.targets)
         return Chain(ScalarHost(self.model, self.data), wiring, [entries], lambda shape: self.np_random.random(shape))
 
+    def give_effects(self, effects: Any) -> None:
+        """Let other effects act from now on; the episode goes on from where it is.
+
+        What an effect remembers begins anew, and what it changes of an episode's start is changed at the next reset.
+
+        Args:
+            effects: as for the constructor; None for none.
+
+        Raises:
+            ValueError: they do not fit this robot; one line. Those before act on.
+        """
+        before, given = self._chain, self._effects
+        if before is not None:
+            before.restore()
+        try:
+            self._effects = effects
+            self._chain = None if effects is None else self._make_chain()
+        except ValueError:
+            self._effects, self._chain = given, before
+            raise
+        finally:
+            data = self.data
+            state = data.qpos.copy(), data.qvel.copy(), data.act.copy()
+            if self._chain is not None:
+                self._chain.start(self._period, self.n_substeps, self.contact())
+            data.qpos[:], data.qvel[:], data.act[:] = state
+            mujoco.mj_forward(self.model, data)
+
     def wiring(self) -> Wiring:
         """Where commands, joints and sensors are, for effects and the diagnosis."""
         from tiago_mj.effects.wiring import wire

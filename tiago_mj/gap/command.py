@@ -17,7 +17,9 @@ from tiago_mj.gap.data.trials import LONGEST, MOST_ROWS, too_long
 from tiago_mj.progress import Progress
 
 if TYPE_CHECKING:
+    from tiago_mj.gap.result import Diagnosis
     from tiago_mj.gap.simulation.plant import Plant
+    from tiago_mj.view.beside import Pictures
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -37,7 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--out",
         type=Path,
         required=True,
-        help="folder for report.html, diagnosis.json, calibration.yaml, of a model repaired.xml",
+        help="folder for report.html, diagnosis.json, calibration.yaml, repaired.xml of a model, scene.html ('[view]')",
     )
     parser.add_argument("--policy", metavar="pi|FILE.zip", help="predict this policy's return before and after")
     parser.add_argument("--trust", action="store_true", help="load FILE.zip although loading runs what it holds")
@@ -173,7 +175,7 @@ def run(arguments: argparse.Namespace) -> int:
         print(f"tiago-mj diagnose: {fault}", file=sys.stderr)
         return 2
     diagnosis = replace(diagnosis, command=shlex.join(words(arguments)))
-    paths = write(diagnosis, arguments.out)
+    paths = write(diagnosis, arguments.out, _pictures(plant, read.trials, diagnosis))
     if arguments.json:
         print(json.text(diagnosis))
     else:
@@ -181,6 +183,18 @@ def run(arguments: argparse.Namespace) -> int:
     if diagnosis.ended is None:
         return 0
     return 130 if isinstance(diagnosis.ended, KeyboardInterrupt) else 1
+
+
+def _pictures(plant: Plant, trials: Sequence[Trial], diagnosis: Diagnosis) -> Pictures | None:
+    """The robots to be seen; None where drawing them failed, which must not cost the answer."""
+    from tiago_mj.quoting import one_line
+    from tiago_mj.view.beside import pictures
+
+    try:
+        return pictures(plant, trials, diagnosis)
+    except Exception as fault:
+        print(f"tiago-mj diagnose: the robots could not be drawn: {one_line(fault)}", file=sys.stderr)
+        return None
 
 
 def words(arguments: argparse.Namespace) -> list[str]:

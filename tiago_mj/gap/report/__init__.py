@@ -13,15 +13,27 @@ from tiago_mj.gap.result import Diagnosis
 REPAIRED: Final = "repaired.xml"
 
 
-def write(diagnosis: Diagnosis, folder: Path) -> dict[str, Path]:
-    """Write all files into ``folder``, which is made where it is missing: all or none; paths by name."""
-    page = html.render(diagnosis)
+#: The robots, to be watched in a browser.
+SCENE: Final = "scene.html"
+
+
+def write(diagnosis: Diagnosis, folder: Path, seen: html.Seen | None = None) -> dict[str, Path]:
+    """Write all files into ``folder``, which is made where it is missing: all or none; paths by name.
+
+    Args:
+        diagnosis: the answer.
+        folder: of the files.
+        seen: pictures of the robots; None: the report has none.
+    """
+    page = html.render(diagnosis, seen)
     with atomic.replacing_set(folder) as new:
         json.write(diagnosis, new / "diagnosis.json")
         calibration.write(diagnosis, new / "calibration.yaml", new / "diagnosis.json")
         if diagnosis.repaired is not None and diagnosis.repaired.xml:
             atomic.write_text(new / REPAIRED, diagnosis.repaired.xml)
+        if seen is not None and seen.scene:
+            atomic.write_text(new / SCENE, seen.scene)
         atomic.write_text(new / "report.html", page)
         names = sorted(path.name for path in new.iterdir())
-    order = ("diagnosis.json", "calibration.yaml", REPAIRED, "report.html")
+    order = ("diagnosis.json", "calibration.yaml", REPAIRED, SCENE, "report.html")
     return {name: folder / name for name in sorted(names, key=lambda n: order.index(n) if n in order else len(order))}

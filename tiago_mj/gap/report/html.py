@@ -13,7 +13,7 @@ import re
 import shlex
 from importlib import resources
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, Protocol
 
 import jinja2
 from markupsafe import Markup
@@ -33,8 +33,24 @@ KIND_NAMES: Final = {
 RANKED, DRAWN = 10, 6
 
 
-def render(diagnosis: Diagnosis) -> str:
-    """The page."""
+class Seen(Protocol):
+    """Pictures of the robots (:class:`tiago_mj.view.beside.Pictures`)."""
+
+    @property
+    def scene(self) -> str | None:
+        """A page of its own, written as ``scene.html``; None: there is none."""
+
+    @property
+    def png(self) -> str:
+        """A still, base64; empty: there is none."""
+
+    @property
+    def caption(self) -> str:
+        """Of the still."""
+
+
+def render(diagnosis: Diagnosis, seen: Seen | None = None) -> str:
+    """The page, with pictures of the robots where there are some."""
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("tiago_mj.gap.report", "templates"),
         autoescape=True,
@@ -81,6 +97,7 @@ def render(diagnosis: Diagnosis) -> str:
         phase_names=PHASES,
         phases=list(dict.fromkeys(p for trial in drawn for p in trial["phases"])),
         plotly=_plotly() if drawn else "",
+        seen=seen,
     )
 
 

@@ -133,6 +133,21 @@ def simulate(
     return Signals(*(np.concatenate([getattr(p, f) for p in parts]) for f in Signals.__dataclass_fields__))
 
 
+def motions(
+    plant: Plant, on: Grid, sims: Sequence[tuple[int, Effects]], *, threads: int = 0, seed: int = 0
+) -> tuple[Signals, Array]:
+    """The same with all of MuJoCo's positions in every row, (nsim, T, nq) [m, rad]: where the bodies are.
+
+    Args:
+        plant, on, sims, threads, seed: as for :func:`simulate`; few simulations, as all of it is kept.
+    """
+    whole = [(trial, (*plant.given, *effects)) for trial, effects in sims]
+    poses = np.full((len(sims), on.commands.shape[1] + 1, plant.model.nq), np.nan)
+    # Each alone: a batch runs as its slowest simulation has to.
+    runs = [_batch(plant, on, [sim], threads, seed, poses[k : k + 1]) for k, sim in enumerate(whole)]
+    return Signals(*(np.concatenate([getattr(r, f) for r in runs]) for f in Signals.__dataclass_fields__)), poses
+
+
 def _parted(plant: Plant, on: Grid, sims: Sequence[tuple[int, Effects]], threads: int, seed: int) -> Signals:
     """Simulations that need nobody between their steps apart from the others: they share all processors better."""
     alone = np.array([all(_needs_no_one(entry) for entry in effects) for _, effects in sims])
@@ -206,7 +221,15 @@ def sensor_only(entry: Entry) -> bool:
     return declared.stage == "joint_sensor" and not overrides(declared, "true_position")  # else it starts elsewhere
 
 
-def _batch(plant: Plant, on: Grid, sims: Sequence[tuple[int, Effects]], threads: int, seed: int) -> Signals:
+def _batch(
+    plant: Plant,
+    on: Grid,
+    sims: Sequence[tuple[int, Effects]],
+    threads: int,
+    seed: int,
+    poses: Array | None = None,
+) -> Signals:
+    """Simulations in one batch; ``poses``, (nsim, T, nq), is filled where it is given."""
     nsim, length = len(sims), on.commands.shape[1] + 1
     trial = np.array([t for t, _ in sims])
     host = BatchHost(mujoco.batch.Batch(plant.model, nsim, threads))
@@ -238,6 +261,8 @@ def _batch(plant: Plant, on: Grid, sims: Sequence[tuple[int, Effects]], threads:
     quiet = np.zeros((nsim, len(plant.sensors)))
 
     def read(k: int | slice, qpos: Array, qvel: Array, force: Array, sensordata: Array) -> None:
+        if poses is not None:
+            poses[:, k] = qpos
         position[:, k] = chain.position(qpos[..., wiring.qpos])
         velocity[:, k] = chain.velocity(qvel[..., wiring.dof])
         effort[:, k] = force[..., wiring.dof]

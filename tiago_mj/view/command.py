@@ -1,0 +1,132 @@
+"""``tiago-mj view``: an environment live, or recordings beside their simulators, in a browser or as a file."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from tiago_mj import extra
+from tiago_mj.view.server import HOST, PORT, check, serving
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's arguments."""
+    parser.add_argument(
+        "recordings", nargs="*", type=Path, metavar="RECORDING", help="files or folders of recordings to watch"
+    )
+    parser.add_argument(
+        "--env", metavar="ID", help="environment to watch live; of recordings: the robot, where they do not say"
+    )
+    live = parser.add_argument_group("an environment live")
+    live.add_argument(
+        "--env-option",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        help="argument of the environment, value in JSON; as often as needed",
+    )
+    live.add_argument("--policy", metavar="pi|random|NAME|FILE", help="who commands at first; else your sliders do")
+    live.add_argument("--trust", action="store_true", help="load a FILE.zip although loading runs what it holds")
+    live.add_argument("--seed", type=int, default=0, metavar="N", help="of the first episode (0)")
+    watched = parser.add_argument_group("recordings")
+    watched.add_argument("--diagnosis", type=Path, metavar="DIR", help="folder that tiago-mj diagnose wrote of them")
+    watched.add_argument("--model", type=Path, metavar="FILE.xml", help="MJCF that they are compared with")
+    watched.add_argument("--map", type=Path, metavar="FILE.yaml", help="which column is what")
+    watched.add_argument("--trial", metavar="NAME", help="which recording to show first")
+    watched.add_argument("--beside", action="store_true", help="robots side by side, not as ghosts in one place")
+    watched.add_argument(
+        "--save", type=Path, metavar="FILE.html", help="write one file that opens without a server, and end"
+    )
+    parser.add_argument(
+        "--effects",
+        action="append",
+        metavar="JSON|FILE.yaml",
+        help="effects to begin with; of recordings: what the repaired robot has, in place of the diagnosis's",
+    )
+    parser.add_argument(
+        "--port", type=int, default=PORT, metavar="N", help=f"where it is served, on this machine alone ({PORT})"
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Serve until interrupted, or write the file.
+
+    Raises:
+        ValueError: an argument is unusable; says which and how to mend it.
+    """
+    if not arguments.recordings and not arguments.env:
+        raise ValueError("nothing to watch: give --env ID, or recordings")
+    extra.load("viser", "tiago-mj view", "view")
+    if arguments.recordings:
+        return _recordings(arguments)
+    for option in ("diagnosis", "model", "map", "trial", "save"):
+        if getattr(arguments, option) is not None:
+            raise ValueError(f"--{option} is of recordings: name them, or leave it out")
+    return _live(arguments)
+
+
+def _recordings(arguments: argparse.Namespace) -> int:
+    for option, given in (("policy", arguments.policy), ("env-option", arguments.env_option)):
+        if given:
+            raise ValueError(f"--{option} is of an environment that is watched live: leave out the recordings, or it")
+    if arguments.model is not None and arguments.env is not None:
+        raise ValueError("--env and --model both say which robot this is: give one")
+    extra.load("pandas", "reading recordings")
+    from tiago_mj.gap.data.recording import RecordingError
+    from tiago_mj.view import page, player
+    from tiago_mj.view.recordings import library
+
+    if arguments.save is not None and arguments.save.suffix.lower() not in (".html", ".htm"):
+        raise ValueError(f"--save {arguments.save}: name an HTML file, such as scene.html")
+    if arguments.save is None:
+        check(arguments.port)
+    try:
+        known = library(
+            arguments.recordings,
+            env=arguments.env,
+            model=arguments.model,
+            map_file=arguments.map,
+            folder=arguments.diagnosis,
+            effects=arguments.effects,
+        )
+        names = [trial.name for trial in known.trials]
+        first = arguments.trial or known.first
+        if first not in names:
+            raise ValueError(f"--trial {first}: there is no such recording: these are {', '.join(names)}")
+        if arguments.save is not None:
+            page.write(known.story(first), arguments.save, beside=arguments.beside)
+            size = arguments.save.stat().st_size / 1e6
+            print(f"{arguments.save}: {first} in {size:.1f} MB; it opens in any browser, without a server")
+            return 0
+        with serving(arguments.port, f"{known.plant.name}: recordings") as server:
+            _say(server)
+            player.play(server, names, known.story, first, beside=arguments.beside)
+    except RecordingError as fault:
+        raise ValueError(str(fault)) from fault
+    return 0
+
+
+def _live(arguments: argparse.Namespace) -> int:
+    from tiago_mj.view import live
+
+    check(arguments.port)
+    session = live.session(
+        arguments.env,
+        arguments.env_option,
+        effects=arguments.effects,
+        policy=arguments.policy,
+        seed=arguments.seed,
+        trust=arguments.trust,
+    )
+    try:
+        with serving(arguments.port, session.name) as server:
+            _say(server)
+            live.run(server, session)
+    finally:
+        session.close()
+    return 0
+
+
+def _say(server: Any) -> None:
+    print(f"watch it at http://{HOST}:{server.get_port()}; Ctrl-C ends it", flush=True)

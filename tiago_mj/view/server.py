@@ -1,0 +1,86 @@
+"""The server of a view: on this machine alone, at the port that was asked for, and gone when it is closed."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import logging
+import signal
+import socket
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any, Final
+
+from tiago_mj import extra
+
+HOST: Final = "127.0.0.1"
+PORT: Final = 8080
+
+
+@contextmanager
+def serving(port: int, title: str) -> Iterator[Any]:
+    """A ``viser.ViserServer``.
+
+    Args:
+        port: on this machine; 0: any that is free.
+        title: over its panel.
+
+    Raises:
+        ValueError: the port is in use, or no port.
+        ModuleNotFoundError: viser is not installed.
+    """
+    viser = extra.load("viser", "tiago-mj view", "view")
+    check(port)
+    logging.getLogger("websockets.server").addHandler(logging.NullHandler())  # who hangs up early is no news
+    with contextlib.redirect_stdout(io.StringIO()):  # a banner; the command says where it is served
+        server = viser.ViserServer(host=HOST, port=port, label=title, verbose=False)
+    try:
+        if port and server.get_port() != port:  # taken between the check and now
+            raise ValueError(in_use(port))
+        server.gui.configure_theme(show_logo=False, show_share_button=False, brand_color=(0, 114, 178))
+        yield server
+    finally:
+        with contextlib.redirect_stdout(io.StringIO()):  # it says that it stopped
+            server.stop()
+
+
+def check(port: int) -> None:
+    """Refuse a port that nobody can listen at.
+
+    Raises:
+        ValueError: says which, and what to do.
+    """
+    if not 0 <= port <= 65535:
+        raise ValueError(f"--port is {port}: give 1 to 65535, or 0 for any that is free")
+    if port == 0:
+        return
+    with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind((HOST, port))
+        except OSError as fault:
+            raise ValueError(in_use(port)) from fault
+
+
+def in_use(port: int) -> str:
+    """What to say of a port that another program has."""
+    return f"--port {port}: another program listens there; give another port, or 0 for any that is free"
+
+
+def wait(tick: Callable[[], None], period: float) -> None:
+    """Call again and again, every so many seconds, until the program is told to end (SIGINT, SIGTERM)."""
+    told = threading.Event()
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    for number in before:
+        signal.signal(number, lambda *_: told.set())
+    try:
+        due = time.monotonic()
+        while not told.is_set():
+            tick()
+            due = max(due + period, time.monotonic())
+            told.wait(max(due - time.monotonic(), 0.0))
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
