@@ -210,5 +210,3 @@ def _tiles(names: tuple[str, ...], picture: bool) -> Iterator[str]:
         seen = f'<img src="{name}.png" alt="" loading="lazy" width="320" height="240">' if picture else ""
         summary = plain(sections(task_class(name))[""]).replace("`", "")
         yield f'<a class="tile" href="{name}.html">{seen}<b>{name}</b><span>{summary}</span></a>'
-
-

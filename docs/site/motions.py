@@ -98,7 +98,13 @@ def play(motion: str, effects: Any) -> Recorded:
 def _fingers(motion: str, effects: Any) -> Recorded:
     steps = round(RATE * SECONDS)
     env = gymnasium.make(
-        ENVIRONMENT, control="position", finger_speed=0.5, effects=effects, max_episode_steps=steps, visual=False, **OBJECTS[motion]
+        ENVIRONMENT,
+        control="position",
+        finger_speed=0.5,
+        effects=effects,
+        max_episode_steps=steps,
+        visual=False,
+        **OBJECTS[motion],
     )
     core = core_of(env)
     env.reset(seed=SEED)

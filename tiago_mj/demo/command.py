@@ -111,7 +111,10 @@ def _film(done: Grasp, out: Path) -> dict[str, str]:
     try:
         done.film.write(path)
     except (ImportError, RuntimeError) as fault:
-        print(f"no film, only pictures: {' '.join(str(fault).split())}; try: pip install 'imageio[ffmpeg]'", file=sys.stderr)
+        print(
+            f"no film, only pictures: {' '.join(str(fault).split())}; try: pip install 'imageio[ffmpeg]'",
+            file=sys.stderr,
+        )
         return {}
     content = path.read_bytes()
     return {"film": page.embedded(content, ".mp4")} if len(content) <= FILM_LIMIT else {}
