@@ -154,6 +154,8 @@ def test_blind_prints_the_scores_alone(tmp_path, capsys, monkeypatch):
     """What the check itself prints goes to standard error."""
 
     class Command:
+        add_arguments, run = staticmethod(blind.add_arguments), staticmethod(blind.run)
+
         @staticmethod
         def blind(arguments):
             print("a line for people")

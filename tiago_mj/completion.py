@@ -21,8 +21,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of the command."""
     parser.add_argument("shell", choices=SHELLS, metavar="|".join(SHELLS), help="whose script is printed")
     parser.epilog = (
-        "bash: tiago-mj completion bash > ~/.local/share/bash-completion/completions/tiago-mj; zsh: tiago-mj completion "
-        "zsh > _tiago-mj in a folder of $fpath; then start a new shell."
+        "bash: tiago-mj completion bash > ~/.local/share/bash-completion/completions/tiago-mj; "
+        "zsh: tiago-mj completion zsh > _tiago-mj in a folder of $fpath; then start a new shell."
     )
 
 
@@ -39,7 +39,7 @@ def script(shell: str) -> str:
     for sub in subcommands.choices.values():
         for action in sub._actions:
             if action.type is Path:
-                action.complete = shtab.FILE  # type: ignore[attr-defined]
+                action.complete = shtab.FILE
             elif action.dest == "env":  # of this parser alone: with the namespace it is accepted, too
                 action.choices = list(ENVIRONMENTS)
     return str(shtab.complete(parser, shell=shell))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import importlib
 import importlib.metadata
 import json
 import os
@@ -137,7 +138,7 @@ def _picture() -> str:
 
 
 def _films() -> str:
-    import imageio_ffmpeg
+    imageio_ffmpeg = importlib.import_module("imageio_ffmpeg")
 
     return f"ffmpeg {imageio_ffmpeg.get_ffmpeg_version()}"
 

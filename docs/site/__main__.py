@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+import os
+import re
 import subprocess
 import sys
 import threading
@@ -12,6 +14,8 @@ from pathlib import Path
 from docs.site import assemble, offline
 
 OUT = assemble.ROOT / "out" / "site"
+#: Sphinx's roles before code, which docstrings have and Markdown does not know.
+ROLE = re.compile(r":(?:class|func|meth|data|mod|attr|exc):(?=<code>)")
 
 
 def main() -> int:
@@ -25,6 +29,7 @@ def main() -> int:
     configuration = assemble.assemble(arguments.out.resolve(), lambda line: print(line, file=sys.stderr, flush=True))
     print(f"pages written in {time.monotonic() - began:.0f} s", file=sys.stderr, flush=True)
     mkdocs = [sys.executable, "-m", "mkdocs"]
+    os.environ["NO_MKDOCS_2_WARNING"] = "1"  # why MkDocs: docs/site/__init__.py
     if arguments.what == "serve":
         threading.Thread(target=_follow, args=(arguments.out.resolve(),), daemon=True).start()
         address = f"127.0.0.1:{arguments.port}"
@@ -32,6 +37,8 @@ def main() -> int:
     status = subprocess.run([*mkdocs, "build", "-q", "--strict", "-f", configuration], check=False).returncode
     if status:
         return status
+    for page in (arguments.out.resolve() / "html" / "api").glob("*.html"):
+        page.write_text(ROLE.sub("", page.read_text(encoding="utf-8")), encoding="utf-8")
     complaints = offline.loads_of_others(arguments.out.resolve() / "html")
     for line in complaints:
         print(f"loaded from another host: {line}", file=sys.stderr)

@@ -22,8 +22,8 @@ Array = NDArray[np.float64]
 RATE, SECONDS = 240, 2.5
 ENVIRONMENT: Final = "tiago_mj/GripperTactile-v0"
 SEED: Final = 3
-#: The object of each motion of the fingers: too narrow to be touched, in the middle, or nearer to the left finger, which
-#: then pushes it over the table.
+#: The object of each motion of the fingers: too narrow to be touched, in the middle, or nearer to the left finger,
+#: which then pushes it over the table.
 OBJECTS: Final = MappingProxyType(
     {
         "air": {"object_width": 0.028, "object_offset": 0.0},
@@ -78,11 +78,14 @@ def _set_point(corners: list[tuple[float, float]], wave: tuple[float, float, flo
 @cache
 def commands() -> Mapping[str, Array]:
     """Set points of each motion: of a finger [m], of the hinge [rad]."""
+    air = [(0, 0.045), (0.1, 0.045), (0.6, 0.033), (0.9, 0.033), (1.4, 0.042), (2.5, 0.042)]
+    grasp = [(0, 0.045), (0.6, 0.021), (0.9, 0.0155), (2.1, 0.0155), (2.4, 0.024)]
+    hinge = [(0, 0.0), (0.2, 0.0), (0.8, 0.6), (1.1, 0.6), (1.7, -0.2), (2.0, 0.2), (2.5, 0.2)]
     return {
-        "air": _set_point([(0, 0.045), (0.1, 0.045), (0.6, 0.033), (0.9, 0.033), (1.4, 0.042), (2.5, 0.042)], (1.5, 2e-3, 2.5)),
-        "grasp": _set_point([(0, 0.045), (0.6, 0.021), (0.9, 0.0155), (1.3, 0.0155), (2.1, 0.0155), (2.4, 0.024)], (1.3, 8e-4, 2.5)),
-        "hinge": _set_point([(0, 0.0), (0.2, 0.0), (0.8, 0.6), (1.1, 0.6), (1.7, -0.2), (2.0, 0.2), (2.5, 0.2)]),
-    }  # fmt: skip
+        "air": _set_point(air, (1.5, 2e-3, 2.5)),
+        "grasp": _set_point(grasp, (1.3, 8e-4, 2.5)),
+        "hinge": _set_point(hinge),
+    }
 
 
 def play(motion: str, effects: Any) -> Recorded:

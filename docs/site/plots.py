@@ -86,8 +86,8 @@ def magnitude(p: Parameter, kind: int) -> float:
         kind: 0 of a sliding joint, 1 of a hinge.
 
     Returns:
-        Halfway from nothing to the bound; of factors and limits the geometric middle; of a parameter that does nothing by
-        itself its default.
+        Halfway from nothing to the bound; of factors and limits the geometric middle; of a parameter that does nothing
+        by itself its default.
     """
     low, high = p.bounds[kind]
     if p.identity is None:
@@ -114,7 +114,7 @@ LIMITS: Final = {"effort": 16.0, "velocity": 0.08}
 
 def values(name: str) -> dict[str, float]:
     """The parameters of an effect as they are given to the simulator [SI]."""
-    shown, magnitudes = chosen(name)
+    _, magnitudes = chosen(name)
     shares = {key: p.nominal for key, p in EFFECTS[name].parameters.items() if p.nominal}
     return {
         key: float(f"{value * (LIMITS[shares[key]] if key in shares else 1):.3g}") for key, value in magnitudes.items()

@@ -1,8 +1,8 @@
 """Run a page as its reader does: ``python -m docs.site.runner docs/tutorials/first-grasp.md``.
 
 In an empty folder with the examples in it, from top to bottom: Python blocks as one program, ``sh`` blocks by a shell,
-and a block with ``title="NAME"`` becomes a file of that name. A comment ``<!-- not run: REASON -->`` before a block leaves
-it out. A comment ``<!-- check ... -->`` holds Python that the reader does not see: what must hold at that place.
+and a block with ``title="NAME"`` becomes a file of that name. A comment ``<!-- not run: REASON -->`` before a block
+leaves it out. A comment ``<!-- check ... -->`` holds Python that the reader does not see: what must hold at that place.
 """
 
 from __future__ import annotations
@@ -20,7 +20,8 @@ from typing import Any, Final
 ROOT: Final = Path(__file__).resolve().parents[2]
 _STEP: Final = re.compile(
     r"^<!-- check\n(?P<check>.*?)-->$"
-    r"|^(?P<left_out><!-- not run: [^\n]+ -->\n)?(?P<fence>`{3,})(?P<kind>\w+)(?P<options>[^\n]*)\n(?P<text>.*?)^(?P=fence)$",
+    r"|^(?P<left_out><!-- not run: [^\n]+ -->\n)?(?P<fence>`{3,})(?P<kind>\w+)(?P<options>[^\n]*)\n"
+    r"(?P<text>.*?)^(?P=fence)$",
     re.DOTALL | re.MULTILINE,
 )
 

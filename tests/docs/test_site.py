@@ -82,7 +82,8 @@ def test_a_link_that_leads_nowhere_is_refused_with_where_it_stands():
 
 def test_what_a_page_loads_from_another_host_is_found(tmp_path):
     (tmp_path / "a.html").write_text(
-        '<a href="https://ok.org"></a><script src="https://bad.org/a.js"></script><link rel="stylesheet" href="//b.org/c">'
+        '<a href="https://ok.org"></a><script src="https://bad.org/a.js"></script>'
+        '<link rel="stylesheet" href="//b.org/c">'
     )
     (tmp_path / "b.css").write_text("p { background: url(https://bad.org/a.png) }")
     assert len(offline.loads_of_others(tmp_path)) == 3
