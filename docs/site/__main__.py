@@ -34,7 +34,7 @@ def main() -> int:
         threading.Thread(target=_follow, args=(arguments.out.resolve(),), daemon=True).start()
         address = f"127.0.0.1:{arguments.port}"
         return subprocess.run([*mkdocs, "serve", "-q", "-f", configuration, "-a", address], check=False).returncode
-    status = subprocess.run([*mkdocs, "build", "-q", "--strict", "-f", configuration], check=False).returncode
+    status = subprocess.run([*mkdocs, "build", "--strict", "-f", configuration], check=False).returncode
     if status:
         return status
     for page in (arguments.out.resolve() / "html" / "api").glob("*.html"):

@@ -117,5 +117,5 @@ def test_the_site_is_built_with_strict_links_and_loads_nothing_of_others(tmp_pat
     assert "<mfrac>" in (html / "diagnosis.html").read_text()
     assert "<svg" in (html / "effects" / "backlash.html").read_text()
     (tmp_path / "pages" / "index.md").write_text("[x](nowhere.md)")
-    again = [sys.executable, "-m", "mkdocs", "build", "-q", "--strict", "-f", tmp_path / "mkdocs.yml"]
+    again = [sys.executable, "-m", "mkdocs", "build", "--strict", "-f", tmp_path / "mkdocs.yml"]
     assert subprocess.run(again, capture_output=True, check=False).returncode != 0, "a bad link must fail the build"
