@@ -6,7 +6,9 @@ The check itself lives outside the package, in a checkout's ``benchmarks/blind``
 from __future__ import annotations
 
 import argparse
+import contextlib
 import importlib
+import json
 import sys
 from pathlib import Path
 from typing import Final
@@ -41,6 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--no-next-motion", action="store_true", help="do not play what is recommended in ambiguous cases"
     )
     parser.add_argument("--generate-only", action="store_true", help="stop when the labels are sealed")
+    parser.add_argument("--json", action="store_true", help="print the scores as data, everything else as messages")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -56,5 +59,14 @@ def run(arguments: argparse.Namespace) -> int:
         )
     extra.load("pyarrow", "the blind check")
     sys.path.insert(0, str(CHECKOUT))
-    status: int = importlib.import_module("benchmarks.blind.command").blind(arguments)
+    command = importlib.import_module("benchmarks.blind.command")
+    if not arguments.json:
+        status: int = command.blind(arguments)
+        return status
+    with contextlib.redirect_stdout(sys.stderr):
+        status = command.blind(arguments)
+    scores, seal = arguments.out / "scores.json", arguments.out / "seal.txt"
+    made = {"seal": seal.read_text(encoding="utf-8").strip() if seal.exists() else None}
+    made["scores"] = json.loads(scores.read_text(encoding="utf-8")) if scores.exists() else None
+    print(json.dumps(made, indent=1))
     return status

@@ -35,6 +35,8 @@ COMMANDS: Final[Mapping[str, tuple[str, str]]] = MappingProxyType(
         ),
         "record": ("tiago_mj.gap.tools.record.command", "log an environment or any MJCF as a real robot would be"),
         "import": ("tiago_mj.gap.tools.imports.command", "turn public recordings and ROS bags into recordings"),
+        "doctor": ("tiago_mj.doctor", "say what works on this machine, and how to mend what does not"),
+        "completion": ("tiago_mj.completion", "print a script that completes this command in a shell"),
         "blind": ("tiago_mj.blind", "check the diagnosis on data whose effect is withheld from it"),
     }
 )
@@ -51,8 +53,8 @@ class Parser(argparse.ArgumentParser):
         self.exit(2, f"{self.prog}: {message} (see {self.prog} --help)\n")
 
 
-def build_parser(command: str | None) -> argparse.ArgumentParser:
-    """The parser, with the options of one command filled in."""
+def build_parser(*wanted: str | None) -> argparse.ArgumentParser:
+    """The parser, with the options of some commands filled in."""
     parser = Parser(
         prog="tiago-mj",
         description="TIAGo and the TA11 gripper in MuJoCo.",
@@ -62,7 +64,7 @@ def build_parser(command: str | None) -> argparse.ArgumentParser:
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
     for name, (module, summary) in COMMANDS.items():
         sub = commands.add_parser(name, help=summary, description=summary[0].upper() + summary[1:] + ".")
-        if name == command:
+        if name in wanted:
             loaded = importlib.import_module(module)
             loaded.add_arguments(sub)
             sub.set_defaults(run=loaded.run)

@@ -6,6 +6,7 @@ import argparse
 import json
 import platform
 import shlex
+import sys
 import time
 from pathlib import Path
 from typing import Any, Final
@@ -28,6 +29,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--data", type=Path, metavar="DIR", help="holds tiago_arm/, a recording of a real arm")
     parser.add_argument("--out", type=Path, metavar="DIR", default=Path("out"), help="where to write (out)")
     parser.add_argument("--seed", type=int, metavar="N", default=0, help="of the sensor noise (0)")
+    parser.add_argument("--json", action="store_true", help="print demo.json instead of the summary")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -43,8 +45,11 @@ def run(arguments: argparse.Namespace) -> int:
     if out.exists() and not out.is_dir():
         raise ValueError(f"--out {out}: this is a file: name a folder")
     out.mkdir(parents=True, exist_ok=True)
-    with Progress("demo") as progress:
+    with Progress("demo", quiet=arguments.json) as progress:
         data = _make(arguments, progress, began)
+    if arguments.json:
+        print(json.dumps(data, indent=2))
+        return 0
     print("\n".join(report.lines(data)))
     compared = "a real force curve" if data["arm"] is None else "a real force curve and a real arm"
     print(f"Done in {data['made']['seconds']:.0f} s: a grasp, compared with {compared}.")
@@ -108,7 +113,10 @@ def _film(done: Grasp, out: Path) -> dict[str, str]:
     try:
         done.film.write(path)
     except (ImportError, RuntimeError) as fault:
-        print(f"no film, only pictures: {' '.join(str(fault).split())}; try: pip install 'imageio[ffmpeg]'")
+        print(
+            f"no film, only pictures: {' '.join(str(fault).split())}; try: pip install 'imageio[ffmpeg]'",
+            file=sys.stderr,
+        )
         return {}
     content = path.read_bytes()
     return {"film": page.embedded(content, ".mp4")} if len(content) <= FILM_LIMIT else {}

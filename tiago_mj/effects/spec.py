@@ -85,14 +85,13 @@ def read_effects(given: Any) -> tuple[Entry, ...]:
     """Entries of what a user gave.
 
     Args:
-        given: None, a list of ``{"name", "target", "parameters"}``, a mapping ``{name: parameters}`` (target all;
-        ``{}``
-            means the defaults), a list of :class:`Entry`, the path of a calibration YAML, or JSON text of the above;
-            or a list of several of these, one on top of the other.
+        given: None, a list of ``{"name", "target", "parameters"}``, a mapping ``{name: parameters}`` (target all,
+            ``{}`` for the defaults), a list of :class:`Entry`, the path of a calibration YAML, or JSON text of the
+            above; or a list of several of these, one on top of the other.
 
     Raises:
         ValueError: an unknown effect or parameter, a value that is no finite number, a file of another schema; one
-        line.
+            line.
     """
     return () if given is None else _read(given, files=True)
 

@@ -58,7 +58,7 @@ class HoldForce(RobotEnv, EzPickle):
 
     `achieved_goal`: the readings right, left (always raw). `desired_goal`: the goal, twice.
     The ids without `Goal` give the paper's flat observation (q, q̇, Δf_right, Δf_left) instead,
-    Δf = force − goal, see :class:`tiago_mj.envs.flat.FlatTactile`.
+    Δf = force − goal, see :class:`tiago_mj.envs.flat.FlatView`.
 
     ## Rewards
 

@@ -55,7 +55,8 @@ def run(arguments: argparse.Namespace) -> int:
         path = export(
             arguments.export, arguments.name, arguments.to, seed=arguments.seed, which=which, cut=arguments.cut
         )
-        print(f"agent {path}, card {path.with_suffix('.md')}")
+        card = path.with_suffix(".md")
+        print(json.dumps({"agent": str(path), "card": str(card)}) if arguments.json else f"agent {path}, card {card}")
         return 0
     listed: list[dict[str, Any]] = []
     for name, path in shipped_agents().items():

@@ -29,6 +29,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="effects that are known already, applied first; may be given several times",
     )
     parser.add_argument("--out", type=Path, metavar="FILE.json", help="write the same as JSON")
+    parser.add_argument("--json", action="store_true", help="print the same as data")
     parser.add_argument(
         "--jobs", type=int, default=0, metavar="N", help="threads of the simulations; 0: all processors"
     )
@@ -37,7 +38,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Look, and say what the recordings can tell."""
     extra.load("pandas", "reading recordings")
-    extra.load("rich", "the table")
+    if not arguments.json:
+        extra.load("rich", "the table")
     from tiago_mj.effects import read_effects
     from tiago_mj.gap.data import lint
     from tiago_mj.gap.data.read import read_recordings
@@ -55,7 +57,7 @@ def run(arguments: argparse.Namespace) -> int:
         findings = (*read.findings, *lint.inspect_all(read.trials, plant))
         lint.refuse(read.trials, findings)
         usable = lint.believed(read.trials, findings)
-        with told("preflight", "trying what these recordings would show"):
+        with told("preflight", "trying what these recordings would show", quiet=arguments.json):
             if along_a_motion(plant, read.trials):
                 found = preflight_along(plant, read.trials, findings)
             else:
@@ -64,9 +66,13 @@ def run(arguments: argparse.Namespace) -> int:
         print(f"tiago-mj preflight: {fault}", file=sys.stderr)
         return 2
     data = as_data(found, findings)
+    text = json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False)
     if arguments.out:
-        atomic.write_text(arguments.out, json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
-    _show(data, findings)
+        atomic.write_text(arguments.out, text + "\n")
+    if arguments.json:
+        print(text)
+    else:
+        _show(data, findings)
     return 0
 
 

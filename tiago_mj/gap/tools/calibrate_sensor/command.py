@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import argparse
+import json
 import sys
 from pathlib import Path
+
+import yaml
 
 from tiago_mj import atomic, extra
 from tiago_mj.gap.data.recording import RecordingError
@@ -31,6 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="P",
         help="probability of a reading above the threshold without contact (2.9e-7: 5 standard deviations)",
     )
+    parser.add_argument("--json", action="store_true", help="print what is written as JSON")
     parser.add_argument("--jobs", type=int, default=0, help="threads of the simulations; 0: all processors")
 
 
@@ -50,7 +54,7 @@ def run(arguments: argparse.Namespace) -> int:
         read = read_recordings(arguments.recordings, map_file=arguments.map, defaults=defaults, replayed=False)
         findings = (*read.findings, *lint.inspect(read.trials))
         lint.refuse(read.trials, [f for f in findings if f.refuses])
-        with told("calibrate-sensor", f"{len(read.trials)} recordings"):
+        with told("calibrate-sensor", f"{len(read.trials)} recordings", quiet=arguments.json):
             found: Calibration = calibrate(
                 read.trials,
                 env=arguments.env,
@@ -61,8 +65,12 @@ def run(arguments: argparse.Namespace) -> int:
     except RecordingError as fault:
         print(f"tiago-mj calibrate-sensor: {fault}", file=sys.stderr)
         return 2
-    atomic.write_text(arguments.out, text(found, arguments.out.name))
-    _say(found, arguments.out)
+    sheet = text(found, arguments.out.name)
+    atomic.write_text(arguments.out, sheet)
+    if arguments.json:
+        print(json.dumps({**yaml.safe_load(sheet), "written": str(arguments.out)}, indent=1, ensure_ascii=False))
+    else:
+        _say(found, arguments.out)
     return 0
 
 

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import argparse
+import json
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from tiago_mj import atomic
 from tiago_mj.gap.data.lint import inspect
@@ -77,6 +78,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=TA11_SLOPE,
         help="of ta11-curve: sensor units per metre of servo error of the simulator that it is compared with (330)",
     )
+    parser.add_argument("--json", action="store_true", help="print what was written and found as data")
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder of the recordings")
 
 
@@ -90,21 +92,25 @@ def run(arguments: argparse.Namespace) -> int:
         if getattr(arguments, option) is not None and arguments.kind not in kinds:
             raise ValueError(f"--{option} is of {' and '.join(kinds)}")
     if arguments.kind == "bag":
-        trials = _of_bags(arguments)
+        trials, said = _of_bags(arguments)
     elif arguments.kind == "lerobot":
-        trials = _of_lerobot(arguments)
+        trials, said = _of_lerobot(arguments)
     elif arguments.kind == "minari":
-        trials = _told(*minari.read(arguments.source, map_file=arguments.map, robot=arguments.robot))
+        trials, said = _told(arguments, *minari.read(arguments.source, map_file=arguments.map, robot=arguments.robot))
     else:
-        with told("import", arguments.kind):
-            trials = list(PUBLIC[arguments.kind](arguments))
+        with told("import", arguments.kind, quiet=arguments.json):
+            trials, said = list(PUBLIC[arguments.kind](arguments)), ()
+    paths = []
     for folder, trial in trials:
-        write_trial(trial, arguments.out / folder)
+        paths.append(write_trial(trial, arguments.out / folder))
         if arguments.kind == "xl330":
             atomic.write_text(arguments.out / folder / xl330.MODEL, xl330.model_for(trial))
         elif arguments.kind == "so101" and arguments.apart:
             atomic.write_text(arguments.out / folder / so101.MODEL, so101.servo(folder))
     found = inspect([trial for _, trial in trials])
+    if arguments.json:
+        print(json.dumps({"recordings": [str(path) for path in paths], "findings": _data((*said, *found))}, indent=1))
+        return 0
     print(f"{len(trials)} recording{'s' if len(trials) > 1 else ''} in {arguments.out}")
     for code in dict.fromkeys(finding.code for finding in found):
         listed = dict.fromkeys(finding.channel for finding in found if finding.code == code and finding.channel)
@@ -116,26 +122,38 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _of_bags(arguments: argparse.Namespace) -> list[tuple[str, Trial]]:
+#: Trials with their folders below the output, and what was found in reading them.
+_Read = tuple[list[tuple[str, Trial]], Sequence[Finding]]
+
+
+def _of_bags(arguments: argparse.Namespace) -> _Read:
     defaults = {"robot": arguments.robot} if arguments.robot else {}
     result = read_recordings([Path(arguments.source)], map_file=arguments.map, defaults=defaults)
-    return _told(result.trials, result.findings)
+    return _told(arguments, result.trials, result.findings)
 
 
-def _of_lerobot(arguments: argparse.Namespace) -> list[tuple[str, Trial]]:
+def _of_lerobot(arguments: argparse.Namespace) -> _Read:
     model = arguments.model
     return _told(
+        arguments,
         *lerobot.read(
             arguments.source,
             model=model,
             robot=None if model is None else Path(os.path.relpath(model, arguments.out)).as_posix(),
             units=arguments.units,
             joints=arguments.joints,
-        )
+        ),
     )
 
 
-def _told(trials: Sequence[Trial], findings: Sequence[Finding]) -> list[tuple[str, Trial]]:
-    for finding in findings:
+def _told(arguments: argparse.Namespace, trials: Sequence[Trial], findings: Sequence[Finding]) -> _Read:
+    for finding in () if arguments.json else findings:
         print(f"{finding.code}: {finding}")
-    return [("", trial) for trial in trials]
+    return [("", trial) for trial in trials], findings
+
+
+def _data(findings: Sequence[Finding]) -> list[dict[str, Any]]:
+    return [
+        {"code": f.code, "file": f.file, "channel": f.channel, "message": f.message, "repaired": f.repaired}
+        for f in findings
+    ]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import json
 import os
 from collections.abc import Sequence
 from pathlib import Path
@@ -50,6 +51,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--rate", type=float, metavar="HZ", help="control rate of --model (the motion's, or 100)")
     parser.add_argument("--trust", action="store_true", help="load FILE.zip although loading runs what it holds")
+    parser.add_argument("--json", action="store_true", help="print what was written as data")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -73,16 +75,23 @@ def run(arguments: argparse.Namespace) -> int:
     else:
         trials = _of_environment(arguments, motion, effects, collected)
     paths = []
-    with Progress("record") as progress:
+    with Progress("record", quiet=arguments.json) as progress:
         progress.stage("episodes", arguments.episodes)
         for trial in trials:
             paths.append(write_trial(trial, arguments.out))
             progress.advance()
     robot = arguments.env or arguments.model.name
-    print(f"{len(paths)} recording{'s' if len(paths) > 1 else ''} of {robot} in {arguments.out}: {paths[0].name} ...")
+    written = None
     if collected:
         by = arguments.policy or arguments.motion.name
-        print(f"Minari dataset {arguments.minari} in {minari.write(collected[0], arguments.minari, by)}")
+        written = minari.write(collected[0], arguments.minari, by)
+    if arguments.json:
+        said = {"robot": robot, "recordings": [str(path) for path in paths]}
+        print(json.dumps({**said, "minari": None if written is None else str(written)}, indent=1))
+        return 0
+    print(f"{len(paths)} recording{'s' if len(paths) > 1 else ''} of {robot} in {arguments.out}: {paths[0].name} ...")
+    if written is not None:
+        print(f"Minari dataset {arguments.minari} in {written}")
     print(f"next: tiago-mj diagnose {arguments.out} --out DIR")
     return 0
 

@@ -1,0 +1,212 @@
+"""A page per environment in Farama's form, of its docstring and its registration."""
+
+from __future__ import annotations
+
+import inspect
+import re
+from collections.abc import Iterator, Mapping
+from importlib import import_module
+from typing import Any, Final
+
+import gymnasium
+
+from tiago_mj import ENVIRONMENTS
+from tiago_mj.envs.flat import core_of
+
+#: Sections of a docstring, in their order on a page.
+SECTIONS: Final = (
+    "Description",
+    "Action Space",
+    "Observation Space",
+    "Rewards",
+    "Starting State",
+    "Episode End",
+    "Arguments",
+    "Version History",
+)
+_ROLE: Final = re.compile(r":(?:class|func|meth|data|mod|attr|exc):`~?([^`]+)`")
+_ARGUMENT: Final = re.compile(r"^(\*{0,2}[a-z_]+(?:, [a-z_]+)*): (.*)$")
+#: Arguments that the registration decides, not the user.
+DECIDED: Final = frozenset({"item", "load_cells"})
+
+
+def task_class(name: str) -> type:
+    """The class that an id makes."""
+    module, attribute = ENVIRONMENTS[name].task.split(":")
+    return getattr(import_module(module), attribute)
+
+
+def plain(text: str) -> str:
+    """Markdown of a docstring's text: Sphinx roles and double ticks as code."""
+    return _ROLE.sub(lambda found: f"`{found[1].rpartition('tiago_mj.')[2]}`", text).replace("``", "`")
+
+
+def sections(kind: type) -> dict[str, str]:
+    """Parts of a class's docstring by their heading; the summary is under ``""``."""
+    parts = re.split(r"^## (.+)$", inspect.cleandoc(kind.__doc__ or ""), flags=re.MULTILINE)
+    found = {"": parts[0].strip()}
+    found.update({title.strip(): text.strip() for title, text in zip(parts[1::2], parts[2::2], strict=True)})
+    return found
+
+
+def arguments(docstring: str) -> dict[str, str]:
+    """What a docstring says under ``Args:``, by argument; several that share a text have it each."""
+    lines = inspect.cleandoc(docstring).split("\n")
+    if "Args:" not in lines:
+        return {}
+    found: dict[str, list[str]] = {}
+    names: list[str] = []
+    for line in lines[lines.index("Args:") + 1 :]:
+        if line and not line.startswith("    "):
+            break
+        told = _ARGUMENT.match(line.strip()) if not line.startswith("     ") else None
+        if told:
+            names = told[1].split(", ")
+            found.update({name: [told[2]] for name in names})
+        else:
+            for name in names:
+                found[name].append(line.strip())
+    return {name: " ".join(words).strip() for name, words in found.items() if not name.startswith("*")}
+
+
+def defaults(kind: type) -> dict[str, Any]:
+    """Default of every argument, the class's own before those of its bases."""
+    found: dict[str, Any] = {}
+    for base in kind.__mro__:
+        if "__init__" in vars(base) and base.__module__.startswith("tiago_mj."):
+            for name, given in inspect.signature(base.__init__).parameters.items():  # type: ignore[misc]
+                if given.default is not inspect.Parameter.empty:
+                    found.setdefault(name, given.default)
+    return found
+
+
+def told(kind: type) -> dict[str, str]:
+    """What is said of every argument, the class's own before those of its bases."""
+    found: dict[str, str] = {}
+    for base in kind.__mro__:
+        if base.__module__.startswith("tiago_mj."):
+            for doc in (getattr(vars(base).get("__init__"), "__doc__", None), base.__doc__):
+                for name, text in arguments(doc or "").items():
+                    found.setdefault(name, text)
+    return found
+
+
+def argument_table(name: str) -> str:
+    """The arguments of ``gymnasium.make`` for an id: default and meaning."""
+    kind = task_class(name)
+    known, texts, registered = defaults(kind), told(kind), ENVIRONMENTS[name].arguments
+    rows = ["| argument | default | meaning |", "|---|---|---|"]
+    for argument, text in texts.items():
+        if argument in DECIDED or (argument not in known and argument not in registered):
+            continue
+        value = registered.get(argument, known.get(argument))
+        rows.append(f"| `{argument}` | {_shown(argument, value)} | {plain(text).replace('|', chr(92) + '|')} |")
+    return "\n".join(rows)
+
+
+def _shown(argument: str, value: Any) -> str:
+    if argument == "joints":
+        return f"{len(value)} joints"
+    if isinstance(value, float):
+        return f"`{value:g}`"
+    return f"`{value!r}`".replace("|", "\\|")
+
+
+def _space(space: gymnasium.Space[Any]) -> str:
+    if isinstance(space, gymnasium.spaces.Dict):
+        return ", ".join(f"`{key}`: {_space(one)}" for key, one in space.items())
+    assert isinstance(space, gymnasium.spaces.Box)
+    edges = ""
+    if (space.low == space.low.flat[0]).all() and (space.high == space.high.flat[0]).all():
+        edges = f"{space.low.flat[0]:g}, {space.high.flat[0]:g}, "
+    return f"`Box({edges}{space.shape}, {space.dtype})`"
+
+
+def form(name: str) -> str:
+    """A sentence on the form in which an id is observed."""
+    relative = ENVIRONMENTS[name].relative
+    if relative is None:
+        return "This id has the goal form: observations are dictionaries, as hindsight replay wants them."
+    if relative == 0:
+        return "This id is observed as one vector: `observation` of the text below, as it stands."
+    return (
+        f"This id is observed as one vector: `observation` of the text below, whose last {relative} entries have the "
+        "goal subtracted."
+    )
+
+
+def facts(name: str) -> list[tuple[str, str]]:
+    """What the environment itself says: label and value."""
+    env = gymnasium.make(f"tiago_mj/{name}")
+    core = core_of(env)
+    rate = 1 / core.dt
+    steps = ENVIRONMENTS[name].steps
+    rows = [
+        ("make", f'`gymnasium.make("tiago_mj/{name}")`'),
+        ("many at once", f'`gymnasium.make_vec("tiago_mj/{name}", num_envs=64)`'),
+        ("robot", f"`{argument_of(name, 'robot')}`, {len(core.joints)} commanded joints"),
+        ("action", _space(env.action_space)),
+        ("observation", _space(env.observation_space)),
+        ("episode", f"{steps} steps at {rate:g} Hz: {steps / rate:.3g} s"),
+        ("class", f"`{task_class(name).__module__}.{task_class(name).__name__}`"),
+    ]
+    env.close()
+    return rows
+
+
+def argument_of(name: str, argument: str) -> Any:
+    """An argument's value where the user gives none."""
+    return ENVIRONMENTS[name].arguments.get(argument, defaults(task_class(name)).get(argument))
+
+
+def page(name: str, picture: bool) -> str:
+    """The page of an id, in Markdown."""
+    kind = task_class(name)
+    parts = sections(kind)
+    missing = [title for title in SECTIONS if title not in parts]
+    if missing:
+        raise ValueError(f"the docstring of {kind.__name__} has no section {missing[0]}: write one")
+    lines = [f"# {name}", plain(parts[""])]
+    if picture:
+        lines.append(f"![{name}]({name}.png){{ width=640 height=480 }}")
+    lines.append("\n".join(["| | |", "|---|---|", *(f"| **{label}** | {value} |" for label, value in facts(name))]))
+    for title in SECTIONS:
+        lines.append(f"## {title}")
+        if title == "Arguments":
+            lines += ["Of `gymnasium.make`; all are given by name.", argument_table(name)]
+            continue
+        if title == "Observation Space":
+            lines.append(form(name))
+        lines.append(plain(parts[title]))
+    return "\n\n".join(lines) + "\n"
+
+
+def families() -> Mapping[str, tuple[str, ...]]:
+    """Ids by what they are about, in the order of the table."""
+    groups: dict[str, list[str]] = {"Grasping with force": [], "Closing": [], "Reach, push, pick and place": []}
+    for name in ENVIRONMENTS:
+        task = ENVIRONMENTS[name].task
+        key = "Closing" if "close:" in task else "Grasping with force" if "hold" in task else list(groups)[2]
+        groups[key].append(name)
+    return {title: tuple(names) for title, names in groups.items()}
+
+
+def overview(picture: bool) -> str:
+    """The page that lists every id."""
+    lines = [
+        "# Environments",
+        f"There are {len(ENVIRONMENTS)}, all under `tiago_mj/`. `import tiago_mj` registers them with gymnasium. "
+        "Each steps alone (`gymnasium.make`) or as many at once (`gymnasium.make_vec`), bit for bit the same.",
+    ]
+    for title, names in families().items():
+        lines += [f"## {title}", '<div class="tiles" markdown="0">']
+        lines += list(_tiles(names, picture))
+        lines.append("</div>")
+    return "\n\n".join(lines) + "\n"
+
+
+def _tiles(names: tuple[str, ...], picture: bool) -> Iterator[str]:
+    for name in names:
+        seen = f'<img src="{name}.png" alt="" loading="lazy" width="320" height="240">' if picture else ""
+        summary = plain(sections(task_class(name))[""]).replace("`", "")
+        yield f'<a class="tile" href="{name}.html">{seen}<b>{name}</b><span>{summary}</span></a>'

@@ -1,0 +1,135 @@
+"""Short motions on which an effect is shown: the fingers in the air, the fingers at an object, a hinge that lifts."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from types import MappingProxyType
+from typing import Any, Final
+
+import gymnasium
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from tiago_mj.envs.flat import core_of
+from tiago_mj.gap import apply
+
+Array = NDArray[np.float64]
+
+#: Rate of the commands [Hz] and length [s] of every motion.
+RATE, SECONDS = 240, 2.5
+ENVIRONMENT: Final = "tiago_mj/GripperTactile-v0"
+SEED: Final = 3
+#: The object of each motion of the fingers: too narrow to be touched, in the middle, or nearer to the left finger,
+#: which then pushes it over the table.
+OBJECTS: Final = MappingProxyType(
+    {
+        "air": {"object_width": 0.028, "object_offset": 0.0},
+        "grasp": {"object_offset": 0.0},
+        "push": {"object_offset": 0.008},
+    }
+)
+#: A link of 0.3 m and 0.5 kg on a horizontal hinge, with a position servo.
+HINGE: Final = """
+<mujoco>
+  <option timestep="0.002" integrator="implicitfast"/>
+  <worldbody>
+    <body name="link">
+      <joint name="hinge" axis="0 -1 0" damping="0.1"/>
+      <geom type="capsule" fromto="0 0 0 0.3 0 0" size="0.02" mass="0.5"/>
+      <body name="tool" pos="0.3 0 0"><geom type="sphere" size="0.03" mass="0.05"/></body>
+    </body>
+  </worldbody>
+  <actuator>
+    <position name="hinge" joint="hinge" kp="60" kv="4" ctrlrange="-1.5 1.5" forcerange="-20 20"/>
+  </actuator>
+</mujoco>
+"""
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """What was measured in a motion.
+
+    Attributes:
+        time: (T,) [s].
+        channels: (T,) each, by name: ``position`` [mm, mrad], ``velocity`` [mm/s, mrad/s] and, of the fingers,
+            ``force`` [sensor units]; of the left finger.
+    """
+
+    time: Array
+    channels: Mapping[str, Array]
+
+
+def _set_point(corners: list[tuple[float, float]], wave: tuple[float, float, float] | None = None) -> Array:
+    """Straight lines between (time, value), and a sine of (start [s], amplitude, frequency [Hz]) on them."""
+    time = np.arange(round(RATE * SECONDS) + 1) / RATE
+    path = np.interp(time, *zip(*corners, strict=True))
+    if wave is not None:
+        start, size, frequency = wave
+        path += np.where((time >= start) & (time < start + 2 / frequency), size, 0) * np.sin(
+            2 * np.pi * frequency * (time - start)
+        )
+    return path
+
+
+@cache
+def commands() -> Mapping[str, Array]:
+    """Set points of each motion: of a finger [m], of the hinge [rad]."""
+    air = [(0, 0.045), (0.1, 0.045), (0.6, 0.033), (0.9, 0.033), (1.4, 0.042), (2.5, 0.042)]
+    grasp = [(0, 0.045), (0.6, 0.021), (0.9, 0.0155), (2.1, 0.0155), (2.4, 0.024)]
+    hinge = [(0, 0.0), (0.2, 0.0), (0.8, 0.6), (1.1, 0.6), (1.7, -0.2), (2.0, 0.2), (2.5, 0.2)]
+    return {
+        "air": _set_point(air, (1.5, 2e-3, 2.5)),
+        "grasp": _set_point(grasp, (1.3, 8e-4, 2.5)),
+        "hinge": _set_point(hinge),
+    }
+
+
+def play(motion: str, effects: Any) -> Recorded:
+    """Play a motion with effects, and measure.
+
+    Args:
+        motion: ``air``, ``grasp``, ``push`` or ``hinge``.
+        effects: in any form that environments take; None: the nominal simulator.
+    """
+    return _hinge(effects) if motion == "hinge" else _fingers(motion, effects)
+
+
+def _fingers(motion: str, effects: Any) -> Recorded:
+    steps = round(RATE * SECONDS)
+    env = gymnasium.make(
+        ENVIRONMENT,
+        control="position",
+        finger_speed=0.5,
+        effects=effects,
+        max_episode_steps=steps,
+        visual=False,
+        **OBJECTS[motion],
+    )
+    core = core_of(env)
+    env.reset(seed=SEED)
+    rows = [_seen(core)]
+    for goal in commands()["air" if motion == "air" else "grasp"][1:]:
+        env.step(np.full(2, 2 * goal / 0.045 - 1, dtype=np.float32))
+        rows.append(_seen(core))
+    env.close()
+    position, velocity, force = np.array(rows).T
+    channels = {"position": 1e3 * position, "velocity": 1e3 * velocity, "force": force}
+    return Recorded(np.arange(steps + 1) / RATE, channels)
+
+
+def _seen(core: Any) -> tuple[float, float, float]:
+    return float(core.state.position[1]), float(core.state.velocity[1]), float(core.state.force_raw[1])
+
+
+def _hinge(effects: Any) -> Recorded:
+    robot = apply(mujoco.MjModel.from_xml_string(HINGE), effects or [], rate_hz=RATE)
+    rows = []
+    for goal in commands()["hinge"]:
+        rows.append((robot.position[0], robot.velocity[0]))
+        robot.step([goal])
+    position, velocity = 1e3 * np.array(rows).T
+    return Recorded(np.arange(len(rows)) / RATE, {"position": position, "velocity": velocity})
