@@ -11,7 +11,6 @@ import multiprocessing
 import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -142,7 +141,7 @@ def draw(
             for future in as_completed(asked):
                 frames[asked[future]] = future.result()
                 done(sum(len(some) for some in frames.values()))
-    except (BrokenProcessPool, OSError):  # no room for processes: this one does it
+    except Exception:  # no room for processes, or no OpenGL in them: this one does it
         return list(_drawn(model, snapshots, width, height, camera, done))
     return [frame for first in portions for frame in frames[first]]
 

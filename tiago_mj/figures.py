@@ -134,6 +134,28 @@ def arm(comparison: ArmComparison, *, start: float = 10.0, length: float = 30.0)
     return figure
 
 
+def gap(overlay: Any, sensor: str, joint: str) -> Figure:
+    """A load cell and a joint over a recording: measured, by the nominal and by the repaired simulator.
+
+    Args:
+        overlay: of the recording (:class:`tiago_mj.gap.result.Overlay`).
+        sensor, joint: names of its channels, such as ``force.right`` and ``position.gripper_right_finger_joint``.
+    """
+    lines = (("measured", BLACK, "-", 2.6), ("nominal", VERMILLION, (0, (5, 1.5)), 1.4), ("repaired", BLUE, "-", 1.2))
+    with rc_context(STYLE):
+        figure, (upper, lower) = _rows(2, (8.6, 4.6))
+        for name, color, line, width in lines:
+            signals = getattr(overlay, name)
+            alpha = 0.35 if name == "measured" else 1.0
+            upper.plot(overlay.time, signals[sensor], color=color, ls=line, lw=width, alpha=alpha, label=name)
+            lower.plot(overlay.time, 1e3 * signals[joint], color=color, ls=line, lw=width, alpha=alpha)
+        upper.set(ylabel="right load cell\n[sensor units]")
+        upper.legend(loc="lower right", ncols=3)
+        lower.set(ylabel="right finger [mm]", xlabel="time [s]", xlim=(0, overlay.time[-1]))
+        _source(figure, "A recording that was kept aside: the diagnosis has not seen it.")
+    return figure
+
+
 def filmstrip(frames: Sequence[NDArray[np.uint8]], titles: Sequence[str]) -> Figure:
     """Frames in two rows, each under its title."""
     columns = (len(frames) + 1) // 2

@@ -111,24 +111,28 @@ class Film:
             processes, done: as of :meth:`draw`.
         """
         check_suffix(path)
-        imageio: Any = importlib.import_module("imageio.v2")
-        suffix = path.suffix.lower()
-        if suffix == ".png":
+        if path.suffix.lower() == ".png":
             some = [self.snapshots[k] for k in strip_indices(self._first_episode())]
-            frames = self._drawn(some, processes=processes, done=done)
+            write_frames(path, [np.concatenate(self._drawn(some, processes=processes, done=done), axis=1)], self.fps)
         else:
-            frames = self.draw(processes=processes, done=done)
-        with atomic.replacing(path) as temporary:
-            if suffix == ".png":
-                imageio.imwrite(temporary, np.concatenate(frames, axis=1))
-            elif suffix == ".gif":
-                imageio.mimwrite(temporary, frames, duration=1000 / self.fps, loop=0)
-            else:
-                imageio.mimwrite(temporary, frames, fps=self.fps, quality=6, macro_block_size=2)
+            write_frames(path, self.draw(processes=processes, done=done), self.fps)
 
     def _first_episode(self) -> int:
         restarts = [i for i, time in enumerate(self.times) if i and time == 0.0]
         return restarts[0] if restarts else len(self.times)
+
+
+def write_frames(path: Path, frames: Sequence[Frame], fps: float) -> None:
+    """Write frames, whole: a film, or one picture where the file is a png."""
+    imageio: Any = importlib.import_module("imageio.v2")
+    suffix = path.suffix.lower()
+    with atomic.replacing(path) as temporary:
+        if suffix == ".png":
+            imageio.imwrite(temporary, frames[0])
+        elif suffix == ".gif":
+            imageio.mimwrite(temporary, frames, duration=1000 / fps, loop=0)
+        else:
+            imageio.mimwrite(temporary, frames, fps=fps, quality=6, macro_block_size=2)
 
 
 def strip_indices(count: int, wanted: int = STRIP_FRAMES) -> list[int]:

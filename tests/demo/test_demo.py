@@ -13,8 +13,9 @@ import numpy as np
 import pytest
 
 from tiago_mj import cli, figures
-from tiago_mj.demo import arm_torque, page, report
+from tiago_mj.demo import arm_torque, hidden, page, report
 from tiago_mj.demo.grasp import grasp, strip
+from tiago_mj.effects import EFFECTS
 
 ROOT = Path(__file__).resolve().parents[2]
 REALDATA = Path(os.environ.get("TIAGO_MJ_REALDATA", ROOT.parent / "shared" / "realdata"))
@@ -62,10 +63,53 @@ def check_grasp_and_curve(printed: str, data: dict, shown: Links) -> None:
     assert "333" in shown.words
     assert data["made"]["command"] in shown.words
     assert all(source.startswith("data:") for source in shown.sources), "everything is in the page"
-    assert data["made"]["seconds"] < 60
+
+
+def no_opengl(monkeypatch):
+    def broken(*given):
+        raise RuntimeError("there is no OpenGL here")
+
+    monkeypatch.setattr("mujoco.Renderer", broken)
+
+
+@pytest.fixture
+def undiagnosed(monkeypatch):
+    """Without the diagnosis, which takes half a minute."""
+
+    def missing(*given):
+        raise ModuleNotFoundError("the diagnosis needs pandas, which is not installed")
+
+    monkeypatch.setattr(hidden, "find", missing)
+
+
+@pytest.mark.slow
+def test_the_demo_finds_the_effect_that_it_hid(capsys, tmp_path):
+    printed, data, shown = run(capsys, tmp_path / "out", "--seed", "2")
+    found = data["hidden"]
+    assert found["effect"] == "backlash"
+    assert found["right"]
+    assert found["holds"], "the interval has the truth in it"
+    assert found["closed"] > 0.95
+    assert found["said"] in printed
+    assert found["value"] in shown.words
+    assert (tmp_path / "out" / found["report"]).is_file()
+    assert found["report"] in shown.sources
+    if not data["grasp"]["no_film"]:
+        assert (tmp_path / "out" / "found.mp4").stat().st_size > 10_000
+
+
+def test_every_effect_that_may_be_hidden_is_drawn_within_its_bounds():
+    drawn = [hidden.draw(seed) for seed in range(40)]
+    assert {name for name, _, _ in drawn} == set(hidden.HIDDEN)
+    for name, parameter, value in drawn:
+        _, low, high = hidden.HIDDEN[name]
+        assert parameter in EFFECTS[name].parameters
+        assert low <= value <= high
+    assert len({value for _, _, value in drawn}) == len(drawn)
 
 
 @needs_recording
+@pytest.mark.usefixtures("undiagnosed")
 def test_the_demo_with_a_recording_compares_the_arm_too(capsys, tmp_path):
     printed, data, shown = run(capsys, tmp_path / "out", "--data", str(REALDATA))
     check_grasp_and_curve(printed, data, shown)
@@ -76,13 +120,14 @@ def test_the_demo_with_a_recording_compares_the_arm_too(capsys, tmp_path):
     kinds = [source.split(";")[0] for source in shown.sources]
     if data["grasp"]["no_film"]:
         pytest.skip(f"no OpenGL here, so no film: {data['grasp']['no_film']}")
-    assert sorted(kinds) == ["data:image/png"] * 4 + ["data:video/mp4"]
+    assert sorted(kinds) == ["data:image/jpeg"] * 12 + ["data:image/png"] * 3 + ["data:video/mp4"]
     written = {path.name for path in (tmp_path / "out").iterdir()}
-    assert written == {"demo.html", "demo.json", "film.mp4", "filmstrip.png", "force.png", "curve.png", "arm.png"}
+    assert written == {"demo.html", "demo.json", "film.mp4", "force.png", "curve.png", "arm.png"}
 
 
+@pytest.mark.usefixtures("undiagnosed")
 def test_the_demo_without_recording_and_without_opengl_goes_on(capsys, tmp_path, monkeypatch):
-    monkeypatch.setenv("MUJOCO_GL", "none at all")
+    no_opengl(monkeypatch)
     printed, data, shown = run(capsys, tmp_path / "out")
     check_grasp_and_curve(printed, data, shown)
     assert data["arm"] is None
@@ -92,12 +137,15 @@ def test_the_demo_without_recording_and_without_opengl_goes_on(capsys, tmp_path,
         assert line in printed
         assert line in shown.words
     assert [source.split(";")[0] for source in shown.sources] == ["data:image/png"] * 2
+    assert data["hidden"] is None
+    assert "pandas" in shown.words
     *_, done, written, following = printed.splitlines()
     assert (done.split()[0], written.split()[0], following.split()[0]) == ("Done", "Written:", "Next:")
 
 
+@pytest.mark.usefixtures("undiagnosed")
 def test_a_failing_page_leaves_the_old_one_whole(capsys, tmp_path, monkeypatch):
-    monkeypatch.setenv("MUJOCO_GL", "none at all")
+    no_opengl(monkeypatch)
     (tmp_path / "demo.html").write_text("the old page")
     monkeypatch.setattr(page, "render", lambda *_: 1 / 0)
     with pytest.raises(ZeroDivisionError):
@@ -111,13 +159,13 @@ def test_the_filmstrip_follows_the_contacts(monkeypatch):
     done = grasp(seed=1)
     if done.film is None:
         pytest.skip(done.no_film)
-    chosen, titles = strip(done)
+    chosen, titles = zip(*strip(done), strict=True)
     assert titles[2] == "left finger touches"
     assert titles[4] == "right finger touches"
-    assert chosen == sorted(chosen)
+    assert list(chosen) == sorted(chosen)
     for side, index in zip(("left", "right"), (2, 4), strict=True):
         touch = dict(zip(("right", "left"), done.trace.contact_times(), strict=True))[side]
-        assert 0 <= done.film.times[chosen[index]] - touch < 0.01  # frames are 8 ms apart
+        assert 0 <= done.film.times[chosen[index]] - touch < 0.013  # frames are 12.5 ms apart
 
 
 @needs_recording
@@ -182,15 +230,19 @@ def test_a_grasp_that_never_touches_is_told_as_it_is(monkeypatch):
         def __call__(self, observation, info):
             return np.zeros(2, dtype=np.float32)
 
-    monkeypatch.setenv("MUJOCO_GL", "none at all")
+    no_opengl(monkeypatch)
     monkeypatch.setattr("tiago_mj.demo.grasp.ForcePI.for_env", lambda env: Still())
     done = grasp(seed=0)
     data = report.grasp_data(done)
     assert not data["success"]
     assert data["contact_times"] == {"right": None, "left": None}
     assert figures.png(figures.force(done.trace)).startswith(b"\x89PNG")
-    curve = {"slopes": (1.0, 2.0), "dead_bands_mm": (0.1, 0.2), "simulated": [{"slope": 1.5}]}
-    assert report.headline({"grasp": data, "curve": curve, "arm": None}).startswith("The fingers never both touched")
+    simulated = [{"object": "wood", "slope": 1.5, "dead_band_mm": 0.0}]
+    curve = {"slopes": (1.0, 2.0), "dead_bands_mm": (0.1, 0.2), "simulated": simulated, "slopes_agree": True}
+    whole = {"final_force": {"right": 1.0, "left": 1.0}, "goal": 1.0}
+    shown = {"seed": 0, "hidden": None, "no_hidden": "not asked", "grasp": data, "whole": whole, "arm": None}
+    said = "\n".join(report.lines({**shown, "curve": {**curve, "unexplained_force": 0.1}}))
+    assert "right finger never touches, left finger never touches" in said
 
 
 def test_the_environment_shown_is_one_that_is_registered():

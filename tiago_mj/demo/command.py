@@ -1,4 +1,4 @@
-"""``tiago-mj demo``: a grasp, the real force curve, the real arm, one page. No network, no GPU, under a minute."""
+"""``tiago-mj demo``: an effect hidden and found, a grasp, the real force curve, TIAGo as a whole; one page."""
 
 from __future__ import annotations
 
@@ -15,20 +15,24 @@ import mujoco
 import numpy as np
 
 from tiago_mj import __version__, atomic, figures
-from tiago_mj.demo import arm_torque, page, report
+from tiago_mj.demo import arm_torque, hidden, page, report
 from tiago_mj.demo.grasp import Grasp, grasp, strip
+from tiago_mj.demo.whole import whole
+from tiago_mj.film import Frame, write_frames
 from tiago_mj.progress import Progress
 from tiago_mj.sensing import ta11_curve
 
 #: Largest film that is put into the page [bytes]; a larger one is left beside it, with the filmstrip in the page.
 FILM_LIMIT: Final = 3_000_000
+#: Folder of the diagnosis' report, in that of the page.
+DIAGNOSIS: Final = "diagnosis"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of the command."""
     parser.add_argument("--data", type=Path, metavar="DIR", help="holds tiago_arm/, a recording of a real arm")
     parser.add_argument("--out", type=Path, metavar="DIR", default=Path("out"), help="where to write (out)")
-    parser.add_argument("--seed", type=int, metavar="N", default=0, help="of the sensor noise (0)")
+    parser.add_argument("--seed", type=int, metavar="N", default=0, help="of what is hidden, and of noise (0)")
     parser.add_argument("--json", action="store_true", help="print demo.json instead of the summary")
 
 
@@ -52,25 +56,32 @@ def run(arguments: argparse.Namespace) -> int:
         return 0
     print("\n".join(report.lines(data)))
     compared = "a real force curve" if data["arm"] is None else "a real force curve and a real arm"
-    print(f"Done in {data['made']['seconds']:.0f} s: a grasp, compared with {compared}.")
+    print(f"Done in {data['made']['seconds']:.0f} s: an effect found, a grasp, compared with {compared}.")
     print(f"Written: {out / 'demo.html'}, its numbers in demo.json, its pictures beside it.")
     print(f"Next: open {out / 'demo.html'}; then tiago-mj rollout --env TIAGoTactile-v0 --policy pi --film tiago.mp4")
     return 0
 
 
 def _make(arguments: argparse.Namespace, progress: Progress, began: float) -> dict[str, Any]:
-    """Grasp, compare and write; what ``demo.json`` holds."""
+    """Hide and find an effect, grasp, compare and write; what ``demo.json`` holds."""
     out: Path = arguments.out
     folder = arm_torque.find(arguments.data)
     arm = None if folder is None else arm_torque.compare(arm_torque.load(folder))
-    progress.stage("grasping, with a film")
+    progress.stage("hiding an effect, and recording grasps with it")
+    answer, no_answer = _answer(arguments.seed, out / DIAGNOSIS, progress)
+    progress.stage("grasping")
     done = grasp(seed=arguments.seed)
     progress.stage("comparing the force curve")
     curve = ta11_curve.compare(seed=arguments.seed)
+    progress.stage("grasping with the whole robot")
+    trace, robot = whole(seed=arguments.seed, pictures=done.film is not None)
     data: dict[str, Any] = {
         "seed": arguments.seed,
+        "hidden": None if answer is None else report.hidden_data(answer),
+        "no_hidden": no_answer,
         "grasp": report.grasp_data(done),
         "curve": report.curve_data(curve),
+        "whole": report.whole_data(trace),
         "arm": None if arm is None else report.arm_data(arm),
         "made": {
             "command": _command(arguments),
@@ -80,46 +91,59 @@ def _make(arguments: argparse.Namespace, progress: Progress, began: float) -> di
             "numpy": np.__version__,
         },
     }
-    progress.stage("drawing the pictures")
-    pictures = _pictures(done, curve, arm)
-    for name, content in pictures.items():
-        atomic.write_bytes(out / f"{name}.png", content)
-    embedded = {name: page.embedded(content, ".png") for name, content in pictures.items()}
-    embedded.update(_film(done, out))
-    data["made"]["seconds"] = time.monotonic() - began
-    atomic.write_text(out / "demo.json", json.dumps(data, indent=2) + "\n")
-    atomic.write_text(out / "demo.html", page.render(data, embedded))
-    return data
-
-
-def _pictures(done: Grasp, curve: ta11_curve.Comparison, arm: arm_torque.ArmComparison | None) -> dict[str, bytes]:
-    """PNG files by name."""
     pictures = {"force": figures.png(figures.force(done.trace)), "curve": figures.png(figures.curve(curve))}
     if arm is not None:
         pictures["arm"] = figures.png(figures.arm(arm))
+    if answer is not None:
+        pictures["gap"] = figures.png(figures.gap(answer.diagnosis.overlays[0], *hidden.SHOWN))
+    for name, content in pictures.items():
+        atomic.write_bytes(out / f"{name}.png", content)
+    embedded = {name: page.embedded(content, ".png") for name, content in pictures.items()}
+    embedded |= _films(done, answer, out, progress)
+    strips = {"whole": [{"picture": page.photo(frame), "title": ""} for frame in robot]}
     if done.film is not None:
-        chosen, titles = strip(done)
-        pictures["filmstrip"] = figures.png(
-            figures.filmstrip([done.film.draw(processes=None)[i] for i in chosen], titles)
-        )
-    return pictures
+        frames = done.film.draw(processes=None)
+        strips["grasp"] = [{"picture": page.photo(frames[k]), "title": title} for k, title in strip(done)]
+    data["made"]["seconds"] = time.monotonic() - began
+    atomic.write_text(out / "demo.json", json.dumps(data, indent=2) + "\n")
+    atomic.write_text(out / "demo.html", page.render(data, embedded, strips))
+    return data
 
 
-def _film(done: Grasp, out: Path) -> dict[str, str]:
-    """Write the film; hand it back for the page where it is small enough. Without an encoder there is the filmstrip."""
-    if done.film is None:
-        return {}
-    path = out / "film.mp4"
+def _answer(seed: int, folder: Path, progress: Progress) -> tuple[hidden.Answer | None, str]:
+    """What was hidden and found; or None, and why not."""
+
+    def tick(stage: str, total: int, done: int = 0) -> None:
+        progress.stage(f"diagnosing: {stage}")
+
     try:
-        done.film.write(path)
-    except (ImportError, RuntimeError) as fault:
-        print(
-            f"no film, only pictures: {' '.join(str(fault).split())}; try: pip install 'imageio[ffmpeg]'",
-            file=sys.stderr,
-        )
-        return {}
-    content = path.read_bytes()
-    return {"film": page.embedded(content, ".mp4")} if len(content) <= FILM_LIMIT else {}
+        return hidden.find(seed, folder, tick), ""
+    except ModuleNotFoundError as fault:
+        return None, str(fault)
+
+
+def _films(done: Grasp, answer: hidden.Answer | None, out: Path, progress: Progress) -> dict[str, str]:
+    """Write the films; hand those back for the page that are small enough. Without an encoder there are pictures."""
+    films: dict[str, tuple[list[Frame], float]] = {}
+    if answer is not None and answer.panes:
+        progress.stage("drawing the film", sum(len(film.snapshots) for film in answer.panes.values()))
+        films["found"] = hidden.side_by_side(answer, progress.at), answer.panes["measured"].fps
+    if done.film is not None:
+        progress.stage("drawing the grasp", len(done.film.snapshots))
+        films["film"] = done.film.draw(processes=None, done=progress.at), done.film.fps
+    embedded = {}
+    for name, (frames, fps) in films.items():
+        path = out / f"{name}.mp4"
+        try:
+            write_frames(path, frames, fps)
+        except (ImportError, RuntimeError) as fault:
+            what = f"no film, only pictures: {' '.join(str(fault).split())}"
+            print(f"{what}; try: pip install 'imageio[ffmpeg]'", file=sys.stderr)
+            return {}
+        content = path.read_bytes()
+        if len(content) <= FILM_LIMIT:
+            embedded[name] = page.embedded(content, ".mp4")
+    return embedded
 
 
 def _command(arguments: argparse.Namespace) -> str:

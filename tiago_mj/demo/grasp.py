@@ -51,7 +51,7 @@ def grasp(*, seed: int) -> Grasp:
     return Grasp(trace, summarise(trace, seed), newtons, film, no_film)
 
 
-def strip(done: Grasp) -> tuple[list[int], list[str]]:
+def strip(done: Grasp) -> list[tuple[int, str]]:
     """Frames that tell the grasp, and what each shows: evenly spaced ones where not both fingers touched."""
     assert done.film is not None
     times = np.array(done.film.times)
@@ -59,7 +59,7 @@ def strip(done: Grasp) -> tuple[list[int], list[str]]:
     known = {side: touch for side, touch in touches.items() if touch is not None}
     if len(known) < len(touches):
         chosen = strip_indices(len(times))
-        return chosen, [f"{times[i]:.2f} s" for i in chosen]
+        return [(i, f"{times[i]:.2f} s") for i in chosen]
     (first, early), (second, late) = sorted(known.items(), key=lambda item: item[1])
     moments = {
         "open": 0.0,
@@ -70,7 +70,7 @@ def strip(done: Grasp) -> tuple[list[int], list[str]]:
         "goal force held": float(times[-1]),
     }
     # The first frame at or after each moment: before it, the touch is not yet to be seen.
-    return [int(np.searchsorted(times, moment - 1e-9)) for moment in moments.values()], list(moments)
+    return [(int(np.searchsorted(times, moment - 1e-9)), title) for title, moment in moments.items()]
 
 
 def _try_film(env: gymnasium.Env[Any, Any]) -> tuple[Film | None, str]:

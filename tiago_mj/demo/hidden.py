@@ -1,10 +1,13 @@
-"""The demonstration's riddle for itself: an effect is drawn and hidden in the simulator, grasps are recorded with it, and
-the diagnosis is given the recordings alone. Then its answer is held against the truth, in numbers and in a film."""
+"""A hidden effect, found again: one is drawn, grasps are recorded with it, the diagnosis is given the recordings alone.
+
+Its answer is then compared with the truth, in numbers and in a film of the measured, nominal and repaired grasp.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
@@ -28,13 +31,15 @@ HIDDEN: Final[Mapping[str, tuple[str, float, float]]] = {
     "backlash": ("width", 0.0015, 0.004),
     "viscous_friction": ("damping", 30.0, 60.0),
 }
-#: Grasps that are recorded, and seconds after which the diagnosis tells the best so far: the demonstration as a whole is
-#: to be over in 90 s on two processors.
+#: Grasps that are recorded, and seconds after which the diagnosis tells the best so far: all of the demonstration is to
+#: be over in 90 s on two processors.
 EPISODES: Final = 4
 BUDGET: Final = 50.0
 #: Width and height of each of the film's three pictures [pixel].
 FRAME: Final = (320, 288)
 PANES: Final = ("measured", "nominal", "repaired")
+#: Load cell and joint whose signals are drawn.
+SHOWN: Final = ("force.right", "position.gripper_right_finger_joint")
 
 
 @dataclass(frozen=True)
@@ -103,9 +108,8 @@ def find(seed: int, folder: Path, tick: Callable[..., None]) -> Answer:
 
     name, parameter, truth = draw(seed)
     plan = Plan(ENV, {}, {name: {parameter: truth}}, None, "pi")
-    trials = list(
-        record(plan, lambda env: make_policy("pi", env, seed=seed, trust=False), episodes=EPISODES, seed=100 * seed)
-    )
+    policy = partial(make_policy, "pi", seed=seed, trust=False)
+    trials = list(record(plan, policy, episodes=EPISODES, seed=100 * seed))
     findings = lint.inspect_all(trials, plant_of(trials))
     with limits(1):
         found = diagnose(
@@ -162,7 +166,10 @@ def side_by_side(answer: Answer, done: Callable[[int], None] = lambda frames: No
     drawn = 0
     panes: list[Sequence[Frame]] = []
     for pane in PANES:
-        before = drawn
-        panes.append(answer.panes[pane].draw(processes=None, done=lambda frames, before=before: done(before + frames)))
+        panes.append(answer.panes[pane].draw(processes=None, done=partial(_further, done, drawn)))
         drawn += len(panes[-1])
     return [np.concatenate(row, axis=1) for row in zip(*panes, strict=True)]
+
+
+def _further(done: Callable[[int], None], before: int, frames: int) -> None:
+    done(before + frames)

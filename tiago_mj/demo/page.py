@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Mapping
+import io
+from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 import jinja2
+import numpy as np
+from numpy.typing import NDArray
 
 from tiago_mj.demo.arm_torque import HOW_TO_GET
 from tiago_mj.demo.report import headline
 
-TYPES: Final = {".png": "image/png", ".mp4": "video/mp4"}
+TYPES: Final = {".png": "image/png", ".jpg": "image/jpeg", ".mp4": "video/mp4"}
 
 
 def embedded(content: bytes, suffix: str) -> str:
@@ -19,12 +22,24 @@ def embedded(content: bytes, suffix: str) -> str:
     return f"data:{TYPES[suffix]};base64,{base64.b64encode(content).decode()}"
 
 
-def render(data: Mapping[str, Any], pictures: Mapping[str, str]) -> str:
+def photo(frame: NDArray[np.uint8]) -> str:
+    """A frame, (height, width, 3), as the data URI of a JPEG."""
+    from PIL import Image
+
+    stream = io.BytesIO()
+    Image.fromarray(frame).save(stream, format="JPEG", quality=85)
+    return embedded(stream.getvalue(), ".jpg")
+
+
+def render(
+    data: Mapping[str, Any], pictures: Mapping[str, str], strips: Mapping[str, Sequence[Mapping[str, str]]]
+) -> str:
     """The page.
 
     Args:
         data: what ``demo.json`` holds.
-        pictures: data URIs by name: ``force`` and ``curve``; ``arm``, ``filmstrip``, ``film`` where they exist.
+        pictures: data URIs by name: ``force`` and ``curve``; ``gap``, ``arm``, ``found``, ``film`` where they exist.
+        strips: pictures of ``grasp`` and ``whole``, each with its ``title``; none where nothing could be rendered.
     """
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("tiago_mj.demo", "templates"),
@@ -36,5 +51,6 @@ def render(data: Mapping[str, Any], pictures: Mapping[str, str]) -> str:
     environment.filters["fixed"] = lambda value, digits=2: f"{value + 0.0:.{digits}f}".replace("-", "−")
     environment.filters["percent"] = lambda value: f"{100 * value:.0f} %".replace("-", "−")
     template = environment.get_template("demo.html.j2")
-    shown = {"filmstrip": None, "film": None, **pictures}
-    return template.render(**data, pictures=shown, headline=headline(dict(data)), how_to_get=HOW_TO_GET)
+    shown = {"film": None, "found": None, "gap": None, **pictures}
+    strips = {"grasp": [], "whole": [], **strips}
+    return template.render(**data, pictures=shown, strips=strips, headline=headline(dict(data)), how_to_get=HOW_TO_GET)

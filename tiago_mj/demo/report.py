@@ -9,8 +9,44 @@ import numpy as np
 
 from tiago_mj.demo.arm_torque import HOW_TO_GET, SOURCE, ArmComparison
 from tiago_mj.demo.grasp import ENV, Grasp
+from tiago_mj.demo.hidden import Answer
 from tiago_mj.models import names
+from tiago_mj.quantities import quantity
+from tiago_mj.rollout import Trace
 from tiago_mj.sensing import ta11_curve
+
+
+def hidden_data(answer: Answer) -> dict[str, Any]:
+    """What was hidden and what was said of it; the magnitude in the effect's own unit."""
+    from tiago_mj.gap.report import verdict, words
+
+    found, value = answer.diagnosis, answer.value
+    return {
+        "effect": words.title(answer.name).lower().replace("coulomb", "Coulomb"),
+        "parameter": answer.parameter,
+        "truth": quantity(answer.truth, answer.unit),
+        "said": verdict.headline(found),
+        "kind": found.kind,
+        "right": answer.right,
+        "value": None if value is None else quantity(value[0], answer.unit),
+        "interval": None if value is None else [quantity(end, answer.unit) for end in value[1:]],
+        "holds": value is not None and value[1] <= answer.truth <= value[2],
+        "closed": found.shrink.closed,
+        "seconds": found.seconds,
+        "complete": found.complete,
+        "report": f"{answer.folder.name}/report.html",
+    }
+
+
+def whole_data(trace: Trace) -> dict[str, Any]:
+    """The whole robot's grasp."""
+    last = max(1, len(trace.time) // 10)
+    return {
+        "seconds": float(trace.time[-1]),
+        "contact_times": dict(zip(names.SIDES, trace.contact_times(), strict=True)),
+        "final_force": dict(zip(names.SIDES, trace.force[-last:].mean(axis=0).tolist(), strict=True)),
+        "goal": float(trace.goal[0]),
+    }
 
 
 def grasp_data(done: Grasp) -> dict[str, Any]:
@@ -73,26 +109,23 @@ def arm_data(comparison: ArmComparison) -> dict[str, Any]:
     }
 
 
-def headline(data: dict[str, Any]) -> str:
-    """One sentence with the figures."""
-    grasp, curve, arm = data["grasp"], data["curve"], data["arm"]
-    right, left = (grasp["final_force"][side] for side in names.SIDES)
-    touched = f"The fingers never both touched: they hold {right:.2f} and {left:.2f}"
-    if grasp["both_contacts"] is not None:
-        touched = f"Both fingers touch after {grasp['both_contacts']:.2f} s and hold {right:.2f} and {left:.2f}"
+def headline(data: dict[str, Any]) -> tuple[str, str]:
+    """What the project is, and what this page shows of it (empty without a diagnosis)."""
+    hidden, curve = data["hidden"], data["curve"]
+    what = (
+        "TIAGo and its gripper with TA11 load-cell fingertips in MuJoCo, and a diagnosis that says why the simulator "
+        "differs from the real robot."
+    )
+    if hidden is None:
+        return what, ""
     low, high = curve["slopes"]
-    bands = curve["dead_bands_mm"]
     simulated = float(np.mean([row["slope"] for row in curve["simulated"]]))
-    parts = [
-        f"{touched} sensor units where {grasp['goal']:.2f} was asked",
-        f"the force rises by {simulated:.0f} per metre, {low:.0f} to {high:.0f} on the real gripper, "
-        f"without its dead band of {bands[0]:.2f} to {bands[1]:.2f} mm",
-    ]
-    if arm is not None:
-        shares = [100 * row["explained"] for row in arm["joints"]]
-        spread = f"{min(shares):.0f} to {max(shares):.0f} %"
-        parts.append(f"the model explains {spread} of a real arm's torque, joint by joint")
-    return "; ".join(parts) + "."
+    found = "found" if hidden["right"] else "not found"
+    return what, (
+        f"Here the diagnosis is given grasps of a simulator in which {hidden['effect']} of {hidden['truth']} was "
+        f"hidden: {found}. Below, the simulated gripper's force rises by {simulated:.0f} per metre, the real one's by "
+        f"{low:.0f} to {high:.0f}."
+    )
 
 
 def lines(data: dict[str, Any]) -> list[str]:
@@ -105,7 +138,17 @@ def lines(data: dict[str, Any]) -> list[str]:
     low, high = curve["slopes"]
     slopes = ", ".join(f"{row['object']} {row['slope']:.0f}" for row in curve["simulated"])
     bands = ", ".join(f"{abs(row['dead_band_mm']):.2f}" for row in curve["simulated"])
-    shown = [
+    hidden, robot = data["hidden"], data["whole"]
+    shown = [f"Hidden effect: not diagnosed: {data['no_hidden']}"]
+    if hidden is not None:
+        value = "another effect was named" if hidden["value"] is None else f"found {hidden['value']}"
+        if hidden["interval"] is not None:
+            value += f" ({hidden['interval'][0]} to {hidden['interval'][1]})"
+        shown = [
+            f"Hidden effect: {hidden['effect']}, {hidden['truth']}; {'right' if hidden['right'] else 'wrong'}, {value}",
+            f"  said in {hidden['seconds']:.0f} s: {hidden['said']}",
+        ]
+    shown += [
         f"Grasp: PI force controller, {grasp['env']}, seed {data['seed']}",
         f"  return {grasp['return']:.1f} in {grasp['steps']} steps, {'success' if grasp['success'] else 'no success'}; "
         + ", ".join(touches),
@@ -121,6 +164,8 @@ def lines(data: dict[str, Any]) -> list[str]:
         f"  dead band {curve['dead_bands_mm'][0]:.2f} to {curve['dead_bands_mm'][1]:.2f} mm; simulated {bands} mm: "
         f"it remains, worth up to {curve['unexplained_force']:.2f} sensor units",
     ]
+    held = ", ".join(f"{side} {force:.3f}" for side, force in robot["final_force"].items())
+    shown.append(f"TIAGo as a whole: held {held} where {robot['goal']:.2f} was asked")
     if arm is None:
         return [*shown, "Arm: no recording given", *(f"  {line}" for line in HOW_TO_GET)]
     shown.append("Arm: torque of a real TIAGo against the nominal model's, RMS in N·m")

@@ -190,7 +190,11 @@ def _tried(
     if not test:
         return Verdict(judged, repaired, closing, ())
     rest = leave(fit=best)
-    aside = promises.Aside(closing.closed, rest.gap, rest.misfit, held_out.can_close(best))
+    closed = closing.closed
+    if closed is not None and closed <= promises.CLOSES:  # where the object stood may hide it
+        none = leave(fit=ranked.fits[outcome.nominal(ranked)])
+        closed = max(closed, shrink.closed(none.gap, rest.gap) or 0.0)
+    aside = promises.Aside(closed, rest.gap, rest.misfit, held_out.can_close(best), comparable=False)
     kept, said = promises.aside(judged, aside, [verdict.option(fit, ranked) for fit in ranked.fits], by)
     if kept.rivals[0] != judged.rivals[0]:
         best, repaired = ranked.fits[kept.rivals[0]], repair(kept.rivals[0])

@@ -67,9 +67,8 @@ def run(arguments: argparse.Namespace) -> int:
             with Progress("rollout", quiet=arguments.json) as progress:
                 progress.stage("episodes")
                 episodes = play_in(env, batch, watch=film)
-                progress.stage(
-                    "drawing frames", len(film.snapshots) if arguments.film.suffix != ".png" else STRIP_FRAMES
-                )
+                strip = arguments.film.suffix.lower() == ".png"
+                progress.stage("drawing frames", STRIP_FRAMES if strip else len(film.snapshots))
                 film.write(arguments.film, processes=None, done=progress.at)
         finally:
             env.close()

@@ -1,0 +1,41 @@
+"""TIAGo as a whole: the same grasp by torso, arm and fingers, as six pictures."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import gymnasium
+import numpy as np
+from numpy.typing import NDArray
+
+from tiago_mj import drawing
+from tiago_mj.control.force_pi import ForcePI
+from tiago_mj.envs.flat import core_of
+from tiago_mj.film import strip_indices
+from tiago_mj.rollout import Trace, play
+
+Frame = NDArray[np.uint8]
+
+ENV: Final = "tiago_mj/TIAGoTactile-v0"
+FRAME: Final = (400, 400)
+CAMERA: Final = drawing.Camera((0.45, 0.0, 0.72), 1.9, 130, -18)
+
+
+def whole(*, seed: int, pictures: bool = True) -> tuple[Trace, list[Frame]]:
+    """The grasp, and pictures of it, if they are wanted: of the whole robot the first half, of its hand the rest."""
+    env = gymnasium.make(ENV)
+    core: Any = core_of(env)
+    taken: list[drawing.Snapshot] = []
+    try:
+        trace = play(env, ForcePI.for_env(env), seed=seed, watch=lambda step: taken.append(drawing.snapshot(core)))
+        if not pictures:
+            return trace, []
+        chosen = [taken[k] for k in strip_indices(len(taken))]
+        half = len(chosen) // 2
+        width, height = FRAME
+        frames: list[Frame] = []
+        for some, camera in ((chosen[:half], CAMERA), (chosen[half:], drawing.AT_THE_HAND)):
+            frames += drawing.draw(core.model, some, width=width, height=height, camera=camera)
+    finally:
+        env.close()
+    return trace, frames
