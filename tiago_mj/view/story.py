@@ -25,8 +25,8 @@ from tiago_mj.gap.report import words
 from tiago_mj.gap.report.overlays import stretches
 from tiago_mj.gap.result import PHASES, Diagnosis, Overlay
 from tiago_mj.gap.simulation import phases, replay
+from tiago_mj.gap.simulation.along_a_motion import along_a_motion
 from tiago_mj.gap.simulation.plant import Plant
-from tiago_mj.gap.torque.way import along_a_motion
 from tiago_mj.models import names, scene
 
 Array = NDArray[np.float64]
