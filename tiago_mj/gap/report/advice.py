@@ -68,7 +68,7 @@ class Step:
 
     Attributes:
         title: in a few words.
-        said: sentences.
+        said: sentences, code in backticks.
         command: to be run in a shell; empty: none.
         code: Python that does the same or the rest; empty: none.
         places: (what is there, where to look) on the robot.
@@ -137,7 +137,7 @@ def _look(diagnosis: Diagnosis, explanations: Sequence[Explanation], title: str)
     places = tuple(on_robot(diagnosis, effect) for effect in effects.values())
     if not places:
         return ()
-    mended = "" if diagnosis.kind == "unknown" else "Mended? Record the same motions again: the effect has to be gone."
+    mended = "Mended? Record the same motions again: the effect should be gone." if diagnosis.kind == "effect" else ""
     return (Step(title, mended, places=places),)
 
 
@@ -198,14 +198,12 @@ def _record_next(diagnosis: Diagnosis) -> Step:
             return Step("Record another motion", f"{said} {again}")
         return Step("Record another motion", f"{said} This one shows more: {again}", command=_record(diagnosis, other))
     pairs = words.listed([f"{words.title(a)} from {words.title(b)}" for a, b in motion.resolves])
-    tells = f" tells best {pairs}:" if pairs else ""
+    tells = f" tells best {pairs}:" if pairs else " is the best:"
     chance = words.percent(motion.expected_probability)
     said = (
-        f"Of the safe motions {motion.file}{tells} one recording of it decides with a chance of {chance}. Record it on "
-        f"the real robot about three times, as docs/motions.md says. {again} Of a simulated robot this records it:"
+        f"Of the safe motions `{motion.file}`{tells} one recording of it decides with a chance of {chance}. Record it "
+        f"on the real robot about three times, as `docs/motions.md` says. {again} Of a simulated robot this records it:"
     )
-    if not pairs:
-        said = said.replace(f"{motion.file} one", f"{motion.file} is the best: one")
     return Step("Record this motion next", said, command=_record(diagnosis, motion.file))
 
 
@@ -215,7 +213,7 @@ def _record_more(diagnosis: Diagnosis) -> Step:
     name = "" if _is_model(diagnosis) else _motion(diagnosis, stage)
     if not name:
         return Step("Record a motion that shows it alone", f"{words.begin(BY_HAND.get(stage, ANY_BY_HAND))}. {after}")
-    said = f"{name} is a safe motion for that (docs/motions.md). {after} Of a simulated robot this records it:"
+    said = f"`{name}` is a safe motion for that (`docs/motions.md`). {after} Of a simulated robot this records it:"
     return Step("Record a motion that shows it alone", said, command=_record(diagnosis, name))
 
 
@@ -230,7 +228,7 @@ def _look_by_stage(diagnosis: Diagnosis) -> Step:
 
 def _declare() -> Step:
     said = (
-        "A cause that the library lacks takes 15 lines (docs/tutorials/add-an-effect.md). The next diagnosis tries it "
+        "A cause that the library lacks takes 15 lines (`docs/tutorials/add-an-effect.md`). The next diagnosis tries it "
         "with the others."
     )
     return Step("Have a suspicion? Declare it as an effect", said)
