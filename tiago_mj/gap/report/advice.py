@@ -162,7 +162,7 @@ def _simulate(diagnosis: Diagnosis, use: str) -> tuple[Step, ...]:
         "import mujoco\nfrom tiago_mj.gap import apply\n\n"
         f'robot = apply(mujoco.MjModel.from_xml_path("{_robot(diagnosis)}"), "{calibration}")'
     )
-    if not model.xml:
+    if not (model.xml and model.holds):  # a file that is as before repairs nothing
         return (Step(f"{use} {which}", verdict.on_model(diagnosis), code=whole),)
     watch = f"python -m mujoco.viewer --mjcf={shlex.quote(_beside(diagnosis, 'repaired.xml'))}"
     return (Step(f"{use} {which}", verdict.on_model(diagnosis), command=watch, code=whole),)
