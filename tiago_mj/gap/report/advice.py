@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import shlex
 from collections.abc import Sequence
@@ -131,9 +132,7 @@ def _share(diagnosis: Diagnosis, effect: Named) -> str:
 
 
 def _look(diagnosis: Diagnosis, explanations: Sequence[Explanation], title: str) -> tuple[Step, ...]:
-    effects = {
-        (effect.name, effect.target): effect for one in explanations[:TOLD] for effect in one.effects
-    }
+    effects = {(effect.name, effect.target): effect for one in explanations[:TOLD] for effect in one.effects}
     places = tuple(on_robot(diagnosis, effect) for effect in effects.values())
     if not places:
         return ()
@@ -228,8 +227,8 @@ def _look_by_stage(diagnosis: Diagnosis) -> Step:
 
 def _declare() -> Step:
     said = (
-        "A cause that the library lacks takes 15 lines (`docs/tutorials/add-an-effect.md`). The next diagnosis tries it "
-        "with the others."
+        "A cause that the library lacks takes 15 lines (`docs/tutorials/add-an-effect.md`). The next diagnosis tries "
+        "it with the others."
     )
     return Step("Have a suspicion? Declare it as an effect", said)
 
@@ -291,4 +290,4 @@ def _said(diagnosis: Diagnosis, option: str) -> str:
         said = shlex.split(diagnosis.command)
     except ValueError:  # of a command line that nobody could run
         return ""
-    return next((after for before, after in reversed(list(zip(said, said[1:], strict=False))) if before == option), "")
+    return next((after for before, after in reversed(list(itertools.pairwise(said))) if before == option), "")

@@ -66,6 +66,7 @@ def render(diagnosis: Diagnosis, seen: Seen | None = None) -> str:
         bare=words.bare,
         glued=glued,
         coded=coded,
+        worded=worded,
         breakable=breakable,
     )
     drawn = _drawn(diagnosis)
@@ -117,6 +118,11 @@ def glued(sentence: str) -> str:
 def coded(sentence: str) -> Markup:
     """Escaped, with what stands in backticks as code."""
     return Markup(re.sub(r"`([^`]+)`", r"<code>\1</code>", str(escape(glued(sentence)))))
+
+
+def worded(command: str) -> Markup:
+    """A command, escaped, whose words are not broken at their hyphens."""
+    return Markup(" ").join(Markup("<span>{}</span>").format(word) for word in command.split(" "))
 
 
 def breakable(name: str) -> Markup:

@@ -82,7 +82,7 @@
   }
 
   // What is out of sight is drawn in idle moments, one figure at a time: a page that is captured whole has them all.
-  const soon = (work) => window.requestIdleCallback ? requestIdleCallback(work, { timeout: 1000 }) : setTimeout(work, 50);
+  const soon = (work) => window.requestIdleCallback ? requestIdleCallback(work, { timeout: 100 }) : setTimeout(work, 50);
   function rest() {
     const next = places.find((place) => !drawn.has(place) && !place.closest("details:not([open])"));
     if (next) { draw(next); soon(rest); }
