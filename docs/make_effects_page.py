@@ -159,6 +159,7 @@ def section(name: str, declared: type[Effect]) -> str:
     said = [
         ("In a recording", told.looks),
         ("Typical", f"{told.typical} *Source:* {told.source}"),
+        ("On the robot", told.check),
         ("MuJoCo", told.native or "has none; it is computed outside of the simulation."),
     ]
     parts.append("\n".join(f"- *{label}:* {text.replace('``', '`')}" for label, text in said))

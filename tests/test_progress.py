@@ -114,3 +114,37 @@ def test_progress_before_a_stage_is_refused():
 )
 def test_times_are_said_as_people_say_them(amount, said):
     assert progress.seconds(amount) == said
+
+
+def test_a_stage_that_is_over_at_once_does_not_flicker_on_a_screen(monkeypatch):
+    clock = Clock(monkeypatch)
+    with Progress("diagnose", quiet=True) as told:
+        told.stage("fitting", total=4)
+        told.advance()
+        assert "fitting 1 of 4" in told.settled()
+        clock.now += 5.0
+        told.stage("blink")
+        clock.now += 0.1
+        assert "fitting 1 of 4" in told.settled()
+        told.stage("pairs")
+        clock.now += 0.3
+        assert "fitting 1 of 4" in told.settled()
+        clock.now += 2 * progress.SETTLED
+        assert "pairs" in told.settled()
+        told.stage("writing", total=2)
+        clock.now += 2 * progress.SETTLED
+        assert "writing" in told.settled()
+
+
+def test_a_diagnosis_never_goes_back_to_a_stage_before():
+    from tiago_mj.gap.command import STAGES, Told
+
+    with Progress("diagnose", quiet=True, weights=dict(STAGES.values())) as shown:
+        told, lines = Told(shown), []
+        for stage in ("replaying", "screening", "fitting", "screening", "refitting", "pairs", "refitting", "pairs"):
+            told(stage, 3)
+            lines.append(shown.said().split(": ")[1].partition(",")[0])
+    shares = [list(dict(STAGES.values())).index(line.removesuffix(" 0 of 3")) for line in lines]
+    assert shares == sorted(shares)
+    assert lines[3] == lines[2]
+    assert lines[6] == lines[5] == lines[7]

@@ -23,6 +23,8 @@ FIRST: Final = 2.0
 EVERY: Final = 4.5
 #: Seconds between two pictures of the line on a terminal.
 LOOK: Final = 0.25
+#: A stage shorter than this [s] is not shown on a terminal, where it would be gone before anybody has read it.
+SETTLED: Final = 0.6
 #: A stage so young [s] has no speed yet, from which to tell the time left.
 YOUNG: Final = 1.0
 
@@ -63,6 +65,7 @@ class Progress:
         self._stage, self._note, self._done = "", "", 0
         self._total: int | None = None
         self._share_before = 0.0
+        self._shown: tuple[str, str] | None = None
         self._began = self._stage_began = time.monotonic()
 
     def __enter__(self) -> Progress:
@@ -126,6 +129,16 @@ class Progress:
                 told.append(self._note)
             return (f"{self._name}: " if self._name else "") + ", ".join(told)
 
+    def settled(self) -> str:
+        """The line for a screen that is drawn again and again: as before, while a new stage is too young to be read."""
+        line = self.said()
+        with self._lock:
+            young = time.monotonic() - self._stage_began < SETTLED
+            if self._shown and young and self._stage != self._shown[0]:
+                return self._shown[1]
+            self._shown = (self._stage, line)
+        return line
+
     def _check_begun(self) -> None:
         if not self._stage:
             raise RuntimeError("progress before its first stage: call stage(name, total) first")
@@ -167,7 +180,7 @@ class Progress:
         # What the work prints on standard output stays there: it may be a file.
         with Live(spinner, console=self._console, auto_refresh=False, transient=True, redirect_stdout=False) as live:
             while not self._over.wait(LOOK):
-                spinner.update(text=Text(self.said()))
+                spinner.update(text=Text(self.settled()))
                 live.refresh()
 
 

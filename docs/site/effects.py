@@ -65,6 +65,7 @@ def _facts(name: str, declared: type[Effect]) -> list[str]:
         f"- **Stage:** {title(declared.stage).lower()}, {single.ABOUT[declared.stage]}.",
         f"- **Acts on:** `{declared.targets}` ([targets](../effects.md#targets)).",
         f"- **Typical:** {told.typical} *Source:* {told.source}".replace("``", "`"),
+        f"- **On the robot:** {told.check}",
         f"- **MuJoCo:** {told.native or 'has none; it is computed outside of the simulation.'}".replace("``", "`"),
     ]
     if alike:

@@ -34,6 +34,28 @@ def test_the_pages_python_runs():
     assert len(blocks) == 2
 
 
+#: How a sentence on where to look begins: with what one does.
+VERBS = ("look", "compare", "turn", "weigh", "put", "measure", "hold", "load", "leave", "read", "move", "start")
+
+
+@pytest.mark.parametrize("name", LIBRARY)
+def test_a_declaration_says_in_one_plain_line_where_to_look_on_the_robot(name):
+    check = describe(EFFECTS[name]).check
+    assert check.split()[0] in VERBS, "it says what to do"
+    assert check[-1] in ".?"
+    assert len(re.findall(r"[.?!](?:\s|$)", check)) <= 2, "one sentence, or a test and where to look"
+    assert 3 <= len(check.split()) <= 22
+    assert len(check) <= 110
+    assert not re.search(r"[`_={}\\]", check), "for a reader without the code"
+
+
+def test_no_two_effects_but_those_of_one_stage_are_looked_for_in_the_same_way():
+    by = {}
+    for name in LIBRARY:
+        by.setdefault(describe(EFFECTS[name]).check, []).append(EFFECTS[name].stage)
+    assert all(len(set(stages)) == 1 and len(stages) <= 2 for stages in by.values())
+
+
 @pytest.mark.parametrize("name", LIBRARY)
 def test_a_declaration_says_what_it_is_how_it_looks_and_where_its_magnitude_is_from(name, generator):
     declared = EFFECTS[name]

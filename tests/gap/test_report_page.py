@@ -27,7 +27,8 @@ def test_a_page_is_one_small_file_that_needs_nothing_else(name):
     assert time.perf_counter() - began < 2
     assert len(text.encode()) < 6e6
     read = Read(text)
-    assert set(read.references) <= {"data:,"}
+    assert {there for there in read.references if not there.startswith("#")} <= {"data:,"}
+    assert all(f'id="{there[1:]}"' in text for there in read.references if there.startswith("#"))
     assert not re.search(r"@import|url\(", text[: text.index("</style>")])
     assert squeezed(verdict.headline(CASES[name])) in squeezed(read.words.replace("\N{WORD JOINER}", ""))
     for heading in ("Where", "Which", "How far", "What remains", "How these numbers were made"):

@@ -171,6 +171,33 @@ def test_the_still_shows_what_is_lit_and_the_ghosts(known, opengl):
     assert larger > 1
 
 
+def test_the_still_is_taken_so_near_that_the_robots_fill_it(known, opengl):
+    import io
+
+    from PIL import Image
+
+    from tiago_mj.view import still
+
+    png, _, _ = still.still(known.story("pi-001"))
+    pixels = np.asarray(Image.open(io.BytesIO(png)).convert("RGB")).astype(int)
+    rows, columns = np.nonzero(np.abs(pixels - still.PAPER).max(axis=-1) > 8)
+    assert max(np.ptp(rows) / still.HEIGHT, np.ptp(columns) / still.WIDTH) > 0.6
+
+
+def test_a_camera_moves_to_what_is_small_and_aside_and_stays_where_it_is_large():
+    from tiago_mj.view import still
+
+    empty = np.full((still.HEIGHT, still.WIDTH, 3), still.PAPER)
+    assert still.framed(empty, np.zeros(3), 1.0) is None
+    small, large = empty.copy(), empty.copy()
+    small[100:154, 700:790] = 0
+    large[20:520, 100:800] = 0
+    centre, distance = still.framed(small, np.zeros(3), 1.0)
+    assert distance == still.NEAREST
+    assert centre[2] > 0, "it is above the middle"
+    assert still.framed(large, np.zeros(3), 1.0) is None
+
+
 def test_where_nothing_was_commanded_the_measured_robot_is_alone(known):
     from dataclasses import replace
 

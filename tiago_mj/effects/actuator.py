@@ -46,6 +46,8 @@ class ServoStiffness(Effect):
 
     Typical: 0.5-1.5: for one gripper, 1000 and 2000 N/m are in use.
 
+    On the robot: compare the position gain set in the motor driver with the model's.
+
     Source: menagerie's pal_tiago and pal_gripper's controller gains.
 
     MuJoCo: ``actuator_gainprm``, ``actuator_biasprm``.
@@ -66,6 +68,8 @@ class ServoDamping(Effect):
     In a recording: moving joints trail farther behind, in proportion to speed; nothing at rest.
 
     Typical: up to 80 N·s/m on the fingers.
+
+    On the robot: compare the derivative gain set in the motor driver with the model's.
 
     Source: menagerie's pal_tiago (80 N·s/m in the servo, where pal_gripper has none).
 
@@ -89,6 +93,8 @@ class ForceLimit(Effect):
 
     Typical: 0.3-1 of the nominal limit: for one finger, 5.2 and 16 N are in use.
 
+    On the robot: look at the driver's current limit, the supply's voltage and the motor's temperature.
+
     Source: menagerie's pal_tiago and pal_gripper.
 
     MuJoCo: ``actuator_forcerange``.
@@ -109,6 +115,8 @@ class TorqueConstant(Effect):
     In a recording: as a lower servo stiffness, damping and force limit at once.
 
     Typical: 0.8-1.2, with temperature and between copies of a motor.
+
+    On the robot: look at the motor's constant and the gear ratio in the driver, then at supply and temperature.
 
     Source: chosen.
 
@@ -134,6 +142,8 @@ class MotorCogging(Effect):
     In a recording: a ripple on effort and position whose frequency is speed over period.
 
     Typical: 0.01-0.05 of the rated force.
+
+    On the robot: turn the unpowered joint by hand: do you feel steps that repeat? Look at motor and gear teeth.
 
     Source: chosen.
 

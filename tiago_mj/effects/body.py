@@ -54,6 +54,8 @@ class Payload(Effect):
 
     Typical: 0.1-2 kg: a camera, a cable, an adapter.
 
+    On the robot: weigh what the arm carries, with tool, cables and adapters.
+
     Source: chosen.
 
     MuJoCo: ``body_mass``, ``body_gravcomp``; of a place ``body_ipos``, ``body_iquat``, ``body_inertia``.
@@ -107,6 +109,8 @@ class GravityTilt(Effect):
     In a recording: a free object drifts or leans; under load across the pads it slips sooner.
 
     Typical: below 0.05 rad.
+
+    On the robot: put a spirit level on the base and on the table.
 
     Source: chosen.
 

@@ -34,6 +34,8 @@ class CommandDelay(Effect):
 
     Typical: 0-25 ms in a bus loop, 68-92 ms on hobby servos.
 
+    On the robot: look at the driver's bus, at queues and buffers on the way, and at what stamps the log.
+
     Source: PACE; fitted on so101.
 
     MuJoCo: an actuator's ``delay``, with ``nsample`` and ``interp="linear"``, is the same from one physics step on;
@@ -72,6 +74,8 @@ class DroppedCommands(Effect):
 
     Typical: 0.01 on a wired bus, 0.01-0.1 on a loaded wireless link.
 
+    On the robot: look at the bus's load and error counters, and for a controller that misses its cycle.
+
     Source: chosen.
     """
 
@@ -98,6 +102,8 @@ class CommandLag(Effect):
     time_constant.
 
     Typical: 10-50 ms of smoothing in a driver.
+
+    On the robot: look for a filter or a smoothing of set points in the driver or the controller.
 
     Source: chosen.
 
@@ -143,6 +149,8 @@ class RateLimit(Effect):
     up later.
 
     Typical: 0.25-0.6 of what is commanded: the real gripper is run at 0.02-0.05 m/s, its simulation at 0.08 m/s.
+
+    On the robot: look at the limits of speed and acceleration set in the driver or the controller.
 
     Source: the 2021 and 2023 projects' settings (llach/tiago_rl, llach/learning_fc).
 
@@ -229,6 +237,8 @@ class CommandDeadband(Stepping):
 
     Typical: 0.09-0.29 mm on the real gripper's fingers.
 
+    On the robot: look for a dead band or a position tolerance set in the driver.
+
     Source: force_vs_displacement; llach/learning_fc sends no command below 0.3 mm.
     """
 
@@ -250,6 +260,8 @@ class CommandQuantization(Stepping):
     In a recording: slow motion goes in equal steps on a fixed grid.
 
     Typical: 1.53 mrad on servos with 4096 steps a turn.
+
+    On the robot: look at how commands are rounded: resolution of the bus message, ticks of the driver.
 
     Source: so101.
     """

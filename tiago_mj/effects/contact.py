@@ -22,6 +22,8 @@ class ContactStiffness(Effect):
 
     Typical: 0.1-3 between a sponge and wood; behind the gripper's servo the force per set point differs by 1.3 only.
 
+    On the robot: look at pads and object: other rubber, wear, another object than was said?
+
     Source: chosen; the 1.3 is force_vs_displacement's.
 
     MuJoCo: ``pair_solref`` in its direct format, with the stiffness in N/m by the exact law (docs/compliance.md).
@@ -42,6 +44,8 @@ class ContactDamping(Effect):
     In a recording: the force at the instant of touch, damping · approach speed, is larger; held forces are as before.
 
     Typical: known to a factor of several only; few measure it.
+
+    On the robot: look at pads and object: other rubber, wear, another object than was said?
 
     Source: chosen.
 
@@ -64,6 +68,8 @@ class ContactFriction(Effect):
 
     Typical: 0.3-1.5.
 
+    On the robot: look at the surfaces of pads and object: dust, grease, moisture, wear.
+
     Source: chosen.
 
     MuJoCo: ``pair_friction``.
@@ -85,6 +91,8 @@ class ObjectSize(Effect):
     In a recording: both fingers touch earlier and rest farther apart.
 
     Typical: 1-3 mm of a measurement by hand.
+
+    On the robot: measure the object with a calliper where the pads touch it.
 
     Source: chosen.
 
@@ -118,6 +126,8 @@ class ObjectOffset(Effect):
 
     Typical: 1-5 mm.
 
+    On the robot: measure where the object stands between the open fingers.
+
     Source: chosen.
 
     MuJoCo: ``qpos`` of the object's free joint at the start.
@@ -140,6 +150,8 @@ class ObjectMass(Effect):
     In a recording: visible where one finger pushes the object over the table, or where it is lifted.
 
     Typical: 0.5-2.
+
+    On the robot: weigh the object.
 
     Source: chosen.
 

@@ -15,7 +15,7 @@ An effect is declared once, as a class, and serves the environments (``effects=`
             return reading * self.factor
 
 A user's own is declared in the same way, anywhere; docs/effects.md is made of the docstrings, whose labelled
-paragraphs are listed in :mod:`tiago_mj.effects.describe`.
+paragraphs are listed in :mod:`tiago_mj.effects.describe`; reports tell the one on where to look on the robot.
 
 An instance holds the parameters of many simulations at once: ``self.factor`` is (nsim, ntargets). Hooks take and return
 arrays of that shape, once per control step (``added_friction``, ``added_damping``, ``added_force``, ``servo_force``,

@@ -13,6 +13,7 @@ LABELS: Final = {
     "Formula: ": "formula",
     "In a recording: ": "looks",
     "Typical: ": "typical",
+    "On the robot: ": "check",
     "Source: ": "source",
     "MuJoCo: ": "native",
 }
@@ -27,6 +28,7 @@ class Description:
         formula: what it does, by the names of its parameters.
         looks: how it looks in a recording.
         typical: magnitudes that occur, with units.
+        check: where to look on the real robot, as half a sentence that begins with a verb.
         source: where those are from; ``chosen`` where nobody measured them.
         native: which field of MuJoCo does it, and if it is not used, why.
     """
@@ -35,6 +37,7 @@ class Description:
     formula: str = ""
     looks: str = ""
     typical: str = ""
+    check: str = ""
     source: str = ""
     native: str = ""
 

@@ -23,6 +23,8 @@ class PadCreep(Effect):
 
     Typical: 0.05-0.2 within a second for rubber and printed pads.
 
+    On the robot: hold a constant weight on the pad for a minute: does its reading fade? Look at rubber and glue.
+
     Source: chosen.
     """
 
@@ -48,6 +50,8 @@ class ForceCrosstalk(Effect):
 
     Typical: 0.02-0.38 by build.
 
+    On the robot: load one cell alone and watch the other: look at wiring, ground and shared amplifiers.
+
     Source: chosen.
     """
 
@@ -68,6 +72,8 @@ class ForceGain(Effect):
     In a recording: all forces are off by the same factor, motion is as predicted.
 
     Typical: 0.75-1.25 between two series on one object.
+
+    On the robot: put a known weight on the cell; look at the amplifier's gain and the calibration.
 
     Source: force_vs_displacement.
     """
@@ -90,6 +96,8 @@ class ForceNonlinearity(Effect):
 
     Typical: 0.01-0.1 at the end of the range.
 
+    On the robot: put on three or more known weights and look at whether the readings lie on a line.
+
     Source: chosen.
     """
 
@@ -110,6 +118,8 @@ class ForceHysteresis(Effect):
     In a recording: after each reversal of the force the reading stands still for the width.
 
     Typical: 0.01-0.1 of the range.
+
+    On the robot: put on known weights and take them off again; look at how the cell is mounted.
 
     Source: chosen.
     """
@@ -135,6 +145,8 @@ class ForceDeadZone(Effect):
 
     Typical: 0.03-0.1: with 330 units per metre, the slack of 0.09-0.29 mm that is seen on the real gripper.
 
+    On the robot: put on small weights: from which one does the cell read? Look at the threshold in the driver.
+
     Source: force_vs_displacement, where the command's dead band explains it as well.
     """
 
@@ -155,6 +167,8 @@ class ForceDrift(Effect):
     In a recording: a ramp on all readings, contact or not.
 
     Typical: minutes to warm up: visible in long recordings.
+
+    On the robot: leave the cell unloaded for ten minutes; look at warm-up, temperature and supply.
 
     Source: chosen.
     """
@@ -177,6 +191,8 @@ class ForceBias(Effect):
 
     Typical: a tare that was taken under load.
 
+    On the robot: read the cell unloaded and set its zero; look for a cable or a pad that presses on it.
+
     Source: chosen.
     """
 
@@ -197,6 +213,8 @@ class ForceLag(Effect):
     In a recording: contact onsets are rounded and late, holds are unchanged.
 
     Typical: 5-50 ms of filtering in the amplifier.
+
+    On the robot: look for a filter in the amplifier or the driver of the cell.
 
     Source: chosen.
     """
@@ -223,6 +241,8 @@ class ForceSaturation(Effect):
 
     Typical: the end of the amplifier's range.
 
+    On the robot: look at the range of the amplifier and of the converter.
+
     Source: chosen.
 
     MuJoCo: a sensor's ``cutoff``.
@@ -245,6 +265,8 @@ class ForceNoise(Effect):
     In a recording: more or less scatter at rest, the mean unchanged.
 
     Typical: 0.26-1.7 of 0.0077: noise of 0.002 and 0.013 is in use for the same sensor.
+
+    On the robot: look at shield, ground and cable of the cell, and at motors that start beside it.
 
     Source: the paper's section III-B; llach/learning_fc.
 
@@ -270,6 +292,8 @@ class ForceQuantization(Effect):
 
     Typical: 0.001-0.01: a 10-bit converter over the range.
 
+    On the robot: look at the converter's resolution and at how the driver rounds readings.
+
     Source: chosen.
     """
 
@@ -291,6 +315,8 @@ class ForceDelay(Effect):
     In a recording: the force is right but late, onsets as steep as ever.
 
     Typical: one to three cycles of the readout.
+
+    On the robot: look at the driver of the cell: its rate, its queues and what stamps its readings.
 
     Source: chosen.
 
@@ -317,6 +343,8 @@ class ForceDropout(Effect):
     In a recording: exact repeats of a noisy reading.
 
     Typical: 0.01-0.1: a readout that is slower than the recorder.
+
+    On the robot: look at the cell's bus and connector, and at rates that do not fit together.
 
     Source: chosen.
 

@@ -20,6 +20,8 @@ class EncoderBias(Effect):
 
     Typical: below 1 mm, 10 mrad, after a poor homing.
 
+    On the robot: put the joint on its zero mark and set the encoder's zero anew.
+
     Source: chosen.
     """
 
@@ -43,6 +45,8 @@ class EncoderScale(Effect):
     In a recording: the error grows with the distance from zero.
 
     Typical: 0.98-1.02.
+
+    On the robot: move the joint by a known angle or length and compare; look at the ticks a turn and the gear ratio.
 
     Source: chosen.
     """
@@ -71,6 +75,8 @@ class EncoderQuantization(Effect):
 
     Typical: 1.53 mrad (4096 steps a turn).
 
+    On the robot: look at the encoder's resolution and at how the driver rounds positions.
+
     Source: so101.
     """
 
@@ -92,6 +98,8 @@ class VelocityFilter(Effect):
     In a recording: velocities trail the derivative of the positions.
 
     Typical: 10-50 ms.
+
+    On the robot: look for a filter of velocities in the driver.
 
     Source: chosen.
     """

@@ -17,6 +17,8 @@ class ClockOffset(Effect):
 
     Typical: 0-25 ms in a bus loop.
 
+    On the robot: look at which clock stamps commands and which stamps measurements, and synchronise them.
+
     Source: PACE.
 
     MuJoCo: a sensor's ``delay`` shifts that sensor alone; here one delay line holds every measured channel.
@@ -48,6 +50,8 @@ class ClockSkew(Effect):
     In a recording: motion looks slower by the factor, and the error of positions grows with the distance travelled.
 
     Typical: 0.003 where loop counts are taken for time; below 1e-4 for a quartz.
+
+    On the robot: look at whether all computers follow one clock (NTP, PTP), and at the rate that is assumed.
 
     Source: so101 (a loop of nominally 50 Hz that ran at 49.85 Hz); the quartz is chosen.
 

@@ -47,6 +47,8 @@ class VelocityLimit(Effect):
 
     Typical: 0.5-0.9 of the nominal: the fingers' URDF says 0.05 m/s, their simulation 0.08 m/s.
 
+    On the robot: look at the speed limit set in the driver, and at the supply's voltage.
+
     Source: pal_gripper; the share is chosen.
     """
 
@@ -104,6 +106,8 @@ class CoulombFriction(Effect):
     Typical: 0.013, 0.10, 4.1 N·m from small to large servos; 2 N on PAL's fingers; 2.1, 5.0, 2.7, 2.2 N·m on TIAGo's
     arm_1-4 against 1 in its URDF.
 
+    On the robot: look at the joint's bearing, seals and cables: does something rub or lack grease?
+
     Source: BAM; pal_gripper; fitted on tiago_arm.
 
     MuJoCo: ``dof_frictionloss``, with solver parameters that hold: the default ones let a joint creep back within 0.5
@@ -130,6 +134,8 @@ class ViscousFriction(Effect):
     Typical: 0.0037, 0.035, 1.30 N·m·s/rad from small to large servos; 80 N·s/m on PAL's fingers; 28, 13, 5.7, 4.3
     N·m·s/rad on TIAGo's arm_1-4 against 1 in its URDF.
 
+    On the robot: look at the grease of gear and bearing: too thick, too much, or cold?
+
     Source: BAM; pal_gripper; fitted on tiago_arm.
 
     MuJoCo: ``dof_damping``.
@@ -151,6 +157,8 @@ class StribeckFriction(Effect):
     In a recording: stick-slip at low speed, a jerk at every start, nothing in fast motion.
 
     Typical: 0.2-1 of the Coulomb friction, gone at 5-20 mm/s.
+
+    On the robot: start the joint slowly: does it stick and jump? Look at bearing, seals and grease.
 
     Source: chosen.
 
@@ -179,6 +187,8 @@ class LoadDependentFriction(Effect):
 
     Typical: 0.05-0.3 in worm and screw drives.
 
+    On the robot: look at gear and bearing under load: wear, lack of grease, a screw or belt too tight.
+
     Source: chosen; BAM fits load-dependent friction as one of its models.
 
     MuJoCo: none; ``dof_frictionloss`` is renewed in every physics step.
@@ -204,6 +214,8 @@ class AsymmetricFriction(Effect):
     In a recording: the error at constant speed differs between opening and closing.
 
     Typical: a quarter of the friction.
+
+    On the robot: move the unpowered joint both ways by hand; look at cables, hoses and springs that pull one way.
 
     Source: chosen.
 
@@ -238,6 +250,8 @@ class Backlash(Effect):
     servo's error is larger by half of it.
 
     Typical: 0.1-1 mm on screw-driven fingers, 10-30 mrad on hobby servos.
+
+    On the robot: hold the motor and wiggle the joint by hand; look at gear, coupling and keys for play.
 
     Source: chosen.
 
@@ -281,6 +295,8 @@ class JointElasticity(Effect):
     do for the joint.
 
     Typical: 1-5 times the servo's stiffness.
+
+    On the robot: hold the motor and press against the joint; look at belt, coupling and gear for what gives.
 
     Source: chosen.
 
@@ -336,6 +352,8 @@ class Armature(Effect):
 
     Typical: 0.0018, 0.027, 0.34 kg·m² from small to large servos.
 
+    On the robot: compare the rotor's inertia times the gear ratio squared with the model's.
+
     Source: BAM.
 
     MuJoCo: ``dof_armature``.
@@ -363,6 +381,8 @@ class CouplingError(Effect):
     In a recording: a joint moves that was not commanded.
 
     Typical: 0-0.1 where two fingers share a carriage.
+
+    On the robot: move the neighbouring joint alone and watch this one; look at tendons, belts and differential gears.
 
     Source: chosen.
 

@@ -82,17 +82,26 @@ STAGES: Final = {
     "triples": ("adding a third effect to the best", 6),
     "next motion": ("choosing the motion to record next", 3),
     "writing": ("writing", 1),
+    "playing the policy": ("playing the policy", 1),
 }
 
 
 class Told:
-    """Progress of a diagnosis, as its stages are called."""
+    """Progress of a diagnosis, as its stages are called.
+
+    The line never goes back: what is done again later belongs to the stage that asked for it.
+    """
 
     def __init__(self, progress: Progress) -> None:
-        self._progress, self._stage = progress, ""
+        self._progress, self._stage, self._reached = progress, "", -1
 
     def __call__(self, stage: str, total: int, done: int = 0) -> None:
         """See :class:`tiago_mj.gap.search.select.Tick`."""
+        order = list(STAGES)
+        place = order.index(stage) if stage in order else len(order)
+        if place < self._reached:
+            return
+        self._reached = place
         if stage != self._stage:
             counted = total if stage == "screening" else None
             self._stage = stage

@@ -144,6 +144,7 @@ def concluded(
             splits=session.splits,
             slides=[name for name, slides in zip(plant.joints, plant.wiring.targets.slides, strict=True) if slides],
         ),
+        asides=outcome.asides(session.trials),
         given=plant.given,
         ended=ranked.ended,
     )

@@ -221,6 +221,9 @@ class Diagnosis:
         repaired: the user's own model, repaired; None for an environment.
         ended: what ended the search before its end, apart from the time: a fault, or the user.
         command: the command line that made it; in the page, not in the JSON, since the answer does not depend on it.
+        limits: most that the nominal model's drives give, by ``joint`` and ``command``, then by name [N, N·m]; for the
+            page, not in the JSON.
+        asides: sentences on how the numbers were made, with no bearing on the answer; for the page, not in the JSON.
         physics_steps: that were simulated; None where efforts were explained along the measured motion.
     """
 
@@ -249,3 +252,5 @@ class Diagnosis:
     ended: BaseException | None = None
     command: str = ""
     physics_steps: int | None = None
+    limits: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    asides: tuple[str, ...] = ()

@@ -62,7 +62,7 @@ def pictures(plant: Plant, trials: Sequence[Trial], diagnosis: Diagnosis) -> Pic
         robots += "; orange: the nominal simulator"
     if len(story.motions) > 2:
         robots += "; blue: the repaired one"
-    lit = f"; lit: {story.where}" if story.lit else ""
+    lit = f"; lit in magenta: {story.where}" if story.lit else ""
     scale = f" Their differences are drawn {larger} times larger than they are." if larger > 1 else ""
     caption = f"{trial.name} at {moment:.2f} s, {robots}{lit}.{scale}"
     return Pictures(scene, base64.b64encode(png).decode(), caption)

@@ -24,6 +24,11 @@ WIDTH, HEIGHT = 900, 540
 PAPER: Final = 246
 #: Of the ghosts; of the repaired one little, as it mostly stands where the measured robot is, which is lit.
 OPACITY: Final = MappingProxyType({"nominal": 0.45, "repaired": 0.13})
+#: Share of the picture that the robots take, its width or its height; taken nearer where they take less than the other.
+FILLED: Final = 0.8
+LITTLE: Final = 0.7
+#: Nor nearer than this share of the distance.
+NEAREST: Final = 0.25
 #: MuJoCo's vertical field of view [degree].
 FIELD: Final = 40.0
 
@@ -35,13 +40,41 @@ def still(story: Story) -> tuple[bytes, int, float] | None:
     size = float(np.linalg.norm(high - low))
     larger = well_seen(size, away)
     row = farthest(story)
+    centre, distance = (low + high) / 2, 1.15 * size
     try:
-        pixels = _rendered(story, row, larger, (low + high) / 2, 1.15 * size)
+        pixels = _rendered(story, row, larger, centre, distance)
+        nearer = framed(pixels, centre, distance)  # the room of the whole motion is more than that of one moment
+        if nearer is not None:
+            pixels = _rendered(story, row, larger, *nearer)
     except Exception:  # no OpenGL: every library that could bring it fails in its own way
         return None
     out = io.BytesIO()
     Image.fromarray(pixels).convert("P", palette=Image.Palette.ADAPTIVE, colors=192).save(out, "PNG", optimize=True)
     return out.getvalue(), larger, float(story.time[row])
+
+
+def framed(pixels: Array, centre: Array, distance: float) -> tuple[Array, float] | None:
+    """Where to look, and from how far, for the robots to fill a picture; None where they do, or are not in it whole.
+
+    Args:
+        pixels: as it is now, (HEIGHT, WIDTH, 3).
+        centre: looked at, (3,) [m].
+        distance: from there [m].
+    """
+    rows, columns = np.nonzero((pixels != PAPER).any(axis=-1))
+    if not len(rows):
+        return None
+    top, bottom, left, right = rows.min(), rows.max(), columns.min(), columns.max()
+    share = max((bottom - top) / HEIGHT, (right - left) / WIDTH)
+    if share >= LITTLE or share <= 0 or min(top, left) == 0 or bottom == HEIGHT - 1 or right == WIDTH - 1:
+        return None
+    towards = -np.array(scene.VIEW) / np.linalg.norm(scene.VIEW)
+    across = np.cross(towards, (0.0, 0.0, 1.0))
+    across /= np.linalg.norm(across)
+    up = np.cross(across, towards)
+    metres = 2 * distance * np.tan(np.radians(FIELD) / 2) / HEIGHT  # a pixel at that distance
+    aside, above = (left + right - WIDTH) / 2 * metres, (HEIGHT - top - bottom) / 2 * metres
+    return centre + aside * across + above * up, distance * max(share / FILLED, NEAREST)
 
 
 def farthest(story: Story) -> int:

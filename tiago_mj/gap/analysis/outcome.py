@@ -174,10 +174,6 @@ def notes(
     said += travel.notes(trials, splits, slides)
     if not tested:
         said.append("There is no test trial, so no share of the gap can be said to be closed: record more than one.")
-    if any(trial.efforts for trial in trials):
-        said.append(
-            "Measured efforts are not compared where commands can be replayed: servos report them in many ways."
-        )
     said += [
         f"{tone.channel} swings at about {tone.frequency:.3g} Hz (or faster, seen at this rate) by "
         f"±{tone.amplitude:.2g} even where nothing is touched: mains hum, or a vibration; {STRANGE}."
@@ -200,3 +196,10 @@ def notes(
     elif not complete:
         said.append("The time budget ran out: what is said is the best so far.")
     return tuple(said)
+
+
+def asides(trials: Sequence[Trial]) -> tuple[str, ...]:
+    """Sentences on how the numbers were made that have no bearing on the answer."""
+    if not any(trial.efforts for trial in trials):
+        return ()
+    return ("Measured efforts are not compared where commands can be replayed: servos report them in many ways.",)

@@ -77,6 +77,13 @@ def calibration() -> Calibration:
     return Calibration(**{name: float(data[name]) for name in Calibration.__dataclass_fields__})
 
 
+@cache
+def measured_on(name: str) -> int:
+    """Number of cases on whose answers a number of the calibration rests."""
+    data = json.loads(resources.files("tiago_mj.gap.decision").joinpath(CALIBRATION).read_text(encoding="utf-8"))
+    return int(data["calibration"]["carried_by"][name])
+
+
 @dataclass(frozen=True)
 class Option:
     """An explanation as the verdict sees it.

@@ -10,17 +10,16 @@ import base64
 import functools
 import gzip
 import re
-import shlex
 from importlib import resources
 from pathlib import Path
 from typing import Any, Final, Protocol
 
 import jinja2
-from markupsafe import Markup
+from markupsafe import Markup, escape
 
 from tiago_mj import atomic, extra
 from tiago_mj.gap.data.lint.summary import summary
-from tiago_mj.gap.report import overlays, shrinking, tables, verdict, words
+from tiago_mj.gap.report import advice, overlays, shrinking, tables, verdict, words
 from tiago_mj.gap.result import PHASES, Diagnosis
 
 KIND_NAMES: Final = {
@@ -66,6 +65,8 @@ def render(diagnosis: Diagnosis, seen: Seen | None = None) -> str:
         labels=words.labels,
         bare=words.bare,
         glued=glued,
+        coded=coded,
+        worded=worded,
         breakable=breakable,
     )
     drawn = _drawn(diagnosis)
@@ -90,7 +91,9 @@ def render(diagnosis: Diagnosis, seen: Seen | None = None) -> str:
         ranked=RANKED,
         not_excited=tables.not_excited(diagnosis),
         lint=summary(diagnosis.findings),
-        next_motion=_next_motion(diagnosis),
+        advice=advice.advice(diagnosis),
+        ceiling=verdict.ceiling(diagnosis.best) if diagnosis.best.effects else "",
+        why_ceiling=verdict.why_ceiling(),
         overlays=drawn,
         figures={row["id"]: row["figure"] for trial in drawn for row in trial["rows"]},
         drawn=DRAWN,
@@ -110,6 +113,16 @@ def glued(sentence: str) -> str:
     """With no line break between a number and its unit or per cent sign, nor inside an interval."""
     sentence = re.sub(r"(?<=\d)–(?=\d)", "\N{WORD JOINER}–\N{WORD JOINER}", sentence)
     return re.sub(r"(?<=[0-9∞]) (?=[%a-zA-Zµ]{1,2}(?:[·/²]|\b|$)|%)", "\N{NO-BREAK SPACE}", sentence)
+
+
+def coded(sentence: str) -> Markup:
+    """Escaped, with what stands in backticks as code."""
+    return Markup(re.sub(r"`([^`]+)`", r"<code>\1</code>", str(escape(glued(sentence)))))
+
+
+def worded(command: str) -> Markup:
+    """A command, escaped, whose words are not broken at their hyphens."""
+    return Markup(" ").join(Markup("<span>{}</span>").format(word) for word in command.split(" "))
 
 
 def breakable(name: str) -> Markup:
@@ -148,17 +161,3 @@ def _drawn(diagnosis: Diagnosis) -> list[dict[str, Any]]:
         named = [name for index, name in enumerate(PHASES) if index in seen]
         trials.append({"trial": overlay.trial, "rows": rows, "phases": named})
     return trials if total else []
-
-
-def _next_motion(diagnosis: Diagnosis) -> dict[str, Any] | None:
-    motion = diagnosis.next_motion
-    if motion is None:
-        return None
-    kind = "--model" if diagnosis.robot.endswith(".xml") else "--env"
-    robot = shlex.quote(diagnosis.robot) if diagnosis.robot else "ID"
-    return {
-        "file": motion.file,
-        "pairs": [(words.title(a), words.title(b)) for a, b in motion.resolves],
-        "probability": words.percent(motion.expected_probability),
-        "command": f"tiago-mj record {kind} {robot} --motion {shlex.quote(motion.file)} --episodes 3 --out next",
-    }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import textwrap
 import warnings
 from collections.abc import Mapping, Sequence
@@ -23,8 +24,38 @@ WIDTH: Final = 100
 
 
 def with_model(found: Diagnosis, plant: Plant) -> Diagnosis:
-    """A diagnosis with the repaired model, if it is of a plain one."""
+    """A diagnosis with what the model's drives can give, and with the repaired model if it is of a plain one."""
+    found = replace(found, limits=limits(plant))
     return found if plant.file is None else replace(found, repaired=repaired(found, plant))
+
+
+def limits(plant: Plant) -> dict[str, dict[str, float]]:
+    """The most that the nominal model's drives give, by ``joint`` and ``command``, then by name [N, N·m]; without those
+    that have no limit."""
+    wiring, model = _wiring(plant), plant.model
+    commands: dict[str, float] = {}
+    joints: dict[str, float] = {}
+    for k, actuator in enumerate(wiring.actuators):
+        joint = int(model.actuator_trnid[actuator, 0])
+        gear = abs(float(model.actuator_gear[actuator, 0])) or 1.0
+        own = _own_limit(model, int(actuator))
+        held = float(model.jnt_actfrcrange[joint, 1]) if model.jnt_actfrclimited[joint] else math.inf
+        commands[wiring.targets.command[k]] = min(own, held / gear)
+        joints[wiring.targets.joint[wiring.targets.actuated[k]]] = min(own * gear, held)
+    return {
+        "joint": {name: limit for name, limit in joints.items() if math.isfinite(limit)},
+        "command": {name: limit for name, limit in commands.items() if math.isfinite(limit)},
+    }
+
+
+def _own_limit(model: mujoco.MjModel, actuator: int) -> float:
+    """Of an actuator's force, before its gear."""
+    if model.actuator_forcelimited[actuator]:
+        return float(model.actuator_forcerange[actuator, 1])
+    motor = model.actuator_biastype[actuator] == mujoco.mjtBias.mjBIAS_NONE
+    if motor and model.actuator_ctrllimited[actuator] and model.actuator_actadr[actuator] < 0:
+        return float(model.actuator_ctrlrange[actuator, 1] * model.actuator_gainprm[actuator, 0])
+    return math.inf
 
 
 def repaired(found: Diagnosis, plant: Plant) -> Repaired:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from tiago_mj.gap.decision.verdict import calibration, measured_on
 from tiago_mj.gap.report.words import begin, channel, clauses, interval_percent, labels, listed, number, percent, title
 from tiago_mj.gap.result import Diagnosis, Explanation, Place
 
@@ -11,6 +12,8 @@ from tiago_mj.gap.result import Diagnosis, Explanation, Place
 SPELLED = 2
 #: A mean squared residual below this is noise, in units of the noise floor.
 NOISE = 2.0
+#: From this share of the highest probability on it is that ceiling, not a rival, that keeps an answer from being surer.
+NEARLY = 0.98
 #: A larger share than this of the gap has to close before a report says that it does.
 CLOSES = 0.02
 
@@ -125,6 +128,24 @@ def sure(explanation: Explanation) -> str:
     return (
         f"Probability {percent(explanation.probability)}: of a hundred answers given with this probability, about "
         f"{100 * explanation.probability:.0f} name the true effect or one of its class."
+    )
+
+
+def ceiling(explanation: Explanation) -> str:
+    """Why an answer that is as sure as one can be has no higher probability; empty where another one shares it."""
+    most = 1 - calibration().lapse
+    if not NEARLY * most <= explanation.probability <= most + 1e-6:  # an older version knew another ceiling
+        return ""
+    return f"It is never above {percent(most)}, however clear the recordings are."
+
+
+def why_ceiling() -> str:
+    """What the highest probability of an answer rests on."""
+    lapse, cases = calibration().lapse, int(measured_on("lapse"))
+    return (
+        f"On {cases} simulated cases, whose effects the diagnosis was not told, about {percent(lapse)} of the answers "
+        "would have been wrong however sure the evidence was: a cause that the library lacks can look exactly like one "
+        f"that it has. So this share is taken off every probability, and {percent(1 - lapse)} is the most."
     )
 
 

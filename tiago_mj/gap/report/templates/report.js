@@ -78,6 +78,14 @@
       for (const entry of entries) if (entry.isIntersecting) { seen.unobserve(entry.target); draw(entry.target); }
     }, { rootMargin: "500px" });
     places.forEach((place) => seen.observe(place));
+    soon(rest);
+  }
+
+  // What is out of sight is drawn in idle moments, one figure at a time: a page that is captured whole has them all.
+  const soon = (work) => window.requestIdleCallback ? requestIdleCallback(work, { timeout: 100 }) : setTimeout(work, 50);
+  function rest() {
+    const next = places.find((place) => !drawn.has(place) && !place.closest("details:not([open])"));
+    if (next) { draw(next); soon(rest); }
   }
 
   function failed(fault) {
@@ -97,5 +105,7 @@
     document.querySelectorAll("details").forEach((d) => { d.open = d.dataset.was === "true"; });
     again();
   });
+  for (const details of document.querySelectorAll("details"))
+    details.addEventListener("toggle", () => { if (ready && details.open) soon(rest); });
   if (places.length) requestAnimationFrame(() => setTimeout(() => load().catch(failed), 0));
 })();

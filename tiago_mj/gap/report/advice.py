@@ -1,0 +1,293 @@
+"""What to do now, by verdict: what to run, what to record, where to look on the robot."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import shlex
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import PurePath
+from typing import Final
+
+from tiago_mj.effects import EFFECTS, describe
+from tiago_mj.effects.declare import STAGES
+from tiago_mj.gap.report import verdict, words
+from tiago_mj.gap.result import Diagnosis, Explanation, Named, Place
+from tiago_mj.models import names
+
+#: Motion of the menu that shows most of what a stage of the signal chain may have, of fingers and of the arm.
+MOTIONS: Final = {
+    "timing": ("steps_free", "arm_wrist"),
+    "command": ("stop_and_go", "arm_wrist"),
+    "actuator": ("chirp_free", "arm_multisine"),
+    "transmission": ("free_reversals_slow", "arm_reversals_slow"),
+    "contact": ("squeeze_slow", ""),
+    "body": ("shift", "arm_lift"),
+    "joint_sensor": ("free_sweep", "arm_multisine"),
+    "force_sensor": ("ramp_slow", ""),
+}
+#: Where no stage is told.
+ANY: Final = ("multisine_free", "arm_multisine")
+#: The same for a robot of one's own, which has no menu, in words.
+BY_HAND: Final = {
+    "timing": "fast steps with rests between them",
+    "command": "fast steps with rests between them",
+    "actuator": "a swing that grows faster from slow to as fast as is safe",
+    "transmission": "slow and even strokes to and fro, with reversals",
+    "contact": "slow squeezes of one object",
+    "body": "slow strokes through poses in which gravity pulls differently, with and without the tool",
+    "joint_sensor": "one slow stroke over the whole range, with rests at places that you can measure",
+    "force_sensor": "a grip that rises slowly, holds and falls again",
+}
+ANY_BY_HAND: Final = "one joint at a time: slow strokes, then fast ones, with rests between them"
+#: What to look at where the cause is unknown and only the stage of the signal chain is told.
+LOOK: Final = {
+    "timing": "compare the clocks that stamp commands and measurements, and look for rows that came late.",
+    "command": "compare what was sent with what the driver received: delays, filters, limits, lost messages.",
+    "actuator": "compare the driver's gains, limits and supply with the model's.",
+    "transmission": "move the unpowered joint by hand: does it rub, stick, give or have play?",
+    "contact": "look at pads and object, measure the object, and see whether it slips or tips.",
+    "body": "weigh what the robot carries, and put a spirit level on its base.",
+    "joint_sensor": "move the joint by a known amount and compare it with what is read.",
+    "force_sensor": "put known weights on the load cell and compare them with what is read.",
+}
+ALONG: Final = (
+    "Compare, one after another, what was sent, what the driver received, what the joint did and what was logged."
+)
+#: The same where not even the stage is told, by kind of the channel that holds most of the gap.
+BY_CHANNEL: Final = {"force": "force_sensor", "effort": "transmission"}
+#: Units of a magnitude that a joint's limit can be compared with.
+FORCES: Final = ("N", "N·m")
+#: Explanations whose places on the robot are told.
+TOLD: Final = 3
+
+
+@dataclass(frozen=True)
+class Step:
+    """One thing to do.
+
+    Attributes:
+        title: in a few words.
+        said: sentences, code in backticks.
+        command: to be run in a shell; empty: none.
+        code: Python that does the same or the rest; empty: none.
+        places: (what is there, where to look) on the robot.
+        link: (target, text) of where more is; None: nowhere.
+    """
+
+    title: str
+    said: str = ""
+    command: str = ""
+    code: str = ""
+    places: tuple[tuple[str, str], ...] = ()
+    link: tuple[str, str] | None = None
+
+
+def advice(diagnosis: Diagnosis) -> tuple[Step, ...]:
+    """What to do now, the first thing first."""
+    kind = diagnosis.kind
+    if kind == "no_gap":
+        return (_use_as_it_is(diagnosis), *_not_excited(diagnosis))
+    if kind == "ambiguous":
+        choices = diagnosis.alternatives or (diagnosis.best,)
+        title = "Look on the robot, which may tell sooner"
+        return (_record_next(diagnosis), *_look(diagnosis, choices, title), *_simulate(diagnosis, "Until then, use"))
+    if kind == "unknown" or not diagnosis.best.effects:
+        known = _look(diagnosis, (diagnosis.best,), "Look at what is known already")
+        return (_look_by_stage(diagnosis), _record_more(diagnosis), *known, _declare())
+    look = _look(diagnosis, (diagnosis.best,), "Look on the robot, if you would rather mend it")
+    return (*_simulate(diagnosis, "Use"), *look)
+
+
+def on_robot(diagnosis: Diagnosis, effect: Named) -> tuple[str, str]:
+    """What an effect is on the robot, with its share of what the joint can give where that is known, and where to look
+    for it."""
+    declared = EFFECTS.get(effect.name)
+    check = describe(declared).check if declared else ""
+    share = _share(diagnosis, effect)
+    return words.begin(words.clause(effect)) + (f": {share}." if share else "."), words.begin(check)
+
+
+def _share(diagnosis: Diagnosis, effect: Named) -> str:
+    """A force as a share of the limits of its joints; empty where it is none, or the model has no limit."""
+    first = next(iter(effect.parameters.values()), None)
+    if first is None or first.unit not in FORCES or not math.isfinite(first.value):
+        return ""
+    several = (effect.target,) if isinstance(effect.target, str) else effect.target
+    declared = EFFECTS.get(effect.name)
+    limits = [
+        limit
+        for name, limit in diagnosis.limits.get(declared.targets if declared else "", {}).items()
+        if effect.target == "all" or name in several
+        if math.isfinite(limit) and limit > 0
+    ]
+    if not limits:
+        return ""
+    what = "force" if first.unit == "N" else "torque"
+    low, high = (words.percent(abs(first.value) / limit) for limit in (max(limits), min(limits)))
+    if low == high:
+        return f"{low} of the most {what} that {'each drive' if len(limits) > 1 else 'its drive'} gives in the model"
+    return f"{low} to {high} of the most {what} that the drives give in the model"
+
+
+def _look(diagnosis: Diagnosis, explanations: Sequence[Explanation], title: str) -> tuple[Step, ...]:
+    effects = {(effect.name, effect.target): effect for one in explanations[:TOLD] for effect in one.effects}
+    places = tuple(on_robot(diagnosis, effect) for effect in effects.values())
+    if not places:
+        return ()
+    mended = "Mended? Record the same motions again: the effect should be gone." if diagnosis.kind == "effect" else ""
+    return (Step(title, mended, places=places),)
+
+
+def _simulate(diagnosis: Diagnosis, use: str) -> tuple[Step, ...]:
+    if not diagnosis.best.effects:
+        return ()
+    which = "the repaired simulator" if diagnosis.kind == "effect" else "the likelier repair"
+    model = diagnosis.repaired
+    if model is None and _is_model(diagnosis):
+        return ()
+    calibration = _beside(diagnosis, "calibration.yaml")
+    if model is None:
+        return (
+            Step(
+                f"{use} {which}",
+                "Train in it, or make it in Python:",
+                command=_train(diagnosis, calibration),
+                code=f'env = gymnasium.make("{diagnosis.robot}", effects="{calibration}")',
+            ),
+        )
+    whole = (
+        "import mujoco\nfrom tiago_mj.gap import apply\n\n"
+        f'robot = apply(mujoco.MjModel.from_xml_path("{_robot(diagnosis)}"), "{calibration}")'
+    )
+    if not (model.xml and model.holds):  # a file that is as before repairs nothing
+        return (Step(f"{use} {which}", verdict.on_model(diagnosis), code=whole),)
+    watch = f"python -m mujoco.viewer --mjcf={shlex.quote(_beside(diagnosis, 'repaired.xml'))}"
+    return (Step(f"{use} {which}", verdict.on_model(diagnosis), command=watch, code=whole),)
+
+
+def _use_as_it_is(diagnosis: Diagnosis) -> Step:
+    said = "For motions like the recorded ones the simulator may be used as it is"
+    if _is_model(diagnosis):
+        return Step("Use the simulator as it is", f"{said}: nothing in the model needs to be changed.")
+    given = _beside(diagnosis, "calibration.yaml") if diagnosis.given else ""
+    if given:
+        said = "For motions like the recorded ones the simulator may be used with the effects that were given"
+    return Step("Use the simulator as it is", f"{said}, for training, say:", command=_train(diagnosis, given))
+
+
+def _not_excited(diagnosis: Diagnosis) -> tuple[Step, ...]:
+    count = len(diagnosis.not_excited)
+    if not count:
+        return ()
+    effects = "1 effect" if count == 1 else f"{count} effects"
+    said = f"These motions could not have shown {effects}. Before faster, firmer or longer motions, record those, too."
+    return (Step("Know what was not tested", said, link=("#not-excited", "which they are")),)
+
+
+def _record_next(diagnosis: Diagnosis) -> Step:
+    motion = diagnosis.next_motion
+    again = "Diagnose old and new recordings together."
+    if motion is None:
+        other = _motion(diagnosis, _stage_of(diagnosis))
+        said = "No motion of the menu was found that would decide."
+        if _is_model(diagnosis):
+            said = f"A motion that shows more: {BY_HAND.get(_stage_of(diagnosis), ANY_BY_HAND)}."
+            return Step("Record another motion", f"{said} {again}")
+        return Step("Record another motion", f"{said} This one shows more: {again}", command=_record(diagnosis, other))
+    pairs = words.listed([f"{words.title(a)} from {words.title(b)}" for a, b in motion.resolves])
+    tells = f" tells best {pairs}:" if pairs else " is the best:"
+    chance = words.percent(motion.expected_probability)
+    said = (
+        f"Of the safe motions `{motion.file}`{tells} one recording of it decides with a chance of {chance}. Record it "
+        f"on the real robot about three times, as `docs/motions.md` says. {again} Of a simulated robot this records it:"
+    )
+    return Step("Record this motion next", said, command=_record(diagnosis, motion.file))
+
+
+def _record_more(diagnosis: Diagnosis) -> Step:
+    stage = _stage_of(diagnosis)
+    after = "One cause at a time is easier to see. Diagnose old and new recordings together."
+    name = "" if _is_model(diagnosis) else _motion(diagnosis, stage)
+    if not name:
+        return Step("Record a motion that shows it alone", f"{words.begin(BY_HAND.get(stage, ANY_BY_HAND))}. {after}")
+    said = f"`{name}` is a safe motion for that (`docs/motions.md`). {after} Of a simulated robot this records it:"
+    return Step("Record a motion that shows it alone", said, command=_record(diagnosis, name))
+
+
+def _look_by_stage(diagnosis: Diagnosis) -> Step:
+    stage = _stage_of(diagnosis)
+    place = verdict.main_place(diagnosis.remains_where or diagnosis.where)
+    where = f"Most of it lies in {place}. " if place else ""
+    look = words.begin(LOOK[stage]) if stage in LOOK else ALONG
+    link = ("#signals", "the signals") if diagnosis.overlays else None
+    return Step("Look where the gap is", f"{where}{look}", link=link)
+
+
+def _declare() -> Step:
+    said = (
+        "A cause that the library lacks takes 15 lines (`docs/tutorials/add-an-effect.md`). The next diagnosis tries "
+        "it with the others."
+    )
+    return Step("Have a suspicion? Declare it as an effect", said)
+
+
+def _stage_of(diagnosis: Diagnosis) -> str:
+    """The stage that is told, else the likeliest by the channel with most of the gap; empty: none."""
+    if diagnosis.stage in STAGES:
+        return str(diagnosis.stage)
+    kind = _loudest(diagnosis.remains_where or diagnosis.where).partition(".")[0]
+    return BY_CHANNEL.get(kind, "")
+
+
+def _loudest(places: Sequence[Place]) -> str:
+    by: dict[str, float] = {}
+    for place in places:
+        by[place.channel] = by.get(place.channel, 0.0) + place.share
+    return max(by, key=lambda name: by[name], default="")
+
+
+def _motion(diagnosis: Diagnosis, stage: str) -> str:
+    """A motion of the menu for a robot of the library; empty where it has none."""
+    fingers = any(place.channel.endswith((*names.FINGERS, *names.SIDES)) for place in diagnosis.where)
+    loudest = _loudest(diagnosis.remains_where or diagnosis.where)
+    arm = loudest.partition(".")[2].startswith(("arm_", "torso_"))
+    if not fingers and not arm:
+        return ""
+    return MOTIONS.get(stage, ANY)[1 if arm else 0]
+
+
+def _record(diagnosis: Diagnosis, motion: str) -> str:
+    kind = "--model" if _is_model(diagnosis) else "--env"
+    robot = shlex.quote(_robot(diagnosis))
+    file = motion if motion.endswith(".csv") or not motion else f"{motion}_25hz.csv"
+    return f"tiago-mj record {kind} {robot} --motion {shlex.quote(file)} --episodes 3 --out next"
+
+
+def _train(diagnosis: Diagnosis, effects: str) -> str:
+    robot = shlex.quote(_robot(diagnosis))
+    return f"tiago-mj train --env {robot} {f'--effects {shlex.quote(effects)} ' if effects else ''}--out trained"
+
+
+def _is_model(diagnosis: Diagnosis) -> bool:
+    return diagnosis.repaired is not None or diagnosis.robot.lower().endswith((".xml", ".mjcf"))
+
+
+def _robot(diagnosis: Diagnosis) -> str:
+    """As it is named on the command line."""
+    return _said(diagnosis, "--model") or diagnosis.robot or "ID"
+
+
+def _beside(diagnosis: Diagnosis, name: str) -> str:
+    """A file of this run as it is named from where the command was given."""
+    return str(PurePath(_said(diagnosis, "--out")) / name)
+
+
+def _said(diagnosis: Diagnosis, option: str) -> str:
+    """What the command line gave an option; empty where it did not."""
+    try:
+        said = shlex.split(diagnosis.command)
+    except ValueError:  # of a command line that nobody could run
+        return ""
+    return next((after for before, after in reversed(list(itertools.pairwise(said))) if before == option), "")
