@@ -87,7 +87,7 @@ class Ranked:
         complete: False when time ran out.
         weight: square root of what a sample of each channel counts for, (C,).
         predict: simulations, in which those commands are lost that were.
-        astray: indices of excluded trials: their motion departs from what every explanation predicts.
+        astray: indices of excluded trials: their motion departs from what the best explanation predicts.
         ended: what ended the search before its end, apart from the time: a fault, or the user.
     """
 
