@@ -89,7 +89,7 @@ class Option:
     """An explanation as the verdict sees it.
 
     Attributes:
-        effects: by name and targets, without what the readings betray; none for the nominal model.
+        effects: by name and targets, without those measured on the readings alone; none for the nominal model.
         classes: of all its effects.
         evidence: for it.
     """
@@ -150,7 +150,7 @@ def decide(
     Args:
         options: one of them the nominal model.
         by: calibration.
-        betrayed: whether the readings betray an effect by themselves, whichever explanation holds.
+        betrayed: whether an effect was measured on the readings alone, whichever explanation holds.
         beaten: explanations that are refuted, (n,); not all of them. None: none is.
     """
     single = probabilities(options, by, betrayed=betrayed, beaten=beaten)

@@ -1,4 +1,4 @@
-"""What the readings themselves betray, whatever the motion: repeats, a grid, the size of the noise, an offset.
+"""Effects measured on the readings alone, whatever the motion: repeats, a grid, the size of the noise, an offset.
 
 A dropped reading repeats the one before exactly, a quantised one lies on a grid, and more noise is more scatter.
 Predicted means are blind to all three, so they are read off here, beside whatever else explains the recordings; and so
@@ -268,7 +268,7 @@ def _runs(row: Array, free: NDArray[np.bool_]) -> list[Array]:
 
 
 def betrayed(traces: Sequence[Trace], pool: Sequence[Candidate]) -> tuple[Known, ...]:
-    """Effects that the readings betray by themselves, with their magnitudes.
+    """Effects that can be measured on the readings alone, without simulation, with their magnitudes.
 
     One entry serves all channels where one value does, else each channel has its own.
 

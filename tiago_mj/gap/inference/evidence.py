@@ -1,8 +1,9 @@
 """Evidence for an explanation: the probability of the recordings under it, by Laplace's approximation.
 
 The evidence integrates over magnitudes, whose prior is :meth:`Candidate.log_prior
-<tiago_mj.gap.inference.hypotheses.Candidate.log_prior>`, so that an effect pays for its freedom (Occam's factor; MacKay
-2003, chapter 28). Of the nuisances it takes the best: what these are known to is the same for all explanations.
+<tiago_mj.gap.inference.hypotheses.Candidate.log_prior>`, so that an effect is penalised for its free parameters (the
+Occam factor; MacKay 2003, chapter 28). The nuisance parameters are not integrated over but set to their best values,
+since their prior is the same for all explanations.
 """
 
 from __future__ import annotations
@@ -42,7 +43,7 @@ def log_evidence(on: Whitening, plain: Whitening, at: Point, predicted: Array, c
 
     Args:
         on: what residuals are measured by, with the tolerance for the form of the effects.
-        plain: the same without that tolerance: what meets the recordings without it shall not pay for it.
+        plain: the same without that tolerance, so that an explanation that fits without it is not penalised for it.
         at: candidates, magnitudes (k,) and nuisances (p,).
         predicted: there, (ntrials, T, C).
         columns: whitened response to each magnitude and nuisance, (n, k + p).

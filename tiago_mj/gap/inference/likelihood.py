@@ -179,10 +179,10 @@ def lasting_in(data: Data, difference: Array) -> Array:
 
 
 def astray(data: Data, difference: Array) -> NDArray[np.bool_]:
-    """Trials in which a motion goes another way than predicted, (ntrials,), where it does not in the others: an object
-    that slips, tips or sticks in one grasp tells nothing of what is wrong in all.
+    """Whether each trial is to be excluded, (ntrials,): its motion departs from the prediction far more than in the
+    other trials. An object that slips, tips or sticks in one grasp says nothing about an error common to all trials.
 
-    Of joints alone: what goes wrong in a load cell does so wherever it is pressed as hard.
+    Only joint channels are compared: an error of a load cell recurs wherever the cell is pressed as hard.
     """
     moving = [k for k, kind in enumerate(data.kinds) if kind != "force"]
     square = _over_blocks(data, difference)[:, :, moving]

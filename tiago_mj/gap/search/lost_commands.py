@@ -1,10 +1,11 @@
 """Which commands were lost, decoded from where the servos went.
 
-A lost command leaves the one before in force, so that for a while the set point is another one. How a joint answers to
-that is learned from simulations in which commands are lost by chance. Which ones were lost in a recording is then what
-explains best where it goes otherwise than predicted: Viterbi's algorithm over the last few commands, each way with its
-own memory (Raheli, Polydoros & Tzou 1995, per-survivor processing). The sum over all ways tells the share that is lost,
-and what it costs to have chosen one way among them.
+When a command is lost, the previous one stays in force, so the executed set point differs from the commanded one for
+a while. The joint's response to such a difference is learned from simulations in which commands are lost at random.
+The commands lost in a recording are then decoded from the residuals by Viterbi's algorithm, whose state is which of the
+last few commands were lost; each path keeps its own memory (per-survivor processing; Raheli, Polydoros & Tzou 1995).
+The likelihood summed over all paths gives the share of lost commands. Compared with the likelihood of the chosen path,
+it also gives the penalty for having chosen that path.
 """
 
 from __future__ import annotations
@@ -67,9 +68,10 @@ class Lost:
 
     Attributes:
         luck: 0 for a command that was lost, 1 for others, (ntrials, T - 1, nactuators).
-        cost: of every share, summed over all ways, (nshares, ntrials, nactuators) [nats].
-        none: where none is lost, (ntrials, nactuators) [nats].
-        chosen: of the way that was chosen, without how likely it is to be drawn, (ntrials, nactuators) [nats].
+        cost: negative log-likelihood for each share, summed over all paths, (nshares, ntrials, nactuators) [nats].
+        none: negative log-likelihood if no command is lost, (ntrials, nactuators) [nats].
+        chosen: negative log-likelihood of the residuals on the chosen path, without that path's own prior probability,
+            (ntrials, nactuators) [nats].
         best: index of the share that was chosen, (nactuators,).
     """
 
@@ -115,7 +117,7 @@ def beside(fitter: Fitter, at: Point, seen: Told, pool: Sequence[Candidate]) -> 
         seen: of the servos.
         pool: candidates that lose commands, the first of them to all servos.
     """
-    # Its nominal numbers may have been moved for what lost commands do, the delay above all: without that, too.
+    # The nuisance parameters, above all the delay, may have absorbed what lost commands do. So start without them, too.
     punctual = at.nuisance.copy()
     for k, term in enumerate(fitter.terms):
         punctual[fitter.places(k)] *= term.effect != "command_delay"
@@ -144,10 +146,11 @@ def beside(fitter: Fitter, at: Point, seen: Told, pool: Sequence[Candidate]) -> 
 
 
 def priced(fitter: Fitter, told: Beside, seen: Told, pool: Sequence[Candidate]) -> dict[Label, Candidate] | None:
-    """Candidates that lose commands, by label, with the share that was lost and what it costs to have chosen them.
+    """Candidates that lose commands, by label, with the share that was lost and the penalty for having decoded them.
 
-    A sample counts for less where errors last than where commands are told. What all ways together explain then is what
-    may be said for lost commands: the price is what the chosen way explains beyond it. None where that is not worth it.
+    The penalty of a trial is the log-likelihood of the executed set points, by Viterbi's algorithm, minus that of all
+    paths together, and at least 0. Both use the fit's weight of a sample, which is smaller than the weight used for
+    decoding where errors are correlated. None where lost commands explain too little.
 
     Args:
         fitter: of the trials that are explained, with what a sample counts for.
@@ -313,7 +316,7 @@ class _Decoded:
 
 
 def _viterbi(way: _Way, answers: Array, residual: Array, precision: Array, counts: float) -> _Decoded:
-    """The likeliest way, and all ways together; a state is which of the last few commands were lost.
+    """The likeliest path, and the sum over all paths; a state says which of the last few commands were lost.
 
     Args:
         way: what the servo is sent.
@@ -365,7 +368,7 @@ def _viterbi(way: _Way, answers: Array, residual: Array, precision: Array, count
 
 
 def _said(left: Array, precision: Array, rows: int, counts: float) -> tuple[Array, Array]:
-    """What a row costs, and by how much what errs slowly is moved by it."""
+    """Negative log-likelihood of a row [nats], and by how much the row moves the estimate of the slow error."""
     square = left**2 * precision
     clipped = np.minimum(1.0, np.sqrt(FAR / np.maximum(square, FAR)))
     drift = np.where(precision > 0, left * clipped / (SLOW * rows), 0.0)

@@ -70,8 +70,8 @@ def again(fits: Sequence[Fitted]) -> list[Fitted]:
 
 
 def without_astray(everywhere: Fitter, fits: list[Fitted], at: Array) -> tuple[Fitter, list[Fitted], Array]:
-    """The same without trials in which a motion goes another way than the best explanation has it: no number of the
-    model makes it do that, and fits of all others would go astray to lessen what it costs."""
+    """The same without excluded trials: those in which a motion departs from what the best explanation predicts. No
+    parameter of the model reproduces such a motion, and it would bias the fits of all explanations."""
     best = everywhere.predictions([starts.point(shortlist.ordered(fits)[0])])[0]
     astray = likelihood.astray(everywhere.data, everywhere.data.value - best)
     if not astray.any() or everywhere.out_of_time():
@@ -97,7 +97,7 @@ def renewed(everywhere: Fitter, fits: Sequence[Fitted], size: int = 0) -> list[F
     )
     near = near[:RENEWED]
     begin = [(starts.again(f), DONE) for f in near]
-    # What the nominal model's numbers were moved for without the effect, they may be stuck at.
+    # Nuisance parameters fitted without the effect may have absorbed it: a local optimum. So start at zero, too.
     begin += [(Start(f.parts, f.values, np.zeros(everywhere.size)), DONE) for f in near[:1]]
     # What is left of fewer effects must not look like another one because their fit stopped short.
     for f in [f for f in shortlist.ordered(fits) if 0 < len(f.parts) < len(best.parts)][:1]:

@@ -82,12 +82,12 @@ class Ranked:
             nuisances, those too that tell nothing.
         screened: the first pass.
         not_excited: effects that no magnitude makes visible in these recordings.
-        known: number of effects that the readings betray: they are part of every explanation.
+        known: number of effects that are measured on the readings alone: they are part of every explanation.
         pool: number of different effects that were considered.
         complete: False when time ran out.
         weight: square root of what a sample of each channel counts for, (C,).
         predict: simulations, in which those commands are lost that were.
-        astray: trials that were set aside, by index: a motion goes another way in them.
+        astray: indices of excluded trials: their motion departs from what the best explanation predicts.
         ended: what ended the search before its end, apart from the time: a fault, or the user.
     """
 
@@ -126,7 +126,7 @@ def select(
         pool: candidates.
         terms: nuisance parameters.
         base: nominal predictions, (ntrials, T, C).
-        known: what the readings betray by themselves: it is part of every explanation.
+        known: effects that are measured on the readings alone: they are part of every explanation.
         seen: what the servos' motion says; None: there is nothing to be read from it.
         steps: physics steps of one trial.
         out_of_time: asked between stages.

@@ -123,7 +123,7 @@ def _show(data: dict[str, Any], findings: Sequence[Finding]) -> None:
     for one in _sorted(data["effects"]):
         on = (one["target"],) if by_target else ()
         if one["by_readings"]:
-            table.add_row(one["name"], *on, "the readings betray it", "")
+            table.add_row(one["name"], *on, "measured on the readings", "")
         elif one["visible"]:
             least = one["smallest_visible"]
             amount = "any limit" if least is None else quantity(least, one["unit"])

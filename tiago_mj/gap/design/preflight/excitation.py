@@ -48,7 +48,7 @@ class Excited:
         smallest: value nearest to the identity that would be clear in this recording; None if none within bounds is.
         distance: length of the signature at the effect's default, in standard deviations.
         target: on which it is; None: on all of its targets.
-        by_readings: whether the readings themselves betray it (grids, repeats, noise), whatever the motion.
+        by_readings: whether it is measured on the readings alone (grids, repeats, noise), whatever the motion.
     """
 
     effect: str
