@@ -13,9 +13,10 @@ from tiago_mj.effects import EFFECTS, read_effects
 from tiago_mj.gap.data.grid import grid_step
 from tiago_mj.gap.data.read import read_recordings
 from tiago_mj.gap.decision.verdict import calibration
-from tiago_mj.gap.pipeline import diagnose, split
+from tiago_mj.gap.pipeline import diagnose
 from tiago_mj.gap.simulation import replay
 from tiago_mj.gap.simulation.plant import plant_of
+from tiago_mj.gap.simulation.session import split
 
 #: Enough rivals to be confused with, few enough for a test.
 SHORT = (

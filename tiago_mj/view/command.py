@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import json
 from pathlib import Path
 from typing import Any
 
@@ -47,6 +48,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--port", type=int, default=PORT, metavar="N", help=f"where it is served, on this machine alone ({PORT})"
     )
+    parser.add_argument("--json", action="store_true", help="print the address, or the file, as data")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -96,11 +98,14 @@ def _recordings(arguments: argparse.Namespace) -> int:
             raise ValueError(f"--trial {first}: there is no such recording: these are {', '.join(names)}")
         if arguments.save is not None:
             page.write(known.story(first), arguments.save, beside=arguments.beside)
-            size = arguments.save.stat().st_size / 1e6
-            print(f"{arguments.save}: {first} in {size:.1f} MB; it opens in any browser, without a server")
+            size = arguments.save.stat().st_size
+            if arguments.json:
+                print(json.dumps({"file": str(arguments.save), "recording": first, "bytes": size}))
+            else:
+                print(f"{arguments.save}: {first} in {size / 1e6:.1f} MB; it opens in any browser, without a server")
             return 0
         with serving(arguments.port, f"{known.plant.name}: recordings") as server:
-            _say(server)
+            _say(server, arguments.json)
             player.play(server, names, known.story, first, beside=arguments.beside)
     except RecordingError as fault:
         raise ValueError(str(fault)) from fault
@@ -121,12 +126,13 @@ def _live(arguments: argparse.Namespace) -> int:
     )
     try:
         with serving(arguments.port, session.name) as server:
-            _say(server)
+            _say(server, arguments.json)
             live.run(server, session)
     finally:
         session.close()
     return 0
 
 
-def _say(server: Any) -> None:
-    print(f"watch it at http://{HOST}:{server.get_port()}; Ctrl-C ends it", flush=True)
+def _say(server: Any, as_json: bool) -> None:
+    url = f"http://{HOST}:{server.get_port()}"
+    print(json.dumps({"url": url}) if as_json else f"watch it at {url}; Ctrl-C ends it", flush=True)
