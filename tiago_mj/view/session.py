@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 from tiago_mj.effects import EFFECTS, Entry, read_effects
 from tiago_mj.envs.flat import core_of
 from tiago_mj.learn.shipped import shipped_agents
-from tiago_mj.models import names, scene
+from tiago_mj.models import scene
+from tiago_mj.pad_forces import force_goal, pad_forces
 from tiago_mj.rollout import options
 from tiago_mj.rollout.episode import Policy
 from tiago_mj.rollout.policies import RANDOM, make_policy
@@ -181,10 +182,7 @@ class Session:
 
     def force_goal(self) -> float | None:
         """Force that the task asks of each finger [N]; None where it asks for none."""
-        goal = np.ravel(self.core.goal)
-        if not hasattr(self.core, "force_type") or len(goal) != 2:
-            return None
-        return float(goal[0] / self.core.load_cell.units(1.0))
+        return force_goal(self.core)
 
     def place_goal(self) -> Array | None:
         """Where the task wants the hand or the object, (3,) [m]; None where its goal is no place."""
@@ -193,17 +191,7 @@ class Session:
 
     def pad_forces(self) -> list[tuple[str, Array, Array]]:
         """Side, place of the pad (3,) [m], and the force on it (3,) [N] in the world."""
-        found = []
-        model, data = self.core.model, self.core.data
-        force = np.asarray(self.core.state.force_contact)
-        for k, side in enumerate(names.SIDES):
-            pad = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, names.PAD_SITE[side])
-            cell = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, names.LOAD_CELL_SITE[side])
-            if pad < 0 or cell < 0 or force.shape != (2,):
-                continue
-            outwards = data.site_xmat[cell].reshape(3, 3)[:, 0]
-            found.append((side, data.site_xpos[pad].copy(), -float(force[k]) * outwards))
-        return found
+        return [(one.side, one.place, one.newtons * one.outwards) for one in pad_forces(self.core)]
 
     def contacts(self) -> Array:
         """Points where something presses on something, (n, 3) [m]."""
