@@ -4,6 +4,7 @@ taken, and nothing is unpickled."""
 from __future__ import annotations
 
 import math
+import tokenize
 import zipfile
 import zlib
 from collections.abc import Iterator
@@ -37,6 +38,7 @@ FAULTS: Final = (
     RuntimeError,
     MemoryError,
     SyntaxError,
+    tokenize.TokenError,
 )
 
 

@@ -87,6 +87,13 @@ def parse_json(
     return _guarded(parse, fail)
 
 
+def load_text(
+    path: Path | Traversable, lead: str, *, mend: str = "mend the file", error: type[Exception] = ValueError
+) -> str:
+    """What a file of UTF-8 text holds; arguments and faults as of :func:`load_yaml`."""
+    return _text(path, _failing(lead, mend, error))
+
+
 def is_file(source: str | Path) -> bool:
     """Whether it names a file; no system has names as long as some texts are that are asked."""
     try:

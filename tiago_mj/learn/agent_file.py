@@ -38,6 +38,8 @@ def _elu(x: Single) -> Single:
 ACTIVATIONS: Final[Mapping[str, Callable[[Single], Single]]] = {"ReLU": _relu, "Tanh": np.tanh, "ELU": _elu}
 #: What the last layer's output becomes: squashed into, or cut at, the action space's bounds.
 OUTPUTS: Final = ("tanh", "clip")
+#: No observation is larger (in SI units), no number in the network's may be, and none is divided by less.
+SEEN, LARGEST, LEAST = 1e6, 1e37, 1e-30
 
 
 @dataclass(frozen=True)
@@ -149,7 +151,7 @@ def load_agent(path: Path, name: str | None = None) -> Agent:
         if not isinstance(header, dict) or header.get("schema") != SCHEMA:
             said = header.get("schema") if isinstance(header, dict) else header
             raise ValueError(f"schema {quoted(said)}, this version reads {SCHEMA!r}")
-        return _checked(from_arrays(header, found))
+        return from_arrays(header, found)
     except arrays.FAULTS as fault:
         raise ValueError(
             f"policy {name or path} is no agent that can be read, or is damaged: {arrays.reason(fault)}"
@@ -157,21 +159,27 @@ def load_agent(path: Path, name: str | None = None) -> Agent:
 
 
 def from_arrays(header: Mapping[str, Any], found: Mapping[str, NDArray[Any]]) -> Agent:
-    """An agent of what :meth:`Agent.arrays` and its header say."""
+    """An agent of what :meth:`Agent.arrays` and its header say.
+
+    Raises:
+        ValueError, or another of :data:`tiago_mj.arrays.FAULTS`: they make no agent.
+    """
     count = sum(key.startswith("weight_") for key in found)
     with np.errstate(over="ignore"):
         single = {key: np.asarray(value, dtype=np.float32) for key, value in found.items()}
-    return Agent(
-        layers=tuple((single[f"weight_{n}"], single[f"bias_{n}"]) for n in range(count)),
-        activation=header["activation"],
-        output=header["output"],
-        inputs=tuple((str(key), int(size)) for key, size in header["inputs"]),
-        low=single["low"],
-        high=single["high"],
-        mean=found.get("mean"),
-        deviation=found.get("deviation"),
-        limit=float(header["limit"]),
-        origin=header["origin"],
+    return _checked(
+        Agent(
+            layers=tuple((single[f"weight_{n}"], single[f"bias_{n}"]) for n in range(count)),
+            activation=header["activation"],
+            output=header["output"],
+            inputs=tuple((str(key), int(size)) for key, size in header["inputs"]),
+            low=single["low"],
+            high=single["high"],
+            mean=found.get("mean"),
+            deviation=found.get("deviation"),
+            limit=float(header["limit"]),
+            origin=header["origin"],
+        )
     )
 
 
@@ -190,11 +198,29 @@ def _checked(agent: Agent) -> Agent:
         raise ValueError("its normalisation does not match its observations")
     if not all(np.isfinite(value).all() for value in (*agent.arrays().values(), agent.limit)):
         raise ValueError("it has numbers that are not finite")
-    if (agent.deviation is not None and not (agent.deviation > 0).all()) or agent.limit <= 0:
-        raise ValueError("it divides observations by 0 or less")
+    if (agent.deviation is not None and not (agent.deviation > LEAST).all()) or agent.limit <= 0:
+        raise ValueError("it divides observations by 0 or less, or by next to nothing")
+    if not _largest(agent) < LARGEST:
+        raise ValueError("its numbers are so large that what it computes with them is not finite")
     if not isinstance(agent.origin, Mapping):
         raise ValueError(f"its origin is {quoted(agent.origin)}")
     return agent
+
+
+def _largest(agent: Agent) -> float:
+    """What no number can exceed that it computes, of observations up to :data:`SEEN`."""
+    most = SEEN
+    if agent.mean is not None and agent.deviation is not None:
+        most = max(SEEN + float(np.abs(agent.mean).max(initial=0.0)), agent.limit)
+        if not most / float(agent.deviation.min(initial=1.0)) < np.finfo(np.float64).max:
+            return np.inf
+        most = agent.limit
+    found = most
+    for weight, bias in agent.layers:
+        rows = np.abs(weight, dtype=np.float64).sum(axis=1) * most + np.abs(bias)
+        most = float(rows.max(initial=1.0))
+        found = max(found, most)
+    return max(found, float(np.abs(np.concatenate([agent.low, agent.high])).max(initial=0.0)) * 4)
 
 
 def _told(sizes: Mapping[str, int]) -> str:

@@ -26,6 +26,10 @@ BEST_OF: Final = 20
 BEAT: Final = 1.0
 
 
+#: Of each evaluation.
+EVALUATED: Final = ("steps", "mean_return", "sd_return", "success_rate")
+
+
 class Best:
     """The best policy so far, by a mean return.
 
@@ -58,6 +62,8 @@ class Best:
             parts = {k.removeprefix(self._prefix): v for k, v in arrays.items() if k.startswith(self._prefix)}
             self.agent = from_arrays(data["header"], parts)
             self.mean, self.steps = float(data["mean"]), int(data["steps"])
+            if not np.isfinite(self.mean):
+                raise ValueError(f"the best mean return is {self.mean}")
 
 
 class Episodes(BaseCallback):  # type: ignore[misc]
@@ -102,6 +108,8 @@ class Episodes(BaseCallback):  # type: ignore[misc]
 
     def restore(self, data: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> None:
         """What a checkpoint kept."""
+        if arrays["log"].ndim != 2 or not np.isfinite(arrays["log"]).all():
+            raise ValueError("the log of its episodes is none")
         self.log = [(int(steps), float(total), bool(success)) for steps, total, success in arrays["log"]]
         self._last.extend(total for _, total, _ in self.log[-BEST_OF:])
         self.best.restore(data, arrays)
@@ -167,7 +175,10 @@ class Checkpoints(BaseCallback):  # type: ignore[misc]
         """Take over what a checkpoint kept."""
         self._saved_at = found.steps
         self._episodes.restore(found.callbacks["episodes"], found.arrays)
-        self._evaluations.log = [dict(entry) for entry in found.callbacks["evaluations"]]
+        log = [{name: float(entry[name]) for name in EVALUATED} for entry in found.callbacks["evaluations"]]
+        if not np.isfinite([list(entry.values()) for entry in log]).all() or (found.finished and not log):
+            raise ValueError("its evaluations are none")
+        self._evaluations.log = [{**entry, "steps": int(entry["steps"])} for entry in log]
         self._evaluations.best.restore(found.callbacks.get("evaluated", {}), found.arrays)
 
     def _on_training_start(self) -> None:

@@ -4,14 +4,57 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from typing import Any, Final
+from pathlib import Path
+from typing import Any, Final, Literal
 
-from tiago_mj.learn.settings import Settings
+from pydantic import Field
+
+from tiago_mj.learn.settings import Settings, Written
 from tiago_mj.learn.zoo_form import read_hyperparameters
+from tiago_mj.loading import load_json
+from tiago_mj.schema import Open, checked
 
 SCHEMA: Final = "tiago_mj.card/1"
 #: Hyperparameters that are shown, as they were used, under other names.
 ELSEWHERE: Final = ("env_kwargs", "n_timesteps")
+
+
+class _Result(Open):
+    """Of a seed."""
+
+    seed: int = Field(ge=0)
+    steps: int
+    best_mean: float | None
+    best_steps: int
+    mean_return: float
+    sd_return: float
+    success_rate: float
+
+
+class _Settings(Written):
+    written: None = Field(default=None, alias="schema")
+
+
+class _Card(Open):
+    """What is read of a training's card; its curve is kept as it is."""
+
+    written: Literal["tiago_mj.card/1"] = Field(alias="schema")
+    command: str
+    settings: _Settings
+    made_by: dict[str, str]
+    seeds: list[_Result] = Field(min_length=1)
+    best_seed: int = Field(ge=0)
+
+
+def read(path: Path) -> dict[str, Any]:
+    """The card of a training.
+
+    Raises:
+        ValueError: there is none, or it is of another form; one line.
+    """
+    data: dict[str, Any] = load_json(path, f"{path.name} is not readable JSON")
+    checked(_Card, data)
+    return data
 
 
 def card(

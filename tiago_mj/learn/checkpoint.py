@@ -24,7 +24,7 @@ import torch
 from numpy.typing import NDArray
 
 from tiago_mj import arrays, atomic
-from tiago_mj.loading import parse_json
+from tiago_mj.loading import MAX_WHOLE, parse_json
 from tiago_mj.quoting import quoted
 
 SCHEMA: Final = "tiago_mj.checkpoint/1"
@@ -100,7 +100,7 @@ def read(path: Path, model: Any) -> Checkpoint:
     Raises:
         ValueError: the file is damaged, or of another model; one line.
     """
-    try:
+    with readable(path):
         with archive(path) as packed:
             if (bad := packed.testzip()) is not None:
                 raise ValueError(f"{bad} is damaged")
@@ -119,20 +119,33 @@ def read(path: Path, model: Any) -> Checkpoint:
         model.set_parameters(tensors["parameters"], exact_match=True, device="cpu")
         for name, value in tensors["variables"].items():
             getattr(model, name).data.copy_(value)
-        model.num_timesteps, model._n_updates = int(state["steps"]), int(state["updates"])
-        model._episode_num = int(state["episodes"])
+        counts = [int(state[name]) for name in ("steps", "updates", "episodes")]
+        if not 0 <= min(counts) <= max(counts) <= MAX_WHOLE:
+            raise ValueError(f"it counts {quoted(counts)} steps, updates and episodes")
+        model.num_timesteps, model._n_updates, model._episode_num = counts
         _put_replay(model, found)
         _put_running(model, found)
         _check_generators(model, state["generators"], tensors["generator"])
         callbacks = dict(state["callbacks"])
-    except (*arrays.FAULTS, pickle.UnpicklingError) as fault:
+    model._restored = (state["generators"], tensors["generator"])
+    own = {name.removeprefix("own/"): array for name, array in found.items() if name.startswith("own/")}
+    return Checkpoint(model.num_timesteps, bool(state["finished"]), callbacks, own)
+
+
+@contextmanager
+def readable(path: Path) -> Iterator[None]:
+    """Put the form of a checkpoint's contents to use; whatever that trips over becomes one line.
+
+    Raises:
+        ValueError: says how to go on.
+    """
+    try:
+        yield
+    except (*arrays.FAULTS, OSError, pickle.UnpicklingError) as fault:
         raise ValueError(
             f"checkpoint {path} cannot be read ({arrays.reason(fault)}): delete that file to begin this seed anew, or "
             "give another --out"
         ) from fault
-    model._restored = (state["generators"], tensors["generator"])
-    own = {name.removeprefix("own/"): array for name, array in found.items() if name.startswith("own/")}
-    return Checkpoint(model.num_timesteps, bool(state["finished"]), callbacks, own)
 
 
 @contextmanager
@@ -246,8 +259,10 @@ def _put_running(model: Any, arrays: Mapping[str, NDArray[Any]]) -> None:
         parts = getattr(envs, name, None)
         for key, part in parts.items() if isinstance(parts, dict) else [("", parts)]:
             if part is not None:
-                part.mean, part.var = arrays[f"running/{name}/{key}/mean"], arrays[f"running/{name}/{key}/var"]
-                part.count = float(arrays[f"running/{name}/{key}/count"])
+                mean, var, count = (arrays[f"running/{name}/{key}/{field}"] for field in ("mean", "var", "count"))
+                if mean.shape != np.shape(part.mean) or var.shape != np.shape(part.var) or not (var >= 0).all():
+                    raise ValueError(f"running/{name}/{key} has shapes {mean.shape} and {var.shape}, or no variance")
+                part.mean, part.var, part.count = mean, var, float(count)
 
 
 def _moments(envs: Any) -> list[tuple[str, Any]]:

@@ -60,7 +60,7 @@ def run(arguments: argparse.Namespace) -> int:
         extra.load("tensorboard", "--tensorboard", "tensorboard")
     out = arguments.out.resolve()
     folders = [out / f"seed-{seed}" for seed in range(arguments.seeds)]
-    left = sum(max(settings.steps - progress.look(folder).get("steps", 0), 0) for folder in folders)
+    left = sum(max(settings.steps - progress.steps(folder), 0) for folder in folders)
     rate = _try_out(settings, measure=not arguments.quiet and left >= duration.SHORT)
     claim(out, settings)
     starter = os.getpid() if arguments.backend == "local" else None

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tiago_mj import atomic
+from tiago_mj.rows import read_numbers
 
 Array = NDArray[np.float64]
 
@@ -42,20 +43,25 @@ def write_seed(
 
 
 def read_episodes(folder: Path) -> tuple[Array, Array]:
-    """Steps and moving means of a seed's episodes, each (n,)."""
-    with (folder / EPISODES).open(encoding="utf-8") as file:
-        rows = list(csv.DictReader(file))
-    return (
-        np.array([float(row["steps"]) for row in rows]),
-        np.array([float(row["mean_return_of_20"]) for row in rows]),
-    )
+    """Steps and moving means of a seed's episodes, each (n,).
+
+    Raises:
+        ValueError: the file is not there, or not whole; one line.
+    """
+    return _read(folder / EPISODES, "mean_return_of_20")
 
 
 def read_evaluations(folder: Path) -> tuple[Array, Array]:
-    """Steps and mean returns of a seed's evaluations, each (n,)."""
-    with (folder / EVALUATIONS).open(encoding="utf-8") as file:
-        rows = list(csv.DictReader(file))
-    return np.array([float(row["steps"]) for row in rows]), np.array([float(row["mean_return"]) for row in rows])
+    """Steps and mean returns of a seed's evaluations, each (n,); faults as of :func:`read_episodes`."""
+    return _read(folder / EVALUATIONS, "mean_return")
+
+
+def _read(path: Path, name: str) -> tuple[Array, Array]:
+    lead = f"{path} is no learning curve that can be read"
+    found = read_numbers(path, ("steps", name), lead, mend="delete the folder of that seed to begin it anew")
+    if (np.diff(found["steps"]) < 0).any():
+        raise ValueError(f"{lead} (steps go back): delete the folder of that seed to begin it anew")
+    return found["steps"], found[name]
 
 
 def moving_mean(values: Array) -> Array:

@@ -78,7 +78,8 @@ def _train(task: Task, folder: Path) -> dict[str, Any]:
     finished = False
     if (path := folder / checkpoint.FILE).exists():
         found = checkpoint.read(path, model)
-        saving.restore(found)
+        with checkpoint.readable(path):
+            saving.restore(found)
         finished = found.finished
         if not finished:
             begin_episodes(model, task.seed)

@@ -9,8 +9,12 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final
 
+from pydantic import Field
+
 from tiago_mj import atomic
+from tiago_mj.loading import load_json
 from tiago_mj.progress import EVERY, Progress
+from tiago_mj.schema import Open, checked
 
 FILE: Final = "progress.json"
 #: Seconds between looks at what the seeds say.
@@ -22,13 +26,23 @@ def report(folder: Path, facts: Mapping[str, Any]) -> None:
     atomic.write_text(folder / FILE, json.dumps(dict(facts)))
 
 
+class _Facts(Open):
+    steps: int = Field(default=0, ge=0)
+    mean_return: float | None = None
+    success_rate: float | None = None
+
+
 def look(folder: Path) -> dict[str, Any]:
-    """What a seed said last; nothing where it has not said anything."""
+    """What a seed said last; nothing where it has not said anything that can be read: it is for people to see."""
     try:
-        facts: dict[str, Any] = json.loads((folder / FILE).read_text())
-        return facts
-    except (OSError, ValueError):
+        return checked(_Facts, load_json(folder / FILE, FILE)).model_dump()
+    except ValueError:
         return {}
+
+
+def steps(folder: Path) -> int:
+    """Environment steps that a seed said it has done."""
+    return int(look(folder).get("steps", 0))
 
 
 @contextmanager
@@ -44,7 +58,7 @@ def shown(folders: Sequence[Path], total: int, *, quiet: bool, every: float = EV
     over = threading.Event()
     with Progress("train", quiet=quiet, every=every) as progress:
         # What was trained before this run counts as done, and says nothing of the speed.
-        begun = sum(min(look(folder).get("steps", 0), total) for folder in folders)
+        begun = sum(min(steps(folder), total) for folder in folders)
         progress.stage("steps", total * len(folders), done=begun)
         watcher = threading.Thread(target=_watch, args=(progress, folders, total, over), daemon=True)
         watcher.start()

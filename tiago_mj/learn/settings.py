@@ -69,7 +69,7 @@ class Settings:
         return data
 
 
-class _Written(Open):
+class Written(Open):
     """Settings as a file has them."""
 
     written: Literal["tiago_mj.training/1"] = Field(alias="schema")
@@ -122,7 +122,7 @@ def read(folder: Path) -> Settings:
     lead = f"{folder} holds no training that can be read: {FILE}"
     data = load_json(folder / FILE, lead)
     try:
-        said = checked(_Written, data)
+        said = checked(Written, data)
     except SchemaError as fault:
         raise ValueError(f"{lead}: {fault.path or 'it'} {fault.problem}") from fault
     return Settings(**{field.name: getattr(said, field.name) for field in fields(Settings)})

@@ -11,7 +11,6 @@ from typing import Any, Final
 
 from tiago_mj import atomic
 from tiago_mj.learn.agent_file import SUFFIX, load_agent
-from tiago_mj.loading import load_json
 from tiago_mj.quoting import quoted
 
 #: A name that no other kind of policy can have.
@@ -93,17 +92,17 @@ def export(
     Raises:
         ValueError: no finished training, no such seed in it, or an unusable name; one line.
     """
-    from tiago_mj.learn.card import markdown
+    from tiago_mj.learn.card import markdown, read
 
     if name is None or not NAME.fullmatch(name):
         raise ValueError(f"--name is {quoted(name)}: give 3 to 41 small letters, digits and hyphens")
     if name in ("random",):
         raise ValueError(f"--name {name} is that of another policy: choose another")
     try:
-        card: dict[str, Any] = load_json(training / "card.json", "card.json is not readable JSON")
+        card = read(training / "card.json")
         trained = [result["seed"] for result in card["seeds"]]
         card["agent_seed"] = card["best_seed"] if seed is None else seed
-    except (ValueError, KeyError, TypeError) as fault:
+    except ValueError as fault:
         raise ValueError(f"--export {training} holds no finished training: card.json: {fault}") from fault
     if card["agent_seed"] not in trained:
         raise ValueError(f"--seed is {seed}: the training has {', '.join(str(one) for one in trained)}")

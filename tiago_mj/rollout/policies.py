@@ -130,7 +130,7 @@ def _algorithm(path: Path) -> str:
     try:
         with zipfile.ZipFile(path) as archive, archive.open("data") as data:
             settings = parse_json(data.read(MAX_BYTES + 1), "its settings are no JSON")
-    except arrays.FAULTS as fault:
+    except (OSError, *arrays.FAULTS) as fault:
         raise ValueError(f"policy {path} is not a file saved by stable-baselines3: {arrays.reason(fault)}") from fault
     for key, algorithm in ALGORITHMS.items():
         if isinstance(settings, dict) and key in settings:

@@ -4,12 +4,29 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Final
 
 from tiago_mj import atomic
 from tiago_mj.extra import pyarrow
 from tiago_mj.gap.data.recording import KINDS, Trial, channel, channels
 from tiago_mj.gap.data.sidecar import sidecar_mapping
 from tiago_mj.quoting import quoted
+
+#: Of the name of a file, without its suffix [bytes]; file systems take 255.
+LONGEST_NAME: Final = 200
+#: Characters that mean something in names of files on some system.
+_NO_NAME: Final = frozenset('/\\:*?"<>|')
+
+
+def check_name(name: str, what: str = "trial name") -> None:
+    """Refuse a name that cannot be that of a file or folder everywhere, or that would lead out of its folder.
+
+    Raises:
+        ValueError: one line.
+    """
+    plain = name and Path(name).name == name and not name.startswith(".") and not set(name) & _NO_NAME
+    if not plain or not name.isprintable() or len(name.encode("utf-8", "replace")) > LONGEST_NAME:
+        raise ValueError(f"{what} {quoted(name)} is no file name: use letters, digits, '-' and '_'")
 
 
 def write_trial(trial: Trial, folder: Path) -> Path:
@@ -26,8 +43,7 @@ def write_trial(trial: Trial, folder: Path) -> Path:
         ValueError: the trial's name is no file name.
         ModuleNotFoundError: pyarrow is not installed; says how to.
     """
-    if not trial.name or Path(trial.name).name != trial.name or trial.name.startswith("."):
-        raise ValueError(f"trial name {quoted(trial.name)} is no file name: use letters, digits, '-' and '_'")
+    check_name(trial.name)
     arrow = pyarrow()
     columns = {"time": trial.time}
     columns.update({name: channel(trial, name) for name in channels(trial, kinds=tuple(KINDS))})

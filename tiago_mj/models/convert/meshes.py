@@ -15,6 +15,8 @@ from tiago_mj.models.convert.errors import ConversionError
 from tiago_mj.models.convert.urdf import Shape
 
 FORMATS = (".stl", ".obj", ".dae", ".ply", ".glb", ".off")
+#: Coordinates, in whatever unit.
+LARGEST = 1e9
 
 
 def resolve(shape: Shape, urdf: Path, package_paths: Sequence[Path] = ()) -> Path:
@@ -72,12 +74,21 @@ def load(shape: Shape, path: Path) -> Any:
         raise ConversionError(
             shape.where, f"mesh {path} cannot be read ({reason})", "export it again, best as STL"
         ) from None
-    if len(getattr(mesh, "faces", ())) == 0 or not np.isfinite(mesh.vertices).all():
+    if not _is_whole(mesh):
         raise ConversionError(shape.where, f"mesh {path} holds no triangles", "export it again, best as STL")
     scale = np.array(shape.size) * _metres_per_unit(mesh, path)
     if not np.allclose(scale, 1.0):
         mesh.apply_transform(np.diag([*scale, 1.0]))
     return mesh
+
+
+def _is_whole(mesh: Any) -> bool:
+    """Whether it has triangles, all of them between points that it has."""
+    faces, points = np.asarray(getattr(mesh, "faces", ())), np.asarray(getattr(mesh, "vertices", ()))
+    if faces.ndim != 2 or faces.shape[1] != 3 or len(faces) == 0 or points.ndim != 2 or points.shape[1] != 3:
+        return False
+    inside = faces.min() >= 0 and faces.max() < len(points)
+    return bool(inside and np.isfinite(points).all() and np.abs(points).max() < LARGEST)
 
 
 def _metres_per_unit(mesh: Any, path: Path) -> float:

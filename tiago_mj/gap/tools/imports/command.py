@@ -13,9 +13,10 @@ from tiago_mj import atomic
 from tiago_mj.gap.data.lint import inspect
 from tiago_mj.gap.data.read import read_recordings
 from tiago_mj.gap.data.recording import Finding, Trial
-from tiago_mj.gap.data.write import write_trial
+from tiago_mj.gap.data.write import check_name, write_trial
 from tiago_mj.gap.tools.imports import lerobot, minari, so101, ta11_curve, tiago_arm, xl330
 from tiago_mj.progress import told
+from tiago_mj.quoting import quoted
 from tiago_mj.sensing.load_cell import TA11_SLOPE
 
 #: Importer: trials of a source, each with its folder below the output.
@@ -100,6 +101,7 @@ def run(arguments: argparse.Namespace) -> int:
     else:
         with told("import", arguments.kind, quiet=arguments.json):
             trials, said = list(PUBLIC[arguments.kind](arguments)), ()
+    _check_names(trials)
     paths = []
     for folder, trial in trials:
         paths.append(write_trial(trial, arguments.out / folder))
@@ -120,6 +122,22 @@ def run(arguments: argparse.Namespace) -> int:
     modelless = arguments.kind == "lerobot" and arguments.model is None
     print(f"next: tiago-mj diagnose {next(iter(folders))}{' --model FILE.xml' if modelless else ''} --out DIR")
     return 0
+
+
+def _check_names(trials: Sequence[tuple[str, Trial]]) -> None:
+    """Names come from the files: none may lead out of the output, or be another's, before anything is written.
+
+    Raises:
+        ValueError: says which.
+    """
+    seen: set[tuple[str, str]] = set()
+    for folder, trial in trials:
+        if folder:
+            check_name(folder, "folder name")
+        check_name(trial.name)
+        if (folder, trial.name) in seen:
+            raise ValueError(f"two recordings would be {quoted(trial.name)}: import them one by one, each to its --out")
+        seen.add((folder, trial.name))
 
 
 #: Trials with their folders below the output, and what was found in reading them.

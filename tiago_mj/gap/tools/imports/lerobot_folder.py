@@ -237,7 +237,7 @@ def _vector(column: Any, name: str, file: str, arrow: Any) -> Array:
     kind = column.type
     if not (arrow.types.is_integer(kind) or arrow.types.is_floating(kind)):
         raise RecordingError(f"{file}: column {name} holds no numbers ({kind}): this is not the format's")
-    return np.asarray(column.cast(arrow.float64()).to_numpy(), dtype=np.float64)
+    return np.asarray(column.cast(arrow.float64(), safe=False).to_numpy(), dtype=np.float64)
 
 
 def _matrix(column: Any, name: str, width: int, file: str, arrow: Any) -> Array:

@@ -9,20 +9,21 @@ trials: what other joints and gravity do to it is an offset, a share and an iner
 
 from __future__ import annotations
 
-import csv
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from itertools import islice
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 
-from tiago_mj.gap.data.read.tables import MAX_ROWS
+from tiago_mj.gap.data.read.clock import MIN_ROWS
 from tiago_mj.gap.data.recording import SCHEMA, Array, RecordingError, Sidecar, Trial
 from tiago_mj.gap.data.trials import cut, repeatability
 from tiago_mj.gap.tools.imports.public import DataSet, folder_of, need
-from tiago_mj.loading import parse_json
+from tiago_mj.loading import load_text, parse_json
+from tiago_mj.quoting import one_line, quoted
+from tiago_mj.rows import numbers, read_rows
 
 _MOTIONS: Final = {
     "backlash_detection": (
@@ -66,6 +67,8 @@ DATA: Final = DataSet(
 )
 _MICROSECOND: Final = 1e-6
 MODEL: Final = "servo.xml"
+#: Of a joint; it becomes that of a folder, too, and stands in a model.
+_NAME: Final = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,99}")
 
 #: A Feetech STS3215 as public simulators have it (apirrone/Open_Duck_Playground, joints_properties.xml, fitted there):
 #: stiffness [N·m/rad], damping [N·m·s/rad], reflected inertia [kg·m²] and greatest torque [N·m]; its dry friction,
@@ -158,7 +161,7 @@ def servo(joint: str) -> str:
 
 
 def _trial(folder: Path) -> Trial:
-    joints = [name for name in need(folder, "joint_list.txt").read_text(encoding="utf-8").split() if name]
+    joints = _joints(need(folder, "joint_list.txt"))
     sent, (command,) = _read(need(folder, _FILES[0]), ("positions",), len(joints))
     seen, (position, velocity, torque) = _read(
         need(folder, _FILES[1]), ("positions", "velocities", "torques"), len(joints)
@@ -202,19 +205,37 @@ def _trial(folder: Path) -> Trial:
     )
 
 
+def _joints(path: Path) -> tuple[str, ...]:
+    """Names, one a line.
+
+    Raises:
+        RecordingError: there are none, or they are no names.
+    """
+    words = load_text(path, f"{path.parent.name}/{path.name} is no list of joints", error=RecordingError).split()
+    if not words or len(set(words)) < len(words) or not all(_NAME.fullmatch(word) for word in words):
+        raise RecordingError(
+            f"{path.parent.name}/{path.name}: it holds {quoted(' '.join(words))}: write the name of each joint once, in "
+            "letters, digits, '.', '-' and '_'"
+        )
+    return tuple(words)
+
+
 def _read(path: Path, wanted: Sequence[str], joints: int) -> tuple[Array, tuple[Array, ...]]:
     """Stamps [µs] (n,) and the named list columns, each (n, joints)."""
+    lead = f"{path.parent.name}/{path.name}: not the data set's format, or cut off"
+    rows = read_rows(path, ("timestamp", *wanted), lead, mend="copy it again", error=RecordingError)
+    stamps = numbers([row["timestamp"] for row in rows], "timestamp", lead, mend="copy it again", error=RecordingError)
     try:
-        with path.open(newline="", encoding="utf-8") as stream:
-            rows = list(islice(csv.DictReader(stream), MAX_ROWS))
-        stamps = np.array([float(row["timestamp"]) for row in rows])
         columns = tuple(np.array([parse_json(row[name], name) for row in rows], dtype=np.float64) for name in wanted)
-    except (KeyError, TypeError, ValueError, csv.Error) as fault:
+    except (TypeError, ValueError) as fault:
+        raise RecordingError(f"{lead} ({one_line(fault)})") from fault
+    if len(stamps) < MIN_ROWS or any(values.shape != (len(stamps), joints) for values in columns):
         raise RecordingError(
-            f"{path.parent.name}/{path.name}: not the data set's format, or cut off ({fault})"
-        ) from fault
-    if not len(stamps) or any(values.shape != (len(stamps), joints) for values in columns):
-        raise RecordingError(
-            f"{path.parent.name}/{path.name}: a row does not have {joints} numbers: is the file whole?"
+            f"{path.parent.name}/{path.name}: it does not have {MIN_ROWS} rows of {joints} numbers each: is it whole?"
         )
+    if (np.diff(stamps) <= 0).any():
+        row = int(np.argmax(np.diff(stamps) <= 0)) + 2
+        raise RecordingError(f"{path.parent.name}/{path.name}: timestamp does not increase at row {row}: copy it again")
+    if not all(np.isfinite(values).all() for values in columns):
+        raise RecordingError(f"{path.parent.name}/{path.name}: a number is not finite: copy it again")
     return stamps, columns

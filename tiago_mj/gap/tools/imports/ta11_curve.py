@@ -12,7 +12,6 @@ with 6 s).
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -23,6 +22,7 @@ import numpy as np
 from tiago_mj.gap.data.recording import SCHEMA, RecordingError, Sidecar, Trial
 from tiago_mj.models import names
 from tiago_mj.models.objects import GraspObject
+from tiago_mj.rows import numbers, read_rows
 from tiago_mj.sensing.load_cell import PAPER_SCALE, SERVO_STIFFNESS, TA11_NOISE, TA11_SLOPE
 from tiago_mj.sensing.ta11_curve import (
     CONTROL_HZ,
@@ -42,6 +42,9 @@ COLUMNS: Final = ("series", "object", "dq_m", "force_sensor_units")
 SECONDS: Final = 2.0
 #: Where the fingers begin, off the object [m].
 APART: Final = 1e-3
+#: Of a finger's way [m], and a reading that no load cell gives [sensor units].
+DEEPEST: Final = 0.045
+STRONGEST: Final = 1e6
 #: Stand-in where no width is known (glue): the force does not depend on it.
 ANY: Final = GraspObject(width=0.06)
 #: An object's pads touch at half its width less this [m] (gap of the closed pads, facts of the fingertip).
@@ -79,19 +82,15 @@ def read(path: Path) -> list[Series]:
     if not path.is_file():
         raise RecordingError(f"{path}: no such file: give the CSV of the force curve, or '{BUILTIN}'")
     points: dict[tuple[str, str], list[tuple[float, float]]] = {}
-    with path.open(newline="", encoding="utf-8") as stream:
-        rows = csv.DictReader(stream)
-        missing = [name for name in COLUMNS if name not in (rows.fieldnames or ())]
-        if missing:
-            raise RecordingError(f"{path.name}: column {missing[0]} is missing: {', '.join(COLUMNS)} are read")
-        for number, row in enumerate(rows, start=2):
-            try:
-                point = float(row["dq_m"]), float(row["force_sensor_units"])
-            except (TypeError, ValueError) as fault:
-                raise RecordingError(f"{path.name}: line {number}: {fault}: is the file whole?") from fault
-            if not np.isfinite(point).all() or not 0 < point[0] < 0.045:
-                raise RecordingError(f"{path.name}: line {number}: dq_m is {point[0]:g}: give metres, above 0")
-            points.setdefault((str(row["series"]), str(row["object"])), []).append(point)
+    lead = f"{path.name} is no force curve"
+    rows = read_rows(path, COLUMNS, lead, error=RecordingError)
+    dq, force = (numbers([row[name] for row in rows], name, lead, error=RecordingError) for name in COLUMNS[2:])
+    for row, deep, felt in zip(rows, dq.tolist(), force.tolist(), strict=True):
+        if not 0 < deep < DEEPEST:
+            raise RecordingError(f"{path.name}: dq_m is {deep:g}: give metres, above 0 and below {DEEPEST:g}")
+        if not abs(felt) < STRONGEST:
+            raise RecordingError(f"{path.name}: force_sensor_units is {felt:g}: no load cell reads that")
+        points.setdefault((row["series"], row["object"]), []).append((deep, felt))
     if not points:
         raise RecordingError(f"{path.name}: it holds no row")
     return [

@@ -19,6 +19,7 @@ import numpy as np
 from pydantic import Field
 
 from tiago_mj import inverse
+from tiago_mj.gap.data.read.clock import MIN_ROWS
 from tiago_mj.gap.data.recording import SCHEMA, Array, RecordingError, Sidecar, Trial
 from tiago_mj.gap.tools.imports.public import DataSet, folder_of
 from tiago_mj.loading import load_json
@@ -201,6 +202,11 @@ def read_run(path: Path) -> Run:
         )
     if not entries:
         raise RecordingError(f"{path.name}: the recording is empty: leave it out")
+    if len(entries) < MIN_ROWS or (np.diff(columns["timestamp"]) <= 0).any():
+        raise RecordingError(
+            f"{path.name}: it has {len(entries)} samples, or its stamps do not increase; {MIN_ROWS} and more are "
+            "needed: leave it out"
+        )
     return Run(path.name, facts, columns)
 
 
