@@ -240,7 +240,9 @@ def main() -> None:
     parser.add_argument("--inputs", type=int, default=1000, metavar="N")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--out", type=Path, metavar="FILE", help="JSON with command, machine, counts and findings")
-    parser.add_argument("--again", type=int, metavar="K", help="try input K alone, in this process, and print all of it")
+    parser.add_argument(
+        "--again", type=int, metavar="K", help="try input K alone, in this process, and print all of it"
+    )
     parser.add_argument("--keep", type=Path, metavar="DIR", help="with --again: leave the input there")
     arguments = parser.parse_args()
     if arguments.again is not None:

@@ -138,7 +138,9 @@ def bag(kind: str, compressed: bool = False) -> Callable[[Path], None]:
             plugin = StoragePlugin.MCAP if kind == "mcap" else StoragePlugin.SQLITE3
             writer = Writer2(folder / "grasp", version=9, storage_plugin=plugin)
             if compressed:
-                writer.set_compression(CompressionMode.STORAGE if kind == "mcap" else CompressionMode.MESSAGE, CompressionFormat.ZSTD)
+                writer.set_compression(
+                    CompressionMode.STORAGE if kind == "mcap" else CompressionMode.MESSAGE, CompressionFormat.ZSTD
+                )
         with writer:
             connections: dict[str, Any] = {}
             for topic, stamp, name, content in messages():
@@ -169,7 +171,9 @@ def bag_of_definitions(folder: Path, definition: str, name: str = "made_up/msg/T
     path = next((folder / "grasp").glob("*.db3"))
     base = sqlite3.connect(path)
     with base:
-        base.execute("UPDATE message_definitions SET encoded_message_definition = ?, topic_type = ?", (definition, name))
+        base.execute(
+            "UPDATE message_definitions SET encoded_message_definition = ?, topic_type = ?", (definition, name)
+        )
         base.execute("UPDATE topics SET type = ?", (name,))
     base.close()
 
@@ -200,7 +204,13 @@ def tiny_settings() -> Any:
 
     name = "tiago_mj/GripperTactile-v0"
     given = read_hyperparameters("td3", name)
-    given = {**given, "n_envs": 1, "learning_starts": 10, "policy_kwargs": {"net_arch": [4]}, "train_freq": [10, "step"]}
+    given = {
+        **given,
+        "n_envs": 1,
+        "learning_starts": 10,
+        "policy_kwargs": {"net_arch": [4]},
+        "train_freq": [10, "step"],
+    }
     return Settings(name, "td3", 60, {"max_episode_steps": 20}, None, given)
 
 

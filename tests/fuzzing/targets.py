@@ -169,7 +169,7 @@ def _write_run(folder: Path) -> None:
     result = {"seed": 0, "steps": 60, "seconds": 1.0, "steps_per_second": 60.0, "best_mean": 1.0, "best_steps": 60}
     result |= {key: value for key, value in log[-1].items() if key != "steps"}
     curve = curves.over_seeds([curves.read_episodes(seed)], 60)
-    told = card.card(settings, [result], curve, {key: "1" for key in provenance()})
+    told = card.card(settings, [result], curve, dict.fromkeys(provenance(), "1"))
     seeds.put(folder, {"card.json": json.dumps(told)})
     seeds.put(folder, {"settings.json": json.dumps({"schema": SCHEMA, **settings.as_data(), "made_by": {}})})
 

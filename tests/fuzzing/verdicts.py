@@ -73,13 +73,26 @@ def _of_code(code: Any) -> bool:
     """Whether code that is run comes from an installed module, or from a library that writes its own: dataclasses, named
     tuples, pydantic, and rosbags, whose code for messages is made of names that its grammar has checked."""
     name = getattr(code, "co_filename", "")
-    if name.endswith(".py") or name.startswith(("<frozen", "<attrs", "<decorator-gen", "<lambdifygenerated", "<__array")):
+    if name.endswith(".py") or name.startswith(
+        ("<frozen", "<attrs", "<decorator-gen", "<lambdifygenerated", "<__array")
+    ):
         return True
     frame = sys._getframe(2)
     for _ in range(6):
         if frame is None:
             return False
-        if frame.f_globals.get("__name__", "").split(".")[0] in ("dataclasses", "collections", "pydantic", "rosbags", "typing", "enum", "torch", "trimesh", "scipy", "functools"):
+        if frame.f_globals.get("__name__", "").split(".")[0] in (
+            "dataclasses",
+            "collections",
+            "pydantic",
+            "rosbags",
+            "typing",
+            "enum",
+            "torch",
+            "trimesh",
+            "scipy",
+            "functools",
+        ):
             return True
         frame = frame.f_back  # type: ignore[assignment]
     return False

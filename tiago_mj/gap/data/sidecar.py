@@ -8,9 +8,10 @@ from pathlib import Path
 from typing import Annotated, Any, Final, Literal
 
 import numpy as np
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
 from tiago_mj.gap.data.recording import INTERFACES, SCHEMA, RecordingError, Sidecar
+from tiago_mj.gap.data.usable import RATE, is_rate
 from tiago_mj.loading import load_json
 from tiago_mj.quoting import quoted
 from tiago_mj.schema import Closed, Open, SchemaError, checked
@@ -27,6 +28,12 @@ _ByJoint = Annotated[dict[str, float], Field(description="write a number")]
 
 def _positive(most: float = math.inf) -> Any:
     return Field(default=None, gt=0, le=most, description="write a positive number")
+
+
+def _rate(value: float) -> float:
+    if value and not is_rate(value):  # 0: it is not said
+        raise ValueError
+    return value
 
 
 class _Servo(Open):
@@ -69,7 +76,7 @@ class _Written(Open):
     written: Literal["tiago_mj.recording/1"] = Field(default=SCHEMA, alias="schema")
     trial: _Text = ""
     robot: _Text = ""
-    rate_hz: float = Field(default=0.0, ge=0, description="write a positive number [Hz]")
+    rate_hz: Annotated[float, AfterValidator(_rate)] = Field(default=0.0, description=RATE)
     interface: Literal["velocity", "position", "effort"] | None = Field(
         default=None, description=f"write one of {', '.join(INTERFACES)}"
     )

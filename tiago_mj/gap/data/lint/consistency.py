@@ -247,7 +247,7 @@ def _effort_signs(trials: Sequence[Trial]) -> Iterator[Finding]:
         if not effort:
             continue
         a, b = np.concatenate(lack), np.concatenate(effort)
-        if len(a) < 20 or not np.ptp(a) or not np.ptp(b) or np.corrcoef(a, b)[0, 1] > -SAME:
+        if len(a) < 20 or not (_varies(a) and _varies(b)) or np.corrcoef(a, b)[0, 1] > -SAME:
             continue
         one_sided = b.min() >= 0 or b.max() <= 0
         for trial in trials:
@@ -312,3 +312,8 @@ def _without_drift(values: Array, rest: float) -> Array:
     straight = rest + slope * index
     drifts = rms(values - straight) < 0.2 * rms(values - rest)
     return values - slope * index if drifts else values
+
+
+def _varies(values: Array) -> bool:
+    """Whether it is no constant, nor so nearly one that the square of a difference is 0."""
+    return bool(np.ptp(values) and np.var(values))

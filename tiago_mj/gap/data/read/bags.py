@@ -29,6 +29,7 @@ from tiago_mj.extra import load
 from tiago_mj.gap.data.read import ros2_control
 from tiago_mj.gap.data.read.tables import Table, check_size
 from tiago_mj.gap.data.recording import KINDS, Array, Finding, RecordingError
+from tiago_mj.gap.data.usable import check_values
 from tiago_mj.models import names
 from tiago_mj.quoting import quoted
 from tiago_mj.schema import Closed, SchemaError, checked
@@ -270,6 +271,7 @@ def _stream(file: str, topic: Topic, messages: Iterator[tuple[int, Any]], stream
     keep = order[last]
     for name, values in rows.items():
         column = np.array(values)[keep]
+        check_values(column, f"{name} of topic {topic.name}", file)
         there = ~np.isnan(column)
         if there.any():
             streams[name] = (stamps[keep][there], column[there])

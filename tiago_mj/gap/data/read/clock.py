@@ -11,6 +11,7 @@ from typing import Final
 import numpy as np
 
 from tiago_mj.gap.data.recording import Array, Finding, RecordingError
+from tiago_mj.gap.data.usable import check_span
 
 #: Fewer rows tell neither noise nor motion.
 MIN_ROWS: Final = 20
@@ -77,6 +78,7 @@ def repair_clock(time: Array, rate_hz: float, file: str, *, declared: bool) -> t
             Finding("time_origin", file, "time", f"it starts at {seconds[0]:.9g} s; shifted to 0", repaired=True)
         )
         seconds = (time - time[0]) * unit
+    check_span(float(seconds[-1]), file)
     return seconds, findings
 
 

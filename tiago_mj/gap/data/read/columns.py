@@ -17,12 +17,11 @@ from tiago_mj.gap.data.read.torque import TORQUE, says_torque, without_torque_of
 from tiago_mj.gap.data.read.units import factor
 from tiago_mj.gap.data.recording import KINDS, Array, Finding, RecordingError, Sidecar, Trial
 from tiago_mj.gap.data.sidecar import parse_sidecar
+from tiago_mj.gap.data.usable import check_values
 from tiago_mj.quoting import quoted
 
 #: A column of stamps that has its unit in its name, taken where there is no column ``time``.
 _STAMPS: Final = re.compile(r"^(?:time|timestamp|stamp|t)[ _]?[\[(]?(s|ms|us|µs|ns)[\])]?$", re.IGNORECASE)
-#: Stamps in nanoseconds since 1970 are 2e18; what is larger is no number that was measured.
-LARGEST: Final = 1e20
 
 
 def trial_from_table(
@@ -71,11 +70,7 @@ def trial_from_table(
         kind, _, name = target.column.partition(".")
         unit = target.unit or units.get(column) or units.get(target.column) or units.get(kind)
         values = table.columns[column]
-        absurd = np.abs(values) > LARGEST
-        if absurd.any():
-            row = int(np.argmax(absurd))
-            said = "is infinite" if np.isinf(values[row]) else f"reads {values[row]:.4g}, which no sensor measures"
-            raise RecordingError(f"{file}: column {column}: row {row + 1} {said}: empty the cell or delete the row")
+        check_values(values, column, file)
         scale = target.scale
         if unit is not None:
             scale *= _factor(kind, unit, column, file)

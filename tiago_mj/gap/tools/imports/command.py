@@ -13,6 +13,7 @@ from tiago_mj import atomic
 from tiago_mj.gap.data.lint import inspect
 from tiago_mj.gap.data.read import read_recordings
 from tiago_mj.gap.data.recording import Finding, Trial
+from tiago_mj.gap.data.usable import check_trial
 from tiago_mj.gap.data.write import check_name, write_trial
 from tiago_mj.gap.tools.imports import lerobot, minari, so101, ta11_curve, tiago_arm, xl330
 from tiago_mj.progress import told
@@ -101,7 +102,7 @@ def run(arguments: argparse.Namespace) -> int:
     else:
         with told("import", arguments.kind, quiet=arguments.json):
             trials, said = list(PUBLIC[arguments.kind](arguments)), ()
-    _check_names(trials)
+    _check(trials)
     paths = []
     for folder, trial in trials:
         paths.append(write_trial(trial, arguments.out / folder))
@@ -124,17 +125,19 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _check_names(trials: Sequence[tuple[str, Trial]]) -> None:
-    """Names come from the files: none may lead out of the output, or be another's, before anything is written.
+def _check(trials: Sequence[tuple[str, Trial]]) -> None:
+    """Names come from the files: none may lead out of the output, or be another's. Nor may numbers be none. That is
+    seen before anything is written.
 
     Raises:
-        ValueError: says which.
+        ValueError: says which; one line.
     """
     seen: set[tuple[str, str]] = set()
     for folder, trial in trials:
         if folder:
             check_name(folder, "folder name")
         check_name(trial.name)
+        check_trial(trial)
         if (folder, trial.name) in seen:
             raise ValueError(f"two recordings would be {quoted(trial.name)}: import them one by one, each to its --out")
         seen.add((folder, trial.name))

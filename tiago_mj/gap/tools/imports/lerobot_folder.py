@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 
 from tiago_mj.gap.data.read.tables import MAX_COLUMNS, MAX_ROWS, check_size, read_parquet
 from tiago_mj.gap.data.recording import Array, RecordingError
+from tiago_mj.gap.data.usable import RATE, is_rate
 from tiago_mj.loading import load_json, parse_json
-from tiago_mj.quoting import is_number, is_one_of, quoted, unquoted
+from tiago_mj.quoting import is_one_of, quoted, unquoted
 
 STATE: Final = "observation.state"
 ACTION: Final = "action"
@@ -157,8 +158,8 @@ def open_folder(source: str) -> Folder:
             "own script"
         )
     rate = info.get("fps")
-    if not is_number(rate) or not rate > 0:
-        raise RecordingError(f"meta/info.json: fps is {quoted(rate)}: write the rate, a positive number")
+    if not is_rate(rate):
+        raise RecordingError(f"meta/info.json: fps is {quoted(rate)}: {RATE}")
     total = info.get("total_episodes")
     robot = info.get("robot_type")
     lengths, tasks = _listed(path)

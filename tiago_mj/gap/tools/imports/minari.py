@@ -29,10 +29,11 @@ from tiago_mj.gap.data.read.columns import trial_from_table
 from tiago_mj.gap.data.read.mapping import FACTS, column_map, load_map
 from tiago_mj.gap.data.read.tables import Table
 from tiago_mj.gap.data.recording import SCHEMA, Array, Finding, RecordingError, Sidecar, Trial
+from tiago_mj.gap.data.usable import RATE, is_rate
 from tiago_mj.gap.tools.imports.minari_folder import Dataset, Episode, open_dataset
 from tiago_mj.gap.tools.record.environment import episode_facts, sensing_facts, servo_facts
 from tiago_mj.models import names
-from tiago_mj.quoting import is_number, quoted
+from tiago_mj.quoting import quoted
 from tiago_mj.registration import ENVIRONMENTS, NAMESPACE
 
 #: Arguments of an environment in a dataset that are not a user's, or that the nominal simulator must not have.
@@ -83,11 +84,13 @@ def _mapped(dataset: Dataset, map_file: Path, robot: str | None) -> tuple[list[T
     content = load_map(map_file)
     columns = column_map(content, map_file.name)
     rate = content.get("rate_hz")
-    if not is_number(rate) or not rate > 0:
+    if not is_rate(rate):
         raise RecordingError(
-            f"map file {map_file.name}: rate_hz is {quoted(rate)}: a Minari dataset has no stamps, so write the rate "
-            "of its steps [Hz]"
+            f"map file {map_file.name}: rate_hz is {quoted(rate)}: a Minari dataset has no stamps, so "
+            f"of its steps: {RATE}"
         )
+    if not columns:
+        raise RecordingError(f"map file {map_file.name}: it names no column: write 'columns: {{actions.0: ...}}'")
     facts: dict[str, Any] = {key: content[key] for key in FACTS if key in content}
     trials: list[Trial] = []
     findings: dict[tuple[str, str], Finding] = {}

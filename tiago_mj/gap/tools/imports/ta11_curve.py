@@ -90,7 +90,10 @@ def read(path: Path) -> list[Series]:
             raise RecordingError(f"{path.name}: dq_m is {deep:g}: give metres, above 0 and below {DEEPEST:g}")
         if not abs(felt) < STRONGEST:
             raise RecordingError(f"{path.name}: force_sensor_units is {felt:g}: no load cell reads that")
-        points.setdefault((row["series"], row["object"]), []).append((deep, felt))
+        series = points.setdefault((row["series"], row["object"]), [])
+        if any(deep == other for other, _ in series):
+            raise RecordingError(f"{path.name}: a series has dq_m {deep:g} twice: delete one of the rows")
+        series.append((deep, felt))
     if not points:
         raise RecordingError(f"{path.name}: it holds no row")
     return [

@@ -14,6 +14,7 @@ import numpy as np
 
 from tiago_mj.gap.data.read.tables import read_table
 from tiago_mj.gap.data.recording import SCHEMA, Array, RecordingError, Sidecar, Trial
+from tiago_mj.gap.data.usable import check_values
 from tiago_mj.gap.tools.imports.public import DataSet, folder_of, need
 from tiago_mj.models import names
 
@@ -89,6 +90,7 @@ def _read(path: Path, quantity: str) -> tuple[Array, dict[str, Array]]:
         name = f"- {joint}_{quantity}"
         if name not in table.columns:
             raise RecordingError(f"{path.name}: column {name!r} is missing: this is not the data set's file")
+        check_values(table.columns[name], name, path.name)
         found[joint] = table.columns[name]
     if "t" not in table.columns:
         raise RecordingError(f"{path.name}: column 't' is missing: this is not the data set's file")
