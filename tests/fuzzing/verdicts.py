@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from fuzzing.targets import Target
+from tiago_mj import mujoco_log
 from tiago_mj.quoting import HIDDEN
 
 #: Characters of a complaint.
@@ -50,8 +51,8 @@ class Watch:
         if folder is None:
             return
         if event in _NEVER:
-            if event == "pickle.find_class" and _of_torch(arguments):
-                return
+            if event in ("subprocess.Popen", "os.kill") and _within("tiago_mj.apart"):
+                return  # what reads in a process of its own, bounded by the system
             self.seen.append(f"{event} {str(arguments)[:200]}")
         elif event == "exec" and not _of_code(arguments[0]):
             self.seen.append(f"exec {arguments[0]!r}"[:200])
@@ -65,36 +66,28 @@ class Watch:
                 self.seen.append(f"{event} {path}"[:200])
 
 
-def _of_torch(arguments: tuple[Any, ...]) -> bool:
-    return False
+#: Libraries that write code of their own. That of rosbags is made of names which its grammar has checked.
+_WRITE_CODE: Final = (
+    "dataclasses", "collections", "pydantic", "rosbags", "typing", "enum", "torch", "trimesh", "scipy", "functools",
+)  # fmt: skip
 
 
 def _of_code(code: Any) -> bool:
-    """Whether code that is run comes from an installed module, or from a library that writes its own: dataclasses, named
-    tuples, pydantic, and rosbags, whose code for messages is made of names that its grammar has checked."""
+    """Whether code that is run comes from an installed module, or from a library that writes its own."""
     name = getattr(code, "co_filename", "")
-    if name.endswith(".py") or name.startswith(
-        ("<frozen", "<attrs", "<decorator-gen", "<lambdifygenerated", "<__array")
-    ):
-        return True
-    frame = sys._getframe(2)
-    for _ in range(6):
+    return name.endswith(".py") or name.startswith(("<frozen", "<attrs", "<__array")) or _within(*_WRITE_CODE)
+
+
+def _within(*modules: str) -> bool:
+    """Whether one of these is what made something happen."""
+    frame: Any = sys._getframe(3)
+    for _ in range(12):
         if frame is None:
             return False
-        if frame.f_globals.get("__name__", "").split(".")[0] in (
-            "dataclasses",
-            "collections",
-            "pydantic",
-            "rosbags",
-            "typing",
-            "enum",
-            "torch",
-            "trimesh",
-            "scipy",
-            "functools",
-        ):
+        name = frame.f_globals.get("__name__", "")
+        if name.startswith(modules):
             return True
-        frame = frame.f_back  # type: ignore[assignment]
+        frame = frame.f_back
     return False
 
 
@@ -118,7 +111,8 @@ def tried(target: Target, folder: Path, watch: Watch | None = None) -> tuple[str
         :data:`ACCEPTED`, :data:`REFUSED`, or what is wrong; and the complaint.
     """
     said = ""
-    with warnings.catch_warnings(record=True) as warned, contextlib.redirect_stdout(io.StringIO()):
+    quiet = contextlib.redirect_stdout(io.StringIO())
+    with warnings.catch_warnings(record=True) as warned, quiet, mujoco_log.counted():
         warnings.simplefilter("always")
         with watch.on(folder) if watch is not None else contextlib.nullcontext([]) as seen:
             try:
@@ -138,7 +132,9 @@ def tried(target: Target, folder: Path, watch: Watch | None = None) -> tuple[str
         verdict = f"did {seen[0]}"
     told = [one for one in warned if issubclass(one.category, (RuntimeWarning, UserWarning))]
     if told and verdict in (ACCEPTED, REFUSED):
-        verdict = f"warned {told[0].category.__name__}: {str(told[0].message)[:120]} at {Path(told[0].filename).name}:{told[0].lineno}"
+        first = told[0]
+        place = f"{Path(first.filename).name}:{first.lineno}"
+        verdict = f"warned {first.category.__name__}: {str(first.message)[:120]} at {place}"
     return verdict, said
 
 

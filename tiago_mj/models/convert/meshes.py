@@ -15,6 +15,8 @@ from tiago_mj.models.convert.errors import ConversionError
 from tiago_mj.models.convert.urdf import Shape
 
 FORMATS = (".stl", ".obj", ".dae", ".ply", ".glb", ".off")
+#: Of a mesh's file.
+BYTES, LINES = 64_000_000, 1_000_000
 #: Coordinates, in whatever unit.
 LARGEST = 1e9
 
@@ -64,6 +66,7 @@ def load(shape: Shape, path: Path) -> Any:
     if path.suffix.lower() not in FORMATS:
         what = f"mesh {path.name} has the format {path.suffix or '(none)'}"
         raise ConversionError(shape.where, what, f"convert it to one of {' '.join(FORMATS)}")
+    _check_size(shape, path)
     try:
         mesh = trimesh.load(path, force="mesh", process=False)
     except ImportError as error:
@@ -80,6 +83,22 @@ def load(shape: Shape, path: Path) -> Any:
     if not np.allclose(scale, 1.0):
         mesh.apply_transform(np.diag([*scale, 1.0]))
     return mesh
+
+
+def _check_size(shape: Shape, path: Path) -> None:
+    """Refuse what takes more memory than a mesh that MuJoCo reads (200 000 triangles).
+
+    Raises:
+        ConversionError: the file is too large, or has too many lines.
+    """
+    size, lines = 0, 0
+    with path.open("rb") as file:
+        while block := file.read(1 << 22):
+            size += len(block)
+            lines += block.count(b"\n")
+            if size > BYTES or (path.suffix.lower() in (".obj", ".off", ".dae") and lines > LINES):
+                what = f"mesh {path.name} has more than {BYTES // 1_000_000} MB or {LINES} lines"
+                raise ConversionError(shape.where, what, "MuJoCo reads 200000 triangles: simplify it")
 
 
 def _is_whole(mesh: Any) -> bool:

@@ -17,7 +17,7 @@ one that agrees with the bag's clock, else by when the bag received it.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Final, Literal
 
@@ -25,11 +25,13 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from tiago_mj import apart
 from tiago_mj.extra import load
 from tiago_mj.gap.data.read import ros2_control
 from tiago_mj.gap.data.read.tables import Table, check_size
 from tiago_mj.gap.data.recording import KINDS, Array, Finding, RecordingError
 from tiago_mj.gap.data.usable import check_values
+from tiago_mj.loading import load_yaml
 from tiago_mj.models import names
 from tiago_mj.quoting import quoted
 from tiago_mj.schema import Closed, SchemaError, checked
@@ -47,6 +49,12 @@ SAME_CLOCK: Final = 1.0
 #: Of topics that are not of a map file: a controller's state, and numbers whose joints are not named.
 _REFERENCE, _NUMBERS = "reference", "numbers"
 _STATES: Final = "/joint_states"
+_AGAIN: Final = "it was cut off or is of another format; copy it again"
+#: A bag may take so long, and so long more for every byte [s, bytes/s]; 10 MB/s is what a bag of states takes.
+SECONDS, PER_SECOND = 10.0, 500_000.0
+#: And so much memory, and so much more for every byte [MB, times]: bags are packed, and Python's numbers are large.
+MEGABYTES, PER_BYTE = 350.0, 40.0
+_APART: Final = apart.Reader("tiago_mj.gap.data.read.bags", "read_streams")
 Streams = dict[str, tuple[NDArray[np.int64], Array]]
 _JOINT_STATE: Final = (("position", "position"), ("velocity", "velocity"), ("effort", "effort"))
 
@@ -92,16 +100,23 @@ def read_bag(path: Path, content: Mapping[str, Any], sidecar: Mapping[str, Any],
         RecordingError: the bag is cut off, lacks a topic, or holds messages of another kind.
         ModuleNotFoundError: rosbags is not installed; says how to.
     """
-    topics = topic_map(content["topics"]) if "topics" in content else None
+    if "topics" in content:
+        topic_map(content["topics"])  # complains of what it cannot use
+    load("rosbags.highlevel", "reading ROS bags")
+    size = (
+        sum(file.stat().st_size for file in path.iterdir() if file.is_file()) if path.is_dir() else path.stat().st_size
+    )
+    asked = {"path": str(path), "topics": content.get("topics")}
     try:
-        streams, findings, facts = _read(path, topics)
-    except RecordingError:
-        raise
-    except Exception as fault:  # rosbags, sqlite3, struct, lz4 ...: each has its own errors for a broken file
-        reason = " ".join(str(fault).split())[:160] or type(fault).__name__
-        raise RecordingError(
-            f"{path.name}: not a whole ROS bag ({reason}): it was cut off or is of another format; copy it again"
-        ) from fault
+        said, arrays = _APART(asked, seconds=SECONDS + size / PER_SECOND, megabytes=MEGABYTES + size / 1e6 * PER_BYTE)
+    except apart.Refused as fault:
+        raise RecordingError(str(fault)) from None
+    except (TimeoutError, MemoryError) as fault:
+        reason = str(fault) or f"it takes more memory than a bag of {size / 1e6:.1f} MB has any need of"
+        raise RecordingError(f"{path.name}: not a ROS bag that can be read ({reason}): {_AGAIN}") from None
+    streams: Streams = {name: (arrays[f"{k}.stamps"], arrays[f"{k}.values"]) for k, name in enumerate(said["names"])}
+    findings = [Finding(**finding) for finding in said["findings"]]
+    facts = said["facts"]
     if not streams:
         raise RecordingError(f"{path.name}: the recording is empty, its topics hold no message: record again")
     stamps = np.unique(np.concatenate([stream for stream, _ in streams.values()]))
@@ -112,6 +127,35 @@ def read_bag(path: Path, content: Mapping[str, Any], sidecar: Mapping[str, Any],
         columns[name] = column
     check_size(path.name, len(stamps), len(columns))
     return Table(columns, path.name, sidecar, sidecar_file, {}, findings=tuple(findings), facts=facts)
+
+
+def read_streams(path: str, topics: Any) -> apart.Answer:
+    """What a bag holds, as :mod:`tiago_mj.apart` hands it over.
+
+    Args:
+        path: of the bag.
+        topics: of the map file; None: there is none.
+
+    Raises:
+        RecordingError: one line.
+    """
+    file = Path(path)
+    try:
+        if file.is_dir():  # rosbags reads it, too, and without bounds
+            load_yaml(file / "metadata.yaml", "metadata.yaml is no YAML", error=RecordingError)
+        streams, findings, facts = _read(file, None if topics is None else topic_map(topics))
+    except (RecordingError, ModuleNotFoundError, MemoryError):
+        raise
+    except Exception as fault:  # rosbags, sqlite3, struct, lz4 ...: each has its own errors for a broken file
+        reason = " ".join(str(fault).split())[:160] or type(fault).__name__
+        raise RecordingError(f"{file.name}: not a whole ROS bag ({reason}): {_AGAIN}") from fault
+    said = {"names": list(streams), "findings": [asdict(finding) for finding in findings], "facts": dict(facts)}
+    arrays = {
+        f"{k}.{part}": values
+        for k, pair in enumerate(streams.values())
+        for part, values in zip(("stamps", "values"), pair, strict=True)
+    }
+    return said, arrays
 
 
 def topic_map(section: Any) -> tuple[Topic, ...]:

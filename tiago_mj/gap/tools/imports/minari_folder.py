@@ -15,7 +15,7 @@ from typing import Any, Final
 import numpy as np
 
 from tiago_mj.extra import load, pyarrow
-from tiago_mj.gap.data.read.tables import MAX_BYTES, check_size
+from tiago_mj.gap.data.read.tables import MAX_BYTES, MAX_CELLS, MAX_COLUMNS, check_size
 from tiago_mj.gap.data.recording import Array, RecordingError
 from tiago_mj.loading import load_json, parse_json
 from tiago_mj.quoting import quoted
@@ -25,6 +25,10 @@ PARTS: Final = ("observations", "actions", "infos")
 _FILE: Final = "main_data.hdf5"
 #: Numbers of one entry and step beyond which it is a picture, not a state.
 WIDEST: Final = 1000
+#: Groups within each other; Minari's own are as deep as the observation's dictionaries.
+DEEPEST: Final = 16
+#: Numbers that a byte of a file unpacks to, at most.
+PACKED: Final = 2000
 
 
 @dataclass(frozen=True)
@@ -142,13 +146,32 @@ def _hdf5(dataset: Dataset) -> Iterator[tuple[int, dict[str, Any], int | None]]:
         ) from fault
 
 
-def _walk(name: str, node: Any, arrays: dict[str, Any]) -> None:
-    """Arrays of numbers below a node; pictures and words are left alone."""
+def _walk(name: str, node: Any, arrays: dict[str, Any], depth: int = 1) -> None:
+    """Arrays of numbers below a node; pictures and words are left alone.
+
+    Raises:
+        RecordingError: they are more than is read, or groups hold each other.
+    """
     if hasattr(node, "keys"):
+        if depth > DEEPEST or len(node) > MAX_COLUMNS:
+            raise RecordingError(
+                f"{_FILE}: {quoted(name)}: groups are nested more than {DEEPEST} deep, or hold too much"
+            )
         for key in node:
-            _walk(f"{name}.{key.removeprefix('_index_')}", node[key], arrays)
+            if type(node.get(key, getlink=True)).__name__ != "HardLink":
+                raise RecordingError(f"{_FILE}: {quoted(f'{name}.{key}')} leads to another place: write what is there")
+            _walk(f"{name}.{key.removeprefix('_index_')}", node[key], arrays, depth + 1)
     elif node.dtype.kind in "biuf" and 1 <= node.ndim <= 3 and math.prod(node.shape[1:]) <= WIDEST:
+        if node.external or node.is_virtual:
+            raise RecordingError(
+                f"{_FILE}: the numbers of {quoted(name)} are in another file: write them into this one"
+            )
         check_size(name, node.shape[0], math.prod(node.shape[1:]))
+        size = sum(array.size for array in arrays.values()) + node.size
+        if len(arrays) >= MAX_COLUMNS or size > MAX_CELLS or node.size > node.id.get_storage_size() * PACKED:
+            raise RecordingError(
+                f"{_FILE}: with {quoted(name)} an episode has more than {MAX_CELLS} numbers, or damage"
+            )
         arrays[name] = node[()]
 
 
