@@ -24,7 +24,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tiago_mj.arrays import opened, read_array
-from tiago_mj.loading import parse_json
 from tiago_mj.quoting import one_line
 
 #: What a function takes and gives: JSON, and arrays by name.
@@ -45,7 +44,7 @@ _LENGTH: Final = struct.Struct("<Q")
 _SAID: Final = "said.npy"
 
 
-class Refused(ValueError):
+class RefusedError(ValueError):
     """What the function said of its input, one line."""
 
 
@@ -71,13 +70,14 @@ class Reader:
             megabytes: that it may take more than at its beginning, and write.
 
         Raises:
-            Refused: the function raised a ValueError or OSError.
+            RefusedError: the function raised a ValueError or OSError.
             ModuleNotFoundError: a library that it needs is not installed.
             TimeoutError, MemoryError: it took longer, or more.
         """
         with self._lock:
             process = self._started()
-            assert process.stdin is not None and process.stdout is not None
+            assert process.stdin is not None
+            assert process.stdout is not None
             late = threading.Event()
 
             def end() -> None:
@@ -122,13 +122,13 @@ def _understood(answer: bytes) -> Answer:
             arrays = {
                 name.removesuffix(".npy"): read_array(archive, name) for name in archive.namelist() if name != _SAID
             }
-            return parse_json(str(read_array(archive, _SAID)), "the answer"), arrays
+            return json.loads(str(read_array(archive, _SAID))), arrays
     said = content.decode("utf-8", "replace")
     if kind == b"?":
         raise ModuleNotFoundError(said)
     if kind == b"!":
         raise MemoryError
-    raise Refused(said)
+    raise RefusedError(said)
 
 
 def _put(pipe: Any, content: bytes) -> None:

@@ -197,18 +197,15 @@ _LAUGHS: Final = (
 )
 
 
-def _entities(old: bytes) -> bytes:
-    text = old.decode()
-    head, _, rest = text.partition("?>")
-    return (head + "?>" + _LAUGHS + rest.replace("<authoring_tool>", "<authoring_tool>&a9;", 1).replace(
-        "<created>", "<created>&a9;", 1)).encode()  # fmt: skip
+def _with_type(declared: str, entity: str) -> Callable[[bytes], bytes]:
+    """A DAE with a document type, whose creation date is an entity."""
 
+    def change(old: bytes) -> bytes:
+        text = old.decode()
+        begin = text.index("<COLLADA")
+        return (declared + text[begin:].replace("<created>", f"<created>{entity}", 1)).encode()
 
-def _file_entity(old: bytes) -> bytes:
-    head, _, rest = old.decode().partition("?>")
-    return (
-        head + "?><!DOCTYPE x [<!ENTITY e SYSTEM 'file:///etc/passwd'>]>" + rest.replace("<created>", "<created>&e;", 1)
-    ).encode()
+    return change
 
 
 def _glb(document: Mapping[str, Any]) -> bytes:
@@ -217,22 +214,30 @@ def _glb(document: Mapping[str, Any]) -> bytes:
     return struct.pack("<4sIIII", b"glTF", 2, 20 + len(text), len(text), 0x4E4F534A) + text
 
 
-_ACCESSOR: Final = {"componentType": 5126, "type": "VEC3", "count": 4 * 10**9}
-_FAR: Final = {
-    **{"asset": {"version": "2.0"}, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}]},
-    "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
-}
+def _glb_with(**changes: Callable[[Any], Any]) -> Callable[[bytes], bytes]:
+    """A valid GLB with parts of its JSON changed."""
+
+    def change(old: bytes) -> bytes:
+        (length,) = struct.unpack_from("<I", old, 12)
+        document = json.loads(old[20 : 20 + length])
+        for key, new in changes.items():
+            document[key] = new(document.get(key))
+        head = _glb(document)
+        rest = old[20 + length :]
+        return struct.pack("<4sII", b"glTF", 2, len(head) + len(rest)) + head[12:] + rest
+
+    return change
+
+
+def _doubling(nodes: list[Any]) -> list[Any]:
+    """Nodes each of which has the next one twice."""
+    count = 40
+    leaf = next(node for node in nodes if "mesh" in node)
+    return [*({"children": [k + 1, k + 1]} for k in range(count)), {**leaf, "children": []}]
 
 
 def _words(rows: int, name: str) -> bytes:
     return ("\n".join([name] * rows) + "\n").encode()
-
-
-def _deep_glb() -> bytes:
-    """Nodes each of which has the next one twice."""
-    count = 40
-    nodes: list[Any] = [{"children": [k + 1, k + 1]} for k in range(count)] + [{"mesh": 0}]
-    return _glb({**_FAR, "nodes": nodes, "accessors": [{**_ACCESSOR, "count": 3}]})
 
 
 BOMBS: Final[Mapping[str, tuple[str, Callable[[Path], None]]]] = {
@@ -284,10 +289,16 @@ BOMBS: Final[Mapping[str, tuple[str, Callable[[Path], None]]]] = {
     "hdf5: another's file": ("import minari hdf5", _hdf5(_external)),
     "parquet: repeated text": ("recordings parquet", _columns(note=lambda: _repeated("x" * MILLION))),
     "parquet: many rows": ("recordings parquet", _many_rows),
-    "mesh: entities of entities": ("urdf dae", _mesh("dae", change=_entities)),
-    "mesh: an entity that is a file": ("urdf dae", _mesh("dae", change=_file_entity)),
-    "mesh: an accessor of gigabytes": ("urdf glb", _mesh("glb", _glb({**_FAR, "accessors": [_ACCESSOR]}))),
-    "mesh: nodes that double": ("urdf glb", _mesh("glb", _deep_glb())),
+    "mesh: entities of entities": ("urdf dae", _mesh("dae", change=_with_type(_LAUGHS, "&a9;"))),
+    "mesh: an entity that is a file": ("urdf dae", _mesh("dae", change=_with_type("<!DOCTYPE x [<!ENTITY e SYSTEM 'file:///etc/passwd'>]>", "&e;"))),
+    "mesh: an accessor of gigabytes": (
+        "urdf glb",
+        _mesh("glb", change=_glb_with(accessors=lambda old: [{**one, "count": 4 * 10**9} for one in old])),
+    ),
+    "mesh: nodes that double": (
+        "urdf glb",
+        _mesh("glb", change=_glb_with(nodes=_doubling, scenes=lambda _: [{"nodes": [0]}])),
+    ),
     "mesh: a PLY that claims rows": (
         "urdf ply",
         _mesh(

@@ -165,6 +165,8 @@ def from_arrays(header: Mapping[str, Any], found: Mapping[str, NDArray[Any]]) ->
         ValueError, or another of :data:`tiago_mj.arrays.FAULTS`: they make no agent.
     """
     count = sum(key.startswith("weight_") for key in found)
+    if odd := [key for key, value in found.items() if value.dtype.kind not in "fiu"]:
+        raise ValueError(f"{quoted(odd[0])} is no array of numbers")
     with np.errstate(over="ignore"):
         single = {key: np.asarray(value, dtype=np.float32) for key, value in found.items()}
     return _checked(

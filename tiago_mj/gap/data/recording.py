@@ -95,7 +95,7 @@ class Finding:
 
     def __str__(self) -> str:
         """The line that a user reads."""
-        return f"{self.file}: {f'column {self.channel}: ' if self.channel else ''}{self.message}"
+        return one_line(f"{self.file}: {f'column {self.channel}: ' if self.channel else ''}{self.message}")
 
 
 @dataclass(frozen=True)

@@ -22,6 +22,8 @@ from tiago_mj.gap import motions
 from tiago_mj.gap.data.read.tables import read_table
 from tiago_mj.gap.data.recording import INTERFACES, Array
 from tiago_mj.gap.data.sidecar import load_sidecar
+from tiago_mj.gap.data.usable import RATE as A_RATE
+from tiago_mj.gap.data.usable import is_rate
 from tiago_mj.loading import load_yaml
 from tiago_mj.quoting import is_number, is_one_of, quoted, unquoted
 
@@ -32,8 +34,6 @@ ROUNDED: Final = 0.02
 MAX_STEPS: Final = 200_000
 #: Stamps since 1970 have ten digits [s]; of more, a millisecond is no longer told from the next.
 LONGEST: Final = 1e11
-#: No robot is commanded as often [Hz].
-FASTEST: Final = 1e6
 #: Frequencies of random motions [Hz]: below what a robot's servos follow, above what a short recording misses.
 FREQUENCIES: Final = (0.2, 1.5)
 #: Waves that are added up.
@@ -157,8 +157,8 @@ def _motion(path: Path, columns: Mapping[str, Any], facts: Mapping[str, Any]) ->
     interface, rate = facts.get("interface"), facts.get("rate_hz")
     if interface is not None and not is_one_of(interface, INTERFACES):
         raise ValueError(f"motion {file}: interface {quoted(interface)} is unknown: use one of {', '.join(INTERFACES)}")
-    if rate is not None and not (is_number(rate) and 0 < rate <= FASTEST):
-        raise ValueError(f"motion {file}: rate_hz is {quoted(rate)}: give a positive number [Hz], at most {FASTEST:g}")
+    if rate is not None and not is_rate(rate):
+        raise ValueError(f"motion {file}: rate_hz is {quoted(rate)}: {A_RATE}")
     commands = {name.removeprefix(_PREFIX): values for name, values in series.items()}
     time = time - time[0]
     if rate is not None:  # written with few digits, a row must not fall behind the control step that it is for

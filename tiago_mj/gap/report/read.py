@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, ConfigDict, Field
 
@@ -106,6 +106,22 @@ class _Verdict(_Part):
     not_excited: list[str]
 
 
+class _Return(Open):
+    """Further numbers are their ends, and the same by trial."""
+
+    policy: str | None = None
+    nominal: float | None = None
+    repaired: float | None = None
+    measured: float | None = None
+    nominal_low: float | None = None
+    nominal_high: float | None = None
+    repaired_low: float | None = None
+    repaired_high: float | None = None
+    measured_low: float | None = None
+    measured_high: float | None = None
+    trials: dict[str, dict[str, float | None]] | None = None
+
+
 class _Shrink(_Part):
     before: float | None
     after: float | None
@@ -114,7 +130,7 @@ class _Shrink(_Part):
     low: float | None
     high: float | None
     per_channel: dict[str, _Closing]
-    task: dict[str, Any] | None = Field(alias="return")
+    task: _Return | None = Field(alias="return")
     per_phase: dict[str, _Closing] = Field(default={})
     per_place: dict[str, dict[str, _Closing]] = Field(default={}, alias="per_channel_and_phase")
     resampled: str = ""
@@ -211,6 +227,7 @@ def _diagnosis(data: _Diagnosis) -> Diagnosis:
         shrink=Shrink(
             **{
                 **dict(shrink),
+                "task": None if shrink.task is None else shrink.task.model_dump(exclude_unset=True),
                 "per_channel": _closings(shrink.per_channel),
                 "per_phase": _closings(shrink.per_phase),
                 "per_place": {name: _closings(places) for name, places in shrink.per_place.items()},

@@ -28,7 +28,7 @@ from pydantic import Field
 from tiago_mj import apart
 from tiago_mj.extra import load
 from tiago_mj.gap.data.read import ros2_control
-from tiago_mj.gap.data.read.tables import Table, check_size
+from tiago_mj.gap.data.read.tables import Table, check_names, check_size
 from tiago_mj.gap.data.recording import KINDS, Array, Finding, RecordingError
 from tiago_mj.gap.data.usable import check_values
 from tiago_mj.loading import load_yaml
@@ -109,7 +109,7 @@ def read_bag(path: Path, content: Mapping[str, Any], sidecar: Mapping[str, Any],
     asked = {"path": str(path), "topics": content.get("topics")}
     try:
         said, arrays = _APART(asked, seconds=SECONDS + size / PER_SECOND, megabytes=MEGABYTES + size / 1e6 * PER_BYTE)
-    except apart.Refused as fault:
+    except apart.RefusedError as fault:
         raise RecordingError(str(fault)) from None
     except (TimeoutError, MemoryError) as fault:
         reason = str(fault) or f"it takes more memory than a bag of {size / 1e6:.1f} MB has any need of"
@@ -126,6 +126,7 @@ def read_bag(path: Path, content: Mapping[str, Any], sidecar: Mapping[str, Any],
         column[np.searchsorted(stamps, stream)] = values
         columns[name] = column
     check_size(path.name, len(stamps), len(columns))
+    check_names(path.name, list(columns))
     return Table(columns, path.name, sidecar, sidecar_file, {}, findings=tuple(findings), facts=facts)
 
 

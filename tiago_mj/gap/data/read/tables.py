@@ -120,14 +120,19 @@ def _read_parquet(path: Path) -> tuple[dict[str, Array], dict[str, str]]:
     with _parquet(path, path.name) as file:
         fields = list(file.schema_arrow)
         check_size(path.name, _rows(file), len(fields))
-        _check_names(path.name, [field.name for field in fields])
+        check_names(path.name, [field.name for field in fields])
         numbers = [field.name for field in fields if _holds_numbers(field.type, arrow)]
         text = {field.name: _example(file, field) for field in fields if field.name not in numbers}
         table = file.read(columns=numbers)  # 8 bytes a cell, however well they are packed
         return {name: _floats(table.column(name), arrow) for name in numbers}, text
 
 
-def _check_names(file: str, names: Sequence[str]) -> None:
+def check_names(file: str, names: Sequence[str]) -> None:
+    """Refuse columns of the same name, and names with characters that are not shown.
+
+    Raises:
+        RecordingError: says which.
+    """
     twice = [name for name, count in Counter(names).items() if count > 1]
     if twice:
         raise RecordingError(f"{file}: column {quoted(min(twice))} is there more than once: rename or delete one")
@@ -257,7 +262,7 @@ def _read_csv(path: Path) -> tuple[dict[str, Array], dict[str, str], bool, str]:
         raise RecordingError(
             f"{path.name}: a row does not fit the header's {len(header)} columns ({reason}): delete or mend that row"
         ) from fault
-    _check_names(path.name, header)
+    check_names(path.name, header)
     said = dialect.said(point)
     columns: dict[str, Array] = {}
     text: dict[str, str] = {}

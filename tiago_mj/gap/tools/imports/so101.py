@@ -214,8 +214,8 @@ def _joints(path: Path) -> tuple[str, ...]:
     words = load_text(path, f"{path.parent.name}/{path.name} is no list of joints", error=RecordingError).split()
     if not words or len(set(words)) < len(words) or not all(_NAME.fullmatch(word) for word in words):
         raise RecordingError(
-            f"{path.parent.name}/{path.name}: it holds {quoted(' '.join(words))}: write the name of each joint once, in "
-            "letters, digits, '.', '-' and '_'"
+            f"{path.parent.name}/{path.name}: it holds {quoted(' '.join(words))}: write the name of each joint "
+            "once, in letters, digits, '.', '-' and '_'"
         )
     return tuple(words)
 

@@ -15,8 +15,11 @@ from tiago_mj.effects.chain import Chain
 from tiago_mj.effects.host import ScalarHost
 from tiago_mj.effects.wiring import wire
 from tiago_mj.gap.data.recording import SCHEMA, Array, Sidecar, Trial
+from tiago_mj.gap.data.usable import RATE as A_RATE
+from tiago_mj.gap.data.usable import is_rate
 from tiago_mj.gap.motions.play import Motion, random_motion
 from tiago_mj.models import bounded
+from tiago_mj.quoting import quoted
 
 #: Control rate where neither the motion nor the command line says one [Hz].
 RATE: Final = 100.0
@@ -107,6 +110,8 @@ def record_model(
     actuators = tuple(model.actuator(a).name for a in range(model.nu))
     _check_motion(motion, actuators, interface)
     wanted = rate_hz or (motion.rate_hz if motion else None) or RATE
+    if not is_rate(wanted):
+        raise ValueError(f"the control rate is {quoted(wanted)}: {A_RATE}")
     substeps = max(round(1 / (wanted * model.opt.timestep)), 1)
     period = substeps * model.opt.timestep
     touch = [s for s in range(model.nsensor) if model.sensor_type[s] == _TOUCH]
