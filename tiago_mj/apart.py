@@ -7,6 +7,7 @@ function as long as nothing goes wrong; asks and answers are JSON and arrays, no
 
 from __future__ import annotations
 
+import atexit
 import contextlib
 import importlib
 import io
@@ -100,6 +101,16 @@ class Reader:
                 raise TimeoutError(f"it takes more than {seconds:.0f} s") if late.is_set() else MemoryError
         return _understood(answer)
 
+    def _end(self) -> None:
+        process = self._process
+        if process is not None and self._owner == os.getpid():
+            process.kill()
+            process.wait()
+            for pipe in (process.stdin, process.stdout):
+                if pipe is not None:
+                    with contextlib.suppress(OSError):
+                        pipe.close()
+
     def _started(self) -> subprocess.Popen[bytes]:
         there = self._process
         if there is None or self._owner != os.getpid() or there.poll() is not None:
@@ -111,6 +122,8 @@ class Reader:
                 stderr=subprocess.DEVNULL,
                 env={**os.environ, "PYTHONPATH": places, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
             )
+            if self._process is None and not self._owner:
+                atexit.register(self._end)
             self._process, self._owner = there, os.getpid()
         return there
 

@@ -85,11 +85,9 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     try:
         with mujoco_log.counted() as warned:
-            try:
-                status: int = arguments.run(arguments)
-            finally:
-                for sentence in mujoco_log.sentences(warned):
-                    print(f"tiago-mj {arguments.command}: {sentence}", file=sys.stderr)
+            status: int = arguments.run(arguments)
+        for sentence in mujoco_log.sentences(warned) if status != 2 else ():  # of what is unusable one line is said
+            print(f"tiago-mj {arguments.command}: {sentence}", file=sys.stderr)
         return status
     except KeyboardInterrupt:
         return 130

@@ -141,6 +141,10 @@ def _packed_rows(file: Any) -> None:
         group.create_dataset(f"infos/p{k}", (900_000, 40), "f8", compression="gzip", chunks=(900_000, 1))
 
 
+def _named_type(file: Any) -> None:
+    file["episode_0/infos/t"] = np.dtype("f8")
+
+
 def _external(file: Any) -> None:
     import h5py
 
@@ -197,6 +201,10 @@ _LAUGHS: Final = (
 )
 
 
+_A_FILE: Final = "<!DOCTYPE x [<!ENTITY e SYSTEM 'file:///etc/passwd'>]>"
+_POINTS: Final = b"v 0 0 0\nv 1 0 0\nv 0 1 0\n"
+
+
 def _with_type(declared: str, entity: str) -> Callable[[bytes], bytes]:
     """A DAE with a document type, whose creation date is an entity."""
 
@@ -245,11 +253,10 @@ BOMBS: Final[Mapping[str, tuple[str, Callable[[Path], None]]]] = {
         "bag sqlite3",
         _database(
             "ALTER TABLE message_definitions RENAME TO old",
-            f"CREATE VIEW message_definitions AS {_ENDLESS} SELECT x AS id, 'a' AS topic_type, 'ros2msg' AS encoding, '' AS "
-            "encoded_message_definition, '' AS type_description_hash FROM c",
+            f"CREATE VIEW message_definitions AS {_ENDLESS} SELECT x AS id, 'a' AS topic_type, 'ros2msg' AS encoding, "
+            "'' AS encoded_message_definition, '' AS type_description_hash FROM c",
         ),
     ),
-    "bag: a blob of a gigabyte": ("bag sqlite3", _database("UPDATE messages SET data = zeroblob(900000000)")),
     "bag: a large array in a definition": ("bag sqlite3", _definition("float64[4000000000] data\n")),
     "bag: a type within itself": ("bag sqlite3", _definition("made_up/msg/Thing[] data\n")),
     "bag: code in a definition": (
@@ -279,18 +286,19 @@ BOMBS: Final[Mapping[str, tuple[str, Callable[[Path], None]]]] = {
             seeds.bag("mcap")(folder),
             (folder / "grasp" / "metadata.yaml").write_text(
                 BOMB
-                + "rosbag2_bagfile_information: {version: 9, relative_file_paths: [grasp.mcap], storage_identifier: mcap,"
-                " compression_mode: file, compression_format: *a9}\n"
+                + "rosbag2_bagfile_information: {version: 9, relative_file_paths: [grasp.mcap], storage_identifier: "
+                "mcap, compression_mode: file, compression_format: *a9}\n"
             ),
         )[0],
     ),
     "hdf5: groups in a circle": ("import minari hdf5", _hdf5(_circle)),
     "hdf5: packed rows": ("import minari hdf5", _hdf5(_packed_rows)),
+    "hdf5: a type among the arrays": ("import minari hdf5", _hdf5(_named_type)),
     "hdf5: another's file": ("import minari hdf5", _hdf5(_external)),
     "parquet: repeated text": ("recordings parquet", _columns(note=lambda: _repeated("x" * MILLION))),
     "parquet: many rows": ("recordings parquet", _many_rows),
     "mesh: entities of entities": ("urdf dae", _mesh("dae", change=_with_type(_LAUGHS, "&a9;"))),
-    "mesh: an entity that is a file": ("urdf dae", _mesh("dae", change=_with_type("<!DOCTYPE x [<!ENTITY e SYSTEM 'file:///etc/passwd'>]>", "&e;"))),
+    "mesh: an entity that is a file": ("urdf dae", _mesh("dae", change=_with_type(_A_FILE, "&e;"))),
     "mesh: an accessor of gigabytes": (
         "urdf glb",
         _mesh("glb", change=_glb_with(accessors=lambda old: [{**one, "count": 4 * 10**9} for one in old])),
@@ -303,13 +311,13 @@ BOMBS: Final[Mapping[str, tuple[str, Callable[[Path], None]]]] = {
         "urdf ply",
         _mesh(
             "ply",
-            b"ply\nformat binary_little_endian 1.0\nelement vertex 4000000000\nproperty float x\nproperty float y\nproperty "
-            b"float z\nelement face 4000000000\nproperty list uchar int vertex_indices\nend_header\n" + bytes(400),
+            b"ply\nformat binary_little_endian 1.0\nelement vertex 4000000000\nproperty float x\nproperty float y\n"
+            b"property float z\nelement face 4000000000\nproperty list uchar int vertex_indices\nend_header\n" + bytes(400),
         ),
     ),
     "mesh: an STL that claims rows": ("urdf stl", _mesh("stl", bytes(80) + struct.pack("<I", 2**32 - 1) + bytes(100))),
     "mesh: an OFF that claims rows": ("urdf off", _mesh("off", b"OFF\n4000000000 4000000000 0\n0 0 0\n")),
-    "mesh: an OBJ of many faces": ("urdf obj", _mesh("obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\n" + _words(3 * MILLION, "f 1 2 3"))),
+    "mesh: an OBJ of many faces": ("urdf obj", _mesh("obj", _POINTS + _words(3 * MILLION, "f 1 2 3"))),
     "joints: a path for a name": (
         "import so101 apart",
         _replaced(seeds.so101, "m/joint_list.txt", lambda _: b"../../out\nJaw\n"),

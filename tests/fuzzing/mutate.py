@@ -1,7 +1,7 @@
 """What is done to a valid file: by bytes, by numbers, by cells, by values of its tree, and by its headers.
 
-A mutation takes the file's bytes and a generator of random numbers, and gives other bytes. Those that know a format give
-None where the bytes are not (or no longer) of that format.
+A mutation takes the file's bytes and a generator of random numbers, and gives other bytes. Those that know a format
+give None where the bytes are not (or no longer) of that format.
 """
 
 from __future__ import annotations
@@ -209,7 +209,8 @@ _ELEMENTS: Final = (
     '<link name="l"><inertial><mass value="-1"/></inertial></link>', '<link name=""/>',
     '<joint name="j" type="revolute"><parent link="base"/><child link="base"/></joint>', "<mimic/>",
     '<mesh filename="package://../../etc/passwd"/>', '<mesh filename="http://127.0.0.1:9/x.stl"/>', "<box/>",
-    '<texture type="2d" builtin="checker" width="4000" height="4000" name="t"/>', "<keyframe><key qpos='1'/></keyframe>",
+    '<texture type="2d" builtin="checker" width="4000" height="4000" name="t"/>',
+    "<keyframe><key qpos='1'/></keyframe>",
 )  # fmt: skip
 _ATTRIBUTES: Final = (*NUMBERS, "1 2", "0 0 0", "1 1 1 1 1 1 1 1", "x" * 2000, "\u202e", "../../x", "/dev/zero", "a b")
 
@@ -357,7 +358,10 @@ BY_SUFFIX: Final[Mapping[str, Mapping[str, Mutation]]] = {
     ".stl": {"headers": footer},
     ".ply": {**WORDS, "headers": footer},
     ".npz": {**_NPZ, "arrays again": _NPZ["arrays"]},
-    ".zip": {"arrays": zipped({".npy": array, ".json": json_tree, "data": json_tree}, True), "zip headers": zip_headers},
+    ".zip": {
+        "arrays": zipped({".npy": array, ".json": json_tree, "data": json_tree}, True),
+        "zip headers": zip_headers,
+    },
     ".parquet": {"headers": footer, "headers again": footer},
     ".arrow": {"headers": footer},
     ".hdf5": {"headers": footer},

@@ -243,6 +243,8 @@ def _write_options(folder: Path) -> None:
     seeds.put(folder, {"words.txt": 'servo=ideal\ngoal=[0.5, 1.5]\nobject_offset=1e-3\nsensing={"noise": 0}\n'})
 
 
+_EXPORT: Final = ("agents", "--export", "{in}", "--name", "mine", "--to", "{out}")
+_CONVERT: Final = ("convert", "{in}/robot.urdf", "--out", "{out}/r.xml")
 _IMPORT: Final = ("import",)
 _OUT: Final = ("--out", "{out}")
 
@@ -274,8 +276,8 @@ TARGETS: Final[Mapping[str, Target]] = {
     "agents": Target(seeds.agents, _agents, (ValueError,), share=1.5),
     "checkpoint": Target(_write_checkpoint, _checkpoint, (ValueError,), share=0.7),
     "policy zip": Target(_write_policy, _policy, (ValueError,), share=0.3),
-    "training": Target(_write_run, _run, (ValueError,), command=("agents", "--export", "{in}", "--name", "mine", "--to", "{out}")),
-    "urdf stl": Target(partial(_write_urdf, "stl"), _convert, (ConversionError,), share=0.5, command=("convert", "{in}/robot.urdf", "--out", "{out}/r.xml")),
+    "training": Target(_write_run, _run, (ValueError,), command=_EXPORT),
+    "urdf stl": Target(partial(_write_urdf, "stl"), _convert, (ConversionError,), share=0.5, command=_CONVERT),
     "urdf obj": Target(partial(_write_urdf, "obj"), _convert, (ConversionError,), share=0.3),
     "urdf dae": Target(partial(_write_urdf, "dae"), _convert, (ConversionError,), share=0.3),
     "urdf ply": Target(partial(_write_urdf, "ply"), _convert, (ConversionError,), share=0.3),

@@ -24,7 +24,8 @@ _NEVER: Final = (
     "socket.connect", "socket.bind", "socket.sendto", "socket.gethostbyname", "socket.getaddrinfo", "urllib.Request",
     "webbrowser.open", "ftplib.connect", "smtplib.connect", "telnetlib.Telnet.open", "http.client.connect",
     "pickle.find_class", "code.__new__", "os.putenv", "os.unsetenv", "os.kill", "os.chown", "os.link", "os.symlink",
-    "ctypes.dlopen", "sys.addaudithook", "cpython.run_command", "cpython.run_file", "subprocess.Popen", "shutil.unpack_archive",
+    "ctypes.dlopen", "sys.addaudithook", "cpython.run_command", "cpython.run_file", "subprocess.Popen",
+    "shutil.unpack_archive",
 )  # fmt: skip
 _WRITING: Final = ("w", "a", "x", "+")
 
@@ -130,7 +131,9 @@ def tried(target: Target, folder: Path, watch: Watch | None = None) -> tuple[str
                 said, verdict = f"{fault}"[:500], f"{type(fault).__name__} from {_place(fault)}"
     if seen:
         verdict = f"did {seen[0]}"
-    told = [one for one in warned if issubclass(one.category, (RuntimeWarning, UserWarning))]
+    # What MuJoCo says of a model that it takes is the command's to tell (tiago_mj.mujoco_log).
+    several = [one for one in warned if issubclass(one.category, (RuntimeWarning, UserWarning))]
+    told = [one for one in several if "Check model" not in str(one.message)]
     if told and verdict in (ACCEPTED, REFUSED):
         first = told[0]
         place = f"{Path(first.filename).name}:{first.lineno}"

@@ -12,6 +12,7 @@ import json
 import math
 import pickle
 import random
+import warnings
 import zipfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -110,7 +111,9 @@ def read(path: Path, model: Any) -> Checkpoint:
             parameters = io.BytesIO(packed.read("parameters.pt"))
             with archive(parameters):
                 parameters.seek(0)
-                tensors = torch.load(parameters, map_location="cpu", weights_only=True)
+                with warnings.catch_warnings():
+                    warnings.simplefilter("ignore")  # of a damaged part, which is refused with all else
+                    tensors = torch.load(parameters, map_location="cpu", weights_only=True)
             names = [name for name in packed.namelist() if name.endswith(".npy")]
             found = {name.removesuffix(".npy"): arrays.read_array(packed, name) for name in names}
         kept = [array for name, array in found.items() if name.startswith(("replay/", "running/"))]

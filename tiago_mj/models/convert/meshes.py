@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
@@ -68,7 +69,9 @@ def load(shape: Shape, path: Path) -> Any:
         raise ConversionError(shape.where, what, f"convert it to one of {' '.join(FORMATS)}")
     _check_size(shape, path)
     try:
-        mesh = trimesh.load(path, force="mesh", process=False)
+        with warnings.catch_warnings(), np.errstate(all="ignore"):
+            warnings.simplefilter("ignore")  # of what it trips over, which is looked at below
+            mesh = trimesh.load(path, force="mesh", process=False)
     except ImportError as error:
         mend = f"pip install {'pycollada' if path.suffix.lower() == '.dae' else error.name}"
         raise ConversionError(shape.where, f"mesh {path.name} needs a reader that is not installed", mend) from None

@@ -161,7 +161,12 @@ def _walk(name: str, node: Any, arrays: dict[str, Any], depth: int = 1) -> None:
             if type(node.get(key, getlink=True)).__name__ != "HardLink":
                 raise RecordingError(f"{_FILE}: {quoted(f'{name}.{key}')} leads to another place: write what is there")
             _walk(f"{name}.{key.removeprefix('_index_')}", node[key], arrays, depth + 1)
-    elif node.dtype.kind in "biuf" and 1 <= node.ndim <= 3 and math.prod(node.shape[1:]) <= WIDEST:
+    elif (
+        hasattr(node, "ndim")
+        and node.dtype.kind in "biuf"
+        and 1 <= node.ndim <= 3
+        and math.prod(node.shape[1:]) <= WIDEST
+    ):
         if node.external or node.is_virtual:
             raise RecordingError(
                 f"{_FILE}: the numbers of {quoted(name)} are in another file: write them into this one"
