@@ -3,7 +3,8 @@
     python benchmarks/fuzz.py --inputs 100000 --out benchmarks/results/fuzz.json
 
 Input K is a valid input of one reader in which one file was changed (``tests/fuzzing/mutate.py``); seed and K alone say
-which and how, so that ``--again K`` tries one anew. Readers run in a process of its own, one input after the other, as
+which and how, so that ``--again K`` tries one anew (HDF5 and DAE files hold the time at which they were written, so
+that in them a change may hit something else). Readers run in a process of its own, one input after the other, as
 a user's process would call them; some inputs go through the command line. What is asked of each:
 
 - a result, or one line of the reader's own error (through the command line: exit status 0, or 2 and one line);

@@ -316,7 +316,7 @@ READERS = {
             "kp": 400,
             "vin": 5.0,
             "trajectory": "sin",
-            "entries": [_XL330_ENTRY] * 3,
+            "entries": [{**_XL330_ENTRY, "timestamp": 0.005 * k} for k in range(20)],
         },
         RecordingError,
     ),

@@ -312,7 +312,8 @@ BOMBS: Final[Mapping[str, tuple[str, Callable[[Path], None]]]] = {
         _mesh(
             "ply",
             b"ply\nformat binary_little_endian 1.0\nelement vertex 4000000000\nproperty float x\nproperty float y\n"
-            b"property float z\nelement face 4000000000\nproperty list uchar int vertex_indices\nend_header\n" + bytes(400),
+            b"property float z\nelement face 4000000000\nproperty list uchar int vertex_indices\nend_header\n"
+            + bytes(400),
         ),
     ),
     "mesh: an STL that claims rows": ("urdf stl", _mesh("stl", bytes(80) + struct.pack("<I", 2**32 - 1) + bytes(100))),

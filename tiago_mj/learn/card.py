@@ -9,7 +9,7 @@ from typing import Any, Final, Literal
 
 from pydantic import Field
 
-from tiago_mj.learn.settings import Settings, Written
+from tiago_mj.learn.settings import Parts, Settings
 from tiago_mj.learn.zoo_form import read_hyperparameters
 from tiago_mj.loading import load_json
 from tiago_mj.schema import Open, checked
@@ -31,16 +31,12 @@ class _Result(Open):
     success_rate: float
 
 
-class _Settings(Written):
-    written: None = Field(default=None, alias="schema")
-
-
 class _Card(Open):
     """What is read of a training's card; its curve is kept as it is."""
 
     written: Literal["tiago_mj.card/1"] = Field(alias="schema")
     command: str
-    settings: _Settings
+    settings: Parts
     made_by: dict[str, str]
     seeds: list[_Result] = Field(min_length=1)
     best_seed: int = Field(ge=0)

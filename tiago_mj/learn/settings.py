@@ -69,10 +69,9 @@ class Settings:
         return data
 
 
-class Written(Open):
+class Parts(Open):
     """Settings as a file has them."""
 
-    written: Literal["tiago_mj.training/1"] = Field(alias="schema")
     env: str
     algo: str
     steps: int = Field(ge=1)
@@ -84,6 +83,12 @@ class Written(Open):
     evaluation_episodes: int = Field(default=10, ge=1)
     checkpoint_every: int = Field(default=12_000, ge=1)
     randomise: dict[str, Any] | None = None
+
+
+class _Written(Parts):
+    """The file of a training."""
+
+    written: Literal["tiago_mj.training/1"] = Field(alias="schema")
 
 
 def claim(folder: Path, settings: Settings) -> bool:
@@ -122,7 +127,7 @@ def read(folder: Path) -> Settings:
     lead = f"{folder} holds no training that can be read: {FILE}"
     data = load_json(folder / FILE, lead)
     try:
-        said = checked(Written, data)
+        said = checked(_Written, data)
     except SchemaError as fault:
         raise ValueError(f"{lead}: {fault.path or 'it'} {fault.problem}") from fault
     return Settings(**{field.name: getattr(said, field.name) for field in fields(Settings)})

@@ -161,12 +161,7 @@ def _walk(name: str, node: Any, arrays: dict[str, Any], depth: int = 1) -> None:
             if type(node.get(key, getlink=True)).__name__ != "HardLink":
                 raise RecordingError(f"{_FILE}: {quoted(f'{name}.{key}')} leads to another place: write what is there")
             _walk(f"{name}.{key.removeprefix('_index_')}", node[key], arrays, depth + 1)
-    elif (
-        hasattr(node, "ndim")
-        and node.dtype.kind in "biuf"
-        and 1 <= node.ndim <= 3
-        and math.prod(node.shape[1:]) <= WIDEST
-    ):
+    elif _is_state(node):
         if node.external or node.is_virtual:
             raise RecordingError(
                 f"{_FILE}: the numbers of {quoted(name)} are in another file: write them into this one"
@@ -178,6 +173,13 @@ def _walk(name: str, node: Any, arrays: dict[str, Any], depth: int = 1) -> None:
                 f"{_FILE}: with {quoted(name)} an episode has more than {MAX_CELLS} numbers, or damage"
             )
         arrays[name] = node[()]
+
+
+def _is_state(node: Any) -> bool:
+    """Whether it is an array of numbers, few of them a step; HDF5 also keeps types, words and pictures."""
+    if not hasattr(node, "ndim") or node.dtype.kind not in "biuf":
+        return False
+    return bool(1 <= node.ndim <= 3 and math.prod(node.shape[1:]) <= WIDEST)
 
 
 def _arrow(dataset: Dataset) -> Iterator[tuple[int, dict[str, Any], int | None]]:
