@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import importlib
+import tempfile
+from argparse import ArgumentTypeError
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, Final
@@ -11,9 +13,10 @@ import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
-from tiago_mj import atomic, drawing
+from tiago_mj import atomic, drawing, outputs
 from tiago_mj.envs import checks
 from tiago_mj.envs.flat import core_of
+from tiago_mj.quoting import one_line
 
 Frame = NDArray[np.uint8]
 
@@ -33,6 +36,40 @@ def check_suffix(path: Path) -> None:
     """
     if path.suffix.lower() not in SUFFIXES:
         raise ValueError(f"film {path.name!r} has no known suffix: use one of {', '.join(SUFFIXES)}")
+
+
+def film_file(text: str) -> Path:
+    """The file of a film, as the type of an ``argparse`` option.
+
+    Raises:
+        argparse.ArgumentTypeError: no film of that name can be written here.
+    """
+    path = outputs.file(text)
+    try:
+        check_suffix(path)
+        check_encoder(path.suffix)
+    except ValueError as fault:
+        raise ArgumentTypeError(str(fault)) from fault
+    return path
+
+
+def check_encoder(suffix: str) -> None:
+    """Write a film of two black frames and throw it away: what encodes films may be missing, or lack the format.
+
+    Args:
+        suffix: of :data:`SUFFIXES`.
+
+    Raises:
+        ValueError: it cannot be written; says why, and what to install.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        try:
+            write_frames(Path(folder) / f"film{suffix}", [np.zeros((64, 64, 3), dtype=np.uint8)] * 2, FPS)
+        except Exception as fault:  # every encoder fails in its own way
+            raise ValueError(
+                f"{suffix} films cannot be written here ({one_line(fault)}): pip install 'imageio[ffmpeg]', or take "
+                "another suffix"
+            ) from fault
 
 
 class Film:
