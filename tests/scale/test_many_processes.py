@@ -100,7 +100,7 @@ def test_a_process_that_dies_is_told_and_no_result_is_made_up():
 
 
 def test_an_effect_of_ones_own_is_not_left_out_in_silence():
-    task = diagnose_all.Task(("diagnose",), "out", (*EFFECTS, "return_spring_of_mine"))
+    task = diagnose_all.Task(("diagnose",), "out", "kept", (*EFFECTS, "return_spring_of_mine"))
     with pytest.raises(ValueError, match=r"return_spring_of_mine .* use --jobs 1"):
         diagnose_all.diagnose(task)
 
