@@ -118,7 +118,7 @@ def alone(folder: Path, doing: str) -> Iterator[None]:
     if fcntl is None:  # two at once are the user's own lookout there
         yield
         return
-    with (folder / LOCK).open("w") as file:
+    with (folder / LOCK).open("ab") as file:
         until = time.monotonic() + PATIENCE
         while True:
             try:
