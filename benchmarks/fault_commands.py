@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import re
 import zipfile
 from collections.abc import Callable, Mapping
@@ -27,6 +28,8 @@ TRAINING = """GripperTactile-v0:
   noise_std: 0.1
   env_kwargs: {object_offset: 0.0}
 """
+#: Of a motion [Hz].
+RATE = 25
 #: Keys of JSON that tell how long something took, or by which process.
 TIMES = ("seconds", "steps_per_second", "process")
 #: What is no part of a result: locks, and what is shown while a training runs.
@@ -57,15 +60,18 @@ def make_inputs(folder: Path, run: Callable[[list[str]], int]) -> dict[str, Comm
     hinge.write_text(HINGE)
     training.write_text(TRAINING)
     recordings = []
-    for name, seed in (("first", 0), ("second", 10)):
+    for name, faster in (("first", 1.0), ("second", 1.3)):
         recordings.append(folder / name)
-        words = ["record", "--model", str(hinge), "--policy", "random", "--episodes", "3", "--seed", str(seed)]
-        if run([*words, "--effects", '{"viscous_friction": {"damping": 0.05}}', "--out", str(recordings[-1])]):
-            raise SystemExit("the inputs could not be recorded")
-    few = ",".join(name for name in EFFECTS if name not in ("viscous_friction", "servo_stiffness"))
+        for k in range(3):
+            motion = folder / f"motion-{k}.csv"
+            motion.write_text(_motion(faster * (1 + 0.3 * k)))
+            words = ["record", "--model", str(hinge), "--motion", str(motion), "--out", str(recordings[-1])]
+            if run([*words, "--effects", '{"viscous_friction": {"damping": 0.05}}']):
+                raise SystemExit("the inputs could not be recorded")
+    few = ",".join(name for name in EFFECTS if name != "viscous_friction")
 
-    def record(model: str, seed: int) -> Callable[[Path], list[str]]:
-        words = ["record", "--model", model, "--policy", "random", "--episodes", "4", "--seed", str(seed)]
+    def record(rate: int) -> Callable[[Path], list[str]]:
+        words = ["record", "--model", str(hinge), "--policy", "random", "--episodes", "4", "--rate", str(rate)]
         return lambda out: [*words, "--out", str(out)]
 
     def evaluate(seed: int) -> Callable[[Path], list[str]]:
@@ -101,7 +107,7 @@ def make_inputs(folder: Path, run: Callable[[list[str]], int]) -> dict[str, Comm
         return lambda out: ["import", "ta11-curve", "builtin", "--slope", str(slope), "--out", str(out)]
 
     return {
-        "record": Command(record(str(hinge), 0), record(str(hinge), 0)),
+        "record": Command(record(50), record(100)),
         "import": Command(curve(300), curve(330)),
         "evaluate": Command(evaluate(5), evaluate(0)),
         "diagnose": Command(diagnose(1), diagnose(0)),
@@ -109,6 +115,12 @@ def make_inputs(folder: Path, run: Callable[[list[str]], int]) -> dict[str, Comm
         "train": Command(train(1), train(2), ("card.json", "card.md", "curves.json", "curves.png")),
         "blind": Command(None, blind, ("scores.json", "index.html")),
     }
+
+
+def _motion(hertz: float) -> str:
+    """A sine of two seconds with growing amplitude, for the hinge."""
+    rows = [(k / RATE, 0.3 * k / RATE * math.sin(2 * math.pi * hertz * k / RATE)) for k in range(2 * RATE + 1)]
+    return "time,command.hinge\n" + "".join(f"{time:.3f},{angle:.6f}\n" for time, angle in rows)
 
 
 def digests(folder: Path, *, numbers: bool = True) -> dict[str, str]:

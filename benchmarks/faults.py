@@ -49,7 +49,7 @@ IN_A_ROW = 4
 PAGE = 4096
 
 
-class Wrong(Exception):
+class WrongError(Exception):
     """What must not be."""
 
 
@@ -104,7 +104,7 @@ class Lab:
         """The same; it must end well."""
         status = self.run(words)
         if status:
-            raise Wrong(f"{words[0]}: exit status {status}: {self.said.read_text()[-500:]}")
+            raise WrongError(f"{words[0]}: exit status {status}: {self.said.read_text()[-500:]}")
 
     def strays(self) -> list[str]:
         """What is neither the folder nor in it by right."""
@@ -159,12 +159,12 @@ class References:
         """``nothing``, ``old`` or ``new``.
 
         Raises:
-            Wrong: it is a mixture, or a file is not whole.
+            WrongError: it is a mixture, or a file is not whole.
         """
         try:
             found = self.digests(folder)
         except ValueError as fault:
-            raise Wrong(f"not whole: {fault}") from fault
+            raise WrongError(f"not whole: {fault}") from fault
         names = self.command.together
         if names:
             found = {name: one for name, one in found.items() if name in names}
@@ -173,7 +173,7 @@ class References:
             if found == wanted:
                 return name
         odd = [name for name in {**found, **self.new} if found.get(name) != self.new.get(name)]
-        raise Wrong(f"a mixture: of {sorted(found)} these are not new: {sorted(odd)}")
+        raise WrongError(f"a mixture: of {sorted(found)} these are not new: {sorted(odd)}")
 
 
 def refer(lab: Lab, name: str, command: Command) -> References:
@@ -198,11 +198,11 @@ def refer(lab: Lab, name: str, command: Command) -> References:
         twice.append(digests(lab.out))
         plain.append(digests(lab.out, numbers=False))
     if twice[0].keys() != twice[1].keys() or not twice[0]:
-        raise Wrong(f"two undisturbed runs write other files: {lab.said.read_text()[-500:]}")
+        raise WrongError(f"two undisturbed runs write other files: {lab.said.read_text()[-500:]}")
     loose = {one for one in twice[0] if twice[0][one] != twice[1][one]}
     unlike = [one for one in loose if plain[0][one] != plain[1][one]]
     if unlike:
-        raise Wrong(f"two undisturbed runs write other bits: {unlike}")
+        raise WrongError(f"two undisturbed runs write other bits: {unlike}")
     pages = _pages(lab.out) - (_pages(kept) if kept is not None and command.together else 0)
     found = References(command, old, {}, kept, loose, seconds, changes, pages)
     found.new = found.digests(lab.out)
@@ -258,10 +258,10 @@ def kills(lab: Lab, of: References, count: int, rng: random.Random, until: float
             lab.done(of.command.new(lab.out))
             if of.digests(lab.out) != of.new:
                 odd = [n for n, one in of.digests(lab.out).items() if of.new.get(n) != one]
-                raise Wrong(f"going on gives other bits: {odd}")
+                raise WrongError(f"going on gives other bits: {odd}")
             if lab.strays():
-                raise Wrong(f"left behind: {lab.strays()}")
-        except Wrong as fault:
+                raise WrongError(f"left behind: {lab.strays()}")
+        except WrongError as fault:
             wrong.append(str(fault))
         through += 1
     return {**found, "let_through": through, "same_bits": through - len(wrong), "wrong": wrong}
@@ -297,7 +297,7 @@ def refused(lab: Lab, of: References) -> dict[str, Any]:
     told = [line for line in lines if " of " not in line.split(":")[1]]
     found = {"status": status, "seconds": round(time.monotonic() - begun, 1), "left": of.state(lab.out)}
     if status != 2 or "Traceback" in lab.said.read_text():
-        raise Wrong(f"exit status {status}: {lab.said.read_text()[-300:]}")
+        raise WrongError(f"exit status {status}: {lab.said.read_text()[-300:]}")
     return {**found, "said": told[-1].replace(str(lab.work), "DIR") if told else ""}
 
 
@@ -309,11 +309,11 @@ def full_drive(lab: Lab, of: References) -> dict[str, Any]:
         found = refused(lab, of)
         left = [name for name in lab.strays() if held.MARK in name]
         if left:
-            raise Wrong(f"left behind: {left}")
+            raise WrongError(f"left behind: {left}")
         again(lab.work, "size=64m")
         lab.done(of.command.new(lab.out))
         if of.digests(lab.out) != of.new:
-            raise Wrong("with more room it gives other bits")
+            raise WrongError("with more room it gives other bits")
     return found
 
 
@@ -332,9 +332,9 @@ def two_at_once(lab: Lab, of: References) -> dict[str, Any]:
     statuses = sorted(os.waitstatus_to_exitcode(os.waitpid(process, 0)[1]) for process in processes)
     said = [(lab.root / f"said-{k}.txt").read_text() for k in range(2)]
     if statuses[0] != 0 or statuses[1] not in (0, 2) or any("Traceback" in one for one in said):
-        raise Wrong(f"exit statuses {statuses}: {said}")
+        raise WrongError(f"exit statuses {statuses}: {said}")
     if of.digests(lab.out) != of.new or lab.strays():
-        raise Wrong(f"two at once leave {of.state(lab.out)}, and {lab.strays()}")
+        raise WrongError(f"two at once leave {of.state(lab.out)}, and {lab.strays()}")
     return {"statuses": statuses, "left": "new"}
 
 
@@ -344,14 +344,17 @@ def tried(call: Any, lab: Lab, of: References) -> Any:
         return call(lab, of)
     except PermissionError as fault:
         return {"skipped": str(fault)}
-    except Wrong as fault:
+    except WrongError as fault:
         return {"wrong": [str(fault)]}
 
 
 def load_ahead(lab: Lab, commands: dict[str, Command]) -> None:
     """Import what the commands import, so that forks of this process need not."""
     listed = lab.root / "modules.txt"
-    script = "import sys; from tiago_mj import cli; cli.main(sys.argv[2:]); open(sys.argv[1], 'w').write(' '.join(sys.modules))"
+    script = (
+        "import sys; from tiago_mj import cli; cli.main(sys.argv[2:]); "
+        "open(sys.argv[1], 'w').write(' '.join(sys.modules))"
+    )
     for command in commands.values():
         lab.clear()
         words = [sys.executable, "-c", script, str(listed), *command.new(lab.out)]
@@ -395,9 +398,8 @@ def main() -> None:
             words = f"python benchmarks/faults.py --kills {given.kills} --seed {given.seed} --out FILE"
             data = {"command": words, "machine": machine(), "results": results}
             given.out.write_text(json.dumps(data, indent=1) + "\n")
-    if any(
-        "wrong" in one and one["wrong"] for part in results.values() for one in part.values() if isinstance(one, dict)
-    ):
+    parts = [part for of_one in results.values() for part in of_one.values() if isinstance(part, dict)]
+    if any(part.get("wrong") for part in parts):
         raise SystemExit(1)
 
 
