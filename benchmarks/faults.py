@@ -8,7 +8,7 @@ or beside it. What is left must be the old files or the new ones, whole. After o
 the result must be that of a run that was never killed, bit for bit but for the times that it took, and nothing else may
 lie there. A full drive, a folder that cannot be written, and two processes at once are tried, too.
 
-The commands run in forks of this process, which has their libraries loaded: a kill then falls into their work, not into
+The commands but diagnose-all run in forks of this process, which has their libraries loaded: a kill then falls into their work, not into
 the loading.
 """
 
@@ -29,7 +29,7 @@ import time
 import traceback
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -42,6 +42,9 @@ from tiago_mj import cli, held
 
 #: Modules that start something when they are imported, which a fork must do itself.
 NOT_AHEAD = ("OpenGL", "mujoco.egl", "mujoco.osmesa", "__main__", "joblib.externals.loky")
+#: Commands that run in processes of their own, and the share of their time that passes before they begin to work:
+#: in a fork, a second diagnosis ends within a library (libc++).
+FRESH, LOADING = ("diagnose-all",), 0.25
 #: Seconds between two looks at a folder; longest wait after a change before the kill.
 LOOK, AFTER = 0.001, 0.01
 #: Most kills before a run is let through.
@@ -85,6 +88,8 @@ class Lab:
             os.dup2(nowhere, 1)
             os.dup2(target, 2)
             os.chdir(self.root)
+            if words[0] in FRESH:
+                os.execv(sys.executable, [sys.executable, "-m", "tiago_mj.cli", *words])
             status = cli.main(list(words))
         except SystemExit as stop:
             status = stop.code if isinstance(stop.code, int) else 1
@@ -131,7 +136,7 @@ class References:
     """What undisturbed runs give.
 
     Attributes:
-        command: that is run.
+        name, command: that is run.
         old, new: digests of the files before and after.
         kept: copy of the old folder; None: there was none.
         loose: pages in which two undisturbed runs have other times: of these the numbers are not compared.
@@ -140,6 +145,7 @@ class References:
         new_pages: of the drive that the new files take; what they are more than the old ones, where these stay.
     """
 
+    name: str
     command: Command
     old: dict[str, str]
     new: dict[str, str]
@@ -148,7 +154,6 @@ class References:
     seconds: float
     changes: int
     new_pages: int
-    tally: Counter[str] = field(default_factory=Counter)
 
     def digests(self, folder: Path) -> dict[str, str]:
         found = digests(folder)
@@ -204,7 +209,7 @@ def refer(lab: Lab, name: str, command: Command) -> References:
     if unlike:
         raise WrongError(f"two undisturbed runs write other bits: {unlike}")
     pages = _pages(lab.out) - (_pages(kept) if kept is not None and command.together else 0)
-    found = References(command, old, {}, kept, loose, seconds, changes, pages)
+    found = References(name, command, old, {}, kept, loose, seconds, changes, pages)
     found.new = found.digests(lab.out)
     if kept is not None:
         found.old = found.digests(kept)
@@ -224,7 +229,8 @@ def put(lab: Lab, kept: Path | None) -> None:
 
 def kill_once(lab: Lab, of: References, rng: random.Random, *, writing: bool) -> bool:
     """Run and kill; whether it was killed before it was over."""
-    until, changes = rng.uniform(0, of.seconds), rng.randint(1, max(of.changes, 1))
+    first = LOADING * of.seconds if of.name in FRESH else 0.0
+    until, changes = rng.uniform(first, of.seconds), rng.randint(1, max(of.changes, 1))
     begun, before, process = time.monotonic(), lab.seen(), lab.start(of.command.new(lab.out))
     while os.waitpid(process, os.WNOHANG)[0] == 0:
         if writing:
