@@ -100,7 +100,8 @@ def make_inputs(folder: Path, run: Callable[[list[str]], int]) -> dict[str, Comm
     def blind(out: Path) -> list[str]:
         return [
             "blind", "--cases", "1", "--seed", "3", "--kinds", "one", "--settings", "plain", "--rates", "25",
-            "--trials", "3", "--seconds", "1", "--jobs", "1", "--diagnose-with", f"--without {few}", "--out", str(out),
+            "--trials", "3", "--seconds", "1", "--jobs", "1", "--no-next-motion",
+            "--diagnose-with", f"--without {few}", "--out", str(out),
         ]  # fmt: skip
 
     def curve(slope: int) -> Callable[[Path], list[str]]:

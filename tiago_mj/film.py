@@ -160,7 +160,11 @@ class Film:
 
 
 def write_frames(path: Path, frames: Sequence[Frame], fps: float) -> None:
-    """Write frames, whole: a film, or one picture where the file is a png."""
+    """Write frames, whole: a film, or one picture where the file is a png.
+
+    Raises:
+        OSError: the drive is full.
+    """
     imageio: Any = importlib.import_module("imageio.v2")
     suffix = path.suffix.lower()
     with atomic.replacing(path) as temporary:
@@ -169,7 +173,20 @@ def write_frames(path: Path, frames: Sequence[Frame], fps: float) -> None:
         elif suffix == ".gif":
             imageio.mimwrite(temporary, frames, duration=1000 / fps, loop=0)
         else:
-            imageio.mimwrite(temporary, frames, fps=fps, quality=6, macro_block_size=2)
+            options = {"quality": 6, "macro_block_size": 2, "ffmpeg_log_level": "quiet"}
+            imageio.mimwrite(temporary, frames, fps=fps, **options)
+            _check_whole(temporary, path, len(frames))
+
+
+def _check_whole(temporary: Path, path: Path, frames: int) -> None:
+    """ffmpeg ends without a word where the drive is full: see that the film holds every frame."""
+    ffmpeg: Any = importlib.import_module("imageio_ffmpeg")
+    try:
+        written = ffmpeg.count_frames_and_secs(temporary)[0]
+    except RuntimeError:  # not even a film
+        written = 0
+    if written != frames:
+        raise OSError(f"{path.name}: {written} of {frames} frames could be written: is the drive full?")
 
 
 def strip_indices(count: int, wanted: int = STRIP_FRAMES) -> list[int]:

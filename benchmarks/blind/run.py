@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import ctypes
+import errno
+import os
 import shutil
 import signal
 import subprocess
@@ -20,6 +22,8 @@ from benchmarks.blind.dictionary import PLAIN
 from benchmarks.blind.store import Store
 from tiago_mj import atomic
 
+#: Of drives: what they say where nothing can be written any more.
+UNWRITTEN = tuple(os.strerror(number) for number in (errno.ENOSPC, errno.EDQUOT, errno.EROFS))
 #: PR_SET_PDEATHSIG of linux/prctl.h.
 _END_WITH_PARENT = 1
 
@@ -118,6 +122,8 @@ def diagnose(
         else:
             shutil.rmtree(partial, ignore_errors=True)
             last = words.strip().splitlines()[-1] if words.strip() else ""
+            if any(reason in last for reason in UNWRITTEN):  # no answer of the diagnosis: it is asked again
+                raise OSError(f"case {k:03d} cannot be written: {last}")
             atomic.write_text(store.failure(k), f"exit status {status}\n{words}")
             outcome = f"failed with exit status {status}: {last}"
         say(f"case {k:03d} of {len(planned)}: {outcome}, {time.monotonic() - begun:.0f} s")
