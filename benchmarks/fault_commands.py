@@ -12,6 +12,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from tiago_mj import held
+
 HINGE = """<mujoco><option timestep="0.002"/><worldbody><body>
 <joint name="hinge" axis="0 1 0" damping="0.05"/><geom size=".05" mass="0.1" pos="0 0 -.2"/></body></worldbody>
 <actuator><position name="hinge" joint="hinge" kp="10" kv="0.3" ctrlrange="-1 1"/></actuator></mujoco>
@@ -127,6 +129,8 @@ def _motion(hertz: float) -> str:
 def digests(folder: Path, *, numbers: bool = True) -> dict[str, str]:
     """A digest of every file of a folder, by its path; what tells how long something took is left out.
 
+    Hidden temporary files are none of it: the next run removes them, which is checked apart.
+
     Args:
         folder: of the files; empty where it is not there.
         numbers: whether numbers count in pages of text.
@@ -136,7 +140,7 @@ def digests(folder: Path, *, numbers: bool = True) -> dict[str, str]:
     """
     found = {}
     for path in sorted(folder.rglob("*")):
-        if path.is_file() and path.name not in APART:
+        if path.is_file() and path.name not in APART and held.MARK not in str(path.relative_to(folder)):
             found[str(path.relative_to(folder))] = _digest(path, numbers)
     return found
 
