@@ -20,6 +20,7 @@ from collections import Counter
 from collections.abc import Sequence
 from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import asdict, dataclass
+from itertools import islice
 from pathlib import Path
 from typing import Any, Final
 
@@ -30,6 +31,9 @@ from tiago_mj.progress import told
 SUMMARY: Final = "diagnoses.json"
 #: Of the hidden folder: what is finished, and the outcomes of it.
 UNFINISHED, OUTCOME = ".{}.unfinished", "outcome.json"
+#: What a model may be made of, and files beside it that are looked at.
+OF_MODELS: Final = (".xml", ".mjcf", ".urdf", ".obj", ".stl", ".dae", ".msh", ".skn", ".png", ".bin", ".hf")
+MOST_BESIDE: Final = 5000
 HEADER: Final = ("folder", "verdict", "effects", "probability", "closed")
 
 
@@ -185,17 +189,38 @@ def _outcome_file(kept: Path) -> Path:
 
 
 def _inputs(task: Task) -> str:
-    """Digest of everything that a diagnosis depends on: the command, the version, and every file that it names."""
+    """Digest of what a diagnosis depends on: the command, the version, every file that it names, and of the models
+    whatever lies beside them (meshes, included files) by its size and time."""
     digest = hashlib.sha256(repr((__version__, task.words, task.effects)).encode())
+    models: set[Path] = set()
+    written = (Path(task.out).parent, Path(task.kept).parent)
     for word in task.words:
         path = Path(word)
         if not path.is_absolute() or word == task.out:
             continue
         for file in sorted(path.rglob("*")) if path.is_dir() else [path]:
             if file.is_file():
-                digest.update(f"{file}\0{file.stat().st_size}\0".encode())
-                digest.update(hashlib.sha256(file.read_bytes()).digest())
+                content = file.read_bytes()
+                digest.update(f"{file}\0{len(content)}\0".encode() + hashlib.sha256(content).digest())
+                models |= _models(file, content)
+    for folder in sorted({model.parent for model in models}):
+        for file in sorted(islice(folder.rglob("*"), MOST_BESIDE)):
+            if file.suffix.lower() in OF_MODELS and not any(file.is_relative_to(one) for one in written):
+                status = file.stat()
+                digest.update(f"{file}\0{status.st_size}\0{status.st_mtime_ns}\0".encode())
     return digest.hexdigest()
+
+
+def _models(file: Path, content: bytes) -> set[Path]:
+    """The model that a file is, or that a recording's sidecar names."""
+    if file.suffix == ".xml":
+        return {file}
+    try:
+        robot = json.loads(content)["robot"] if file.suffix == ".json" else None
+    except (ValueError, KeyError, TypeError):
+        return set()
+    found = file.parent / robot if isinstance(robot, str) and robot.endswith(".xml") else None
+    return {found.resolve()} if found is not None and found.is_file() else set()
 
 
 def diagnose(task: Task) -> Outcome:
