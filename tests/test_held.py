@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import shutil
 import signal
 import sys
+import threading
 import time
 
 import pytest
@@ -63,3 +65,20 @@ def test_a_second_process_in_a_folder_is_refused_in_one_line(tmp_path, monkeypat
         pass
     with held.alone(tmp_path / "out", "training"):
         pass
+
+
+def test_who_waited_for_a_folder_that_was_then_removed_makes_it_anew(tmp_path):
+    folder, entered = tmp_path / "kept", []
+
+    def second():
+        with held.alone(folder, "diagnosing"):
+            entered.append(folder.is_dir() and (folder / held.LOCK).exists())
+
+    with held.alone(folder, "diagnosing"):
+        other = threading.Thread(target=second)
+        other.start()
+        time.sleep(0.3)
+        assert not entered
+        shutil.rmtree(folder)
+    other.join()
+    assert entered == [True]

@@ -114,23 +114,31 @@ def alone(folder: Path, doing: str) -> Iterator[None]:
     Raises:
         ValueError: another process works there, and goes on doing so.
     """
-    folder.mkdir(parents=True, exist_ok=True)
     if fcntl is None:  # two at once are the user's own lookout there
+        folder.mkdir(parents=True, exist_ok=True)
         yield
         return
-    with (folder / LOCK).open("ab") as file:
-        until = time.monotonic() + PATIENCE
-        while True:
-            try:
-                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                break
-            except BlockingIOError:
-                if time.monotonic() > until:
-                    raise ValueError(
-                        f"another process is {doing} in {folder}: wait for it, end it, or give another --out"
-                    ) from None
-                time.sleep(0.2)
+    until = time.monotonic() + PATIENCE
+    while True:
+        folder.mkdir(parents=True, exist_ok=True)
+        handle = os.open(folder / LOCK, os.O_RDWR | os.O_CREAT, 0o666)
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            os.close(handle)
+            if time.monotonic() > until:
+                raise ValueError(
+                    f"another process is {doing} in {folder}: wait for it, end it, or give another --out"
+                ) from None
+            time.sleep(0.2)
+            continue
+        if _same(handle, folder / LOCK):
+            break
+        os.close(handle)  # who had it has removed the folder
+    try:
         yield
+    finally:
+        os.close(handle)
 
 
 def _prefix(stem: str) -> str:
