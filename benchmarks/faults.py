@@ -4,7 +4,7 @@
 
 Each command runs with small inputs into a folder that was used before, or into a new one, and is killed (SIGKILL): half
 of the times at a moment drawn evenly over its run, half of the times just after it has changed something in the folder
-or beside it. What is left must be the old files or the new ones, whole. After one to four kills it is run undisturbed:
+or beside it. What is left must be the old files or the new ones, whole. After one to six kills it is run undisturbed:
 the result must be that of a run that was never killed, bit for bit but for the times that it took, and nothing else may
 lie there. A full drive, a folder that cannot be written, and two processes at once are tried, too.
 
@@ -45,10 +45,10 @@ NOT_AHEAD = ("OpenGL", "mujoco.egl", "mujoco.osmesa", "__main__", "joblib.extern
 #: Commands that run in processes of their own, and the share of their time that passes before they begin to work:
 #: in a fork, a second diagnosis ends within a library (libc++).
 FRESH, LOADING = ("diagnose-all",), 0.25
-#: Seconds between two looks at a folder; longest wait after a change before the kill.
-LOOK, AFTER = 0.001, 0.01
+#: Seconds between two looks at a folder, and at a process; longest wait after a change before the kill.
+LOOK, GLANCE, AFTER = 0.002, 0.02, 0.01
 #: Most kills before a run is let through.
-IN_A_ROW = 4
+IN_A_ROW = 6
 PAGE = 4096
 #: Commands whose libraries are all that there are.
 AHEAD = ("diagnose", "train", "evaluate")
@@ -245,7 +245,7 @@ def kill_once(lab: Lab, of: References, rng: random.Random, *, writing: bool) ->
         if (writing and changes <= 0) or (not writing and time.monotonic() - begun > until):
             os.kill(process, signal.SIGKILL)
             return os.waitstatus_to_exitcode(os.waitpid(process, 0)[1]) == -signal.SIGKILL
-        time.sleep(LOOK)
+        time.sleep(LOOK if writing else min(GLANCE, max(until - (time.monotonic() - begun), 0.0)))
     return False
 
 

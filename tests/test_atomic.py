@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import subprocess
+import sys
 
 import pytest
 
@@ -53,6 +55,18 @@ def test_a_folder_in_which_somebody_stands_stays_the_same_folder(tmp_path, monke
     monkeypatch.chdir(folder)
     write(folder, "second")
     assert {name: (tmp_path / "out" / name).read_text() for name in os.listdir(".")} == dict.fromkeys(NAMES, "second")
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only there folders are exchanged")
+def test_a_folder_in_which_another_process_works_stays_the_same_folder(tmp_path):
+    folder = tmp_path / "out"
+    write(folder / "sub", "first")
+    before = folder.stat().st_ino
+    with subprocess.Popen(["sleep", "60"], cwd=folder / "sub") as other:
+        write(folder, "second")
+        other.kill()
+    assert folder.stat().st_ino == before
+    assert {(folder / name).read_text() for name in NAMES} == {"second"}
 
 
 def test_a_folder_with_folders_in_it_keeps_them(tmp_path):

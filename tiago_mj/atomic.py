@@ -62,7 +62,7 @@ def replacing_set(folder: Path, *, parts: Collection[str] = ()) -> Iterator[Path
     """Give an empty folder; what was written into it takes its place in ``folder`` at once, unless the block raises.
 
     Other files of ``folder`` stay. On Linux everything appears by a single rename. Elsewhere, and where that cannot be
-    (this process works in ``folder``, it is a mount point, or it holds more than :data:`MOST` files), whole files are
+    (a process works in ``folder``, it is a mount point, or it holds more than :data:`MOST` files), whole files are
     renamed one after the other; then a process that is killed between two renames leaves some of both sets.
 
     Args:
@@ -149,9 +149,9 @@ _EXCHANGE, _HERE = 2, -100
 def _exchanged(new: Path, old: Path, gone: Collection[str]) -> bool:
     """Put a folder in another's place, with those files of it that it does not have itself; whether that was possible.
 
-    Not where this process works in the old one: its folder would vanish under the shell.
+    Not where somebody works in the old one: the folder would vanish under a shell, a notebook or a server.
     """
-    if sys.platform != "linux" or _stands_in(old):
+    if sys.platform != "linux" or _somebody_works_in(old):
         return False
     taken = _Taken(new, old, frozenset(gone))
     try:
@@ -167,11 +167,13 @@ def _exchanged(new: Path, old: Path, gone: Collection[str]) -> bool:
     return True
 
 
-def _stands_in(folder: Path) -> bool:
-    try:
-        return Path.cwd().is_relative_to(folder)
-    except FileNotFoundError:  # the working folder has been removed
-        return False
+def _somebody_works_in(folder: Path) -> bool:
+    """Whether a process works in a folder, as far as this one may know."""
+    for process in Path("/proc").glob("[0-9]*"):
+        with suppress(OSError):  # another user's, or over
+            if Path(os.readlink(process / "cwd")).is_relative_to(folder):
+                return True
+    return False
 
 
 class _Taken:
