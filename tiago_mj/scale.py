@@ -115,12 +115,15 @@ def _parallel(
     **options: Any,
 ) -> list[Any]:
     """One task a dispatch: tasks last seconds, and a lost process shall cost no more than one."""
+    from tiago_mj import mujoco_log
+
     call = joblib.delayed(function)
     try:
         results: list[Any] = []
         found = joblib.Parallel(n_jobs=jobs or -1, batch_size=1, **options)(call(task) for task in tasks)
-        for task, result in zip(tasks, found, strict=True):
+        for task, (result, warned) in zip(tasks, found, strict=True):
             results.append(result)
+            mujoco_log.tell(warned)
             if done is not None:
                 done(task)
     except lost as fault:
@@ -141,8 +144,13 @@ class _Call:
     function: Callable[[Any], Any]
     starter: int | None = None
 
-    def __call__(self, task: Any) -> Any:
-        return self.function(task)
+    def __call__(self, task: Any) -> tuple[Any, dict[str, int]]:
+        """The result, and MuJoCo's warnings by kind."""
+        from tiago_mj import mujoco_log
+
+        with mujoco_log.counted() as warned:
+            result = self.function(task)
+        return result, dict(warned)
 
     def __reduce__(self) -> tuple[Any, ...]:
         return _recalled, (pickle.dumps(self.function), self.starter)

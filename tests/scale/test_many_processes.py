@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 import scale_bench
 
-from tiago_mj import atomic, cli, diagnose_all, scale
+from tiago_mj import atomic, cli, diagnose_all, mujoco_log, scale
 from tiago_mj.effects import EFFECTS
 
 
@@ -143,6 +143,17 @@ def test_a_worker_ends_with_the_process_that_started_it(tmp_path):
     while any(Path(f"/proc/{worker}").exists() for worker in workers):
         assert time.monotonic() < until, "a worker goes on without anybody who waits for it"
         time.sleep(0.1)
+
+
+def test_warnings_of_other_processes_are_counted_here_and_written_nowhere(tmp_path, monkeypatch, capfd):
+    pytest.importorskip("joblib", reason="needs the extra 'scale'")
+    monkeypatch.chdir(tmp_path)
+    with mujoco_log.counted() as kinds:
+        assert scale.run_all(scale_bench.shake, [1, 2, 3], jobs=2) == [1, 2, 3]
+    assert sum(kinds.values()) == 6
+    assert len(mujoco_log.sentences(kinds)) == 1
+    assert list(tmp_path.iterdir()) == []
+    assert capfd.readouterr().err == ""
 
 
 def test_a_fault_in_another_process_is_the_fault_itself():
