@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import subprocess
+import sys
 
 import pytest
 
@@ -55,6 +57,18 @@ def test_a_folder_in_which_somebody_stands_stays_the_same_folder(tmp_path, monke
     assert {name: (tmp_path / "out" / name).read_text() for name in os.listdir(".")} == dict.fromkeys(NAMES, "second")
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="only there folders are exchanged")
+def test_a_folder_in_which_another_process_works_stays_the_same_folder(tmp_path):
+    folder = tmp_path / "out"
+    write(folder / "sub", "first")
+    before = folder.stat().st_ino
+    with subprocess.Popen(["sleep", "60"], cwd=folder / "sub") as other:
+        write(folder, "second")
+        other.kill()
+    assert folder.stat().st_ino == before
+    assert {(folder / name).read_text() for name in NAMES} == {"second"}
+
+
 def test_a_folder_with_folders_in_it_keeps_them(tmp_path):
     folder = tmp_path / "out"
     write(folder, "first")
@@ -63,3 +77,54 @@ def test_a_folder_with_folders_in_it_keeps_them(tmp_path):
     write(folder, "second")
     assert (folder / "sub" / "note.txt").read_text() == "mine"
     assert {(folder / name).read_text() for name in NAMES} == {"second"}
+
+
+def test_what_belongs_to_the_old_set_and_not_to_the_new_one_goes(tmp_path):
+    folder = tmp_path / "out"
+    write(folder, "first")
+    (folder / "notes.txt").write_text("mine")
+    with atomic.replacing_set(folder, parts=NAMES) as new:
+        (new / NAMES[0]).write_text("second")
+    assert contents(folder) == {NAMES[0]: "second", "notes.txt": "mine"}
+
+
+@pytest.mark.parametrize("inside", [False, True], ids=["elsewhere", "standing in it"])
+def test_folders_of_a_set_are_merged_with_those_that_are_there(inside, tmp_path, monkeypatch):
+    folder = tmp_path / "out"
+    (folder / "sub").mkdir(parents=True)
+    for name in ("a.txt", "mine.txt"):
+        (folder / "sub" / name).write_text("first")
+    if inside:
+        monkeypatch.chdir(folder)
+    with atomic.replacing_set(folder) as new:
+        (new / "sub" / "deep").mkdir(parents=True)
+        (new / "sub" / "a.txt").write_text("second")
+        (new / "sub" / "deep" / "b.txt").write_text("second")
+    found = {str(path.relative_to(folder)): path.read_text() for path in folder.rglob("*.txt")}
+    assert found == {"sub/a.txt": "second", "sub/mine.txt": "first", "sub/deep/b.txt": "second"}
+
+
+def test_a_link_to_a_folder_stays_a_link(tmp_path):
+    write(tmp_path / "real", "first")
+    (tmp_path / "out").symlink_to(tmp_path / "real")
+    write(tmp_path / "out", "second")
+    assert (tmp_path / "out").is_symlink()
+    assert contents(tmp_path / "real") == dict.fromkeys(NAMES, "second")
+
+
+def test_links_and_modes_in_the_folder_stay_as_they_are(tmp_path):
+    folder = tmp_path / "out"
+    write(folder, "first")
+    folder.chmod(0o750)
+    (folder / "link").symlink_to(NAMES[0])
+    write(folder, "second")
+    assert folder.stat().st_mode & 0o777 == 0o750
+    assert os.readlink(folder / "link") == NAMES[0]
+
+
+def test_what_is_gathered_comes_elsewhere(tmp_path):
+    with atomic.gathering(tmp_path / "out", tmp_path / "kept"):
+        write(tmp_path / "out" / "one", "first")
+        write(tmp_path / "apart", "first")
+    assert contents(tmp_path / "kept" / "one") == contents(tmp_path / "apart") == dict.fromkeys(NAMES, "first")
+    assert not (tmp_path / "out").exists()

@@ -13,7 +13,7 @@ import sys
 from pathlib import Path
 from typing import Final
 
-from tiago_mj import extra
+from tiago_mj import extra, outputs
 
 #: Folder that a checkout holds this package in.
 CHECKOUT: Final = Path(__file__).resolve().parents[1]
@@ -24,7 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--cases", type=int, required=True, metavar="N", help="how many")
     parser.add_argument("--seed", type=int, required=True, metavar="N", help="another one gives other cases")
     parser.add_argument(
-        "--out", type=Path, required=True, metavar="DIR", help="folder of the run; goes on where it stopped"
+        "--out", type=outputs.folder, required=True, metavar="DIR", help="folder of the run; goes on where it stopped"
     )
     parser.add_argument("--kinds", metavar="LIST", help="only some of none,one,two,outside,left_out")
     parser.add_argument("--settings", metavar="LIST", help="only some of gripper,arm,plain")

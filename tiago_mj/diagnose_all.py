@@ -2,26 +2,38 @@
 
 Every diagnosis is what ``tiago-mj diagnose FOLDER`` writes: this only calls that command, and says in a table what came
 of each. A folder that cannot be used keeps no other from its diagnosis.
+
+All of them appear in ``--out`` at once, with the summary. Until then what is finished is kept in a hidden folder beside
+``--out``; the same command again goes on from there.
 """
 
 from __future__ import annotations
 
 import argparse
+import hashlib
 import importlib.util
 import io
 import json
+import os
+import shutil
 from collections import Counter
 from collections.abc import Sequence
 from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import asdict, dataclass
+from itertools import islice
 from pathlib import Path
 from typing import Any, Final
 
-from tiago_mj import atomic, cli, scale
+from tiago_mj import __version__, atomic, cli, held, outputs, scale
 from tiago_mj.progress import told
 
 #: Written into ``--out``: what came of every folder.
 SUMMARY: Final = "diagnoses.json"
+#: Of the hidden folder: what is finished, and the outcomes of it.
+UNFINISHED, OUTCOME = ".{}.unfinished", "outcome.json"
+#: What a model may be made of, and files beside it that are looked at.
+OF_MODELS: Final = (".xml", ".mjcf", ".urdf", ".obj", ".stl", ".dae", ".msh", ".skn", ".png", ".bin", ".hf")
+MOST_BESIDE: Final = 5000
 HEADER: Final = ("folder", "verdict", "effects", "probability", "closed")
 
 
@@ -31,12 +43,14 @@ class Task:
 
     Attributes:
         words: the command line, of absolute paths.
-        out: folder that it writes into.
+        out: folder that it is to be in at the end.
+        kept: folder that it is kept in until then.
         effects: names that the library must hold.
     """
 
     words: tuple[str, ...]
     out: str
+    kept: str
     effects: tuple[str, ...]
 
 
@@ -60,7 +74,9 @@ class Outcome:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
     parser.add_argument("folders", nargs="+", type=Path, metavar="FOLDER", help="one diagnosis is made of each")
-    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help=f"for DIR/FOLDER/… and DIR/{SUMMARY}")
+    parser.add_argument(
+        "--out", type=outputs.folder, required=True, metavar="DIR", help=f"for DIR/FOLDER/… and DIR/{SUMMARY}"
+    )
     what = parser.add_mutually_exclusive_group()
     what.add_argument("--env", help="environment that they are compared with, where they do not say")
     what.add_argument("--model", type=Path, help="MJCF file that they are compared with")
@@ -101,23 +117,46 @@ def run(arguments: argparse.Namespace) -> int:
     for name in ("env", "without", "time_budget"):
         if getattr(arguments, name):
             options += [f"--{name.replace('_', '-')}", str(getattr(arguments, name))]
+    place: Path = arguments.out.resolve()
+    kept = place.parent / UNFINISHED.format(place.name)
     tasks = []
     for folder, name in zip(arguments.folders, names(arguments.folders), strict=True):
-        out = str((arguments.out / name).resolve())
-        words = ("diagnose", str(folder.resolve()), "--out", out, *options)
-        tasks.append(Task(words, out, tuple(EFFECTS)))
-    with told("diagnose-all", "diagnosing folders", len(tasks), quiet=arguments.json) as progress:
-        outcomes = scale.run_all(
-            diagnose, tasks, jobs=jobs, backend=arguments.backend, done=lambda task: progress.advance()
-        )
-    found = {name: asdict(one) for name, one in zip(names(arguments.folders), outcomes, strict=True)}
-    text = json.dumps(found, indent=1, ensure_ascii=False) + "\n"
-    atomic.write_text(arguments.out / SUMMARY, text)
+        words = ("diagnose", str(folder.resolve()), "--out", str(place / name), *options)
+        tasks.append(Task(words, str(place / name), str(kept / name), tuple(EFFECTS)))
+    with held.alone(kept, "diagnosing"):
+        with told("diagnose-all", "diagnosing folders", len(tasks), quiet=arguments.json) as progress:
+            outcomes = scale.run_all(
+                diagnose, tasks, jobs=jobs, backend=arguments.backend, done=lambda task: progress.advance()
+            )
+        found = {name: asdict(one) for name, one in zip(names(arguments.folders), outcomes, strict=True)}
+        text = json.dumps(found, indent=1, ensure_ascii=False) + "\n"
+        _appear(place, {name: Path(task.kept) for name, task in zip(found, tasks, strict=True)}, text)
+        shutil.rmtree(kept, ignore_errors=True)
     if arguments.json:
         print(text, end="")
     else:
         print(table(found))
     return next((status for status in (1, 2) if any(one.status == status for one in outcomes)), 0)
+
+
+def _appear(out: Path, kept: dict[str, Path], summary: str) -> None:
+    """Put all diagnoses and the summary into ``out`` at once."""
+    from tiago_mj.gap.report import PARTS
+
+    parts = [f"{name}/{part}" for name, folder in kept.items() if _outcome_file(folder).exists() for part in PARTS]
+    with atomic.replacing_set(out, parts=parts) as new:
+        for name, folder in kept.items():
+            if _outcome_file(folder).exists():
+                shutil.copytree(folder, new / name, copy_function=_linked)
+        atomic.write_text(new / SUMMARY, summary)
+
+
+def _linked(source: str, target: str) -> None:
+    """A second name of a file, or a copy where that cannot be."""
+    try:
+        os.link(source, target)
+    except OSError:
+        shutil.copy(source, target)
 
 
 def _jobs(folders: int) -> int:
@@ -145,7 +184,64 @@ def names(folders: Sequence[Path]) -> list[str]:
     return found
 
 
+def _outcome_file(kept: Path) -> Path:
+    return kept.with_name(f".{kept.name}.{OUTCOME}")
+
+
+def _inputs(task: Task) -> str:
+    """Digest of what a diagnosis depends on: the command, the version, every file that it names, and of the models
+    whatever lies beside them (meshes, included files) by its size and time."""
+    digest = hashlib.sha256(repr((__version__, task.words, task.effects)).encode())
+    models: set[Path] = set()
+    written = (Path(task.out).parent, Path(task.kept).parent)
+    for word in task.words:
+        path = Path(word)
+        if not path.is_absolute() or word == task.out:
+            continue
+        for file in sorted(path.rglob("*")) if path.is_dir() else [path]:
+            if file.is_file():
+                content = file.read_bytes()
+                digest.update(f"{file}\0{len(content)}\0".encode() + hashlib.sha256(content).digest())
+                models |= _models(file, content)
+    for folder in sorted({model.parent for model in models}):
+        for file in sorted(islice(folder.rglob("*"), MOST_BESIDE)):
+            if file.suffix.lower() in OF_MODELS and not any(file.is_relative_to(one) for one in written):
+                status = file.stat()
+                digest.update(f"{file}\0{status.st_size}\0{status.st_mtime_ns}\0".encode())
+    return digest.hexdigest()
+
+
+def _models(file: Path, content: bytes) -> set[Path]:
+    """The model that a file is, or that a recording's sidecar names."""
+    if file.suffix == ".xml":
+        return {file}
+    try:
+        robot = json.loads(content)["robot"] if file.suffix == ".json" else None
+    except (ValueError, KeyError, TypeError):
+        return set()
+    found = file.parent / robot if isinstance(robot, str) and robot.endswith(".xml") else None
+    return {found.resolve()} if found is not None and found.is_file() else set()
+
+
 def diagnose(task: Task) -> Outcome:
+    """Diagnose one folder, unless that was finished before the last run was stopped."""
+    inputs, file = _inputs(task), _outcome_file(Path(task.kept))
+    try:
+        done = json.loads(file.read_text(encoding="utf-8"))
+        if done["inputs"] == inputs:
+            return Outcome(**done["outcome"])
+    except (OSError, ValueError, KeyError, TypeError):
+        pass  # none is there
+    file.unlink(missing_ok=True)
+    shutil.rmtree(task.kept, ignore_errors=True)
+    with atomic.gathering(Path(task.out), Path(task.kept)):
+        outcome = _diagnosed(task)
+    if outcome.status == 0:
+        atomic.write_text(file, json.dumps({"inputs": inputs, "outcome": asdict(outcome)}))
+    return outcome
+
+
+def _diagnosed(task: Task) -> Outcome:
     """Run the command in this process and read what it wrote."""
     from tiago_mj.effects import EFFECTS
 
@@ -164,7 +260,7 @@ def diagnose(task: Task) -> Outcome:
         return Outcome(1, f"{type(fault).__name__}: {' '.join(str(fault).split())}")
     if status:
         return Outcome(status, complained.getvalue().strip().removeprefix("tiago-mj diagnose: "))
-    written = json.loads((Path(task.out) / "diagnosis.json").read_text(encoding="utf-8"))
+    written = json.loads((Path(task.kept) / "diagnosis.json").read_text(encoding="utf-8"))
     return Outcome(0, verdict=written["verdict"], closed=written["shrink"]["closed"])
 
 

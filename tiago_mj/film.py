@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import importlib
+import tempfile
+from argparse import ArgumentTypeError
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, Final
@@ -11,9 +13,10 @@ import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
-from tiago_mj import atomic, drawing
+from tiago_mj import atomic, drawing, outputs
 from tiago_mj.envs import checks
 from tiago_mj.envs.flat import core_of
+from tiago_mj.quoting import one_line
 
 Frame = NDArray[np.uint8]
 
@@ -33,6 +36,40 @@ def check_suffix(path: Path) -> None:
     """
     if path.suffix.lower() not in SUFFIXES:
         raise ValueError(f"film {path.name!r} has no known suffix: use one of {', '.join(SUFFIXES)}")
+
+
+def film_file(text: str) -> Path:
+    """The file of a film, as the type of an ``argparse`` option.
+
+    Raises:
+        argparse.ArgumentTypeError: no film of that name can be written here.
+    """
+    path = outputs.file(text)
+    try:
+        check_suffix(path)
+        check_encoder(path.suffix)
+    except ValueError as fault:
+        raise ArgumentTypeError(str(fault)) from fault
+    return path
+
+
+def check_encoder(suffix: str) -> None:
+    """Write a film of two black frames and throw it away: what encodes films may be missing, or lack the format.
+
+    Args:
+        suffix: of :data:`SUFFIXES`.
+
+    Raises:
+        ValueError: it cannot be written; says why, and what to install.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        try:
+            write_frames(Path(folder) / f"film{suffix}", [np.zeros((64, 64, 3), dtype=np.uint8)] * 2, FPS)
+        except Exception as fault:  # every encoder fails in its own way
+            raise ValueError(
+                f"{suffix} films cannot be written here ({one_line(fault)}): pip install 'imageio[ffmpeg]', or take "
+                "another suffix"
+            ) from fault
 
 
 class Film:
@@ -123,7 +160,11 @@ class Film:
 
 
 def write_frames(path: Path, frames: Sequence[Frame], fps: float) -> None:
-    """Write frames, whole: a film, or one picture where the file is a png."""
+    """Write frames, whole: a film, or one picture where the file is a png.
+
+    Raises:
+        OSError: the drive is full.
+    """
     imageio: Any = importlib.import_module("imageio.v2")
     suffix = path.suffix.lower()
     with atomic.replacing(path) as temporary:
@@ -132,7 +173,20 @@ def write_frames(path: Path, frames: Sequence[Frame], fps: float) -> None:
         elif suffix == ".gif":
             imageio.mimwrite(temporary, frames, duration=1000 / fps, loop=0)
         else:
-            imageio.mimwrite(temporary, frames, fps=fps, quality=6, macro_block_size=2)
+            options = {"quality": 6, "macro_block_size": 2, "ffmpeg_log_level": "quiet"}
+            imageio.mimwrite(temporary, frames, fps=fps, **options)
+            _check_whole(temporary, path, len(frames))
+
+
+def _check_whole(temporary: Path, path: Path, frames: int) -> None:
+    """ffmpeg ends without a word where the drive is full: see that the film holds every frame."""
+    ffmpeg: Any = importlib.import_module("imageio_ffmpeg")
+    try:
+        written = ffmpeg.count_frames_and_secs(temporary)[0]
+    except RuntimeError:  # not even a film
+        written = 0
+    if written != frames:
+        raise OSError(f"{path.name}: {written} of {frames} frames could be written: is the drive full?")
 
 
 def strip_indices(count: int, wanted: int = STRIP_FRAMES) -> list[int]:

@@ -32,6 +32,14 @@ def counted() -> Iterator[Counter[str]]:
         mujoco.set_mju_user_warning(before)
 
 
+def tell(kinds: Mapping[str, int]) -> None:
+    """Pass on the warnings of another process, as if they were this one's."""
+    handler = mujoco.get_mju_user_warning()
+    for text, count in kinds.items() if handler is not None else ():
+        for _ in range(count):
+            handler(text)
+
+
 def kind(text: str) -> str:
     """What a warning is about, without where and when."""
     return " ".join(DETAIL.sub("", text).split()).replace(",.", ".").rstrip(".,")

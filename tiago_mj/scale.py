@@ -13,10 +13,13 @@ import os
 import pickle
 import socket
 import sys
+import threading
+import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor
 from contextlib import contextmanager, redirect_stdout
 from dataclasses import dataclass
+from functools import cache
 from typing import Any, Final, TypeVar
 
 from tiago_mj import extra
@@ -31,6 +34,8 @@ PURPOSE: Final = "running many processes"
 ADDRESS: Final = "RAY_ADDRESS"
 #: Seconds to wait for the head's port; Ray itself would try for five minutes.
 PATIENCE: Final = 5.0
+#: Seconds between a process's looks at whether the one that started it is still there.
+LOOK: Final = 0.5
 #: A lost process begins again elsewhere this often, then its loss is taken for the tasks' fault. What it had not
 #: finished is run again however often it takes: Ray retries every second or so while it has not noticed the loss.
 #: Hardly any of a processor is reserved: what a lost node did must find room on those that are left, but none on a
@@ -87,7 +92,8 @@ def run_all(
     joblib = extra.load("joblib", PURPOSE, "scale")
     if backend == "local":
         with joblib.parallel_config(backend="loky"):
-            return _parallel(joblib, function, tasks, jobs, BrokenExecutor, done, return_as="generator")
+            call = _Call(function, os.getpid())
+            return _parallel(joblib, call, tasks, jobs, BrokenExecutor, done, return_as="generator")
     ray = extra.load("ray", PURPOSE, "scale")
     with redirect_stdout(sys.stderr), _connected(ray):  # Ray would tell of lost processes between the results
         processors = int(ray.cluster_resources().get("CPU", 0))
@@ -96,25 +102,28 @@ def run_all(
         extra.load("ray.util.joblib", PURPOSE, "scale").register_ray()
         logging.getLogger("ray.util.multiprocessing.pool").setLevel(logging.ERROR)  # warns of joblib's own arguments
         with joblib.parallel_config(backend="ray", ray_remote_args=dict(ACTORS)):
-            return _parallel(joblib, function, tasks, jobs or processors, ray.exceptions.RayError, done)
+            return _parallel(joblib, _Call(function), tasks, jobs or processors, ray.exceptions.RayError, done)
 
 
 def _parallel(
     joblib: Any,
-    function: Callable[[Task], Result],
-    tasks: Sequence[Task],
+    function: _Call,
+    tasks: Sequence[Any],
     jobs: int,
     lost: type[Exception],
-    done: Callable[[Task], None] | None,
+    done: Callable[[Any], None] | None,
     **options: Any,
-) -> list[Result]:
+) -> list[Any]:
     """One task a dispatch: tasks last seconds, and a lost process shall cost no more than one."""
-    call = joblib.delayed(_Call(function))
+    from tiago_mj import mujoco_log
+
+    call = joblib.delayed(function)
     try:
-        results: list[Result] = []
+        results: list[Any] = []
         found = joblib.Parallel(n_jobs=jobs or -1, batch_size=1, **options)(call(task) for task in tasks)
-        for task, result in zip(tasks, found, strict=True):
+        for task, (result, warned) in zip(tasks, found, strict=True):
             results.append(result)
+            mujoco_log.tell(warned)
             if done is not None:
                 done(task)
     except lost as fault:
@@ -125,22 +134,48 @@ def _parallel(
 
 @dataclass(frozen=True)
 class _Call:
-    """A function whose module is imported in the other process only when that has been told to be quiet."""
+    """A function whose module is imported in the other process only when that has been told to be quiet.
+
+    Attributes:
+        function: that is called.
+        starter: process that started the other one, which ends with it; None: another program sees to that.
+    """
 
     function: Callable[[Any], Any]
+    starter: int | None = None
 
-    def __call__(self, task: Any) -> Any:
-        return self.function(task)
+    def __call__(self, task: Any) -> tuple[Any, dict[str, int]]:
+        """The result, and MuJoCo's warnings by kind."""
+        from tiago_mj import mujoco_log
+
+        with mujoco_log.counted() as warned:
+            result = self.function(task)
+        return result, dict(warned)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _recalled, (pickle.dumps(self.function),)
+        return _recalled, (pickle.dumps(self.function), self.starter)
 
 
-def _recalled(pickled: bytes) -> _Call:
+def _recalled(pickled: bytes, starter: int | None) -> _Call:
     from tiago_mj import headless
 
     headless.hush_unmade_viewers()
-    return _Call(pickle.loads(pickled))
+    if starter is not None:
+        _end_with(starter)
+    return _Call(pickle.loads(pickled), starter)
+
+
+@cache
+def _end_with(starter: int) -> None:
+    """End this process when the one that started it is gone: what it made nobody would see."""
+
+    def watch() -> None:
+        while os.getppid() == starter:
+            time.sleep(LOOK)
+        os._exit(1)
+
+    if hasattr(os, "getppid") and sys.platform != "win32":  # there a parent that is gone keeps its number
+        threading.Thread(target=watch, daemon=True).start()
 
 
 @contextmanager

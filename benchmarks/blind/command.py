@@ -13,7 +13,7 @@ from benchmarks.blind import baselines, cases, next_motion, plan, run, score
 from benchmarks.blind.cases import Case
 from benchmarks.blind.page import WORDS, number, page
 from benchmarks.blind.store import Store
-from tiago_mj import atomic
+from tiago_mj import atomic, held
 
 #: The numbers of the diagnosis's verdict, and what they were fitted to.
 VERDICT: Final = Path(tiago_mj.__file__).parent / "gap" / "verdict.json"
@@ -36,7 +36,13 @@ def blind(arguments: argparse.Namespace, say: Any = print) -> int:
     if arguments.cases < 1:
         raise ValueError(f"--cases is {arguments.cases}: give 1 or more")
     only, settings = _listed(arguments.kinds, plan.SHARES), _listed(arguments.settings, plan.SETTINGS)
-    store = Store(arguments.out.resolve())
+    root = arguments.out.resolve()
+    with held.alone(root / ".sealed", "at this run"):
+        return _blind(arguments, Store(root), only, settings, say)
+
+
+def _blind(arguments: argparse.Namespace, store: Store, only: Any, settings: Any, say: Any) -> int:
+    """The same, when no other process works in the folder."""
     rates, trials = _rates(arguments.rates), _trials(arguments.trials)
     seconds, version = _seconds(arguments.seconds), _version(arguments.generator)
     store.begin(run.facts(arguments.cases, arguments.seed, only, settings, rates, trials, seconds, version))
@@ -92,8 +98,9 @@ def write_scores(
     if seed in calibration_seeds():
         scores["caution"] = f"The verdict was calibrated on seed {seed}, among others: these scores are no evaluation."
         say(scores["caution"])
-    atomic.write_text(store.root / "scores.json", json.dumps(scores, indent=1, allow_nan=False) + "\n")
-    atomic.write_text(store.root / "index.html", page(judged, scores, digest, words))
+    with atomic.replacing_set(store.root) as new:
+        atomic.write_text(new / "scores.json", json.dumps(scores, indent=1, allow_nan=False) + "\n")
+        atomic.write_text(new / "index.html", page(judged, scores, digest, words))
     for name, meaning in WORDS.items():
         entry = scores[name]
         if entry["n"]:

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import ctypes
+import errno
+import os
 import shutil
+import signal
 import subprocess
 import sys
 import time
@@ -17,6 +21,11 @@ from benchmarks.blind.cases import Case
 from benchmarks.blind.dictionary import PLAIN
 from benchmarks.blind.store import Store
 from tiago_mj import atomic
+
+#: Of drives: what they say where nothing can be written any more.
+UNWRITTEN = tuple(os.strerror(number) for number in (errno.ENOSPC, errno.EDQUOT, errno.EROFS))
+#: PR_SET_PDEATHSIG of linux/prctl.h.
+_END_WITH_PARENT = 1
 
 
 @dataclass(frozen=True)
@@ -54,15 +63,13 @@ def make(case: Case, number: int, root: Path) -> float:
     """
     begun = time.monotonic()
     store = Store(root)
-    folder = store.recordings(number)
-    if folder.exists():
-        shutil.rmtree(folder)  # left by a run that was cut off
-    folder.mkdir(parents=True)
-    if case.setting == PLAIN:
-        atomic.write_text(folder / robots.PLAIN_FILE, robots.PLAIN)
-    made = cases.simulate(case, folder)
-    recordings.write(made, folder)
-    store.keep_label(number, {**labels.label(made), "oracle": oracle.judge(made, folder)})
+    with atomic.replacing_set(store.recordings(number)) as folder:
+        if case.setting == PLAIN:
+            atomic.write_text(folder / robots.PLAIN_FILE, robots.PLAIN)
+        made = cases.simulate(case, folder)
+        recordings.write(made, folder)
+        label = {**labels.label(made), "oracle": oracle.judge(made, folder)}
+    store.keep_label(number, label)
     return time.monotonic() - begun
 
 
@@ -115,6 +122,8 @@ def diagnose(
         else:
             shutil.rmtree(partial, ignore_errors=True)
             last = words.strip().splitlines()[-1] if words.strip() else ""
+            if any(reason in last for reason in UNWRITTEN):  # no answer of the diagnosis: it is asked again
+                raise OSError(f"case {k:03d} cannot be written: {last}")
             atomic.write_text(store.failure(k), f"exit status {status}\n{words}")
             outcome = f"failed with exit status {status}: {last}"
         say(f"case {k:03d} of {len(planned)}: {outcome}, {time.monotonic() - begun:.0f} s")
@@ -140,8 +149,16 @@ def side_by_side(one: Callable[[int], None], todo: Sequence[int], at_once: int) 
 
 def call_command(command: list[str]) -> tuple[int, str]:
     """Run a command in a process of its own: exit status, and what it said on standard error."""
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    done = subprocess.run(command, capture_output=True, text=True, check=False, preexec_fn=_ended_with_this_one())
     return done.returncode, done.stderr
+
+
+def _ended_with_this_one() -> Callable[[], None] | None:
+    """On Linux: has the kernel end a process when this one is gone, so that none goes on writing into the run."""
+    if sys.platform != "linux":
+        return None
+    libc = ctypes.CDLL(None)
+    return lambda: libc.prctl(_END_WITH_PARENT, signal.SIGKILL)
 
 
 def facts(

@@ -262,3 +262,30 @@ def test_a_urdf_as_a_model_says_that_it_is_to_be_converted_first(name, tmp_path,
     trial = Trial("a", np.zeros(1), {}, {}, {}, {}, {}, Sidecar(), "a.csv")
     with pytest.raises(RecordingError, match="is a URDF, not MJCF: run tiago-mj convert"):
         plant_of([trial], model=tmp_path / name)
+
+
+def test_a_model_that_diverges_is_not_recorded(tmp_path, capsys):
+    model = tmp_path / "stiff.xml"
+    model.write_text(PENDULUM.format(kind="position", gains='kp="1e6" ctrlrange="-1 1"'))
+    assert main(["record", "--model", str(model), "--policy", "random", "--out", str(tmp_path / "out")]) == 2
+    last = capsys.readouterr().err.splitlines()[-1]
+    assert "stiff.xml diverges after 0.02 s" in last
+    assert "nothing is recorded" in last
+    assert not (tmp_path / "out").exists()
+
+
+class Blown(gymnasium.Wrapper):
+    """Bursts after the first step."""
+
+    def step(self, action):
+        self.unwrapped.data.qvel[0] = 1e12
+        return self.env.step(action)
+
+
+def test_an_environment_that_diverges_is_not_recorded():
+    plan = Plan("tiago_mj/GripperTactile-v0", {}, None, None, "random")
+    episodes = record(
+        plan, lambda env: make_policy("random", env, seed=3, trust=False), episodes=1, seed=3, through=Blown
+    )
+    with pytest.raises(ValueError, match="diverges in the episode of seed 3"):
+        list(episodes)

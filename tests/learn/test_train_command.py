@@ -316,7 +316,7 @@ def _is_there(pid):
 
 def test_two_trainings_in_one_folder_are_refused(small, tmp_path, capsys, monkeypatch):
     fcntl = pytest.importorskip("fcntl")
-    monkeypatch.setattr("tiago_mj.learn.loop.PATIENCE", 0.0)
+    monkeypatch.setattr("tiago_mj.held.PATIENCE", 0.0)
     out = tmp_path / "run"
     assert cli.main(words(out, small, "--steps", "80")) == 0
     with (out / "seed-0" / "lock").open("w") as other:

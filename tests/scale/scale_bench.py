@@ -39,3 +39,25 @@ def slow_square(task):
     Path(task.marks, f"{task.number}-{node}-{os.getpid()}").touch()
     time.sleep(task.seconds)
     return task.number, square(task.number), node
+
+
+def wait(folder):
+    """Say which process this is, and wait."""
+    (Path(folder) / str(os.getpid())).touch()
+    time.sleep(60)
+
+
+def shake(count):
+    """Let MuJoCo warn so many times."""
+    import mujoco
+
+    model = mujoco.MjModel.from_xml_string(
+        '<mujoco><worldbody><body><joint name="hinge" axis="0 1 0"/><geom size=".05" pos="0 0 -.2"/></body></worldbody>'
+        '<actuator><position joint="hinge" kp="1e9"/></actuator></mujoco>'
+    )
+    data = mujoco.MjData(model)
+    for _ in range(count):
+        mujoco.mj_resetData(model, data)
+        data.ctrl[:] = 1.0
+        mujoco.mj_step(model, data, nstep=5)
+    return count

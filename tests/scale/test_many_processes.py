@@ -1,12 +1,16 @@
 """Whatever the number of processes, the results are those of one; what goes wrong in another is said in one line."""
 
 import json
+import os
+import subprocess
 import sys
+import time
+from pathlib import Path
 
 import pytest
 import scale_bench
 
-from tiago_mj import cli, diagnose_all, scale
+from tiago_mj import atomic, cli, diagnose_all, mujoco_log, scale
 from tiago_mj.effects import EFFECTS
 
 
@@ -86,6 +90,72 @@ def test_a_folder_is_diagnosed_among_others_as_alone_and_none_hinders_another(tm
     assert "holds no recording" in lines[2]
 
 
+def test_what_was_finished_before_a_stop_is_not_diagnosed_again_unless_its_recordings_changed(
+    tmp_path, capsys, monkeypatch
+):
+    made = []
+
+    def diagnosed(task):
+        made.append(Path(task.out).name)
+        if stops and made[-1] == "b":
+            raise KeyboardInterrupt
+        with atomic.replacing_set(Path(task.out)) as new:
+            (new / "diagnosis.json").write_text("{}")
+        return diagnose_all.Outcome(2 if made[-1] == "c" else 0, "no use")
+
+    monkeypatch.setattr(diagnose_all, "_diagnosed", diagnosed)
+    folders = [tmp_path / name for name in "abc"]
+    for folder in folders:
+        folder.mkdir()
+        (folder / "x.csv").write_text("1")
+    words = ["diagnose-all", *map(str, folders), "--out", str(tmp_path / "out"), "--jobs", "1", "--json"]
+    for change, again in (("", ["a", "b", "b", "c"]), ("2", ["a", "b", "a", "b", "c"])):
+        stops = True
+        assert cli.main(words) == 130
+        assert (tmp_path / "out").exists() == bool(change), "nothing appears before all is done"
+        (folders[0] / "x.csv").write_text(f"1{change}")
+        stops = False
+        assert cli.main(words) == 2
+        assert made == again
+        made.clear()
+        assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["a", "b", "diagnoses.json"]
+        assert sorted(path.name for path in tmp_path.iterdir()) == ["a", "b", "c", "out"]
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
+def test_a_worker_ends_with_the_process_that_started_it(tmp_path):
+    pytest.importorskip("joblib", reason="needs the extra 'scale'")
+    script = (
+        "import sys, scale_bench as b; from tiago_mj import scale; scale.run_all(b.wait, [sys.argv[1]] * 2, jobs=2)"
+    )
+    env = {**os.environ, "PYTHONPATH": os.pathsep.join([str(Path(__file__).parent), *sys.path])}
+    process = subprocess.Popen(
+        [sys.executable, "-c", script, str(tmp_path), str(tmp_path)], env=env, stderr=subprocess.DEVNULL
+    )
+    until = time.monotonic() + 60
+    while not list(tmp_path.iterdir()):
+        assert time.monotonic() < until
+        time.sleep(0.1)
+    process.kill()
+    process.wait()
+    workers = [int(path.name) for path in tmp_path.iterdir()]
+    while any(Path(f"/proc/{worker}").exists() for worker in workers):
+        assert time.monotonic() < until, "a worker goes on without anybody who waits for it"
+        time.sleep(0.1)
+
+
+def test_warnings_of_other_processes_are_counted_here_and_written_nowhere(tmp_path, monkeypatch, capfd):
+    pytest.importorskip("joblib", reason="needs the extra 'scale'")
+    monkeypatch.chdir(tmp_path)
+    with mujoco_log.counted() as kinds:
+        assert scale.run_all(scale_bench.shake, [1, 2, 3], jobs=2) == [1, 2, 3]
+    assert sum(kinds.values()) == 6
+    assert len(mujoco_log.sentences(kinds)) == 1
+    assert list(tmp_path.iterdir()) == []
+    assert capfd.readouterr().err == ""
+
+
 def test_a_fault_in_another_process_is_the_fault_itself():
     pytest.importorskip("joblib", reason="needs the extra 'scale'")
     with pytest.raises(ValueError, match="task -1 is negative"):
@@ -100,7 +170,7 @@ def test_a_process_that_dies_is_told_and_no_result_is_made_up():
 
 
 def test_an_effect_of_ones_own_is_not_left_out_in_silence():
-    task = diagnose_all.Task(("diagnose",), "out", (*EFFECTS, "return_spring_of_mine"))
+    task = diagnose_all.Task(("diagnose",), "out", "kept", (*EFFECTS, "return_spring_of_mine"))
     with pytest.raises(ValueError, match=r"return_spring_of_mine .* use --jobs 1"):
         diagnose_all.diagnose(task)
 

@@ -14,7 +14,7 @@ from typing import Any, Final
 import mujoco
 import numpy as np
 
-from tiago_mj import __version__, atomic, figures
+from tiago_mj import __version__, atomic, figures, outputs
 from tiago_mj.demo import arm_torque, hidden, page, report
 from tiago_mj.demo.grasp import Grasp, grasp, strip
 from tiago_mj.demo.whole import whole
@@ -26,12 +26,14 @@ from tiago_mj.sensing import ta11_curve
 FILM_LIMIT: Final = 3_000_000
 #: Folder of the diagnosis' report, in that of the page.
 DIAGNOSIS: Final = "diagnosis"
+#: Files that only some runs write.
+PARTS: Final = ("arm.png", "gap.png", "film.mp4", "found.mp4")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of the command."""
     parser.add_argument("--data", type=Path, metavar="DIR", help="holds tiago_arm/, a recording of a real arm")
-    parser.add_argument("--out", type=Path, metavar="DIR", default=Path("out"), help="where to write (out)")
+    parser.add_argument("--out", type=outputs.folder, metavar="DIR", default="out", help="where to write (out)")
     parser.add_argument("--seed", type=int, metavar="N", default=0, help="of what is hidden, and of noise (0)")
     parser.add_argument("--json", action="store_true", help="print demo.json instead of the summary")
 
@@ -46,11 +48,8 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.seed < 0:
         raise ValueError(f"--seed is {arguments.seed}: give 0 or more")
     out: Path = arguments.out
-    if out.exists() and not out.is_dir():
-        raise ValueError(f"--out {out}: this is a file: name a folder")
-    out.mkdir(parents=True, exist_ok=True)
-    with Progress("demo", quiet=arguments.json) as progress:
-        data = _make(arguments, progress, began)
+    with Progress("demo", quiet=arguments.json) as progress, atomic.replacing_set(out, parts=PARTS) as new:
+        data = _make(arguments, new, progress, began)
     if arguments.json:
         print(json.dumps(data, indent=2))
         return 0
@@ -62,9 +61,8 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _make(arguments: argparse.Namespace, progress: Progress, began: float) -> dict[str, Any]:
-    """Hide and find an effect, grasp, compare and write; what ``demo.json`` holds."""
-    out: Path = arguments.out
+def _make(arguments: argparse.Namespace, out: Path, progress: Progress, began: float) -> dict[str, Any]:
+    """Hide and find an effect, grasp, compare and write into ``out``; what ``demo.json`` holds."""
     folder = arm_torque.find(arguments.data)
     arm = None if folder is None else arm_torque.compare(arm_torque.load(folder))
     progress.stage("hiding an effect, and recording grasps with it")

@@ -97,6 +97,11 @@ DIVERGING: Final = [
 ]
 
 
+def has_diverged(data: mujoco.MjData) -> bool:
+    """Whether MuJoCo has given up a state since the last reset; what was simulated since then is no motion."""
+    return any(data.warning[kind].number for kind in DIVERGING)
+
+
 class BatchHost:
     """Many simulations of one model, each with its own values of the fields that are asked for.
 

@@ -10,16 +10,16 @@ from typing import Any
 
 import gymnasium
 
-from tiago_mj import atomic, figures
+from tiago_mj import atomic, figures, outputs
 from tiago_mj.envs.flat import core_of
 from tiago_mj.evaluate import bound, plots, report
 from tiago_mj.evaluate.play import play_policy
-from tiago_mj.film import Film
+from tiago_mj.film import Film, check_encoder
 from tiago_mj.progress import Progress
 from tiago_mj.rollout import options
 
 #: What the command writes.
-DATA, PICTURE = "evaluation.json", "episodes.png"
+DATA, PICTURE, FILM = "evaluation.json", "episodes.png", ".mp4"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -33,7 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="pi, pi-tuned, random, or a file that rollout takes; give it once a controller",
     )
     options.add_episodes(parser, 10)
-    parser.add_argument("--out", type=Path, metavar="FOLDER", help=f"for {DATA}, {PICTURE} and films")
+    parser.add_argument("--out", type=outputs.folder, metavar="FOLDER", help=f"for {DATA}, {PICTURE} and films")
     parser.add_argument("--film", action="store_true", help="film each controller's first episode, into --out")
     parser.add_argument("--bound", action="store_true", help="the reward that nobody exceeds, and the distance from it")
     parser.add_argument("--json", action="store_true", help="print the same as data")
@@ -48,6 +48,8 @@ def run(arguments: argparse.Namespace) -> int:
     identifier, seeds = options.environment_id(arguments.env), options.seeds_of(arguments)
     if arguments.film and arguments.out is None:
         raise ValueError("--film needs a folder to put films in: add --out FOLDER")
+    if arguments.film:
+        check_encoder(FILM)
     given = options.read_options(arguments.env_option)
     more = {"render_mode": "rgb_array"} if arguments.film else {}
     env = options.make_env(identifier, given, **more)
@@ -106,14 +108,14 @@ def bounds_of(
 
 
 def write(evaluation: report.Evaluation, folder: Path, films: dict[str, Film]) -> list[Path]:
-    """Write data, plots and films; the files."""
-    atomic.write_text(folder / DATA, json.dumps(report.as_data(evaluation), indent=1, allow_nan=False) + "\n")
-    atomic.write_bytes(folder / PICTURE, figures.png(plots.episodes(evaluation.played, evaluation.env)))
-    paths = [folder / DATA, folder / PICTURE]
-    for name, film in films.items():
-        paths.append(folder / f"{name.replace(' ', '_')}.mp4")
-        film.write(paths[-1])
-    return paths
+    """Write data, plots and films: all or none. Films that an earlier run made of the same controllers go."""
+    names = [f"{one.name.replace(' ', '_')}{FILM}" for one in evaluation.played]
+    with atomic.replacing_set(folder, parts=names) as new:
+        atomic.write_text(new / DATA, json.dumps(report.as_data(evaluation), indent=1, allow_nan=False) + "\n")
+        atomic.write_bytes(new / PICTURE, figures.png(plots.episodes(evaluation.played, evaluation.env)))
+        for name, film in films.items():
+            film.write(new / f"{name.replace(' ', '_')}{FILM}")
+    return [folder / DATA, folder / PICTURE, *(folder / name for name in names if films)]
 
 
 class FirstEpisode:

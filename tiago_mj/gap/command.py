@@ -11,7 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from tiago_mj import extra
+from tiago_mj import extra, outputs
 from tiago_mj.gap.data.recording import RecordingError, Trial
 from tiago_mj.gap.data.trials import LONGEST, MOST_ROWS, too_long
 from tiago_mj.progress import Progress
@@ -37,7 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--out",
-        type=Path,
+        type=outputs.folder,
         required=True,
         help="folder for report.html, diagnosis.json, calibration.yaml, repaired.xml of a model, scene.html ('[view]')",
     )
@@ -139,8 +139,6 @@ def run(arguments: argparse.Namespace) -> int:
             raise ValueError(f"--{name} is {getattr(arguments, name)}: give {least} or more")
     if arguments.time_budget is not None and not arguments.time_budget > 0:
         raise ValueError(f"--time-budget is {arguments.time_budget:g}: give a positive number of seconds")
-    if arguments.out.exists() and not arguments.out.is_dir():
-        raise ValueError(f"--out {arguments.out}: this is a file: name a folder")
     extra.load("pandas", "reading recordings")
     threadpool_limits = extra.load("threadpoolctl", "the same answer on every machine").threadpool_limits
     from tiago_mj.effects import read_effects

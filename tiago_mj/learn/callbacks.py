@@ -199,19 +199,22 @@ class Checkpoints(BaseCallback):  # type: ignore[misc]
         begin_episodes(self.model, self._seed)
 
     def save(self, *, finished: bool) -> None:
-        """Write the checkpoint, the curves, and the best policy so far."""
+        """Write the curves, the best policies so far, and last the checkpoint.
+
+        Who is killed in between goes on from the checkpoint before, and writes the same again.
+        """
         data, arrays = self._episodes.state()
         evaluated, more = self._evaluations.best.state()
         callbacks = {"episodes": data, "evaluations": self._evaluations.log, "evaluated": evaluated}
         if not finished:
             _break_off(self.model)
-        path = self._folder / checkpoint.FILE
-        checkpoint.write(path, self.model, callbacks=callbacks, arrays=arrays | more, finished=finished)
-        self._saved_at = self.model.num_timesteps
         curves.write_seed(self._folder, self._episodes.log, self._evaluations.log)
         for name, best in (("best", self._episodes.best), ("evaluated", self._evaluations.best)):
             if best.agent is not None:
                 best.agent.save(self._folder / f"{name}.npz")
+        path = self._folder / checkpoint.FILE
+        checkpoint.write(path, self.model, callbacks=callbacks, arrays=arrays | more, finished=finished)
+        self._saved_at = self.model.num_timesteps
 
 
 class Progress(BaseCallback):  # type: ignore[misc]

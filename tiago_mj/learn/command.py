@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from tiago_mj import atomic, extra, figures, scale
+from tiago_mj import atomic, extra, figures, held, outputs, scale
 from tiago_mj.learn import card, curves, duration, plots, progress
 from tiago_mj.learn.loop import BEST, Task, train_seed
 from tiago_mj.learn.settings import Settings, claim, provenance
@@ -23,7 +23,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of the command."""
     options.add_environment(parser)
     parser.add_argument("--algo", default="td3", metavar="NAME", help=f"{', '.join(ALGORITHMS)} (td3)")
-    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="what is trained goes there; see below")
+    parser.add_argument(
+        "--out", type=outputs.folder, required=True, metavar="DIR", help="what is trained goes there; see below"
+    )
     parser.add_argument("--seeds", type=int, default=1, metavar="N", help="seeds 0 to N - 1 (1)")
     parser.add_argument("--steps", type=int, metavar="N", help="environment steps a seed (as the hyperparameters say)")
     parser.add_argument(
@@ -63,16 +65,9 @@ def run(arguments: argparse.Namespace) -> int:
     left = sum(max(settings.steps - progress.steps(folder), 0) for folder in folders)
     rate = _try_out(settings, measure=not arguments.quiet and left >= duration.SHORT)
     claim(out, settings)
-    starter = os.getpid() if arguments.backend == "local" else None
-    tasks = [Task(settings, seed, str(folder), arguments.tensorboard, starter) for seed, folder in enumerate(folders)]
-    jobs = arguments.jobs
-    if jobs is None:  # more processes than processors share them evenly; waves of processes leave some idle at the end
-        jobs = min(arguments.seeds, 2 * (os.cpu_count() or 1)) if arguments.backend == "local" else 0
-    if rate:
-        print(duration.said(rate, settings.steps, arguments.seeds, jobs or len(tasks), left), file=sys.stderr)
-    with progress.shown(folders, settings.steps, quiet=arguments.quiet):
-        results = scale.run_all(train_seed, tasks, jobs=jobs, backend=arguments.backend)
-    data = _conclude(out, settings, results)
+    with held.alone(out, "training"):
+        claim(out, settings)  # another process may have been quicker
+        data, results = _train(arguments, settings, folders, left, rate)
     if arguments.json:
         print(json.dumps(data, indent=2))
         return 0
@@ -83,6 +78,22 @@ def run(arguments: argparse.Namespace) -> int:
     played = "".join(f" --env-option {shlex.quote(word)}" for word in words)
     print(f"next: tiago-mj rollout --env {arguments.env}{played} --policy {chosen} --episodes 10")
     return 0
+
+
+def _train(
+    arguments: argparse.Namespace, settings: Settings, folders: Sequence[Path], left: int, rate: float
+) -> tuple[dict[str, Any], list[dict[str, Any]]]:
+    """Train what is left of all seeds and write the card; its data, and what came of each seed."""
+    starter = os.getpid() if arguments.backend == "local" else None
+    tasks = [Task(settings, seed, str(folder), arguments.tensorboard, starter) for seed, folder in enumerate(folders)]
+    jobs = arguments.jobs
+    if jobs is None:  # more processes than processors share them evenly; waves of processes leave some idle at the end
+        jobs = min(arguments.seeds, 2 * (os.cpu_count() or 1)) if arguments.backend == "local" else 0
+    if rate:
+        print(duration.said(rate, settings.steps, arguments.seeds, jobs or len(tasks), left), file=sys.stderr)
+    with progress.shown(folders, settings.steps, quiet=arguments.quiet):
+        results = scale.run_all(train_seed, tasks, jobs=jobs, backend=arguments.backend)
+    return _conclude(arguments.out.resolve(), settings, results), results
 
 
 def settings_of(arguments: argparse.Namespace) -> Settings:
@@ -175,7 +186,7 @@ def _try_out(settings: Settings, *, measure: bool) -> float:
 
 
 def _conclude(out: Path, settings: Settings, results: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """Write the curves and the card."""
+    """Write the curves and the card, all at once."""
     folders = [out / f"seed-{result['seed']}" for result in results]
     curve = curves.over_seeds([curves.read_episodes(folder) for folder in folders], settings.steps)
     data = card.card(settings, results, curve, provenance())
@@ -186,8 +197,9 @@ def _conclude(out: Path, settings: Settings, results: Sequence[Mapping[str, Any]
         "training": curve,
         "evaluation": curves.over_seeds([curves.read_evaluations(folder) for folder in folders], settings.steps),
     }
-    curves.write_all(out, drawn)
-    atomic.write_bytes(out / "curves.png", figures.png(plots.learning_curves(drawn)))
-    atomic.write_text(out / "card.json", json.dumps(data, indent=1) + "\n")
-    atomic.write_text(out / "card.md", card.markdown(data))
+    with atomic.replacing_set(out) as new:
+        curves.write_all(new, drawn)
+        atomic.write_bytes(new / "curves.png", figures.png(plots.learning_curves(drawn)))
+        atomic.write_text(new / "card.json", json.dumps(data, indent=1) + "\n")
+        atomic.write_text(new / "card.md", card.markdown(data))
     return data

@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
+from tiago_mj import atomic, held
 from tiago_mj.learn.settings import Settings
 
-#: Seconds to wait for a process that is about to notice that it is to stop.
-PATIENCE: Final = 15.0
 BEST, LAST, MODEL = "best.npz", "last.npz", "model.zip"
 
 
@@ -51,8 +48,7 @@ def train_seed(task: Task) -> dict[str, Any]:
 
     torch.set_num_threads(1)
     folder = Path(task.folder)
-    folder.mkdir(parents=True, exist_ok=True)
-    with _alone(folder):
+    with held.alone(folder, "training"):
         return _train(task, folder)
 
 
@@ -139,8 +135,6 @@ def _logger(folder: Path, tensorboard: bool) -> Any:
 
 
 def _save_model(model: Any, path: Path) -> None:
-    from tiago_mj import atomic
-
     with atomic.replacing(path) as temporary, temporary.open("wb") as file:
         model.save(file, exclude=["replay_buffer_class", "_restored"])
 
@@ -149,30 +143,3 @@ def _parent_is_there() -> Any:
     """Whether the process that started this one still is its parent."""
     first = os.getppid()
     return lambda: os.getppid() == first
-
-
-@contextmanager
-def _alone(folder: Path) -> Iterator[None]:
-    """Let one process at a time train in a folder.
-
-    Raises:
-        ValueError: another one does, and goes on doing so.
-    """
-    try:
-        import fcntl
-    except ModuleNotFoundError:  # no such locks on Windows: two at once are the user's own lookout there
-        yield
-        return
-    with (folder / "lock").open("w") as file:
-        until = time.monotonic() + PATIENCE
-        while True:
-            try:
-                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                break
-            except BlockingIOError:
-                if time.monotonic() > until:
-                    raise ValueError(
-                        f"another process is training in {folder}: wait for it, end it, or give another --out"
-                    ) from None
-                time.sleep(0.2)
-        yield

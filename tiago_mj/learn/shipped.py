@@ -9,7 +9,7 @@ from importlib.resources import as_file, files
 from pathlib import Path
 from typing import Any, Final
 
-from tiago_mj import atomic
+from tiago_mj import atomic, outputs
 from tiago_mj.learn.agent_file import SUFFIX, load_agent
 from tiago_mj.quoting import quoted
 
@@ -39,7 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--cut", action="store_true", help="take observations beyond those of the training for the nearest of them"
     )
-    parser.add_argument("--to", type=Path, default=Path(), metavar="FOLDER", help="where it goes (here)")
+    parser.add_argument("--to", type=outputs.folder, default=Path(), metavar="FOLDER", help="where it goes (here)")
     parser.add_argument("--json", action="store_true", help="print the same as data")
 
 
@@ -115,7 +115,9 @@ def export(
 
         agent = cutting.cut(agent, *cutting.met(folder / FILE, agent))
     path = to / f"{name}{SUFFIX}"
-    agent.save(path)
-    atomic.write_text(path.with_suffix(".json"), json.dumps({"name": name, **card}, indent=1) + "\n")
-    atomic.write_text(path.with_suffix(".md"), markdown(card, name))
+    with atomic.replacing_set(to) as new:
+        copy = new / path.name
+        agent.save(copy)
+        atomic.write_text(copy.with_suffix(".json"), json.dumps({"name": name, **card}, indent=1) + "\n")
+        atomic.write_text(copy.with_suffix(".md"), markdown(card, name))
     return path

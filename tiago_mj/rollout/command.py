@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from tiago_mj import scale
-from tiago_mj.film import STRIP_FRAMES, SUFFIXES, Film, check_suffix
+from tiago_mj.film import STRIP_FRAMES, SUFFIXES, Film, film_file
 from tiago_mj.progress import Progress
 from tiago_mj.rollout import options
 from tiago_mj.rollout.episode import Episode
@@ -33,7 +33,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     options.add_episodes(parser, 1)
     parser.add_argument(
-        "--film", type=Path, metavar="FILE", help=f"{', '.join(SUFFIXES)}; a png is a filmstrip of the first episode"
+        "--film",
+        type=film_file,
+        metavar="FILE",
+        help=f"{', '.join(SUFFIXES)}; a png is a filmstrip of the first episode",
     )
     parser.add_argument("--json", action="store_true", help="print the same as data")
     scale.add_arguments(parser)
@@ -57,7 +60,6 @@ def run(arguments: argparse.Namespace) -> int:
             progress.stage("episodes", len(seeds))
             episodes = play_all(batch, jobs=arguments.jobs, backend=arguments.backend, done=progress.advance)
     else:
-        check_suffix(arguments.film)
         if arguments.jobs != 1 or arguments.backend != "local":
             raise ValueError("--film shows the episodes of one process: leave out --jobs and --backend, or --film")
         env = options.make_env(batch.env, given, render_mode="rgb_array")

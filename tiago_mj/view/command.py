@@ -7,7 +7,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from tiago_mj import extra
+from tiago_mj import extra, outputs
 from tiago_mj.view.server import HOST, PORT, check, serving
 
 
@@ -37,7 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     watched.add_argument("--trial", metavar="NAME", help="which recording to show first")
     watched.add_argument("--beside", action="store_true", help="robots side by side, not as ghosts in one place")
     watched.add_argument(
-        "--save", type=Path, metavar="FILE.html", help="write one file that opens without a server, and end"
+        "--save", type=outputs.file, metavar="FILE.html", help="write one file that opens without a server, and end"
     )
     parser.add_argument(
         "--effects",

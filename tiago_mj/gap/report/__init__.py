@@ -15,10 +15,13 @@ REPAIRED: Final = "repaired.xml"
 
 #: The robots, to be watched in a browser.
 SCENE: Final = "scene.html"
+#: Every file that there may be.
+PARTS: Final = ("diagnosis.json", "calibration.yaml", REPAIRED, SCENE, "report.html")
 
 
 def write(diagnosis: Diagnosis, folder: Path, seen: html.Seen | None = None) -> dict[str, Path]:
-    """Write all files into ``folder``, which is made where it is missing: all or none; paths by name.
+    """Write all files into ``folder``, which is made where it is missing: all or none; paths by name. A file of an
+    earlier diagnosis that this one does not have is removed.
 
     Args:
         diagnosis: the answer.
@@ -26,7 +29,7 @@ def write(diagnosis: Diagnosis, folder: Path, seen: html.Seen | None = None) -> 
         seen: pictures of the robots; None: the report has none.
     """
     page = html.render(diagnosis, seen)
-    with atomic.replacing_set(folder) as new:
+    with atomic.replacing_set(folder, parts=PARTS) as new:
         json.write(diagnosis, new / "diagnosis.json")
         calibration.write(diagnosis, new / "calibration.yaml", new / "diagnosis.json")
         if diagnosis.repaired is not None and diagnosis.repaired.xml:
@@ -35,5 +38,4 @@ def write(diagnosis: Diagnosis, folder: Path, seen: html.Seen | None = None) -> 
             atomic.write_text(new / SCENE, seen.scene)
         atomic.write_text(new / "report.html", page)
         names = sorted(path.name for path in new.iterdir())
-    order = ("diagnosis.json", "calibration.yaml", REPAIRED, SCENE, "report.html")
-    return {name: folder / name for name in sorted(names, key=lambda n: order.index(n) if n in order else len(order))}
+    return {name: folder / name for name in sorted(names, key=PARTS.index)}

@@ -8,6 +8,7 @@ import sys
 from dataclasses import asdict
 from pathlib import Path
 
+from tiago_mj import outputs
 from tiago_mj.models.convert.errors import ConversionError
 from tiago_mj.models.convert.report import ConversionReport
 from tiago_mj.models.convert.urdf_to_mjcf import BASES, COLLISIONS, VISUALS, convert
@@ -17,7 +18,7 @@ from tiago_mj.progress import told
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of ``convert``."""
     parser.add_argument("urdf", type=Path, metavar="ROBOT.urdf", help="the URDF file")
-    parser.add_argument("--out", type=Path, metavar="FILE.xml", help="the MJCF file (default: ./ROBOT.xml)")
+    parser.add_argument("--out", type=outputs.file, metavar="FILE.xml", help="the MJCF file (default: ./ROBOT.xml)")
     parser.add_argument("--extras", type=Path, metavar="FILE.yaml", help="additions (default: beside the URDF)")
     parser.add_argument(
         "--package-path",

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import os
-import shutil
-import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -12,6 +10,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from tiago_mj import held
 from tiago_mj.models.convert import additions, surroundings, tree, urdf
 from tiago_mj.models.convert import extras as extras_file
 from tiago_mj.models.convert.assembly import Assembly, Options
@@ -144,8 +143,7 @@ def _write(out: Path, xml: str, assets: dict[str, bytes]) -> None:
     if not out.parent.is_dir():
         raise ConversionError(str(out), "its folder does not exist", "make it first")
     try:
-        work = Path(tempfile.mkdtemp(prefix=".convert-", dir=out.parent))
-        try:
+        with held.temporary_folder(out.parent, "convert") as work:
             for name, content in assets.items():
                 file = work / name
                 file.parent.mkdir(parents=True, exist_ok=True)
@@ -156,7 +154,5 @@ def _write(out: Path, xml: str, assets: dict[str, bytes]) -> None:
                     os.replace(out.parent / name, work / f"{name}.old")
                 os.replace(work / name, out.parent / name)
             os.replace(work / out.name, out)
-        finally:
-            shutil.rmtree(work, ignore_errors=True)
     except OSError as error:
         raise ConversionError(str(out), f"cannot be written ({error.strerror})", "choose another place") from None

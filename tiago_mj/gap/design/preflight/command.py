@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from tiago_mj import atomic, extra
+from tiago_mj import atomic, extra, outputs
 from tiago_mj.gap.data.recording import Finding, RecordingError
 from tiago_mj.progress import told
 from tiago_mj.quantities import quantity
@@ -28,7 +28,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="FILE.yaml|JSON",
         help="effects that are known already, applied first; may be given several times",
     )
-    parser.add_argument("--out", type=Path, metavar="FILE.json", help="write the same as JSON")
+    parser.add_argument("--out", type=outputs.file, metavar="FILE.json", help="write the same as JSON")
     parser.add_argument("--json", action="store_true", help="print the same as data")
     parser.add_argument(
         "--jobs", type=int, default=0, metavar="N", help="threads of the simulations; 0: all processors"

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import yaml
 
-from tiago_mj import atomic, extra
+from tiago_mj import atomic, extra, outputs
 from tiago_mj.gap.data.recording import RecordingError
 from tiago_mj.progress import told
 
@@ -18,7 +18,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
     parser.add_argument("recordings", nargs="+", type=Path, metavar="RECORDING", help="files or folders of recordings")
     parser.add_argument(
-        "--out", type=Path, required=True, metavar="FILE.yaml", help='for gymnasium.make(ID, sensing="FILE.yaml")'
+        "--out",
+        type=outputs.file,
+        required=True,
+        metavar="FILE.yaml",
+        help='for gymnasium.make(ID, sensing="FILE.yaml")',
     )
     parser.add_argument("--env", metavar="ID", help="environment that grasps are compared with, where they do not say")
     parser.add_argument("--map", type=Path, help="YAML: column to kind and name")

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from tiago_mj import atomic
+from tiago_mj import atomic, outputs
 from tiago_mj.gap.data.lint import inspect
 from tiago_mj.gap.data.read import read_recordings
 from tiago_mj.gap.data.recording import Finding, Trial
@@ -81,7 +81,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="of ta11-curve: sensor units per metre of servo error of the simulator that it is compared with (330)",
     )
     parser.add_argument("--json", action="store_true", help="print what was written and found as data")
-    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder of the recordings")
+    parser.add_argument("--out", type=outputs.folder, required=True, metavar="DIR", help="folder of the recordings")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -104,12 +104,13 @@ def run(arguments: argparse.Namespace) -> int:
             trials, said = list(PUBLIC[arguments.kind](arguments)), ()
     _check(trials)
     paths = []
-    for folder, trial in trials:
-        paths.append(write_trial(trial, arguments.out / folder))
-        if arguments.kind == "xl330":
-            atomic.write_text(arguments.out / folder / xl330.MODEL, xl330.model_for(trial))
-        elif arguments.kind == "so101" and arguments.apart:
-            atomic.write_text(arguments.out / folder / so101.MODEL, so101.servo(folder))
+    with atomic.replacing_set(arguments.out) as new:
+        for folder, trial in trials:
+            paths.append(arguments.out / folder / write_trial(trial, new / folder).name)
+            if arguments.kind == "xl330":
+                atomic.write_text(new / folder / xl330.MODEL, xl330.model_for(trial))
+            elif arguments.kind == "so101" and arguments.apart:
+                atomic.write_text(new / folder / so101.MODEL, so101.servo(folder))
     found = inspect([trial for _, trial in trials])
     if arguments.json:
         print(json.dumps({"recordings": [str(path) for path in paths], "findings": _data((*said, *found))}, indent=1))

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from tiago_mj import atomic, outputs
 from tiago_mj.effects import read_effects
 from tiago_mj.gap.data.write import write_trial
 from tiago_mj.gap.motions.play import Motion, read_motion
@@ -44,7 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--seed", type=int, default=0, metavar="N", help="of the first episode; each later one adds 1 (0)"
     )
-    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder of the recordings")
+    parser.add_argument("--out", type=outputs.folder, required=True, metavar="DIR", help="folder of the recordings")
     parser.add_argument("--arguments", metavar="JSON", help="of the environment, such as '{\"object_offset\": 0.002}'")
     parser.add_argument(
         "--minari", metavar="NAME-v0", help="of --env: write the episodes as a Minari dataset of that name, too"
@@ -74,17 +75,16 @@ def run(arguments: argparse.Namespace) -> int:
         trials = _of_model(arguments, motion, effects)
     else:
         trials = _of_environment(arguments, motion, effects, collected)
-    paths = []
-    with Progress("record", quiet=arguments.json) as progress:
+    paths, written = [], None
+    with Progress("record", quiet=arguments.json) as progress, atomic.replacing_set(arguments.out) as new:
         progress.stage("episodes", arguments.episodes)
         for trial in trials:
-            paths.append(write_trial(trial, arguments.out))
+            paths.append(arguments.out / write_trial(trial, new).name)
             progress.advance()
+        if collected:
+            by = arguments.policy or arguments.motion.name
+            written = minari.write(collected[0], arguments.minari, by)
     robot = arguments.env or arguments.model.name
-    written = None
-    if collected:
-        by = arguments.policy or arguments.motion.name
-        written = minari.write(collected[0], arguments.minari, by)
     if arguments.json:
         said = {"robot": robot, "recordings": [str(path) for path in paths]}
         print(json.dumps({**said, "minari": None if written is None else str(written)}, indent=1))

@@ -14,6 +14,7 @@ import gymnasium
 import numpy as np
 
 from tiago_mj import __version__
+from tiago_mj.effects.host import has_diverged
 from tiago_mj.envs.flat import core_of
 from tiago_mj.gap.data.recording import SCHEMA, Array, Sidecar, Trial
 from tiago_mj.gap.motions.play import Motion
@@ -72,6 +73,9 @@ def record_episode(
     Returns:
         Channels by kind and name, (T,); time (T,) [s]; the facts of the episode (``object``, ``goal``, ``initial``).
         The last row's command is NaN: nothing was sent any more.
+
+    Raises:
+        ValueError: the simulation diverges.
     """
     core = core_of(env)
     observation, info = env.reset(seed=seed)
@@ -83,6 +87,11 @@ def record_episode(
         seen = (core.state.position, core.state.velocity, core.data.qfrc_actuator[dofs].copy(), core.state.force_raw)
         observation, _, terminated, truncated, info = env.step(command(observation, info))
         rows.append((np.array(core.command, dtype=np.float64), *map(np.array, seen)))
+        if has_diverged(core.data):
+            raise ValueError(
+                f"the simulation diverges in the episode of seed {seed}, after {len(rows) * core.dt:.2g} s, so nothing "
+                "is recorded: look at the sizes of --effects, and at --arguments"
+            )
         over = terminated or truncated
     last = (core.state.position, core.state.velocity, core.data.qfrc_actuator[dofs].copy(), core.state.force_raw)
     rows.append((np.full(len(core.joints), np.nan), *map(np.array, last)))

@@ -7,16 +7,21 @@ agent saw, did and was told, with the environment that it was, effects included.
 
 from __future__ import annotations
 
-import shutil
+import os
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import gymnasium
 import numpy as np
 
+from tiago_mj import held
 from tiago_mj.extra import load
+
+#: Minari's own variable: where its datasets are.
+DATASETS: Final = "MINARI_DATASETS_PATH"
 
 
 class Collector(gymnasium.Wrapper[Any, Any, Any, Any]):
@@ -93,17 +98,33 @@ def write(collector: Collector, dataset: str, policy: str) -> Path:
         )
         for k, episode in enumerate(collector.episodes)
     ]
-    path = _path(dataset)
-    try:
-        with warnings.catch_warnings():
+    path, namespaces = _path(dataset), load("minari.namespace", "writing Minari datasets", "minari")
+    with held.temporary_folder(_path(""), "datasets") as new:
+        with _datasets_in(new), warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of author and link, which a recording does not have
             minari.create_dataset_from_buffers(
                 dataset, episodes, env=collector.env, algorithm_name=policy, data_format="hdf5"
             )
-    except BaseException:
-        shutil.rmtree(path, ignore_errors=True)
-        raise
+        namespace = dataset.rpartition("/")[0]
+        if namespace and namespace not in namespaces.list_local_namespaces():
+            namespaces.create_namespace(namespace)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        (new / dataset).rename(path)
     return path
+
+
+@contextmanager
+def _datasets_in(folder: Path) -> Iterator[None]:
+    """Let minari write its datasets into a folder."""
+    before = os.environ.get(DATASETS)
+    os.environ[DATASETS] = str(folder)
+    try:
+        yield
+    finally:
+        if before is None:
+            del os.environ[DATASETS]
+        else:
+            os.environ[DATASETS] = before
 
 
 def _path(dataset: str) -> Path:

@@ -12,7 +12,7 @@ import numpy as np
 from tiago_mj import __version__
 from tiago_mj.effects import check_sizes, read_effects
 from tiago_mj.effects.chain import Chain
-from tiago_mj.effects.host import ScalarHost
+from tiago_mj.effects.host import ScalarHost, has_diverged
 from tiago_mj.effects.wiring import wire
 from tiago_mj.gap.data.recording import SCHEMA, Array, Sidecar, Trial
 from tiago_mj.gap.data.usable import RATE as A_RATE
@@ -102,7 +102,7 @@ def record_model(
         rate_hz: control rate [Hz]; None: the motion's, else :data:`RATE`. It becomes a whole number of physics steps.
 
     Raises:
-        ValueError: model, motion or effects are unusable.
+        ValueError: model, motion or effects are unusable, or the simulation diverges.
     """
     model = load_model(path)
     data = mujoco.MjData(model)
@@ -156,6 +156,11 @@ def record_model(
             )
             if not np.isnan(row).any():
                 chain.advance(row[None])
+                if has_diverged(data):
+                    raise ValueError(
+                        f"{path.name} diverges after {len(rows) * period:.2g} s of {name}, so nothing is recorded: try "
+                        'a shorter <option timestep="…"/> or integrator="implicitfast", or damp joints and servos'
+                    )
         position, velocity, effort, force = (np.array(part) for part in zip(*rows, strict=True))
         yield Trial(
             name=name,
