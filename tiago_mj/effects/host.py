@@ -47,9 +47,13 @@ class ScalarHost:
 
     nsim = 1
 
-    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        self.model = model
+    def __init__(self, data: mujoco.MjData) -> None:
         self._data = data
+
+    @property
+    def model(self) -> mujoco.MjModel:  # type: ignore[override]
+        """Of the data: a copy of which has a model of its own."""
+        return self._data.model
 
     def field(self, name: str) -> Array:
         """See :class:`Host`."""

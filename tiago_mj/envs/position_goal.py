@@ -7,7 +7,6 @@ from types import MappingProxyType
 from typing import Any, Final
 
 import numpy as np
-from gymnasium.utils import EzPickle
 from numpy.typing import NDArray
 
 from tiago_mj.envs.choices import ObjectChoice, Range, Region, object_choice
@@ -144,7 +143,7 @@ class PositionGoal(RobotEnv):
         self.model.site_pos[site] = self.data.site_xpos[site] = self.goal
 
 
-class ObjectToGoal(PositionGoal, EzPickle):
+class ObjectToGoal(PositionGoal):
     """TIAGo is to bring an object on the table to a goal; its hand starts above the table.
 
     Args:
@@ -184,15 +183,6 @@ class ObjectToGoal(PositionGoal, EzPickle):
             "distance_threshold": distance_threshold,
             **kwargs,
         }
-        EzPickle.__init__(
-            self,
-            object=object,
-            object_width=object_width,
-            object_mass=object_mass,
-            object_stiffness=object_stiffness,
-            object_damping=object_damping,
-            **common,
-        )
         choice = object_choice(
             object, width=object_width, mass=object_mass, stiffness=object_stiffness, damping=object_damping
         )

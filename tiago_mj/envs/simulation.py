@@ -19,7 +19,7 @@ from gymnasium import spaces
 from gymnasium_robotics.envs.robot_env import MujocoRobotEnv
 from numpy.typing import NDArray
 
-from tiago_mj.envs import checks
+from tiago_mj.envs import checks, copies
 from tiago_mj.envs.choices import ObjectChoice, check_fits
 from tiago_mj.envs.drive import CONTROLS, Drive
 from tiago_mj.envs.sensors import OneOf, Sensors
@@ -229,7 +229,10 @@ class RobotSimulation(MujocoRobotEnv, ABC):  # type: ignore[misc]
 
         entries, wiring = read_effects(self._effects), self.wiring()
         check_sizes(entries, wiring.targets)
-        return Chain(ScalarHost(self.model, self.data), wiring, [entries], lambda shape: self.np_random.random(shape))
+        return Chain(ScalarHost(self.data), wiring, [entries], self._uniform)
+
+    def _uniform(self, shape: tuple[int, ...]) -> Array:
+        return self.np_random.random(shape)
 
     def give_effects(self, effects: Any) -> None:
         """Let other effects act from now on; the episode goes on from where it is.
@@ -349,6 +352,13 @@ class RobotSimulation(MujocoRobotEnv, ABC):  # type: ignore[misc]
         else:
             self._chain.advance(self.command[None])
 
+    def __getstate__(self) -> dict[str, Any]:
+        """All that ``copy.deepcopy`` and ``pickle`` keep, in mid-episode too; a renderer's window or context is not."""
+        return copies.kept(self)
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        copies.restore(self, state)
+
     @property
     def dt(self) -> float:
         """Control period by the clock of whoever commands [s]."""
@@ -360,6 +370,9 @@ class RobotSimulation(MujocoRobotEnv, ABC):  # type: ignore[misc]
         Raises:
             gymnasium.error.DependencyNotInstalled: no OpenGL could be started; says what to set.
         """
+        viewer = self.mujoco_renderer.viewer
+        if viewer is not None:
+            viewer.make_context_current()  # another environment may have made its own current, or freed it
         return checks.rendered(
             super().render, self.render_mode, lambda: getattr(self.mujoco_renderer, "viewer", None) is not None
         )

@@ -88,12 +88,15 @@ class VectorRobotEnv(VectorEnv[Any, Any, Any]):
         self._shape = (self.num_envs, len(self.core.joints))
         self._statistics = episode_statistics
         self._episodes = report.Episodes(self.num_envs)
-        self._everyone = np.ones(self.num_envs, dtype=bool)
-        self._everyone.flags.writeable = False
+        self._everyone = _everyone(self.num_envs)
         self._begun = np.zeros(self.num_envs, dtype=bool)
         self._ended = np.zeros(self.num_envs, dtype=bool)
         self._ready = self._over = False  # whether all have begun, and whether any has ended
         self._diverged = np.zeros(self.num_envs, dtype=np.int64)
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """A copy, in mid-episode too; see :mod:`tiago_mj.vector.batch`."""
+        vars(self).update(state, _everyone=_everyone(state["num_envs"]))
 
     # gymnasium's interface ------------------------------------------------------------------------------------------
 
@@ -275,3 +278,10 @@ class VectorRobotEnv(VectorEnv[Any, Any, Any]):
         mujoco.mj_forward(core.model, core.data)
         core.goal = self.simulations.goal[row]
         return core.render()
+
+
+def _everyone(count: int) -> Mask:
+    """A mask of all, read-only: ``info`` hands it out."""
+    mask = np.ones(count, dtype=bool)
+    mask.flags.writeable = False
+    return mask
