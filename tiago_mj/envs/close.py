@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tiago_mj.envs.choices import Range, interval
+from tiago_mj.envs.fixed import Fixed
 from tiago_mj.envs.robot_env import RobotEnv
 from tiago_mj.envs.state import State
 from tiago_mj.models import names
@@ -57,6 +58,8 @@ class GripperClose(RobotEnv):
 
     * v0: first.
     """
+
+    reward_type: Fixed[str] = Fixed()
 
     def __init__(
         self,

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tiago_mj.envs.choices import Range, interval, object_choice
+from tiago_mj.envs.fixed import Fixed
 from tiago_mj.envs.robot_env import FORCE_BOUND, RobotEnv
 from tiago_mj.envs.state import State
 from tiago_mj.models import names
@@ -82,6 +83,9 @@ class HoldForce(RobotEnv):
 
     * v0: first.
     """
+
+    force_type: Fixed[str] = Fixed()
+    reward_type: Fixed[str] = Fixed()
 
     def __init__(
         self,

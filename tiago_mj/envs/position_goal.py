@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tiago_mj.envs.choices import ObjectChoice, Range, Region, object_choice
+from tiago_mj.envs.fixed import Fixed
 from tiago_mj.envs.robot_env import FORCE_BOUND, VELOCITY_BOUND, WORLD_BOUND, RobotEnv
 from tiago_mj.envs.start import Start
 from tiago_mj.envs.state import State
@@ -56,6 +57,9 @@ class PositionGoal(RobotEnv):
 
     A task names its ``workspace`` and overrides ``_achieved``, ``_draw_goal`` and, with an object, more.
     """
+
+    force_type: Fixed[str] = Fixed()
+    reward_type: Fixed[str] = Fixed()
 
     GOAL_RADIUS = 0.02
     OVERVIEW: Mapping[str, Any] = MappingProxyType(

@@ -10,7 +10,7 @@ from abc import abstractmethod
 from typing import Any, SupportsFloat
 
 import numpy as np
-from gymnasium import error, spaces
+from gymnasium import spaces
 from numpy.typing import NDArray
 
 from tiago_mj.envs import checks
@@ -29,6 +29,7 @@ class RobotEnv(RobotSimulation):
 
     #: Whether an episode has begun, and whether the environment was closed.
     _begun = _closed = False
+    _goal: Array
 
     # Hooks of a task -----------------------------------------------------------------------------------------------
 
@@ -72,6 +73,20 @@ class RobotEnv(RobotSimulation):
             "desired_goal": goal.copy(),
         }
 
+    @property
+    def goal(self) -> Array:
+        """What is asked in this episode, (g,). Set, it acts from the next step on.
+
+        Raises:
+            ValueError: it cannot be reached, has another shape or is not finite.
+        """
+        return self._goal
+
+    @goal.setter
+    def goal(self, goal: Any) -> None:
+        made = "observation_space" in vars(self)  # before that there is no goal to be checked
+        self._goal = self._checked_goal(goal) if made else goal
+
     # gymnasium's interface ------------------------------------------------------------------------------------------
 
     def step(self, action: Any) -> tuple[dict[str, Array], SupportsFloat, bool, bool, dict[str, Any]]:
@@ -89,7 +104,7 @@ class RobotEnv(RobotSimulation):
             gymnasium.error.ClosedEnvironmentError: the environment was closed.
         """
         if not self._begun:
-            raise checks.closed() if self._closed else error.ResetNeeded("reset() must be called before step()")
+            checks.begun(self._begun, self._closed, "step")
         command = checks.action_in_range(action, self.joints)
         self._set_action(command)
         self._mujoco_step(command)
@@ -143,10 +158,11 @@ class RobotEnv(RobotSimulation):
         """As :class:`RobotSimulation` says.
 
         Raises:
+            gymnasium.error.ResetNeeded: no episode has begun.
             gymnasium.error.ClosedEnvironmentError: the environment was closed.
         """
-        if self._closed:
-            raise checks.closed()
+        if not self._begun:
+            checks.begun(self._begun, self._closed, "render")
         return super().render()
 
     def compute_reward(self, achieved_goal: Any, desired_goal: Any, info: Any) -> Any:

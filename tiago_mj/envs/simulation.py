@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from tiago_mj.envs import checks, copies
 from tiago_mj.envs.choices import ObjectChoice, check_fits
 from tiago_mj.envs.drive import CONTROLS, Drive
+from tiago_mj.envs.fixed import Fixed
 from tiago_mj.envs.sensors import OneOf, Sensors
 from tiago_mj.envs.start import Start, contact_of, grasp_frame, put_object
 from tiago_mj.models import names, scene
@@ -42,6 +43,8 @@ Array = NDArray[np.float64]
 MAX_TIMESTEP: Final = 1 / 480
 #: The same for ``servo="ideal"``, whose stiffness is bound by the step: it then lags by 4 steps, half a control period.
 IDEAL_MAX_TIMESTEP: Final = 1 / 1920
+#: What ``n_substeps`` may be set to.
+MOST_SUBSTEPS: Final = 10_000
 #: Commanded finger speed [m/s]: the 2021 project's. Its URDF says 0.05, and 0.02 is what the real robot was run at.
 FINGER_SPEED: Final = 0.08
 
@@ -79,6 +82,12 @@ class RobotSimulation(MujocoRobotEnv, ABC):  # type: ignore[misc]
         "render_modes": ["human", "rgb_array", "depth_array"],
         "render_fps": 240,
     }
+
+    joints: Fixed[tuple[str, ...]] = Fixed()
+    control: Fixed[str] = Fixed()
+    servo: Fixed[str] = Fixed()
+    velocity_limit: Fixed[Array] = Fixed()
+    _chain: Chain | None = None
 
     #: Whether the fingers, the last two joints, stay where they start, whatever the action says of them.
     FINGERS_HELD = False
@@ -358,6 +367,22 @@ class RobotSimulation(MujocoRobotEnv, ABC):  # type: ignore[misc]
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         copies.restore(self, state)
+
+    @property
+    def n_substeps(self) -> int:
+        """Physics steps in a control step. Set, it acts from the next step on.
+
+        Raises:
+            ValueError: no whole number from 1 to :data:`MOST_SUBSTEPS`.
+            AttributeError: effects act, which reckon with the physics step.
+        """
+        return self._n_substeps
+
+    @n_substeps.setter
+    def n_substeps(self, count: Any) -> None:
+        if self._chain is not None:
+            raise AttributeError("n_substeps cannot be changed while effects act: set it first, then give_effects")
+        self._n_substeps = checks.whole_number("n_substeps", count, MOST_SUBSTEPS)
 
     @property
     def dt(self) -> float:

@@ -177,6 +177,7 @@ class VectorRobotEnv(VectorEnv[Any, Any, Any]):
 
     def render(self) -> tuple[Any, ...] | None:
         """A frame of every environment, as the scalar environment's ``render``."""
+        checks.begun(bool(self._begun.any()), self.closed, "render")
         if self.render_mode is None:
             return None
         return tuple(self._frame(row) for row in range(self.num_envs))
@@ -215,8 +216,7 @@ class VectorRobotEnv(VectorEnv[Any, Any, Any]):
             raise checks.closed()
 
     def _check_begun(self) -> None:
-        if not self._ready:
-            raise error.ResetNeeded("reset() must be called before step()")
+        checks.begun(self._ready, self.closed, "step")
         if self._over and self.autoreset_mode == AutoresetMode.DISABLED:
             rows = np.flatnonzero(self._ended).tolist()
             raise error.ResetNeeded(
@@ -276,7 +276,7 @@ class VectorRobotEnv(VectorEnv[Any, Any, Any]):
         batch.get_model(row, core.model)
         batch.get_data(row, core.data)
         mujoco.mj_forward(core.model, core.data)
-        core.goal = self.simulations.goal[row]
+        core._goal, core._begun = self.simulations.goal[row], True
         return core.render()
 
 
