@@ -19,9 +19,10 @@ from tiago_mj.envs.state import State
 
 Array = NDArray[np.float64]
 
-#: Bounds of the observation spaces. Positions may exceed a joint's range by what its soft limit gives [rad, m];
-#: velocities [rad/s, m/s] and forces [N] are bounded far above anything that the limits of the robot allow.
-POSITION_MARGIN, VELOCITY_BOUND, FORCE_BOUND, WORLD_BOUND = 0.5, 100.0, 2000.0, 10.0
+#: Bounds of the observation spaces. Measured positions may exceed a joint's range by half, as an encoder's wrong scale
+#: makes them, and by what its soft limit and a bias give [rad, m]; velocities [rad/s, m/s] and forces [N] are bounded far above anything that the limits of the robot allow.
+POSITION_SHARE, POSITION_MARGIN = 1.5, 0.5
+VELOCITY_BOUND, FORCE_BOUND, WORLD_BOUND = 100.0, 2000.0, 10.0
 
 
 class RobotEnv(RobotSimulation):
@@ -61,6 +62,11 @@ class RobotEnv(RobotSimulation):
 
     def _sample_goal(self) -> Array:
         return self._draw_goal(self.np_random, self.state.object_pose[:3])
+
+    def _reset_sim(self) -> bool:
+        done = super()._reset_sim()
+        self._begun = True
+        return done
 
     def _get_obs(self) -> dict[str, Array]:
         return self.observed(self.state, self.goal)
@@ -143,7 +149,6 @@ class RobotEnv(RobotSimulation):
         chosen = checks.reset_options(options, ("goal",))
         goal = self._checked_goal(chosen["goal"]) if "goal" in chosen else None
         super().reset(seed=seed)
-        self._begun = True
         if goal is not None:
             self.goal = goal
         observation = self._get_obs()
@@ -204,7 +209,7 @@ class RobotEnv(RobotSimulation):
 
     def _joint_bound(self) -> Array:
         """Largest magnitude of (q, q̇), (2N,)."""
-        position = np.abs(self._range).max(axis=1) + POSITION_MARGIN
+        position = POSITION_SHARE * np.abs(self._range).max(axis=1) + POSITION_MARGIN
         return np.concatenate([position, np.full(len(self.joints), VELOCITY_BOUND)])
 
     def _observation_space(self) -> spaces.Dict:
