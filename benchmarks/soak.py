@@ -45,7 +45,11 @@ GROWTH_MB = 1.0
 #: With which MuJoCo gives a state up and starts anew.
 UNSTABLE = [
     int(warning)
-    for warning in (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC)
+    for warning in (
+        mujoco.mjtWarning.mjWARN_BADQPOS,
+        mujoco.mjtWarning.mjWARN_BADQVEL,
+        mujoco.mjtWarning.mjWARN_BADQACC,
+    )
 ]
 
 
@@ -57,11 +61,15 @@ def not_finite(answer: Any, where: str = "") -> Iterator[str]:
     if isinstance(answer, Mapping):
         for key, value in answer.items():
             yield from not_finite(value, f"{where}/{key}")
-    elif isinstance(answer, (tuple, list)) or getattr(answer, "dtype", None) == object:
+    elif isinstance(answer, (tuple, list)) or _of_objects(answer):
         for k, value in enumerate(answer):
             yield from not_finite(value, f"{where}/{k}")
     elif answer is not None and not isinstance(answer, str) and not np.isfinite(answer).all():
         yield where
+
+
+def _of_objects(answer: Any) -> bool:
+    return isinstance(answer, np.ndarray) and answer.dtype.kind == "O"
 
 
 class Faults:
@@ -227,7 +235,7 @@ def _add(digest: Any, answer: Any) -> None:
         for key in sorted(answer):
             digest.update(key.encode())
             _add(digest, answer[key])
-    elif isinstance(answer, (tuple, list)) or getattr(answer, "dtype", None) == object:
+    elif isinstance(answer, (tuple, list)) or _of_objects(answer):
         for value in answer:
             _add(digest, value)
     else:
@@ -267,7 +275,9 @@ def main() -> int:
     for name in given.ids:
         rows = {"scalar": scalar_steps(name, each, faults), "vector": vector_steps(name, each, faults)}
         results["steps"][name] = rows
-        print(name, {kind: f"{row['steps']} steps, {row['growth_mb']:+.2f} MB" for kind, row in rows.items()}, flush=True)
+        print(
+            name, {kind: f"{row['steps']} steps, {row['growth_mb']:+.2f} MB" for kind, row in rows.items()}, flush=True
+        )
     for name in given.ids:
         results["bounds"][name] = bounds(name, given.bound_steps, faults)
         print(name, results["bounds"][name]["runs"], "runs at bounds", flush=True)

@@ -43,10 +43,10 @@ def of_page(scripts: Sequence[str] = ()) -> Markup:
     Args:
         scripts: texts of its inline scripts, each as it stands between its tags.
     """
-    hashes = " ".join(f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'" for text in scripts)
+    hashes = [base64.b64encode(hashlib.sha256(text.encode()).digest()).decode() for text in scripts]
     return _meta(
         "default-src 'none'",
-        f"script-src {hashes or chr(39) + 'none' + chr(39)}",
+        "script-src " + (" ".join(f"'sha256-{one}'" for one in hashes) or "'none'"),
         STYLES,
         "img-src data: blob:",
         "media-src data:",

@@ -49,7 +49,7 @@ def assert_same(one, other, where=""):
         assert one.keys() == other.keys(), where
         for key in one:
             assert_same(one[key], other[key], f"{where}/{key}")
-    elif isinstance(one, (list, tuple)) or getattr(one, "dtype", None) == object:
+    elif isinstance(one, (list, tuple)) or (isinstance(one, np.ndarray) and one.dtype.kind == "O"):
         assert len(one) == len(other), where
         for k, (a, b) in enumerate(zip(one, other, strict=True)):
             assert_same(a, b, f"{where}/{k}")
@@ -121,7 +121,9 @@ def test_what_a_user_set_is_in_the_copy_too(copied):
 
 @WAYS
 def test_wrappers_with_a_state_of_their_own_keep_it(copied):
-    env = wrappers.FrameStackObservation(wrappers.RecordEpisodeStatistics(gymnasium.make(FLAT, max_episode_steps=12)), 3)
+    env = wrappers.FrameStackObservation(
+        wrappers.RecordEpisodeStatistics(gymnasium.make(FLAT, max_episode_steps=12)), 3
+    )
     env.reset(seed=0)
     actions = closing(env, 12)
     play(env, actions[:8])

@@ -61,7 +61,10 @@ def test_no_verdict_is_wider_than_a_phone(name, page, tmp_path):
 @pytest.mark.slow
 def test_a_script_that_got_into_the_page_does_not_run(page, tmp_path):
     text = html.render(CASES["effect"])
-    for there, script in (("</main>", "<script>window.ran = 1</script>"), ("<h1", "<img src=x onerror='window.ran = 2'>")):
+    for there, script in (
+        ("</main>", "<script>window.ran = 1</script>"),
+        ("<h1", "<img src=x onerror='window.ran = 2'>"),
+    ):
         assert there in text
         text = text.replace(there, script + there, 1)
     path = tmp_path / "report.html"

@@ -20,7 +20,8 @@ from tiago_mj.envs.state import State
 Array = NDArray[np.float64]
 
 #: Bounds of the observation spaces. Measured positions may exceed a joint's range by half, as an encoder's wrong scale
-#: makes them, and by what its soft limit and a bias give [rad, m]; velocities [rad/s, m/s] and forces [N] are bounded far above anything that the limits of the robot allow.
+#: makes them, and by what its soft limit and a bias give [rad, m]; velocities
+#: [rad/s, m/s] and forces [N] are bounded far above anything that the limits of the robot allow.
 POSITION_SHARE, POSITION_MARGIN = 1.5, 0.5
 VELOCITY_BOUND, FORCE_BOUND, WORLD_BOUND = 100.0, 2000.0, 10.0
 

@@ -7,7 +7,6 @@ from typing import Any
 
 import mujoco
 import mujoco.batch
-import numpy as np
 from numpy.typing import NDArray
 
 

@@ -77,6 +77,12 @@ class Simulations:
         vars(self).update(state)
         self._bind()
 
+    _qpos: Array
+    _qvel: Array
+    _act: Array
+    _ctrl: Array
+    _sensordata: Array
+
     @staticmethod
     def memory(core: RobotEnv) -> int:
         """About what one simulation takes [B]: state, what is read, noise, and model values of its own."""
