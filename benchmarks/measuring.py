@@ -18,7 +18,6 @@ from typing import Any
 
 import mujoco
 import numpy as np
-import pyperf
 from machine import RESULTS
 
 LOADS = ("random", "grasp")
@@ -45,9 +44,9 @@ def resident_mb() -> float:
 def seconds(call: Callable[[], Any]) -> float:
     """Duration of one call [s], without the garbage of the one before."""
     gc.collect()
-    begin = pyperf.perf_counter()
+    begin = time.perf_counter()
     call()
-    return pyperf.perf_counter() - begin
+    return time.perf_counter() - begin
 
 
 def episode(env: Any, load: str, seed: int) -> tuple[float, float, int]:
@@ -112,6 +111,8 @@ def in_a_process(script: str, arguments: Sequence[str], python: str = sys.execut
 
 def save_samples(name: str, samples: Mapping[str, Sequence[float]]) -> Path:
     """Write seconds per step to ``results/NAME.pyperf.json``: ``python -m pyperf stats`` and ``compare_to`` read it."""
+    import pyperf
+
     suite = []
     for key, values in samples.items():
         metadata = {"name": key, "unit": "second"}

@@ -18,9 +18,12 @@ import numpy as np
 QUOTED: Final = 60
 #: Of a whole number that is written out.
 MOST_DIGITS: Final = 40
-#: Characters that are not shown: controls but for tab and line ends, line separators, direction overrides, and halves
-#: of surrogate pairs.
-HIDDEN: Final = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069\ufeff\ud800-\udfff]")
+#: Characters that are not shown: controls but for tab and line ends, line separators, marks and overrides of direction,
+#: what has no width, tags, and halves of surrogate pairs.
+HIDDEN: Final = re.compile(
+    "[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\xad\u061c\u180e\u200b-\u200f\u2028-\u202e\u2061-\u206f\ufeff\ufff9-\ufffb"
+    "\ud800-\udfff\U000e0000-\U000e007f]"
+)
 
 
 def quoted(value: Any, most: int = QUOTED) -> str:
@@ -36,7 +39,12 @@ def unquoted(text: object) -> str:
 
 def one_line(text: object) -> str:
     """A message without line ends and without characters that cannot be seen."""
-    return HIDDEN.sub(lambda found: f"\\u{ord(found[0]):04x}", " ".join(str(text).split()))
+    return visible(" ".join(str(text).split()))
+
+
+def visible(text: str) -> str:
+    """A text whose hidden characters are escaped."""
+    return HIDDEN.sub(lambda found: f"\\u{ord(found[0]):04x}", text)
 
 
 def is_number(value: Any) -> TypeGuard[float]:

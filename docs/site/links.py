@@ -19,6 +19,7 @@ MOVED: Final = {
     "README.md": "readme.md",
     "CHANGELOG.md": "changelog.md",
     "CONTRIBUTING.md": "contributing.md",
+    "SECURITY.md": "security.md",
     "models/PROVENANCE.md": "provenance.md",
     "benchmarks/blind/README.md": "blind-generator.md",
     "benchmarks/strangers/README.md": "strangers.md",

@@ -1,7 +1,6 @@
 """What a user may rely on in every environment of the table."""
 
 import copy
-import pickle
 import warnings
 
 import gymnasium
@@ -97,14 +96,6 @@ def test_nothing_of_an_episode_reaches_the_next(env):
     for key in ("force_raw", "force_contact", "force_binary"):
         np.testing.assert_array_equal(info[key], expected_info[key])
     fresh.close()
-
-
-def test_a_pickled_copy_continues_with_the_same_arguments(env):
-    twin = pickle.loads(pickle.dumps(env))
-    a, _ = env.reset(seed=2)
-    b, _ = twin.reset(seed=2)
-    np.testing.assert_array_equal(flat(a), flat(b))
-    twin.close()
 
 
 def test_two_environments_in_one_process_do_not_touch_each_other(env):

@@ -4,6 +4,7 @@ import copy
 import re
 import subprocess
 import sys
+import warnings
 from types import ModuleType
 
 import gymnasium
@@ -109,10 +110,25 @@ def test_what_is_set_on_a_flat_view_reaches_the_environment():
 
 @pytest.mark.parametrize(
     ("name", "value", "said"),
-    [("goal", "high", "goal 'high' is not usable"), ("goal", 99.0, "out of range"), ("dt", 0.1, "dt")],
+    [
+        ("goal", "high", "goal 'high' is not usable"),
+        ("goal", 99.0, "out of range"),
+        ("goal", [np.nan, 1.0], "not finite"),
+        ("n_substeps", 0, "n_substeps is 0: give a whole number from 1 to 10000"),
+        ("n_substeps", 2.5, "give a whole number"),
+        ("n_substeps", 10**9, "give a whole number"),
+        ("dt", 0.1, "dt"),
+        ("control", "position", "control cannot be changed once the environment is made: give it to gymnasium.make"),
+        ("servo", "ideal", "servo cannot be changed"),
+        ("joints", ("gripper_left_finger_joint",), "joints cannot be changed"),
+        ("velocity_limit", 1.0, "velocity_limit cannot be changed"),
+        ("force_type", "none", "force_type cannot be changed"),
+        ("reward_type", "sparse", "reward_type cannot be changed"),
+    ],
 )
-def test_what_cannot_be_set_on_a_flat_view_is_refused_in_one_line(name, value, said):
-    view = gymnasium.make(FLAT).unwrapped
+@pytest.mark.parametrize("env_id", [FLAT, GOAL])
+def test_what_cannot_be_set_on_an_environment_is_refused_in_one_line(env_id, name, value, said):
+    view = gymnasium.make(env_id).unwrapped
     with pytest.raises((ValueError, AttributeError), match=said) as caught:
         setattr(view, name, value)
     assert "\n" not in str(caught.value)
@@ -131,8 +147,9 @@ def test_reset_options_that_are_no_mapping_are_refused_in_one_line(make, options
 @pytest.mark.parametrize("name", [FLAT, GOAL])
 def test_an_unwrapped_environment_is_stepped_neither_before_its_reset_nor_after_its_end(name):
     env = gymnasium.make(name).unwrapped
-    with pytest.raises(ResetNeeded, match=re.escape("reset() must be called before step()")):
-        env.step(np.zeros(2))
+    for name, call in (("step", lambda: env.step(np.zeros(2))), ("render", env.render)):
+        with pytest.raises(ResetNeeded, match=re.escape(f"reset() must be called before {name}()")):
+            call()
     env.reset(seed=0)
     env.step(np.zeros(2))
     env.close()
@@ -142,11 +159,44 @@ def test_an_unwrapped_environment_is_stepped_neither_before_its_reset_nor_after_
             call()
 
 
+def test_physics_steps_are_not_changed_under_effects_that_reckon_with_them():
+    env = gymnasium.make(FLAT, effects={"backlash": {}}).unwrapped
+    with pytest.raises(AttributeError, match="n_substeps cannot be changed while effects act"):
+        env.n_substeps = 3
+    env.give_effects(None)
+    env.n_substeps = 3
+    assert env.n_substeps == 3
+
+
+@pytest.mark.parametrize(
+    "action",
+    [
+        np.full(2, 1e308),
+        np.full(2, 1e308, dtype=np.longdouble) * 10,
+        np.array([2**64 - 1, 2], dtype=np.uint64),
+        [1e308, 1e308],
+        np.float32([3e38, 3e38]),
+    ],
+    ids=repr,
+)
+def test_a_large_action_is_clipped_without_a_warning(action):
+    env, full, envs = gymnasium.make(FLAT).unwrapped, gymnasium.make(FLAT).unwrapped, gymnasium.make_vec(FLAT, 2)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for one in (env, full, envs):
+            one.reset(seed=0)
+        expected = full.step(np.ones(2))[0]
+        np.testing.assert_array_equal(env.step(action)[0], expected)
+        np.testing.assert_array_equal(envs.step(np.stack([action, action]))[0][0], expected)
+
+
 def test_many_environments_are_stepped_no_more_after_their_end():
     envs = gymnasium.make_vec(FLAT, num_envs=2)
+    with pytest.raises(ResetNeeded, match=re.escape("reset() must be called before render()")):
+        envs.render()
     envs.reset(seed=0)
     envs.close()
-    for call in (lambda: envs.step(np.zeros((2, 2))), envs.reset):
+    for call in (lambda: envs.step(np.zeros((2, 2))), envs.reset, envs.render):
         with pytest.raises(ClosedEnvironmentError, match="was closed"):
             call()
 

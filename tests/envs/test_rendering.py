@@ -39,6 +39,17 @@ def test_a_frame_shows_the_scene_and_changes_when_the_robot_moves(name):
 
 
 @pytest.mark.usefixtures("opengl")
+def test_an_environment_still_renders_when_another_was_closed():
+    one, other = (gymnasium.make("tiago_mj/GripperTactile-v0", render_mode="rgb_array", width=64) for _ in range(2))
+    for env in (one, other):
+        env.reset(seed=0)
+        first = env.render()
+    other.close()
+    np.testing.assert_array_equal(one.render(), first)
+    one.close()
+
+
+@pytest.mark.usefixtures("opengl")
 def test_a_depth_image_is_nearer_at_the_object_than_at_the_floor():
     env = gymnasium.make("tiago_mj/GripperTactile-v0", render_mode="depth_array", width=160, height=120)
     env.reset(seed=0)

@@ -26,7 +26,7 @@ def play(effects: tuple[Entry, ...], commands: np.ndarray, period: float) -> np.
     model = mujoco.MjModel.from_xml_string(PENDULUM)
     data = mujoco.MjData(model)
     wiring = wire(model, joints=["hinge"], actuators=["hinge"], interface="position")
-    chain = Chain(ScalarHost(model, data), wiring, [effects], lambda shape: np.zeros(shape))
+    chain = Chain(ScalarHost(data), wiring, [effects], lambda shape: np.zeros(shape))
     chain.start(period, round(period / model.opt.timestep))
     out = []
     for command in commands:

@@ -7,10 +7,10 @@ import io
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
-import jinja2
 import numpy as np
 from numpy.typing import NDArray
 
+from tiago_mj import pages
 from tiago_mj.demo.arm_torque import HOW_TO_GET
 from tiago_mj.demo.report import headline
 
@@ -41,16 +41,17 @@ def render(
         pictures: data URIs by name: ``force`` and ``curve``; ``gap``, ``arm``, ``found``, ``film`` where they exist.
         strips: pictures of ``grasp`` and ``whole``, each with its ``title``; none where nothing could be rendered.
     """
-    environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("tiago_mj.demo", "templates"),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
+    environment = pages.environment("tiago_mj.demo")
     environment.filters["fixed"] = lambda value, digits=2: f"{value + 0.0:.{digits}f}".replace("-", "−")
     environment.filters["percent"] = lambda value: f"{100 * value:.0f} %".replace("-", "−")
     template = environment.get_template("demo.html.j2")
     shown = {"film": None, "found": None, "gap": None, **pictures}
     strips = {"grasp": [], "whole": [], **strips}
-    return template.render(**data, pictures=shown, strips=strips, headline=headline(dict(data)), how_to_get=HOW_TO_GET)
+    return template.render(
+        **data,
+        pictures=shown,
+        strips=strips,
+        headline=headline(dict(data)),
+        how_to_get=HOW_TO_GET,
+        policy=pages.of_page(),
+    )

@@ -18,7 +18,10 @@ class Host(Protocol):
     """Simulations whose fields are arrays with a leading axis of simulations."""
 
     nsim: int
-    model: mujoco.MjModel
+
+    @property
+    def model(self) -> mujoco.MjModel:
+        """That all are of."""
 
     def field(self, name: str) -> Array:
         """A model field, (nsim, ...), writable; ``opt.gravity`` and the like, too."""
@@ -47,9 +50,13 @@ class ScalarHost:
 
     nsim = 1
 
-    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        self.model = model
+    def __init__(self, data: mujoco.MjData) -> None:
         self._data = data
+
+    @property
+    def model(self) -> mujoco.MjModel:
+        """Of the data: a copy of which has a model of its own."""
+        return self._data.model
 
     def field(self, name: str) -> Array:
         """See :class:`Host`."""

@@ -92,7 +92,7 @@ def changed(model: mujoco.MjModel, wiring: Wiring, entries: Sequence[Entry], per
     Raises:
         ValueError: an entry names a target that the model does not have.
     """
-    host = ScalarHost(copy.copy(model), mujoco.MjData(model))
+    host = ScalarHost(mujoco.MjData(copy.copy(model)))
     for adr, joint in zip(wiring.act, wiring.targets.actuated, strict=True):
         if adr >= 0:
             host.state("act")[:, adr] = host.state("qpos")[:, wiring.qpos[joint]]

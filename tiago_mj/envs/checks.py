@@ -23,7 +23,7 @@ def action_in_range(action: Any, joints: Sequence[str]) -> Array:
         ValueError: it is not numeric, of another shape, or not finite.
     """
     shape = (len(joints),)
-    if isinstance(action, np.ndarray):
+    if type(action) is np.ndarray:
         given = action
     else:
         try:
@@ -34,10 +34,20 @@ def action_in_range(action: Any, joints: Sequence[str]) -> Array:
         raise ValueError(f"action {quoted(action)} is not numeric: give {len(joints)} numbers from -1 to 1")
     if given.shape != shape:
         raise ValueError(f"action has shape {given.shape}: give {shape}, one number a joint of {tuple(joints)}")
-    command: Array = given.astype(np.float64)
-    if not math.isfinite(np.add.reduce(command)) and not np.isfinite(command).all():  # a sum may overflow
-        raise ValueError(f"action {command} is not finite: give numbers from -1 to 1")
-    return np.minimum(np.maximum(command, -1.0), 1.0)
+    if not all(map(math.isfinite, given.tolist())) and not np.isfinite(given).all():  # a long double may be larger
+        raise ValueError(f"action {given} is not finite: give numbers from -1 to 1")
+    return np.minimum(np.maximum(given, -1.0), 1.0).astype(np.float64)
+
+
+def whole_number(name: str, value: Any, most: int) -> int:
+    """A whole number from 1 to ``most``.
+
+    Raises:
+        ValueError: it is none.
+    """
+    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or not 1 <= value <= most:
+        raise ValueError(f"{name} is {quoted(value)}: give a whole number from 1 to {most}")
+    return int(value)
 
 
 def goal_numbers(goal: Any, size: int) -> Array:
@@ -70,6 +80,23 @@ def reset_options(options: Any, known: Sequence[str]) -> dict[str, Any]:
         if name not in known:
             raise ValueError(f"reset option {quoted(name)} is unknown: there is {listed}")
     return dict(options)
+
+
+def begun(begins: bool, ended: bool, call: str) -> None:
+    """Refuse a call of an environment that is not in an episode.
+
+    Args:
+        begins: whether an episode has begun.
+        ended: whether the environment was closed.
+        call: what was called.
+
+    Raises:
+        gymnasium.error.ResetNeeded, gymnasium.error.ClosedEnvironmentError: one line.
+    """
+    if ended:
+        raise closed()
+    if not begins:
+        raise error.ResetNeeded(f"reset() must be called before {call}()")
 
 
 def closed() -> error.ClosedEnvironmentError:

@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Any, Final
 
 import numpy as np
-from gymnasium.utils import EzPickle
 from numpy.typing import NDArray
 
 from tiago_mj.envs.choices import Range, interval
+from tiago_mj.envs.fixed import Fixed
 from tiago_mj.envs.robot_env import RobotEnv
 from tiago_mj.envs.state import State
 from tiago_mj.models import names
@@ -21,7 +21,7 @@ REWARDS: Final = ("dense", "sparse")
 TRAVEL: Final = 0.045
 
 
-class GripperClose(RobotEnv, EzPickle):
+class GripperClose(RobotEnv):
     """Bring both fingers of the open gripper to a goal position.
 
     ## Description
@@ -59,6 +59,8 @@ class GripperClose(RobotEnv, EzPickle):
     * v0: first.
     """
 
+    reward_type: Fixed[str] = Fixed()
+
     def __init__(
         self,
         *,
@@ -77,7 +79,6 @@ class GripperClose(RobotEnv, EzPickle):
             robot: ``gripper_ta11``.
             **kwargs: of :class:`RobotEnv`.
         """
-        EzPickle.__init__(self, goal=goal, reward_type=reward_type, tolerance=tolerance, robot=robot, **kwargs)
         if not is_one_of(reward_type, REWARDS):
             raise ValueError(f"reward_type {quoted(reward_type)} is unknown: use one of {', '.join(REWARDS)}")
         if not (is_number(tolerance) and tolerance > 0):

@@ -65,7 +65,7 @@ class FlatView(gymnasium.Env[Array, Array]):
             return
         if name in _SHARED:
             object.__setattr__(self, name, value)
-        setattr(self.core, name, self.core._checked_goal(value) if name == "goal" else value)
+        setattr(self.core, name, value)
         if name == "np_random":
             self._share_generator()
 

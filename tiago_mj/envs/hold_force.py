@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from typing import Any, Final
 
 import numpy as np
-from gymnasium.utils import EzPickle
 from numpy.typing import NDArray
 
 from tiago_mj.envs.choices import Range, interval, object_choice
+from tiago_mj.envs.fixed import Fixed
 from tiago_mj.envs.robot_env import FORCE_BOUND, RobotEnv
 from tiago_mj.envs.state import State
 from tiago_mj.models import names
@@ -27,7 +27,7 @@ FINGER_EFFORT: Final = 16.0
 SUCCESS_DEVIATIONS: Final = 5.0
 
 
-class HoldForce(RobotEnv, EzPickle):
+class HoldForce(RobotEnv):
     """Close on an object and hold a goal force with both fingers.
 
     ## Description
@@ -84,6 +84,9 @@ class HoldForce(RobotEnv, EzPickle):
     * v0: first.
     """
 
+    force_type: Fixed[str] = Fixed()
+    reward_type: Fixed[str] = Fixed()
+
     def __init__(
         self,
         *,
@@ -115,21 +118,6 @@ class HoldForce(RobotEnv, EzPickle):
             object_offset: along the grasp axis, positive towards the left finger [m], one number or (low, high).
             **kwargs: of :class:`RobotEnv`.
         """
-        EzPickle.__init__(
-            self,
-            robot=robot,
-            joints=joints,
-            force_type=force_type,
-            reward_type=reward_type,
-            goal=goal,
-            object=object,
-            object_width=object_width,
-            object_mass=object_mass,
-            object_stiffness=object_stiffness,
-            object_damping=object_damping,
-            object_offset=object_offset,
-            **kwargs,
-        )
         for name, value, known in (("force_type", force_type, FORCE_TYPES), ("reward_type", reward_type, REWARDS)):
             if not is_one_of(value, known):
                 raise ValueError(f"{name} {quoted(value)} is unknown: use one of {', '.join(known)}")

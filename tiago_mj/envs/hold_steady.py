@@ -8,7 +8,6 @@ from typing import Any, Final
 
 import numpy as np
 from gymnasium import spaces
-from gymnasium.utils import EzPickle
 from numpy.typing import NDArray
 
 from tiago_mj.envs.choices import Range
@@ -181,7 +180,6 @@ class HoldForceSteady(HoldForce):
             raise ValueError(f"exponent is {quoted(exponent)}: give a number above 0")
         self.weights, self.observe_fingers, self.exponent = SteadyWeights.of(weights), observe_fingers, exponent
         super().__init__(**arguments)
-        EzPickle.__init__(self, weights=self.weights, observe_fingers=observe_fingers, exponent=exponent, **arguments)
 
     def _initialize_simulation(self) -> None:
         super()._initialize_simulation()

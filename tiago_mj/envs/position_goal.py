@@ -7,10 +7,10 @@ from types import MappingProxyType
 from typing import Any, Final
 
 import numpy as np
-from gymnasium.utils import EzPickle
 from numpy.typing import NDArray
 
 from tiago_mj.envs.choices import ObjectChoice, Range, Region, object_choice
+from tiago_mj.envs.fixed import Fixed
 from tiago_mj.envs.robot_env import FORCE_BOUND, VELOCITY_BOUND, WORLD_BOUND, RobotEnv
 from tiago_mj.envs.start import Start
 from tiago_mj.envs.state import State
@@ -57,6 +57,9 @@ class PositionGoal(RobotEnv):
 
     A task names its ``workspace`` and overrides ``_achieved``, ``_draw_goal`` and, with an object, more.
     """
+
+    force_type: Fixed[str] = Fixed()
+    reward_type: Fixed[str] = Fixed()
 
     GOAL_RADIUS = 0.02
     OVERVIEW: Mapping[str, Any] = MappingProxyType(
@@ -144,7 +147,7 @@ class PositionGoal(RobotEnv):
         self.model.site_pos[site] = self.data.site_xpos[site] = self.goal
 
 
-class ObjectToGoal(PositionGoal, EzPickle):
+class ObjectToGoal(PositionGoal):
     """TIAGo is to bring an object on the table to a goal; its hand starts above the table.
 
     Args:
@@ -184,15 +187,6 @@ class ObjectToGoal(PositionGoal, EzPickle):
             "distance_threshold": distance_threshold,
             **kwargs,
         }
-        EzPickle.__init__(
-            self,
-            object=object,
-            object_width=object_width,
-            object_mass=object_mass,
-            object_stiffness=object_stiffness,
-            object_damping=object_damping,
-            **common,
-        )
         choice = object_choice(
             object, width=object_width, mass=object_mass, stiffness=object_stiffness, damping=object_damping
         )

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from gymnasium.utils import EzPickle
 
 from tiago_mj.envs.choices import Region
 from tiago_mj.envs.position_goal import CLOSED, THRESHOLD, Array, PositionGoal
@@ -17,7 +16,7 @@ from tiago_mj.envs.state import State
 GOAL_REGION = Region((0.57, -0.07, 0.65), (0.87, 0.23, 0.9))
 
 
-class Reach(PositionGoal, EzPickle):
+class Reach(PositionGoal):
     """Bring the point between TIAGo's fingers to a goal in the space above the table.
 
     ## Description
@@ -95,14 +94,6 @@ class Reach(PositionGoal, EzPickle):
             distance_threshold: distance from the goal that counts as success [m].
             **kwargs: of :class:`RobotEnv`, but ``joints``, ``item`` and ``load_cells``.
         """
-        EzPickle.__init__(
-            self,
-            robot=robot,
-            force_type=force_type,
-            reward_type=reward_type,
-            distance_threshold=distance_threshold,
-            **kwargs,
-        )
         super().__init__(
             workspace=GOAL_REGION,
             item=None,

@@ -10,7 +10,7 @@ from abc import abstractmethod
 from typing import Any, SupportsFloat
 
 import numpy as np
-from gymnasium import error, spaces
+from gymnasium import spaces
 from numpy.typing import NDArray
 
 from tiago_mj.envs import checks
@@ -19,9 +19,11 @@ from tiago_mj.envs.state import State
 
 Array = NDArray[np.float64]
 
-#: Bounds of the observation spaces. Positions may exceed a joint's range by what its soft limit gives [rad, m];
-#: velocities [rad/s, m/s] and forces [N] are bounded far above anything that the limits of the robot allow.
-POSITION_MARGIN, VELOCITY_BOUND, FORCE_BOUND, WORLD_BOUND = 0.5, 100.0, 2000.0, 10.0
+#: Bounds of the observation spaces. Measured positions may exceed a joint's range by half, as an encoder's wrong scale
+#: makes them, and by what its soft limit and a bias give [rad, m]; velocities
+#: [rad/s, m/s] and forces [N] are bounded far above anything that the limits of the robot allow.
+POSITION_SHARE, POSITION_MARGIN = 1.5, 0.5
+VELOCITY_BOUND, FORCE_BOUND, WORLD_BOUND = 100.0, 2000.0, 10.0
 
 
 class RobotEnv(RobotSimulation):
@@ -29,6 +31,7 @@ class RobotEnv(RobotSimulation):
 
     #: Whether an episode has begun, and whether the environment was closed.
     _begun = _closed = False
+    _goal: Array
 
     # Hooks of a task -----------------------------------------------------------------------------------------------
 
@@ -61,6 +64,11 @@ class RobotEnv(RobotSimulation):
     def _sample_goal(self) -> Array:
         return self._draw_goal(self.np_random, self.state.object_pose[:3])
 
+    def _reset_sim(self) -> bool:
+        done = super()._reset_sim()
+        self._begun = True
+        return done
+
     def _get_obs(self) -> dict[str, Array]:
         return self.observed(self.state, self.goal)
 
@@ -71,6 +79,20 @@ class RobotEnv(RobotSimulation):
             "achieved_goal": self._achieved(state),
             "desired_goal": goal.copy(),
         }
+
+    @property
+    def goal(self) -> Array:
+        """What is asked in this episode, (g,). Set, it acts from the next step on.
+
+        Raises:
+            ValueError: it cannot be reached, has another shape or is not finite.
+        """
+        return self._goal
+
+    @goal.setter
+    def goal(self, goal: Any) -> None:
+        made = "observation_space" in vars(self)  # before that there is no goal to be checked
+        self._goal = self._checked_goal(goal) if made else goal
 
     # gymnasium's interface ------------------------------------------------------------------------------------------
 
@@ -89,7 +111,7 @@ class RobotEnv(RobotSimulation):
             gymnasium.error.ClosedEnvironmentError: the environment was closed.
         """
         if not self._begun:
-            raise checks.closed() if self._closed else error.ResetNeeded("reset() must be called before step()")
+            checks.begun(self._begun, self._closed, "step")
         command = checks.action_in_range(action, self.joints)
         self._set_action(command)
         self._mujoco_step(command)
@@ -128,7 +150,6 @@ class RobotEnv(RobotSimulation):
         chosen = checks.reset_options(options, ("goal",))
         goal = self._checked_goal(chosen["goal"]) if "goal" in chosen else None
         super().reset(seed=seed)
-        self._begun = True
         if goal is not None:
             self.goal = goal
         observation = self._get_obs()
@@ -143,10 +164,11 @@ class RobotEnv(RobotSimulation):
         """As :class:`RobotSimulation` says.
 
         Raises:
+            gymnasium.error.ResetNeeded: no episode has begun.
             gymnasium.error.ClosedEnvironmentError: the environment was closed.
         """
-        if self._closed:
-            raise checks.closed()
+        if not self._begun:
+            checks.begun(self._begun, self._closed, "render")
         return super().render()
 
     def compute_reward(self, achieved_goal: Any, desired_goal: Any, info: Any) -> Any:
@@ -188,7 +210,7 @@ class RobotEnv(RobotSimulation):
 
     def _joint_bound(self) -> Array:
         """Largest magnitude of (q, q̇), (2N,)."""
-        position = np.abs(self._range).max(axis=1) + POSITION_MARGIN
+        position = POSITION_SHARE * np.abs(self._range).max(axis=1) + POSITION_MARGIN
         return np.concatenate([position, np.full(len(self.joints), VELOCITY_BOUND)])
 
     def _observation_space(self) -> spaces.Dict:

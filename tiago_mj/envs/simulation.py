@@ -19,9 +19,10 @@ from gymnasium import spaces
 from gymnasium_robotics.envs.robot_env import MujocoRobotEnv
 from numpy.typing import NDArray
 
-from tiago_mj.envs import checks
+from tiago_mj.envs import checks, copies
 from tiago_mj.envs.choices import ObjectChoice, check_fits
 from tiago_mj.envs.drive import CONTROLS, Drive
+from tiago_mj.envs.fixed import Fixed
 from tiago_mj.envs.sensors import OneOf, Sensors
 from tiago_mj.envs.start import Start, contact_of, grasp_frame, put_object
 from tiago_mj.models import names, scene
@@ -42,6 +43,8 @@ Array = NDArray[np.float64]
 MAX_TIMESTEP: Final = 1 / 480
 #: The same for ``servo="ideal"``, whose stiffness is bound by the step: it then lags by 4 steps, half a control period.
 IDEAL_MAX_TIMESTEP: Final = 1 / 1920
+#: What ``n_substeps`` may be set to.
+MOST_SUBSTEPS: Final = 10_000
 #: Commanded finger speed [m/s]: the 2021 project's. Its URDF says 0.05, and 0.02 is what the real robot was run at.
 FINGER_SPEED: Final = 0.08
 
@@ -79,6 +82,12 @@ class RobotSimulation(MujocoRobotEnv, ABC):  # type: ignore[misc]
         "render_modes": ["human", "rgb_array", "depth_array"],
         "render_fps": 240,
     }
+
+    joints: Fixed[tuple[str, ...]] = Fixed()
+    control: Fixed[str] = Fixed()
+    servo: Fixed[str] = Fixed()
+    velocity_limit: Fixed[Array] = Fixed()
+    _chain: Chain | None = None
 
     #: Whether the fingers, the last two joints, stay where they start, whatever the action says of them.
     FINGERS_HELD = False
@@ -229,7 +238,10 @@ class RobotSimulation(MujocoRobotEnv, ABC):  # type: ignore[misc]
 
         entries, wiring = read_effects(self._effects), self.wiring()
         check_sizes(entries, wiring.targets)
-        return Chain(ScalarHost(self.model, self.data), wiring, [entries], lambda shape: self.np_random.random(shape))
+        return Chain(ScalarHost(self.data), wiring, [entries], self._uniform)
+
+    def _uniform(self, shape: tuple[int, ...]) -> Array:
+        return self.np_random.random(shape)
 
     def give_effects(self, effects: Any) -> None:
         """Let other effects act from now on; the episode goes on from where it is.
@@ -349,6 +361,29 @@ class RobotSimulation(MujocoRobotEnv, ABC):  # type: ignore[misc]
         else:
             self._chain.advance(self.command[None])
 
+    def __getstate__(self) -> dict[str, Any]:
+        """All that ``copy.deepcopy`` and ``pickle`` keep, in mid-episode too; a renderer's window or context is not."""
+        return copies.kept(self)
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        copies.restore(self, state)
+
+    @property
+    def n_substeps(self) -> int:
+        """Physics steps in a control step. Set, it acts from the next step on.
+
+        Raises:
+            ValueError: no whole number from 1 to :data:`MOST_SUBSTEPS`.
+            AttributeError: effects act, which reckon with the physics step.
+        """
+        return self._n_substeps
+
+    @n_substeps.setter
+    def n_substeps(self, count: Any) -> None:
+        if self._chain is not None:
+            raise AttributeError("n_substeps cannot be changed while effects act: set it first, then give_effects")
+        self._n_substeps = checks.whole_number("n_substeps", count, MOST_SUBSTEPS)
+
     @property
     def dt(self) -> float:
         """Control period by the clock of whoever commands [s]."""
@@ -360,6 +395,9 @@ class RobotSimulation(MujocoRobotEnv, ABC):  # type: ignore[misc]
         Raises:
             gymnasium.error.DependencyNotInstalled: no OpenGL could be started; says what to set.
         """
+        viewer = self.mujoco_renderer.viewer
+        if viewer is not None:
+            viewer.make_context_current()  # another environment may have made its own current, or freed it
         return checks.rendered(
             super().render, self.render_mode, lambda: getattr(self.mujoco_renderer, "viewer", None) is not None
         )

@@ -88,12 +88,15 @@ class VectorRobotEnv(VectorEnv[Any, Any, Any]):
         self._shape = (self.num_envs, len(self.core.joints))
         self._statistics = episode_statistics
         self._episodes = report.Episodes(self.num_envs)
-        self._everyone = np.ones(self.num_envs, dtype=bool)
-        self._everyone.flags.writeable = False
+        self._everyone = _everyone(self.num_envs)
         self._begun = np.zeros(self.num_envs, dtype=bool)
         self._ended = np.zeros(self.num_envs, dtype=bool)
         self._ready = self._over = False  # whether all have begun, and whether any has ended
         self._diverged = np.zeros(self.num_envs, dtype=np.int64)
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """A copy, in mid-episode too; see :mod:`tiago_mj.vector.batch`."""
+        vars(self).update(state, _everyone=_everyone(state["num_envs"]))
 
     # gymnasium's interface ------------------------------------------------------------------------------------------
 
@@ -174,6 +177,7 @@ class VectorRobotEnv(VectorEnv[Any, Any, Any]):
 
     def render(self) -> tuple[Any, ...] | None:
         """A frame of every environment, as the scalar environment's ``render``."""
+        checks.begun(bool(self._begun.any()), self.closed, "render")
         if self.render_mode is None:
             return None
         return tuple(self._frame(row) for row in range(self.num_envs))
@@ -212,8 +216,7 @@ class VectorRobotEnv(VectorEnv[Any, Any, Any]):
             raise checks.closed()
 
     def _check_begun(self) -> None:
-        if not self._ready:
-            raise error.ResetNeeded("reset() must be called before step()")
+        checks.begun(self._ready, self.closed, "step")
         if self._over and self.autoreset_mode == AutoresetMode.DISABLED:
             rows = np.flatnonzero(self._ended).tolist()
             raise error.ResetNeeded(
@@ -273,5 +276,12 @@ class VectorRobotEnv(VectorEnv[Any, Any, Any]):
         batch.get_model(row, core.model)
         batch.get_data(row, core.data)
         mujoco.mj_forward(core.model, core.data)
-        core.goal = self.simulations.goal[row]
+        core._goal, core._begun = self.simulations.goal[row], True
         return core.render()
+
+
+def _everyone(count: int) -> Mask:
+    """A mask of all, read-only: ``info`` hands it out."""
+    mask = np.ones(count, dtype=bool)
+    mask.flags.writeable = False
+    return mask

@@ -99,7 +99,7 @@ def actions_in_range(actions: Any, shape: tuple[int, int]) -> tuple[Array, Mask 
     if not finite.all():
         refused = ~finite.all(axis=1)
         given = np.where(refused[:, None], 0.0, given)
-    return np.minimum(np.maximum(given.astype(np.float64), -1.0), 1.0), refused
+    return np.minimum(np.maximum(given, -1.0), 1.0).astype(np.float64), refused
 
 
 def seeds(seed: Any, count: int) -> list[int | None]:

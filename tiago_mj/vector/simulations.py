@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import fields
-from typing import Final
+from typing import Any, Final
 
 import mujoco
 import mujoco.batch
@@ -17,6 +17,7 @@ from tiago_mj.envs.state import State
 from tiago_mj.models.objects import GraspObject
 from tiago_mj.sensing.load_cell import MovingAverage
 from tiago_mj.sensing.noise import NOISE_BLOCK, NoiseBlocks
+from tiago_mj.vector.batch import CopiedBatch
 from tiago_mj.vector.cohorts import Cohorts
 from tiago_mj.vector.models import Models
 
@@ -26,6 +27,8 @@ Rows = NDArray[np.intp]
 
 #: Warnings with which MuJoCo gives a simulation up and resets it (manual, "Simulation", "Diagnostics").
 _UNSTABLE: Final = slice(int(mujoco.mjtWarning.mjWARN_BADQPOS), int(mujoco.mjtWarning.mjWARN_BADQACC) + 1)
+#: Fields of the batch that are read and written in every step.
+BOUND: Final = ("qpos", "qvel", "act", "ctrl", "sensordata")
 
 
 class Simulations:
@@ -46,10 +49,8 @@ class Simulations:
         self._core = core
         if core._chain is not None:
             core._chain.restore()  # the batch is made of the nominal model
-        self.batch = mujoco.batch.Batch(core.model, count, threads)
-        bind = self.batch.bind
-        self._qpos, self._qvel, self._act, self._ctrl = (bind(name) for name in ("qpos", "qvel", "act", "ctrl"))
-        self._sensordata = bind("sensordata")
+        self.batch = CopiedBatch(core.model, count, threads)
+        self._bind()
         self.generators: list[np.random.Generator] = [seeding.np_random()[0] for _ in range(count)]
         self.models = Models(self.batch, core.model, core._item_in_place)
         self._cohorts: Cohorts | None = None
@@ -62,6 +63,25 @@ class Simulations:
         self.goal = np.zeros((count, len(core._goal_bound())))
         blank = [np.zeros(shape) for shape in _shapes(core.state, count)]
         self.state = State(*blank)
+
+    def _bind(self) -> None:
+        for name in BOUND:
+            setattr(self, f"_{name}", self.batch.bind(name))
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Without the views of the batch's memory, which a copy makes of its own batch."""
+        views = {f"_{name}" for name in BOUND}
+        return {name: value for name, value in vars(self).items() if name not in views}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update(state)
+        self._bind()
+
+    _qpos: Array
+    _qvel: Array
+    _act: Array
+    _ctrl: Array
+    _sensordata: Array
 
     @staticmethod
     def memory(core: RobotEnv) -> int:

@@ -8,11 +8,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Final
 
-import jinja2
 import markupsafe
 import numpy as np
 
-from tiago_mj import atomic
+from tiago_mj import atomic, pages
 from tiago_mj.view import colours, plots
 from tiago_mj.view.server import serving
 from tiago_mj.view.stage import Stage
@@ -55,13 +54,7 @@ def render(story: Story, *, beside: bool = False) -> str:
 
 def with_panel(page: str, story: Story, *, slower: int, larger: int) -> str:
     """viser's page with what is seen, its legend and its curves beside the scene."""
-    environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("tiago_mj.view", "templates"),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
+    environment = pages.environment("tiago_mj.view")
     roles = [motion.role for motion in story.motions]
     panel = environment.get_template("panel.html.j2").render(
         story=story,
@@ -78,10 +71,11 @@ def with_panel(page: str, story: Story, *, slower: int, larger: int) -> str:
         end=float(story.time[-1]),
         ghosts=len(roles) > 1,
     )
-    title = f"<title>tiago-mj view: {markupsafe.escape(story.robot)}</title>"
+    title = f"<title>tiago-mj view: {markupsafe.escape(pages.shown(story.robot))}</title>"
     head, _, rest = page.partition("<title>")
     _, _, after = rest.partition("</title>")
     page = head + title + after if after else page
+    page = page.replace("<head>", f"<head>{pages.of_application()}", 1)
     end = page.rindex("</body>")
     return page[:end] + panel + page[end:]
 

@@ -14,10 +14,9 @@ from importlib import resources
 from pathlib import Path
 from typing import Any, Final, Protocol
 
-import jinja2
 from markupsafe import Markup, escape
 
-from tiago_mj import atomic, extra
+from tiago_mj import atomic, extra, pages
 from tiago_mj.gap.data.lint.summary import summary
 from tiago_mj.gap.report import advice, overlays, shrinking, tables, verdict, words
 from tiago_mj.gap.result import PHASES, Diagnosis
@@ -50,13 +49,7 @@ class Seen(Protocol):
 
 def render(diagnosis: Diagnosis, seen: Seen | None = None) -> str:
     """The page, with pictures of the robots where there are some."""
-    environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("tiago_mj.gap.report", "templates"),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
+    environment = pages.environment("tiago_mj.gap.report")
     environment.filters.update(
         number=words.number,
         percent=words.percent,
@@ -70,6 +63,8 @@ def render(diagnosis: Diagnosis, seen: Seen | None = None) -> str:
         breakable=breakable,
     )
     drawn = _drawn(diagnosis)
+    packed = _packed() if drawn else ""
+    script = Markup(environment.get_template("report.js").render(phase_names=PHASES))
     return environment.get_template("report.html.j2").render(
         d=diagnosis,
         kind=KIND_NAMES.get(diagnosis.kind, diagnosis.kind),
@@ -95,11 +90,13 @@ def render(diagnosis: Diagnosis, seen: Seen | None = None) -> str:
         ceiling=verdict.ceiling(diagnosis.best) if diagnosis.best.effects else "",
         why_ceiling=verdict.why_ceiling(),
         overlays=drawn,
-        figures={row["id"]: row["figure"] for trial in drawn for row in trial["rows"]},
+        figures=pages.shown({row["id"]: row["figure"] for trial in drawn for row in trial["rows"]}),
         drawn=DRAWN,
         phase_names=PHASES,
         phases=list(dict.fromkeys(p for trial in drawn for p in trial["phases"])),
-        plotly=_plotly() if drawn else "",
+        plotly=packed,
+        script=script,
+        policy=pages.of_page([script, _plotly()] if drawn else []),
         seen=seen,
     )
 
@@ -132,10 +129,15 @@ def breakable(name: str) -> Markup:
 
 @functools.cache
 def _plotly() -> str:
-    """Plotly's script, gzip, base64."""
+    """Plotly's script."""
     extra.load("plotly", "the report")
-    script = resources.files("plotly").joinpath("package_data", "plotly.min.js").read_bytes()
-    return base64.b64encode(gzip.compress(script, 9, mtime=0)).decode()
+    return resources.files("plotly").joinpath("package_data", "plotly.min.js").read_bytes().decode()
+
+
+@functools.cache
+def _packed() -> str:
+    """The same, gzip, base64."""
+    return base64.b64encode(gzip.compress(_plotly().encode(), 9, mtime=0)).decode()
 
 
 def _drawn(diagnosis: Diagnosis) -> list[dict[str, Any]]:

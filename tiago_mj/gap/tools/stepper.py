@@ -72,7 +72,7 @@ class Stepper:
         entries = read_effects(effects)
         check_sizes(entries, self._wiring.targets)
         self._seed = seed
-        self._chain = Chain(ScalarHost(self.model, self.data), self._wiring, [entries], self._uniform)
+        self._chain = Chain(ScalarHost(self.data), self._wiring, [entries], self._uniform)
         self.reset()
 
     def reset(

@@ -126,7 +126,7 @@ def record_model(
     servo = _servo_facts(model, actuators)
     entries = read_effects(effects)
     check_sizes(entries, wiring.targets)
-    chain = Chain(ScalarHost(model, data), wiring, [entries], lambda shape: rng.random(shape))
+    chain = Chain(ScalarHost(data), wiring, [entries], lambda shape: rng.random(shape))
     for number in range(seed, seed + episodes):
         rng = np.random.default_rng(number)
         chain.restore()
