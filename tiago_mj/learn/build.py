@@ -133,10 +133,10 @@ def demonstrate(model: Any, settings: Settings, seed: int, *, stored: bool) -> N
     from tiago_mj.learn import demonstrations
 
     found = demonstrations.played(settings, model.env.num_envs, seed)
+    model.examples = demonstrations.Examples(found, asked["weight"])
     if not stored:
         demonstrations.store(found, model.replay_buffer)
-    if asked["weight"]:
-        model.examples = demonstrations.Examples(found, asked["weight"])
+        model.imitate(asked["updates"])
 
 
 def _wrapped(env: Any, given: Mapping[str, Any]) -> Any:

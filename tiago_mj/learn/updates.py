@@ -44,6 +44,22 @@ class FastTD3(TD3):  # type: ignore[misc]
     leak = 0.0
     examples: Examples | None = None
 
+    def imitate(self, updates: int) -> None:
+        """Learn from the demonstrations before the first step: the actor imitates, the critics learn what it earns.
+
+        Args:
+            updates: of the critics; the actor has one at every ``policy_delay``-th of them.
+        """
+        self.policy.set_training_mode(True)
+        with torch.no_grad():
+            descent = Descent(self)
+            for k in range(updates):
+                batch = self.replay_buffer.sample(self.batch_size, env=self._vec_normalize_env)
+                descent.update(batch, also_actor=False)
+                if k % self.policy_delay == 0:
+                    descent.imitate()
+            descent.put_back()
+
     def begin_episodes(self) -> None:
         """Forget what was held in the episodes before."""
         self._held: Any = None
@@ -123,8 +139,7 @@ class Descent:
         self._critic_adam.step()
         if also_actor:
             self._update_actor(seen)
-            self._critic_target_flat.lerp_(self._critic_flat, model.tau)
-            self._actor_target_flat.lerp_(self._actor_flat, model.tau)
+            self._follow()
 
     def _wanted(self, batch: Any, following: Tensor) -> Tensor:
         """What the critics should say, (batch, 1): the lowest of the targets' values of a noisy action."""
@@ -152,19 +167,30 @@ class Descent:
             slope = torch.where(by_action * action > 0, slope.clamp_min(self._leak), slope)
         self._actor.backward(values, by_action * slope, self._actor_gradient)
         if model.examples is not None:
-            self._actor_gradient.flat.add_(self._towards(model.examples))
+            pull = model.examples.weight * model._current_progress_remaining * float(judged[-1].abs().mean())
+            self._actor_gradient.flat.add_(self._towards(model.examples), alpha=pull)
         self._actor_adam.step()
 
+    def imitate(self) -> None:
+        """Update the actor by the examples alone, and all targets."""
+        self._actor_gradient.flat.copy_(self._towards(self._model.examples))
+        self._actor_adam.step()
+        self._follow()
+
+    def _follow(self) -> None:
+        self._critic_target_flat.lerp_(self._critic_flat, self._model.tau)
+        self._actor_target_flat.lerp_(self._actor_flat, self._model.tau)
+
     def _towards(self, examples: Examples) -> Tensor:
-        """Gradient of the weighted mean squared difference to demonstrated actions that the critic prefers, flat."""
-        model, critic = self._model, self._critics[0]
+        """Gradient of the mean squared difference to demonstrated actions, flat."""
+        model = self._model
         observations, wanted = examples.drawn(model._vec_normalize_env)
         seen = model.actor.extract_features(observations, model.actor.features_extractor)
         values = self._actor.forward(seen)
         action = values[-1].tanh_()
-        mine, theirs = (critic.forward(torch.cat([seen, one], dim=1))[-1] for one in (action, wanted))
-        gradient = (action - wanted) * (theirs > mine) * (2 * examples.weight / len(wanted))
-        self._actor.backward(values, gradient * (1 - action * action), self._example_gradient)
+        gradient = (action - wanted) * (2 / len(wanted))
+        slope = (1 - action * action).clamp_min(self._leak)
+        self._actor.backward(values, gradient * slope, self._example_gradient)
         return self._example_gradient.flat
 
     def put_back(self) -> None:

@@ -142,6 +142,9 @@ class _Demonstrations(Closed):
     policy: str = Field(description="give the name of a controller: scripted, pi, pi-tuned, or an agent's")
     episodes: _Whole = Field(default=100, description=_WHOLE)
     noise: float = Field(default=0.1, ge=0, le=2, description="give a standard deviation, 0 to 2")
+    updates: Annotated[int, Field(ge=0, le=10_000_000), BeforeValidator(_whole)] = Field(
+        default=2000, description="give a whole number, 0 or more"
+    )
     weight: float = Field(default=1.0, ge=0, le=1e6, description="give a number, 0 or more")
 
 
