@@ -104,12 +104,39 @@ def make_model(settings: Settings, env: Any, seed: int, *, fast: bool = True, fu
             if not hasattr(model, key):
                 raise ValueError(f"{key} is of td3 and her-td3: leave it out of the hyperparameters for {algo}")
             setattr(model, key, given[key])
-    if getattr(model, "leak", 0.0):
+    shown = given.get("demonstrations")
+    if shown and not hasattr(model, "examples"):
+        raise ValueError(f"demonstrations are of td3 and her-td3: leave them out of the hyperparameters for {algo}")
+    for key in (*(("leak",) if getattr(model, "leak", 0.0) else ()), *(("demonstrations",) if shown else ())):
         from tiago_mj.learn.updates import plain
 
         if not plain(model):
-            raise ValueError("leak is of networks with ReLU that learn with Adam: leave it out, or the activation_fn")
+            raise ValueError(f"{key} is of networks with ReLU that learn with Adam: leave it out, or the activation_fn")
     return model
+
+
+def demonstrate(model: Any, settings: Settings, seed: int, *, stored: bool) -> None:
+    """Give a model the demonstrations that its hyperparameters ask for, if they do.
+
+    Args:
+        model: of :func:`make_model`.
+        settings: of the training.
+        seed: of the training.
+        stored: whether the replay buffer has them already, as that of a checkpoint does.
+
+    Raises:
+        ValueError: there is no such controller for this environment; one line.
+    """
+    asked = settings.hyperparameters.get("demonstrations")
+    if not asked:
+        return
+    from tiago_mj.learn import demonstrations
+
+    found = demonstrations.played(settings, model.env.num_envs, seed)
+    model.examples = demonstrations.Examples(found, asked["weight"])
+    if not stored:
+        demonstrations.store(found, model.replay_buffer)
+        model.imitate(asked["updates"])
 
 
 def _wrapped(env: Any, given: Mapping[str, Any]) -> Any:
@@ -153,6 +180,8 @@ def _rollout(settings: Settings, envs: int) -> dict[str, Any]:
     if settings.updates_per_step is not None:
         updates = max(1, round(settings.updates_per_step * collected))
     most = envs * (math.ceil((settings.steps + collected) / envs) + 1)  # what can ever be stored
+    if shown := given.get("demonstrations"):
+        most += envs * -(-int(shown["episodes"]) // envs) * settings.episode_steps
     return {
         "train_freq": (count, unit),
         "gradient_steps": int(updates),

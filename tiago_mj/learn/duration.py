@@ -41,8 +41,8 @@ def steps_per_second(model: Any) -> float:
     threads, watch = torch.get_num_threads(), Watch()
     torch.set_num_threads(1)  # as each seed trains
     try:
-        if hasattr(model, "learning_starts"):
-            model.learning_starts = WARM_UP
+        if hasattr(model, "learning_starts") and not hasattr(model.replay_buffer, "ep_length"):
+            model.learning_starts = WARM_UP  # hindsight replay cannot begin before an episode is over
         model.learn(10**9, callback=watch)
     finally:
         torch.set_num_threads(threads)

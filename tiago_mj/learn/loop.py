@@ -54,7 +54,7 @@ def train_seed(task: Task) -> dict[str, Any]:
 
 def _train(task: Task, folder: Path) -> dict[str, Any]:
     from tiago_mj.learn import checkpoint
-    from tiago_mj.learn.build import make_env, make_model
+    from tiago_mj.learn.build import demonstrate, make_env, make_model
     from tiago_mj.learn.callbacks import Checkpoints, Episodes, Evaluations, Progress, begin_episodes
     from tiago_mj.learn.evaluation import Evaluator
     from tiago_mj.learn.export import agent_of
@@ -81,6 +81,7 @@ def _train(task: Task, folder: Path) -> dict[str, Any]:
             begin_episodes(model, task.seed)
     begun, before = time.monotonic(), model.num_timesteps
     if not finished:
+        demonstrate(model, settings, task.seed, stored=before > 0)
         progress = Progress(folder, settings.steps, episodes, alive)
         model.learn(
             settings.steps - before,

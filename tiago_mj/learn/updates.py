@@ -17,6 +17,7 @@ from stable_baselines3 import TD3
 from stable_baselines3.common.torch_layers import CombinedExtractor, FlattenExtractor
 from torch import Tensor, nn
 
+from tiago_mj.learn.demonstrations import Examples
 from tiago_mj.learn.perceptron import stacked
 
 #: Fewest updates for which copying there and back pays: it takes as long as about one update.
@@ -35,11 +36,29 @@ class FastTD3(TD3):  # type: ignore[misc]
         leak: least slope that the actor's tanh is given where the critic pulls an action inwards. At an action of ±1
             the slope is 0, so that an actor that went there early would never come back, and little noise explores
             nothing else.
+        examples: demonstrated actions that the actor is pulled towards; None: there are none.
     """
 
     hold = 1
     hold_share = 0.0
     leak = 0.0
+    examples: Examples | None = None
+
+    def imitate(self, updates: int) -> None:
+        """Learn from the demonstrations before the first step: the actor imitates, the critics learn what it earns.
+
+        Args:
+            updates: of the critics; the actor has one at every ``policy_delay``-th of them.
+        """
+        self.policy.set_training_mode(True)
+        with torch.no_grad():
+            descent = Descent(self)
+            for k in range(updates):
+                batch = self.replay_buffer.sample(self.batch_size, env=self._vec_normalize_env)
+                descent.update(batch, also_actor=False)
+                if k % self.policy_delay == 0:
+                    descent.imitate()
+            descent.put_back()
 
     def begin_episodes(self) -> None:
         """Forget what was held in the episodes before."""
@@ -62,7 +81,7 @@ class FastTD3(TD3):  # type: ignore[misc]
 
     def train(self, gradient_steps: int, batch_size: int = 100) -> None:
         """Do a number of updates of the critics, and of actor and targets at every ``policy_delay``-th of them."""
-        if (gradient_steps < FEWEST and not self.leak) or not plain(self):
+        if (gradient_steps < FEWEST and not self.leak and self.examples is None) or not plain(self):
             super().train(gradient_steps, batch_size)
             return
         self.policy.set_training_mode(True)
@@ -98,6 +117,7 @@ class Descent:
         self._actor_target_flat, (self._actor_target,) = stacked(actor_targets)
         self._critic_target_flat, self._critic_targets = stacked(critic_targets)
         self._actor_flat.grad, (self._actor_gradient,) = stacked(self._actor_numbers)
+        _, (self._example_gradient,) = stacked(self._actor_numbers)
         self._critic_flat.grad, self._critic_gradients = stacked(self._critic_numbers)
         self._actor_adam = _adam(model.actor.optimizer, self._actor_numbers, self._actor_flat)
         self._critic_adam = _adam(model.critic.optimizer, self._critic_numbers, self._critic_flat)
@@ -119,8 +139,7 @@ class Descent:
         self._critic_adam.step()
         if also_actor:
             self._update_actor(seen)
-            self._critic_target_flat.lerp_(self._critic_flat, model.tau)
-            self._actor_target_flat.lerp_(self._actor_flat, model.tau)
+            self._follow()
 
     def _wanted(self, batch: Any, following: Tensor) -> Tensor:
         """What the critics should say, (batch, 1): the lowest of the targets' values of a noisy action."""
@@ -136,7 +155,7 @@ class Descent:
         return batch.rewards + (1 - batch.dones) * discount * lowest
 
     def _update_actor(self, seen: Tensor) -> None:
-        critic = self._critics[0]
+        model, critic = self._model, self._critics[0]
         values = self._actor.forward(seen)
         action = values[-1].tanh_()
         judged = critic.forward(torch.cat([seen, action], dim=1))
@@ -147,7 +166,32 @@ class Descent:
         if self._leak:
             slope = torch.where(by_action * action > 0, slope.clamp_min(self._leak), slope)
         self._actor.backward(values, by_action * slope, self._actor_gradient)
+        if model.examples is not None:
+            pull = model.examples.weight * model._current_progress_remaining * float(judged[-1].abs().mean())
+            self._actor_gradient.flat.add_(self._towards(model.examples), alpha=pull)
         self._actor_adam.step()
+
+    def imitate(self) -> None:
+        """Update the actor by the examples alone, and all targets."""
+        self._actor_gradient.flat.copy_(self._towards(self._model.examples))
+        self._actor_adam.step()
+        self._follow()
+
+    def _follow(self) -> None:
+        self._critic_target_flat.lerp_(self._critic_flat, self._model.tau)
+        self._actor_target_flat.lerp_(self._actor_flat, self._model.tau)
+
+    def _towards(self, examples: Examples) -> Tensor:
+        """Gradient of the mean squared difference to demonstrated actions, flat."""
+        model = self._model
+        observations, wanted = examples.drawn(model._vec_normalize_env)
+        seen = model.actor.extract_features(observations, model.actor.features_extractor)
+        values = self._actor.forward(seen)
+        action = values[-1].tanh_()
+        gradient = (action - wanted) * (2 / len(wanted))
+        slope = (1 - action * action).clamp_min(self._leak)
+        self._actor.backward(values, gradient * slope, self._example_gradient)
+        return self._example_gradient.flat
 
     def put_back(self) -> None:
         """Give the model what was learned, and its optimisers what they remember."""

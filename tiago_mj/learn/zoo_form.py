@@ -1,8 +1,8 @@
 """Hyperparameters in rl-zoo3's YAML form: one entry an environment, read and checked before anything starts.
 
-An entry has rl-zoo3's own keys (:data:`OWN_KEYS`; ``hold``, ``hold_share`` and ``leak`` are ours) and arguments of the
-algorithm's class. What rl-zoo3 would run as Python (``policy_kwargs: "dict(net_arch=[400, 300])"``) is read as the
-literal that it is; nothing is evaluated.
+An entry has rl-zoo3's own keys (:data:`OWN_KEYS`; ``hold``, ``hold_share``, ``leak`` and ``demonstrations`` are ours)
+and arguments of the algorithm's class. What rl-zoo3 would run as Python, such as ``policy_kwargs: "dict(net_arch=[400,
+300])"``, is read as the literal that it is; nothing is evaluated.
 """
 
 from __future__ import annotations
@@ -37,7 +37,10 @@ ALGORITHMS: Final[Mapping[str, str]] = {
 #: Of :class:`tiago_mj.learn.updates.FastTD3`, beyond rl-zoo3's.
 FAST_KEYS: Final = ("hold", "hold_share", "leak")
 #: Keys of an entry that are not the class's arguments.
-OWN_KEYS: Final = ("n_timesteps", "n_envs", "policy", "env_kwargs", "normalize", "noise_type", "noise_std", *FAST_KEYS)
+OWN_KEYS: Final = (
+    "n_timesteps", "n_envs", "policy", "env_kwargs", "normalize", "noise_type", "noise_std", "demonstrations",
+    *FAST_KEYS,
+)  # fmt: skip
 #: rl-zoo3's keys that name Python to be run, or change what the policy is given in ways that agents cannot record.
 REFUSED: Final = ("env_wrapper", "vec_env_wrapper", "callback", "frame_stack", "monitor_kwargs")
 #: Arguments of the classes that the command sets itself, or that agents and checkpoints do not know of.
@@ -133,12 +136,27 @@ class _Normalise(Closed):
     gamma: _Share = Field(default=0.99, description="give a number from 0 to 1")
 
 
+class _Demonstrations(Closed):
+    """Episodes of a controller, see :mod:`tiago_mj.learn.demonstrations`."""
+
+    policy: str = Field(description="give the name of a controller: scripted, pi, pi-tuned, or an agent's")
+    episodes: _Whole = Field(default=100, description=_WHOLE)
+    noise: float = Field(default=0.1, ge=0, le=2, description="give a standard deviation, 0 to 2")
+    updates: Annotated[int, Field(ge=0, le=10_000_000), BeforeValidator(_whole)] = Field(
+        default=2000, description="give a whole number, 0 or more"
+    )
+    weight: float = Field(default=1.0, ge=0, le=1e6, description="give a number, 0 or more")
+
+
 class _Entry(Closed):
     n_timesteps: _Whole = Field(default=400_000, description=_WHOLE)
     n_envs: _Whole = Field(default=1, description=_WHOLE)
     hold: _Whole = Field(default=1, description=_WHOLE)
     hold_share: _Share = Field(default=0.0, description="give a share of the environments, 0 to 1")
     leak: _Share = Field(default=0.0, description="give a slope, 0 to 1")
+    demonstrations: Annotated[_Demonstrations | None, BeforeValidator(_mapping)] = Field(
+        default=None, description=_MAPPING
+    )
     policy: Literal["MlpPolicy", "MultiInputPolicy"] = Field(
         default="MlpPolicy", description="use 'MlpPolicy' or 'MultiInputPolicy'"
     )

@@ -11,6 +11,7 @@ import numpy as np
 
 from tiago_mj import arrays, extra
 from tiago_mj.control.force_pi import ForcePI
+from tiago_mj.control.scripted import Scripted
 from tiago_mj.control.tuned import tuned_pi
 from tiago_mj.envs.flat import core_of
 from tiago_mj.envs.hold_force import HoldForce
@@ -61,8 +62,9 @@ def make_policy(name: str, env: gymnasium.Env[Any, Any], *, seed: int, trust: bo
     """A policy for an environment.
 
     Args:
-        name: ``pi``, ``random``, the name of an agent that comes with the package, or a path: of an agent's npz, which
-            only holds numbers, or of a zip file saved by stable-baselines3.
+        name: ``pi``, ``pi-tuned``, ``scripted`` (of the reach, push and pick-and-place tasks), ``random``, the name of
+            an agent that comes with the package, or a path: of an agent's npz, which only holds numbers, or of a zip
+            file saved by stable-baselines3.
         env: what it will command.
         seed: of the random policy.
         trust: whether files may be unpickled.
@@ -79,6 +81,8 @@ def make_policy(name: str, env: gymnasium.Env[Any, Any], *, seed: int, trust: bo
                 "GripperTactile-v0 or TIAGoTactile-v0"
             )
         return ForcePI.for_env(env) if name == "pi" else tuned_pi(env)
+    if name == "scripted":
+        return Scripted.for_env(env)
     if name == RANDOM:
         assert isinstance(env.action_space, gymnasium.spaces.Box)
         return RandomPolicy(env.action_space, seed)
@@ -122,7 +126,7 @@ def _load(path: Path, env: gymnasium.Env[Any, Any], trust: bool) -> Any:
 def _algorithm(path: Path) -> str:
     """Which algorithm made the file: read from its settings, which are JSON; nothing is unpickled here."""
     if not path.is_file():
-        named = ", ".join(("pi", RANDOM, *shipped_agents()))
+        named = ", ".join(("pi", "pi-tuned", "scripted", RANDOM, *shipped_agents()))
         raise ValueError(
             f"policy {quoted(str(path))} is unknown: give {named}, an agent's {SUFFIX} file, or a file saved by "
             "stable-baselines3"
