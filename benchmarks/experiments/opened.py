@@ -19,7 +19,7 @@ from tiago_mj.gap.data import lint
 from tiago_mj.gap.data.read import read_recordings
 from tiago_mj.gap.detectors import readings, ripples, set_points
 from tiago_mj.gap.detectors.readings import Known
-from tiago_mj.gap.detectors.set_points import Told
+from tiago_mj.gap.detectors.set_points import ServoMotion
 from tiago_mj.gap.inference import hypotheses, noise_model
 from tiago_mj.gap.inference.fit import Fitted, Fitter
 from tiago_mj.gap.inference.hypotheses import Candidate, Term
@@ -27,7 +27,7 @@ from tiago_mj.gap.inference.likelihood import NUISANCE_BOUND
 from tiago_mj.gap.inference.noise_model import Data
 from tiago_mj.gap.inference.points import Point
 from tiago_mj.gap.inference.predictor import Predictor, predictor
-from tiago_mj.gap.search.select import TOUCH, TOUCHES
+from tiago_mj.gap.search.select import SENSITIVITY_DEVIATION, SENSITIVITY_DRAWS
 from tiago_mj.gap.simulation import sizes
 from tiago_mj.gap.simulation.plant import Plant, plant_of
 from tiago_mj.gap.simulation.session import split
@@ -63,7 +63,7 @@ class Opened:
     pool: tuple[Candidate, ...]
     terms: tuple[Term, ...]
     known: tuple[Known, ...]
-    seen: Told | None
+    seen: ServoMotion | None
     steps: int
 
     def part(self) -> tuple[Data, Array]:
@@ -94,7 +94,7 @@ def open_case(kept: Kept) -> Opened:
     data = predict.data
     fastest = np.abs(nominal.velocity).max(axis=(0, 1))
     pool = hypotheses.candidates(plant, None, fastest, sizes.sizes(plant, trials, nominal))
-    seen = set_points.told(plant, predict.on, data, nominal)
+    seen = set_points.servo_motion(plant, predict.on, data, nominal)
     if seen is not None:
         pool = set_points.magnitudes(plant, predict.on, seen, pool, fitted_on)
     base = predict.all_trials([()], list(range(len(trials))), keep=True)[0]
@@ -197,6 +197,6 @@ def judge(opened: Opened, predict: Predictor, weight: Array, trials: Sequence[in
 def with_scatter(fitter: Fitter, fit: Fitted) -> Fitter:
     """With the tolerance of how far predictions part that nothing tells apart, as a search has it."""
     rng = np.random.default_rng(fitter.predict.seed)
-    moved = fit.nuisance + TOUCH * rng.standard_normal((TOUCHES, fitter.size))
+    moved = fit.nuisance + SENSITIVITY_DEVIATION * rng.standard_normal((SENSITIVITY_DRAWS, fitter.size))
     points = [Point(fit.parts, fit.values, one) for one in (fit.nuisance, *moved)]
     return replace(fitter, data=noise_model.with_scatter(fitter.data, fitter.predictions(points)))

@@ -41,7 +41,7 @@ def grasp() -> list[Trial]:
 
 
 def every_effect(plant: Plant) -> list[tuple[int, tuple[Entry, ...]]]:
-    """Each at the second largest magnitude that is tried; but for those that draw, whose luck depends on who draws."""
+    """Each at the second largest magnitude that is tried; but for those that draw, whose draws depend on the batch."""
     first = {candidate.effect: candidate for candidate in reversed(hypotheses.candidates(plant))}
     first = {name: candidate for name, candidate in first.items() if name not in RANDOM}
     return [(0, ()), *((0, (candidate.entry(candidate.grid[-2]),)) for candidate in first.values())]

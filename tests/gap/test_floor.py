@@ -81,8 +81,8 @@ def test_one_motion_may_go_another_way(channel, wrong, said):
     data = Data((channel,), np.array([0]), values, np.array([NOISE]), sigma, np.zeros_like(values), block=6)
     error = np.random.default_rng(0).normal(0, NOISE, values.shape)
     error[wrong, 40:] += 10 * NOISE
-    assert list(np.nonzero(likelihood.astray(data, error))[0]) == said
-    assert not likelihood.astray(
+    assert list(np.nonzero(likelihood.departing_trials(data, error))[0]) == said
+    assert not likelihood.departing_trials(
         noise_model.part(data, [0, 1, 2]), error[:3]
     ).any()  # of three trials none is the odd one
 

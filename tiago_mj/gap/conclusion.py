@@ -135,7 +135,7 @@ def concluded(
         + outcome.notes(
             session.trials,
             proposed.tones,
-            astray=ranked.astray,
+            excluded=ranked.excluded,
             cut_from=session.recorded if len(session.trials) > session.recorded else 0,
             tested=bool(session.splits["test"]),
             complete=ranked.complete,
@@ -155,7 +155,7 @@ def _judged(
 ) -> tuple[verdict.Judged, Array]:
     """The verdict before the trials kept aside are looked at, and what each explanation gains on validation trials."""
     by = verdict.calibration()
-    judging = [k for k in session.indices("validation") if k not in ranked.astray]
+    judging = [k for k in session.indices("validation") if k not in ranked.excluded]
     gains, beaten = held_out.validated(
         session.plant,
         ranked.predict.as_simulated(),

@@ -73,7 +73,7 @@ def refined(plant: Plant, ranked: Ranked, data: Data, trials: Sequence[int]) -> 
     own = terms(plant)
     if _which(ranked.fits[0]) is None or not ranked.complete or any(term.per_trial for term in own):
         return ranked
-    rows = [row for row, trial in enumerate(trials) if trial not in ranked.astray][:TRIALS]
+    rows = [row for row, trial in enumerate(trials) if trial not in ranked.excluded][:TRIALS]
     here = noise_model.part(data, rows)
     flat = np.zeros((len(own), *here.value.shape))
     fitter = Fitter(ranked.predict, tuple(trials[row] for row in rows), here, ranked.weight, own, flat)

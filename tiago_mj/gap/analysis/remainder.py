@@ -64,7 +64,7 @@ def remainder(
         fitter = Fitter(predict, tuple(test), here, weight, own, flat, known)
         fitter = fitter.around(Point((), np.zeros(0), np.zeros(fitter.size)))
         (placed,) = fitter.fit_all([Start((), np.zeros(0))])
-        predicted = fitter.predictions([starts.point(placed)])[0]
+        predicted = fitter.predictions([starts.point_of(placed)])[0]
     residual = here.value - predicted
     square = (likelihood.scaled(here, likelihood.residual(here, predicted)) ** 2).sum(axis=(0, 1))
     measured = np.isfinite(here.value).sum(axis=(0, 1))

@@ -132,7 +132,7 @@ def _entries(fit: Fitted, terms: Sequence[Term]) -> Effects:
 
 def _white(menu: Rehearsal, weight: Array, predicted: Array) -> Array:
     """Whitened, (nmotions, nexplanations, n)."""
-    white = likelihood.whiten(menu.data, likelihood.told(menu.data, predicted), weight)
+    white = likelihood.whiten(menu.data, likelihood.mean_visible_change(menu.data, predicted), weight)
     return np.asarray(white.reshape(*white.shape[:2], -1).swapaxes(0, 1))
 
 

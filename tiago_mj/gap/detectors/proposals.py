@@ -35,7 +35,7 @@ class Proposals:
 
     pool: tuple[Candidate, ...]
     known: tuple[readings.Known, ...]
-    seen: set_points.Told | None
+    seen: set_points.ServoMotion | None
     tones: tuple[readings.Tone, ...]
     data: Data
 
@@ -54,7 +54,7 @@ def proposals(
     """
     plant, on, data, some = predict.plant, predict.on, predict.data, list(trials)
     part = noise_model.part(data, some)
-    seen = set_points.told(plant, on, data, nominal)
+    seen = set_points.servo_motion(plant, on, data, nominal)
     if seen is not None:
         pool = set_points.magnitudes(plant, on, seen, pool, some)
     untouched = set_points.untouched(data, nominal, data.value.shape[1])

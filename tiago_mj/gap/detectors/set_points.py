@@ -39,7 +39,7 @@ FAR: Final = 25.0
 
 
 @dataclass(frozen=True)
-class Told:
+class ServoMotion:
     """What the servos' motion says of their set points.
 
     A servo follows its set point with a lag: between two rows it covers ``share`` of the way that is left.
@@ -59,7 +59,7 @@ class Told:
     share: Array
 
 
-def told(plant: Plant, on: Grid, data: Data, nominal: Signals) -> Told | None:
+def servo_motion(plant: Plant, on: Grid, data: Data, nominal: Signals) -> ServoMotion | None:
     """Compare the motion with the nominal one; None for a plant without position servos.
 
     Args:
@@ -90,10 +90,10 @@ def told(plant: Plant, on: Grid, data: Data, nominal: Signals) -> Told | None:
         known = free & np.isfinite(measured)
         ahead[:, :, a] = np.where(known, measured, 0.0)
         deviation[:, :, a] = np.where(known, np.hypot(data.noise[column], LAG_SHARE * lead[:, :, a]), np.inf)
-    return Told(start, wanted, ahead, deviation, share)
+    return ServoMotion(start, wanted, ahead, deviation, share)
 
 
-def shares(plant: Plant, seen: Told | None) -> Array:
+def shares(plant: Plant, seen: ServoMotion | None) -> Array:
     """Share of the way to where a force pushes it that each joint covers in a row, (njoints,): all, where no servo says
     otherwise."""
     out = np.ones(len(plant.joints))
@@ -114,12 +114,12 @@ def untouched(data: Data, nominal: Signals, rows: int) -> NDArray[np.bool_]:
 
 
 def magnitudes(
-    plant: Plant, on: Grid, seen: Told, pool: Sequence[Candidate], trials: Sequence[int]
+    plant: Plant, on: Grid, seen: ServoMotion, pool: Sequence[Candidate], trials: Sequence[int]
 ) -> tuple[Candidate, ...]:
     """The pool, in which effects on set points have the magnitudes on their grids that explain what was seen best.
 
     Args:
-        plant, on, seen: as of :func:`told`.
+        plant, on, seen: as of :func:`servo_motion`.
         pool: candidates.
         trials: that are looked at.
     """
@@ -183,7 +183,7 @@ def _slewed(plant: Plant, on: Grid, start: Array, wanted: Array) -> Array:
     return out
 
 
-def _costs(plant: Plant, on: Grid, seen: Told, wide: Candidate, values: Array, trials: Sequence[int]) -> Array:
+def _costs(plant: Plant, on: Grid, seen: ServoMotion, wide: Candidate, values: Array, trials: Sequence[int]) -> Array:
     """Misfit of each magnitude, (nvalues, nactuators)."""
     total = np.zeros((len(values), seen.wanted.shape[2]))
     for t in trials:

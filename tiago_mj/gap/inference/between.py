@@ -73,7 +73,7 @@ def pull(difference: Array, sigma: Array, step: Array) -> Array:
     return out
 
 
-def told(sigma: Array, step: Array) -> Array:
+def relative_information(sigma: Array, step: Array) -> Array:
     """How much a reading tells of where the signal is (Fisher's information), relative to one of the same deviation
     that is not rounded, on average over where the signal lies between two lines."""
     ratio = np.maximum(step / sigma, RATIOS[0])

@@ -80,7 +80,7 @@ def frame(
         per_trial: whether every trial has its own, (p,).
         at: nuisances that the predictions to be scored have already, ordered as :func:`columns`; None: none.
     """
-    a = columns(whiten(data, told(data, responses), weight), per_trial)
+    a = columns(whiten(data, mean_visible_change(data, responses), weight), per_trial)
     gram = np.eye(a.shape[1]) + a.T @ a
     factor = linalg.cho_factor(gram, lower=True)
     moved = np.zeros(a.shape[1]) if at is None else at
@@ -112,11 +112,11 @@ def slope(data: Data, predicted: Array) -> Array | None:
     return _on_grids(data, data.value - predicted, between.slope, np.ones(1))
 
 
-def told(data: Data, change: Array) -> Array:
+def mean_visible_change(data: Data, change: Array) -> Array:
     """A change of predictions, (..., ntrials, T, C), as readings show it on average: on a grid not every one does."""
     if data.step is None:
         return change
-    return change * np.sqrt(between.told(data.sigma, np.broadcast_to(data.step, data.sigma.shape)))
+    return change * np.sqrt(between.relative_information(data.sigma, np.broadcast_to(data.step, data.sigma.shape)))
 
 
 def _on_grids(data: Data, difference: Array, how: Callable[..., Array], elsewhere: Array | None = None) -> Array:
@@ -178,7 +178,7 @@ def lasting_in(data: Data, difference: Array) -> Array:
     return out
 
 
-def astray(data: Data, difference: Array) -> NDArray[np.bool_]:
+def departing_trials(data: Data, difference: Array) -> NDArray[np.bool_]:
     """Whether each trial is to be excluded, (ntrials,): its motion departs from the prediction far more than in the
     other trials. An object that slips, tips or sticks in one grasp says nothing about an error common to all trials.
 

@@ -68,7 +68,7 @@ class Predictor:
             keep: remember the physics for later calls (of the nominal model, say).
         """
         given = self.plant.given
-        drawn = self.on.luck is None
+        drawn = self.on.delivered is None
         draws = [
             DRAWS if drawn and any(e.name in RANDOM and not sensor_only(e) for e in (*given, *effects)) else 1
             for _, effects in wanted
@@ -110,11 +110,11 @@ class Predictor:
         out = self(wanted, keep=keep)
         return out.reshape(len(explanations), len(trials), *out.shape[1:])
 
-    def with_luck(self, luck: Array) -> Predictor:
+    def with_delivered(self, delivered: Array) -> Predictor:
         """The same with the commands that were lost, (ntrials, T - 1, nactuators), instead of drawn ones."""
         given = any(entry.name in RANDOM for entry in self.plant.given)
         kept = {key: run for key, run in self._kept.items() if not given and all(e.name not in RANDOM for e in key[1])}
-        return replace(self, on=replace(self.on, luck=luck), runs=0, _kept=kept)
+        return replace(self, on=replace(self.on, delivered=delivered), runs=0, _kept=kept)
 
     def as_simulated(self) -> Predictor:
         """The same with the error of the physics step in it, and its readings rounded: what the environment, or the

@@ -44,7 +44,7 @@ class Grid:
         rows: number of rows of each, (ntrials,).
         period: length of every row, (ntrials, T - 1) [s].
         uniform: whether all rows have the plant's nominal period.
-        luck: the numbers that decide which commands are lost, (ntrials, T - 1, nactuators); None: drawn.
+        delivered: 1 for a command that reaches its servo, 0 for a lost one, (ntrials, T - 1, nactuators); None: drawn.
         commands: held where a row has none, (ntrials, T - 1, nactuators); of a plant whose commands are relative NaN
             where a row has none.
     """
@@ -54,7 +54,7 @@ class Grid:
     period: Array
     uniform: bool
     commands: Array
-    luck: Array | None = None
+    delivered: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -244,7 +244,7 @@ def _batch(
         points = np.array([start.set_point for start in starts])
         act = host.state("act")
         act[:, wiring.act[stateful]] = points[:, stateful]
-    chain = Chain(host, wiring, [entries for _, entries in sims], _uniform(sims, on.luck, seed))
+    chain = Chain(host, wiring, [entries for _, entries in sims], _uniform(sims, on.delivered, seed))
     qpos = host.state("qpos")
     qpos[:, wiring.qpos] = chain.true_position(qpos[:, wiring.qpos])
     substeps = plant.substeps
@@ -352,16 +352,18 @@ def _held(values: Array, idle: float) -> Array:
     return np.where(last >= 0, values[np.maximum(last, 0)], idle)
 
 
-def _uniform(sims: Sequence[tuple[int, Effects]], luck: Array | None, seed: int) -> Callable[[tuple[int, ...]], Array]:
+def _uniform(
+    sims: Sequence[tuple[int, Effects]], known_draws: Array | None, seed: int
+) -> Callable[[tuple[int, ...]], Array]:
     """Uniform numbers that are the same for every simulation of a trial, whatever batch it runs in; once a control step
-    those of ``luck``, where they are known."""
+    those of ``known_draws``, where they are known."""
     trial = np.array([t for t, _ in sims])
     generators = {int(t): np.random.default_rng([seed, int(t)]) for t in np.unique(trial)}
     steps = itertools.count()
 
     def draw(shape: tuple[int, ...]) -> Array:
-        if luck is not None:
-            known: Array = luck[trial, next(steps)]
+        if known_draws is not None:
+            known: Array = known_draws[trial, next(steps)]
             return known
         drawn = {t: generator.random(shape[1:]) for t, generator in generators.items()}
         return np.stack([drawn[int(t)] for t in trial])

@@ -152,7 +152,9 @@ def _excited(
     """An effect's distances over its magnitudes, and its signature at its default (nearest to what was tried)."""
     values = np.array(sorted({*candidate.grid, _default(predict.plant, candidate)}))
     change = predict.all_trials([(candidate.entry(float(v)),) for v in values], trials) - base
-    white = likelihood.whiten(frame.data, likelihood.told(frame.data, change), frame.weight).reshape(len(values), -1)
+    white = likelihood.whiten(frame.data, likelihood.mean_visible_change(frame.data, change), frame.weight).reshape(
+        len(values), -1
+    )
     left = white - linalg.cho_solve(frame.factor, frame.columns.T @ white.T).T @ frame.columns.T
     distance = np.sqrt(np.maximum((white * left).sum(axis=1), 0.0))
     at = int(np.argmin(np.abs(values - _default(predict.plant, candidate))))
