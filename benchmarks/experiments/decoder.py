@@ -35,7 +35,7 @@ BAND: Final = "command_deadband"
 WIDTHS: Final = 14
 WORTH: Final = lost_commands.MIN_GAIN_NATS
 #: What a magnitude costs that was chosen among those that were looked at [nats].
-PRICE: Final = float(np.log(set_points.DENSE))
+PRICE: Final = float(np.log(set_points.DENSE_MAGNITUDES))
 
 
 def decoded(kept: Kept) -> dict[str, Any]:
@@ -158,18 +158,18 @@ def _offsets(opened: Opened, name: str) -> tuple[Array, Array]:
     plant, on, seen = opened.plant, opened.predict.on, opened.seen
     assert seen is not None
     wide = opened.candidates(name, None)[0]
-    values = set_points._dense(wide, float(np.nanmax(np.abs(seen.wanted))))
+    values = set_points._dense(wide, float(np.nanmax(np.abs(seen.requested))))
     values = np.unique(np.concatenate([values[:: max(len(values) // 120, 1)], _true(opened, name)]))
-    out = np.zeros((len(values), *seen.wanted.shape))
-    for t in range(len(seen.wanted)):
+    out = np.zeros((len(values), *seen.requested.shape))
+    for t in range(len(seen.requested)):
         chain = only_commands(plant, [(wide.entry(float(v)),) for v in values])
-        shape = (len(values), seen.wanted.shape[2])
+        shape = (len(values), seen.requested.shape[2])
         chain.now.set_point = np.broadcast_to(seen.start[t], shape).copy()
         for effect in chain.effects:
             effect.start(chain.now)
-        for k in range(seen.wanted.shape[1]):
+        for k in range(seen.requested.shape[1]):
             chain.now.dt = np.full(len(values), on.period[t, k])
-            target = np.broadcast_to(seen.wanted[t, k], shape)
+            target = np.broadcast_to(seen.requested[t, k], shape)
             out[:, t, k] = chain.set_point(target) - target
     return values, out
 

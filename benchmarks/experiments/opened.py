@@ -68,7 +68,7 @@ class Opened:
 
     def part(self) -> tuple[Data, Array]:
         """Measured and predicted, of the trials that are fitted."""
-        return noise_model.part(self.data, self.trials), self.base[self.trials]
+        return noise_model.select_trials(self.data, self.trials), self.base[self.trials]
 
     def candidates(self, name: str, target: tuple[str, ...] | None) -> list[Candidate]:
         """Candidates of an effect on targets, one for each of their fixed numbers and forms."""
@@ -99,12 +99,12 @@ def open_case(kept: Kept) -> Opened:
         pool = set_points.magnitudes(plant, predict.on, seen, pool, fitted_on)
     base = predict.all_trials([()], list(range(len(trials))), keep=True)[0]
     untouched = set_points.untouched(data, nominal, data.value.shape[1])
-    part = noise_model.part(data, fitted_on)
+    part = noise_model.select_trials(data, fitted_on)
     share = set_points.shares(plant, seen)
     pool = ripples.with_periods(plant, part, base[fitted_on], untouched[fitted_on], share, pool)
     hums = {tone.channel for tone in readings.tones(plant, data, base)}
     marks = readings.of_channels(plant, part, base[fitted_on])
-    known = readings.betrayed([m for m in marks if m.channel not in hums], pool)
+    known = readings.measured_on_readings([m for m in marks if m.channel not in hums], pool)
     if any(k.candidate.effect == "force_dropout" for k in known):
         data = noise_model.without_repeats(data)
     terms = tuple(sorted(hypotheses.terms(plant), key=lambda term: term.per_trial))
@@ -180,7 +180,9 @@ def true_nuisance(opened: Opened, fitter: Fitter) -> Array:
         if value is None or (of_object and real.item is None):
             continue
         away = np.atleast_1d(value())
-        for place, one in zip(fitter.places(k), np.broadcast_to(away, len(fitter.places(k))), strict=True):
+        for place, one in zip(
+            fitter.nuisance_indices(k), np.broadcast_to(away, len(fitter.nuisance_indices(k))), strict=True
+        ):
             out[place] = np.clip(term.deviations(float(one)), -NUISANCE_BOUND, NUISANCE_BOUND)
     return out
 
@@ -188,7 +190,7 @@ def true_nuisance(opened: Opened, fitter: Fitter) -> Array:
 def judge(opened: Opened, predict: Predictor, weight: Array, trials: Sequence[int]) -> Fitter:
     """What all explanations of a case are compared by: one weight, one tolerance, all nominal numbers."""
     rows = [opened.trials.index(t) for t in trials]
-    data = noise_model.part(opened.part()[0], rows)
+    data = noise_model.select_trials(opened.part()[0], rows)
     shape = (len(opened.terms), *data.value.shape)
     given = tuple(k.candidate.entry(k.value) for k in opened.known)
     return Fitter(predict, tuple(trials), data, weight, opened.terms, np.zeros(shape), given)

@@ -108,16 +108,16 @@ def where_it_is(by: Fitter, fit: Fitted) -> Fitted:
 
 def evaluated(by: Fitter, parts: tuple[Candidate, ...], values: Array, nuisance: Array) -> Fitted:
     """Evidence at a point."""
-    there = replace(by.around(Point(parts, values, nuisance)), iterations=0)
+    there = replace(by.linearized_at(Point(parts, values, nuisance)), iterations=0)
     return there.fit_all([Start(parts, values, nuisance)])[0]
 
 
 def begun_at(by: Fitter, start: Start, most: int = ROUNDS) -> Fitted:
     """A fit from a point, with responses around itself, and again as long as that brings something."""
     assert start.nuisance is not None
-    (best,) = by.around(Point(start.parts, start.values, start.nuisance)).fit_all([start])
+    (best,) = by.linearized_at(Point(start.parts, start.values, start.nuisance)).fit_all([start])
     for _ in range(most - 1):
-        (again,) = by.around(starts.point_of(best)).fit_all([starts.restart(best)])
+        (again,) = by.linearized_at(starts.point_of(best)).fit_all([starts.restart(best)])
         gained, best = again.evidence - best.evidence, max(best, again, key=lambda f: f.evidence)
         if gained < BRINGS:
             break
@@ -142,11 +142,11 @@ def decided(opened: Opened, fits: Sequence[Fitted]) -> dict[str, Any]:
     ranked = Ranked(tuple(shown), (), (), 0, pool, True, np.zeros(0), opened.predict)
     options = [verdict.option(fit, ranked) for fit in shown]
     by, betrayed = verdict.calibration(), bool(opened.known)
-    said = verdict.decide(options, by, betrayed=betrayed)
+    said = verdict.decide(options, by, measured_on_readings=betrayed)
     parts = [*shown[said.rivals[0]].parts, *(k.candidate for k in opened.known)]
     named = sorted({score.class_of(part.effect) for part in parts})
     effects = [{"name": e.name} for e in opened.kept.case.effects]
-    probability = float(verdict.probabilities(options, by, betrayed=betrayed)[said.rivals[0]])
+    probability = float(verdict.probabilities(options, by, measured_on_readings=betrayed)[said.rivals[0]])
     right = said.kind != "unknown" and tuple(named) == score.classes(effects)
     return {"kind": said.kind, "named": named, "probability": round(probability, 3), "right": right}
 

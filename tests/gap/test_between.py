@@ -22,7 +22,7 @@ def read(step, deviation=1.0, offset=0.0, seed=0, after=True):
 @pytest.mark.parametrize("after", [True, False], ids=["noise is rounded", "noise comes after"])
 def test_at_the_truth_nothing_pulls_and_a_reading_is_no_worse_than_one_without_grid(step, after):
     args = read(step, after=after)
-    pull = between.pull(*args)
+    pull = between.score(*args)
     assert abs(pull.mean()) < 4 * pull.std() / np.sqrt(ROWS)
     assert (between.residual(*args) ** 2).mean() < 1 + 4 * np.sqrt(2 / ROWS)
     assert pull.var() == pytest.approx(

@@ -28,10 +28,10 @@ def shortened(plant, factor):
 def test_predictions_are_nearer_to_those_of_steps_sixteen_times_shorter(grasps, effects):
     plant, on, data = grasps
     sims = [(k, ()) for k in range(2)]
-    runs = [replay.simulate(p, on, sims) for p in (plant, shortened(plant, noise_model.FINER))]
+    runs = [replay.simulate(p, on, sims) for p in (plant, shortened(plant, noise_model.STEP_REFINEMENT))]
     wanted = noise_model.predicted(data, replay.simulate(shortened(plant, 16), on, [(k, effects) for k in range(2)]))
     left = {}
-    put_right = Predictor(plant, on, data, off=noise_model.off_by_step(*runs))
+    put_right = Predictor(plant, on, data, off=noise_model.step_errors(*runs))
     several = {"as simulated": put_right.as_simulated(), "put right": put_right}
     for name, predict in several.items():
         predicted = predict.all_trials([effects], range(2))[0]
@@ -68,12 +68,12 @@ def test_what_a_large_effect_s_form_may_miss_is_no_second_effect_but_costs():
     change[0, 40:, 0] = 200.0  # deviations of the noise
     data = made_up(1.02 * change)  # reality does 2 % more
     plain = Whitening(data, np.ones(2))
-    wide = plain.with_shape(0.03 * change)
+    wide = plain.with_form_tolerance(0.03 * change)
     assert plain.misfit(change).max() > 5
     assert wide.misfit(change).max() < 1
-    assert wide.wider > 0
+    assert wide.tolerance_cost > 0
     # A small one is held to the noise: a tenth of a deviation is within it.
-    assert plain.with_shape(0.03 * change / 100).wider < 0.002 * wide.wider
+    assert plain.with_form_tolerance(0.03 * change / 100).tolerance_cost < 0.002 * wide.tolerance_cost
 
 
 def test_a_joint_without_a_gap_of_its_own_has_no_effect_of_its_own(grasps):
@@ -159,7 +159,9 @@ def test_an_effect_begins_without_the_numbers_that_were_moved_for_it_too(grasps)
     found = Screened(offset, offset.grid[0], 9.0, offset.grid, np.zeros((1, *data.value.shape)), 40.0)
 
     def begins(start):
-        return {(*map(float, values), *map(float, n)) for values, n in ((start.values, start.nuisance), *start.also)}
+        return {
+            (*map(float, values), *map(float, n)) for values, n in ((start.values, start.nuisance), *start.alternatives)
+        }
 
     moved = np.array([3.0, 2.0])
     assert {(v, 0.0, 0.0) for v in offset.grid} <= begins(starts.start_of_screened(found, fitter, moved))
@@ -179,7 +181,7 @@ def test_an_object_off_in_every_trial_is_given_back_as_one_offset(grasps):
     fitter = Fitter(Predictor(plant, on, data), (0, 1), data, np.ones(6), terms, zeros)
     (offset,) = (c for c in hypotheses.candidates(plant, ["object_offset"]) if c.target is None)
     nuisance = np.array([0.5, -0.5, 2.0, 3.0])  # two gains; an offset for each of two trials
-    assert fitter.places(next(k for k, t in enumerate(terms) if t.per_trial)) == [2, 3]
+    assert fitter.nuisance_indices(next(k for k, t in enumerate(terms) if t.per_trial)) == [2, 3]
     values, left = starts._nuisances_moved_to_effect((offset,), np.array([0.0]), fitter, nuisance)
     assert values == pytest.approx([2.5 * 0.0004])
     assert left == pytest.approx([0.5, -0.5, -0.5, 0.5])
@@ -287,7 +289,10 @@ def test_an_effect_that_may_be_nothing_is_not_shown(grasps):
     none = fit(0.0)
     assert shortlist.reportable([fit(9.0, (friction, (0.033, 0.02))), none]) == [none]
     assert shortlist.reportable([fit(9.0, (limit, (limit.high, 0.02))), none]) == [none]
-    sure, drawn = fit(9.0, (friction, (0.07, 0.02))), fit(9.0, (replace(friction, paid=(3.0,)), (0.033, 0.02)))
+    sure, drawn = (
+        fit(9.0, (friction, (0.07, 0.02))),
+        fit(9.0, (replace(friction, selection_penalty=(3.0,)), (0.033, 0.02))),
+    )
     assert shortlist.reportable([sure, drawn, none]) == [sure, drawn, none]
 
 

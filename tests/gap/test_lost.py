@@ -79,7 +79,7 @@ def test_where_no_command_was_lost_none_is_told(hinge: tuple[Predictor, ServoMot
 def test_a_trial_counts_only_where_it_is_fitted(hinge: tuple[Predictor, ServoMotion, Path]) -> None:
     predict, seen, _ = hinge
     losing, _ = with_losses(predict, SHARE)
-    without = replace(losing, data=noise_model.part(losing.data, range(4)))
+    without = replace(losing, data=noise_model.select_trials(losing.data, range(4)))
     without.data.value[1:] = np.nan
     found = lost_commands.decode(without, seen, [()] * 4, (0,))
     assert (found.delivered[1:] == 1).all()
@@ -99,7 +99,7 @@ def test_losses_of_two_servos_that_become_one_effect_cost_what_both_cost() -> No
 
     def losing(target: str, paid: tuple[float, ...]) -> hypotheses.Candidate:
         return hypotheses.Candidate(
-            lost_commands.EFFECT, (target,), "probability", (), 0.0, 0.0, 0.6, (0.2,), "-", paid=paid
+            lost_commands.EFFECT, (target,), "probability", (), 0.0, 0.0, 0.6, (0.2,), "-", selection_penalty=paid
         )
 
     parts = (losing("right", (30.0, 1.0)), losing("left", (20.0, 3.0)))
@@ -107,7 +107,7 @@ def test_losses_of_two_servos_that_become_one_effect_cost_what_both_cost() -> No
     targets = SimpleNamespace(names=lambda kind: names)
     fitter = SimpleNamespace(predict=SimpleNamespace(plant=SimpleNamespace(wiring=SimpleNamespace(targets=targets))))
     ((together,),) = (start.parts for start in starts.on_all_targets(both, fitter))  # type: ignore[arg-type]
-    assert (together.target, together.paid) == (None, (50.0, 4.0))
+    assert (together.target, together.selection_penalty) == (None, (50.0, 4.0))
 
 
 @pytest.mark.slow

@@ -39,7 +39,9 @@ def test_where_contacts_are_rough_draws_of_the_nominal_numbers_lead_to_what_smal
     moved = np.where(np.arange(none.size) % 2, 1.6, -1.6)
     exact = none.predictions([Point((lag,), np.array([0.03]), moved)])[0]
     fitter = replace(none, data=replace(data, value=exact + data.noise * rng.normal(size=exact.shape)))
-    (stuck,) = fitter.around(Point((lag,), np.array([0.02]), 0 * moved)).fit_all([Start((lag,), np.array([0.02]))])
+    (stuck,) = fitter.linearized_at(Point((lag,), np.array([0.02]), 0 * moved)).fit_all(
+        [Start((lag,), np.array([0.02]))]
+    )
     led = ensemble.fitted(fitter, stuck)
     assert refinement.leaves_gap(stuck, refinement.ENSEMBLE_MIN_DISCREPANCY)
     assert not refinement.leaves_gap(led, refinement.ADEQUATE_DISCREPANCY)

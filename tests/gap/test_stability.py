@@ -104,7 +104,7 @@ def test_predictions_are_finite_and_what_diverged_is_hopeless(tmp_path):
     wild = (Entry("servo_damping", None, {"damping": 1e4}),)
     out = predict([(0, ()), (0, wild)])
     assert np.isfinite(out).all()
-    assert np.abs(out[1] - out[0]).max() > 0.5 * noise_model.HOPELESS * predict.data.noise.min()
+    assert np.abs(out[1] - out[0]).max() > 0.5 * noise_model.DIVERGED_DEVIATIONS * predict.data.noise.min()
     assert predict.tally["diverged"] == 1
 
 

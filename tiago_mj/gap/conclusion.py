@@ -75,7 +75,7 @@ def concluded(
     """
     plant, data = session.plant, proposed.data
     everything, fitted_on = range(len(session.trials)), session.indices(*FITTED)
-    part = noise_model.part(data, fitted_on)
+    part = noise_model.select_trials(data, fitted_on)
     placed, ranked = _unless_ended(ranked, partial(place.refined, plant, ranked, part, fitted_on), None)
     ranked = placed or ranked
     # Before and after are what the simulator itself does: as the environment with these effects, or the repaired model.
@@ -166,7 +166,7 @@ def _judged(
         by.fails,
         seed,
     )
-    judged = verdict.judge(ranked, strange=bool(proposed.tones), beaten=beaten if judging else None)
+    judged = verdict.judge(ranked, strange=bool(proposed.tones), refuted=beaten if judging else None)
     return promises.standing(judged, [verdict.option(fit, ranked) for fit in ranked.fits], by), gains
 
 

@@ -15,19 +15,22 @@ from tiago_mj.gap.search.screen import Screened
 
 Array = NDArray[np.float64]
 
-#: Explanations that are extended by another effect, and their extensions that are fitted to all trials.
+#: Explanations that are extended by another effect, and number of extensions that are fitted to all trials. Chosen by
+#: hand; no ablation.
 MAX_SEEDS: Final = 3
 MAX_REFITTED_EXTENSIONS: Final = 3
-#: Where an explanation leaves nothing to explain, another effect beside it must promise so much more [nats].
+#: Where an explanation is adequate, another effect is fitted beside it only where its predicted gain exceeds this
+#: [nats]. Chosen by hand; no ablation.
 MIN_GAIN_BESIDE_ADEQUATE_NATS: Final = 15.0
-#: Explanations that are fitted anew where samples count for something else.
+#: Explanations that are refitted when the sample weights change; the others are only reevaluated. Chosen by hand; no
+#: ablation.
 MAX_REFITTED: Final = 2
-#: What a single effect may leave for another one beside it to have to promise plenty: its form is not quite that of any
-#: real one.
+#: Largest discrepancy at which a single effect counts as adequate, above that of the nominal model because its form is
+#: not exactly that of a real effect. Chosen by hand; no ablation.
 ADEQUATE_SINGLE_DISCREPANCY: Final = 1.5
-#: What is correlated in time beside an explanation that lacks an effect is that effect, and no error of the simulator:
-#: while another one is sought, samples count for so much at least (square root), half of what those of an explanation
-#: that stands do.
+#: Smallest weight of a sample (square root) while another effect is sought: half of that of uncorrelated samples.
+#: Residuals beside an explanation that lacks an effect are correlated by that effect, not by model error. Chosen by
+#: hand; no ablation.
 MIN_WEIGHT_WHILE_UNEXPLAINED: Final = 0.5 / refinement.SAMPLES_PER_INDEPENDENT**0.5
 
 
@@ -52,7 +55,7 @@ class Search:
     base: Array
 
     def with_weight(self, weight: Array) -> Search:
-        """The same with samples that count for something else; what was fitted before is not judged anew."""
+        """This search with other sample weights, (C,); explanations that were fitted before keep their evidence."""
         few, everywhere = replace(self.few, weight=weight), replace(self.everywhere, weight=weight)
         return replace(self, few=few, everywhere=everywhere)
 
@@ -62,8 +65,8 @@ class Search:
 
 
 def is_warranted(search: Search, size: int) -> bool:
-    """Whether explanations by so many effects are sought: where one effect hardly explains more than none, two would
-    not be believed, and a third only where two leave a gap."""
+    """Whether explanations by ``size`` effects are sought: not where the best one explains hardly more than the nominal
+    model and leaves no gap, and three effects only where the best two leave a gap."""
     best = search.best()
     if best.evidence - shortlist.best_nominal(
         search.fits
@@ -155,7 +158,7 @@ def _explanations_of_size(search: Search, size: int, promising: Sequence[Screene
             seeds[0].values, at
         ):  # what they were moved for may be the other effect
             zeros = np.zeros_like(at)
-            there = everywhere.around(Point(seeds[0].parts, seeds[0].values, zeros))
+            there = everywhere.linearized_at(Point(seeds[0].parts, seeds[0].values, zeros))
             found += there.fit_all(extend.with_effect_on_worst_trials(there, seeds[0], len(few.trials), others, zeros))
     found += everywhere.fit_all(extended)
     if not found:

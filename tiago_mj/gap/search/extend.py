@@ -22,15 +22,16 @@ from tiago_mj.gap.simulation.replay import sensor_only
 
 Array = NDArray[np.float64]
 
-#: Extensions of an explanation that are fitted to some trials.
+#: Extensions of an explanation that are fitted to the trials of the first pass. Chosen by hand; no ablation.
 MAX_EXTENSIONS: Final = 4
-#: Pairs that are found by superposition and fitted to some trials, and magnitudes of each effect that are tried.
+#: Pairs found by superposition that are fitted to the trials of the first pass, and magnitudes tried of each effect.
+#: Chosen by hand; no ablation.
 MAX_SUPERPOSED_PAIRS: Final = 6
 MAGNITUDES_PER_EFFECT: Final = 7
-#: Classes of which each part has one in pairs that act on different parts.
+#: Classes considered per joint or cell for pairs that act on different ones. Chosen by hand; no ablation.
 CLASSES_PER_PART: Final = 6
-#: Evidence that another effect must add, by what is known before it is fitted, to be sought at all [nats]: less would
-#: not pay for it.
+#: Smallest predicted gain of log-likelihood for which another effect is fitted [nats]: less would not outweigh its
+#: prior. Chosen by hand; no ablation.
 MIN_PREDICTED_GAIN_NATS: Final = 5.0
 
 
@@ -52,7 +53,7 @@ def extensions(
         found: list[tuple[float, Screened, float]] = []
         for s in promising:
             if s.candidate.label not in there:
-                gains = likelihood.log_likelihood(on, whole + s.changes) - alone - s.paid
+                gains = likelihood.log_likelihood(on, whole + s.changes) - alone - s.selection_penalty
                 best = int(np.argmax(gains))
                 found.append((float(gains[best]), s, s.values[best]))
         kinds: set[object] = set()
@@ -83,7 +84,7 @@ def with_sensor_effect(few: Fitter, everywhere: Fitter, seed: Fitted, pool: Sequ
         return []
     rows = [everywhere.trials.index(trial) for trial in few.trials]
     at = Point(seed.parts, seed.values, everywhere.of(rows, seed.nuisance))
-    there = few.around(at)
+    there = few.linearized_at(at)
     return there.fit_all(_screened_starts(there, at, sensing))
 
 
@@ -104,7 +105,9 @@ def with_effect_on_worst_trials(
     there, at = fitter.part(worst), Point(seed.parts, seed.values, fitter.of(worst, nuisance))
     labels = {part.label for part in seed.parts}
     found = _screened_starts(there, at, [c for c in pool if c.label not in labels])
-    return [replace(start, nuisance=nuisance, also=with_zero_nuisances(start.values, nuisance)) for start in found]
+    return [
+        replace(start, nuisance=nuisance, alternatives=with_zero_nuisances(start.values, nuisance)) for start in found
+    ]
 
 
 def _screened_starts(there: Fitter, at: Point, tried: Sequence[Candidate]) -> list[Start]:
@@ -122,7 +125,7 @@ def _screened_starts(there: Fitter, at: Point, tried: Sequence[Candidate]) -> li
 def _worst_trials(predicted: Array, data: Data, count: int) -> list[int]:
     """Trials that fail most, sample by sample and by errors that last, in turn."""
     single = _by_misfit(predicted, data)
-    lasting = np.argsort(-likelihood.lasting_in(data, data.value - predicted))
+    lasting = np.argsort(-likelihood.lasting_per_trial(data, data.value - predicted))
     in_turn = [int(k) for both in zip(single, lasting, strict=True) for k in both]
     return sorted(list(dict.fromkeys(in_turn))[:count])
 
@@ -149,7 +152,9 @@ def superposed_pairs(on: likelihood.Frame, base: Array, promising: Sequence[Scre
     found: list[tuple[float, Start]] = []
     for a, b in pairs:
         (i, one), (j, other) = _thinned_magnitudes(a), _thinned_magnitudes(b)
-        gains = likelihood.log_likelihood(on, base + one[:, None] + other[None]) - a.paid - b.paid
+        gains = (
+            likelihood.log_likelihood(on, base + one[:, None] + other[None]) - a.selection_penalty - b.selection_penalty
+        )
         best = np.unravel_index(int(np.argmax(gains)), gains.shape)
         values = np.array([a.values[i[best[0]]], b.values[j[best[1]]]])
         if gains[best] >= alone + MIN_PREDICTED_GAIN_NATS:
@@ -183,7 +188,7 @@ def _thinned_magnitudes(s: Screened) -> tuple[NDArray[np.int_], Array]:
 
 
 def unique_by_labels(starts: Sequence[Start]) -> list[Start]:
-    """Each set of effects and targets once, the first of them."""
+    """The first start of every set of effects and targets."""
     out: dict[object, Start] = {}
     for start in starts:
         out.setdefault(frozenset(part.label for part in start.parts), start)
@@ -191,7 +196,7 @@ def unique_by_labels(starts: Sequence[Start]) -> list[Start]:
 
 
 def worst_predicted(base: Array, data: Data, count: int) -> list[int]:
-    """Trials in which the nominal model fails most: what there is to explain shows there."""
+    """The ``count`` trials in which a prediction has the largest misfit, in order of their index."""
     return sorted(_by_misfit(base, data)[:count])
 
 

@@ -30,34 +30,39 @@ Mask = NDArray[np.bool_]
 EFFECT: Final = "dropped_commands"
 #: Shares of lost commands that are looked at.
 SHARES: Final = tuple(np.geomspace(0.01, 0.5, 7).tolist())
-#: Share of the commands that is lost where a joint's answer is learned; seed of which.
+#: Share of commands lost in the simulations from which the joints' responses are learned, and their seed.
 TRAINING_SHARE: Final = 0.15
 SEED: Final = 15
-#: How firmly the answer is drawn towards a lag of first order (share of the mean square of set points).
+#: Strength of the ridge prior towards a first-order response (share of the mean square of the set points). Chosen by
+#: hand; no ablation.
 RIDGE: Final = 0.01
-#: An answer lasts for so many time constants, and so many rows at least, and at most.
+#: Length of a learned response in time constants, and fewest and most rows of it. Chosen by hand; no ablation.
 RESPONSE_TIME_CONSTANTS: Final = 5.0
 RESPONSE_ROWS: Final = (3, 60)
-#: Commands are told, nominal numbers fitted beside them, and commands told once more, so many times at most, as long as
-#: what it costs falls below this share; a fit takes so many steps.
+#: Rounds of decoding and fitting at most, Gauss-Newton steps of each fit, and ratio of a round's cost to the last one's
+#: above which the rounds end. Chosen by hand; no ablation.
 MAX_DECODING_ROUNDS: Final = 6
 FIT_ITERATIONS: Final = 2
 CONVERGED_COST_RATIO: Final = 0.97
-#: Commands that are decided together.
+#: Number of latest commands that a state of the Viterbi decoder holds. Chosen by hand; no ablation.
 STATE_COMMANDS: Final = 5
-#: What errs for more than so many answers is no lost command.
+#: Time constant of the estimate of slow errors, in lengths of a response: what errs for longer is no lost command.
+#: Chosen by hand; no ablation.
 DRIFT_RESPONSES: Final = 3.0
-#: A squared residual counts no more than this: where other causes act it says nothing of this one. As elsewhere, two
-#: samples count as one.
+#: Squared residuals are clipped at this, in units of their variance, and samples count half as elsewhere
+#: (:data:`tiago_mj.gap.search.refinement.SAMPLES_PER_INDEPENDENT`). Chosen by hand; no ablation.
 MAX_SQUARED_RESIDUAL: Final = 25.0
 DECODING_SAMPLE_WEIGHT: Final = 0.5
-#: Where they leave more than this share of what there is to explain, they are not its cause.
+#: Lost commands are not pursued where their cost exceeds this share of the cost without losses. Chosen by hand; no
+#: ablation.
 MAX_COST_RATIO: Final = 0.85
-#: And more than this where samples count for what they do beside errors that last.
+#: The same with the sample weights of the fit. Chosen by hand; no ablation.
 MAX_WEIGHTED_COST_RATIO: Final = 0.7
-#: One standard deviation of the share, of itself, that what else goes on passes for lost commands and hides some.
+#: Standard deviation of the share of lost commands due to wrong decoding, relative to the share. Chosen by hand; no
+#: ablation.
 RELATIVE_DECODING_ERROR: Final = 0.2
-#: Fewer than so many lost commands are an accident, and so is what they explain by less than this [nats].
+#: Fewest lost commands, and smallest gain of log-likelihood [nats], at which lost commands are a candidate. Chosen by
+#: hand; no ablation.
 MIN_LOST: Final = 4
 MIN_GAIN_NATS: Final = 10.0
 
@@ -109,20 +114,20 @@ class ExplanationWithLosses:
 
 
 def decoded_beside(
-    fitter: Fitter, at: Point, seen: ServoMotion, pool: Sequence[Candidate]
+    fitter: Fitter, at: Point, motion: ServoMotion, pool: Sequence[Candidate]
 ) -> ExplanationWithLosses | None:
     """Which commands were lost beside an explanation that loses none; None where hardly any was.
 
     Args:
         fitter: of the trials that are explained.
         at: the explanation.
-        seen: of the servos.
+        motion: of the servos.
         pool: candidates that lose commands, the first of them to all servos.
     """
     # The nuisance parameters, above all the delay, may have absorbed what lost commands do. So start without them, too.
     punctual = at.nuisance.copy()
     for k, term in enumerate(fitter.terms):
-        punctual[fitter.places(k)] *= term.effect != "command_delay"
+        punctual[fitter.nuisance_indices(k)] *= term.effect != "command_delay"
     best, least = None, np.inf
     for nuisance in (at.nuisance, punctual, np.zeros(fitter.size)):
         point = replace(at, nuisance=nuisance)
@@ -130,25 +135,25 @@ def decoded_beside(
         for _ in range(MAX_DECODING_ROUNDS):
             if fitter.out_of_time():
                 return best
-            found = decode(fitter.predict, seen, _effects_in_every_trial(fitter, point), fitter.trials)
+            found = decode(fitter.predict, motion, _effects_in_every_trial(fitter, point), fitter.trials)
             losing = losing_candidates(pool, found, fitter.predict.plant.wiring.targets.command, fitter.trials)
             now = found.cost_with_losses(fitter.trials)
             if losing is None or now > MAX_COST_RATIO * found.cost_without_losses(fitter.trials):
                 break
             predict = fitter.predict.with_delivered(found.delivered)
-            there = point.beside(losing[0], losing[0].grid[0])
+            there = point.with_effect(losing[0], losing[0].grid[0])
             (fit,) = replace(fitter, predict=predict, iterations=FIT_ITERATIONS).fit_all([starts.start_at(there)])
             if now < least:
                 best, least = ExplanationWithLosses(predict, found, point, fit), now
             if now > CONVERGED_COST_RATIO * before:
                 break
             before = now
-            point = Point(fit.parts, fit.values, fit.nuisance).less(len(fit.parts) - 1)
+            point = Point(fit.parts, fit.values, fit.nuisance).without_effect(len(fit.parts) - 1)
     return best
 
 
 def penalised(
-    fitter: Fitter, decoded: ExplanationWithLosses, seen: ServoMotion, pool: Sequence[Candidate]
+    fitter: Fitter, decoded: ExplanationWithLosses, motion: ServoMotion, pool: Sequence[Candidate]
 ) -> dict[Label, Candidate] | None:
     """Candidates that lose commands, by label, with the share that was lost and the penalty for having decoded them.
 
@@ -159,12 +164,12 @@ def penalised(
     Args:
         fitter: of the trials that are explained, with what a sample counts for.
         decoded: of the same trials.
-        seen: of the servos.
+        motion: of the servos.
         pool: candidates.
     """
     counts = fitter.motion_counts
     effects = _effects_in_every_trial(fitter, decoded.point)
-    some = decode(fitter.predict, seen, effects, fitter.trials, counts)
+    some = decode(fitter.predict, motion, effects, fitter.trials, counts)
     none, least = some.cost_without_losses(fitter.trials), some.cost_with_losses(fitter.trials)
     commands = fitter.predict.plant.wiring.targets.command
     losing = losing_candidates(pool, decoded.found, commands, fitter.trials)
@@ -176,7 +181,7 @@ def penalised(
         all_paths = np.stack([some.cost[some.best[a], :, a] for a in index], axis=-1)
         excess = all_paths - counts / DECODING_SAMPLE_WEIGHT * decoded.found.chosen[:, index]
         penalty = np.maximum(excess, 0.0).sum(axis=1) / counts
-        out[candidate.label] = replace(candidate, paid=tuple(penalty.tolist()))
+        out[candidate.label] = replace(candidate, selection_penalty=tuple(penalty.tolist()))
     return out
 
 
@@ -192,7 +197,7 @@ def _effects_in_every_trial(fitter: Fitter, at: Point) -> list[Effects]:
 
 def decode(
     predict: Predictor,
-    seen: ServoMotion,
+    motion: ServoMotion,
     effects: Sequence[Effects],
     fitted_on: Sequence[int],
     counts: float = DECODING_SAMPLE_WEIGHT,
@@ -201,7 +206,7 @@ def decode(
 
     Args:
         predict: simulations.
-        seen: of the servos.
+        motion: of the servos.
         effects: beside which commands may be lost, of every trial.
         fitted_on: trials by which the share is chosen.
         counts: what a sample counts for.
@@ -222,11 +227,13 @@ def decode(
         mine = [c for c, name in enumerate(data.channels) if name in names]
         if not mine:
             continue  # nothing tells what this servo did
-        known = np.isfinite(data.value[:, 1:, mine]) & np.isfinite(seen.deviation[:, 1:, a, None])
+        known = np.isfinite(data.value[:, 1:, mine]) & np.isfinite(motion.deviation[:, 1:, a, None])
         precision = np.where(known, 1 / deviation[:, 1:, mine] ** 2, 0.0)
         residual = np.where(known, (data.value - base)[:, 1:, mine], 0.0)
-        servo = _ServoCommands(on.commands[:, :, a], on.period, seen.start[:, a], plant.wiring.interface == "velocity")
-        share = min(float(seen.share[a]), 0.99)
+        servo = _ServoCommands(
+            on.commands[:, :, a], on.period, motion.start[:, a], plant.wiring.interface == "velocity"
+        )
+        share = min(float(motion.share[a]), 0.99)
         rows = int(np.clip(np.ceil(-RESPONSE_TIME_CONSTANTS / np.log1p(-share)) + RESPONSE_ROWS[0], *RESPONSE_ROWS))
         usual = share * (1 - share) ** np.arange(rows)
         of_first_order = {"position": usual, "velocity": np.diff(usual, prepend=0.0) / plant.period}

@@ -16,35 +16,37 @@ from tiago_mj.gap.search.extend import MIN_PREDICTED_GAIN_NATS
 
 Array = NDArray[np.float64]
 
-#: Two simulators never agree as closely as their noise, and what one gets wrong it gets wrong in every trial: so many
-#: samples, apart from their correlation in time, tell as much as one.
+#: Model errors repeat from trial to trial: so many samples count as one, beyond their correlation in time. Chosen by
+#: hand; no ablation.
 SAMPLES_PER_INDEPENDENT: Final = 2.0
-#: Mean squared residual of the worst channel, sample by sample or over blocks, in units of what it should scatter by,
-#: that calls for another effect.
+#: Discrepancy (mean squared residual of the worst channel, by samples or over blocks, 1 expected) above which another
+#: effect is sought. Chosen by hand; no ablation.
 INADEQUATE_DISCREPANCY: Final = 4.0
-#: What is left by an explanation that leaves nothing to explain, by samples and over blocks (1 is expected; the right
-#: ones leave 0.7 to 3, where nominal numbers are 3 to 5 % off).
+#: Discrepancy up to which an explanation is adequate (1 is expected; true explanations leave 0.7 to 3 where nominal
+#: numbers are 3 to 5 % off).
 ADEQUATE_DISCREPANCY: Final = 1.2
-#: Where the nominal model's numbers had to go farther than this for it [nats], they may stand for another effect: what
-#: leaves nothing to explain has -3 to -14 without one.
+#: Log-prior below which the nuisances of an adequate fit may stand for an effect [nats]: adequate nominal models
+#: without one have -3 to -14.
 MIN_LOG_PRIOR_NATS: Final = -18.0
-#: Explanations that get responses around themselves, the best first.
+#: Explanations, the best first, that are fitted with responses linearized at themselves. Chosen by hand; no ablation.
 MAX_RELINEARIZED: Final = 3
-#: Further rounds of that for one that leaves something, but not much more than what calls for another effect, as long
-#: as one brings this much [nats]: where contacts slip, each round goes a short way.
+#: Further rounds of relinearization for explanations between ADEQUATE_DISCREPANCY and HOPELESS_DISCREPANCY, as long as
+#: a round gains MIN_ROUND_GAIN_NATS [nats]: with slipping contacts each round moves a short way. Chosen by hand; no
+#: ablation.
 MAX_FURTHER_ROUNDS: Final = 6
 MIN_ROUND_GAIN_NATS: Final = 3.0
 HOPELESS_DISCREPANCY: Final = 2 * INADEQUATE_DISCREPANCY
-#: What leaves more may fail in the end. If that is less than this share of what the nominal model leaves, and not more
-#: than draws can mend, the search may have stopped short: of kept cases of the blind check four were unknown for that
-#: with the right name, with shares of 0.00003 to 0.0057, and six of 38 whose effect the library lacks had such a share.
+#: An ensemble fit is made where the discrepancy of the best explanation lies between the first and the last of these
+#: and below the given share of the nominal model's: the fit may then have ended early. Of kept cases of the blind check
+#: four with the right name were unknown for that, with shares of 0.00003 to 0.0057, and six of 38 whose effect the
+#: library lacks had such a share.
 ENSEMBLE_MIN_DISCREPANCY: Final = 2.0
 ENSEMBLE_MAX_SHARE_OF_NOMINAL: Final = 0.006
 ENSEMBLE_MAX_DISCREPANCY: Final = 8 * INADEQUATE_DISCREPANCY
 
 
 def sample_weight(data: Data, predicted: Array) -> Array:
-    """Square root of what a sample of each channel counts for beside a prediction, (C,)."""
+    """Square root of the weight of a sample of each channel, given the residuals of a prediction, (C,)."""
     return likelihood.independence(data, predicted) / np.sqrt(SAMPLES_PER_INDEPENDENT)
 
 
@@ -54,12 +56,12 @@ def frame(fitter: Fitter, at: Point) -> likelihood.Frame:
 
 
 def is_adequate(fit: Fitted, most: float = ADEQUATE_DISCREPANCY) -> bool:
-    """Whether it leaves nothing to explain, and its numbers did not have to go far for that."""
+    """Whether the discrepancy is at most ``most`` and the log-prior exceeds :data:`MIN_LOG_PRIOR_NATS`."""
     return not leaves_gap(fit, most) and fit.prior > MIN_LOG_PRIOR_NATS
 
 
 def leaves_gap(fit: Fitted, most: float = INADEQUATE_DISCREPANCY) -> bool:
-    """Whether it leaves more than that, as it stands a gap that calls for another effect."""
+    """Whether the discrepancy exceeds ``most``; by default, whether it calls for another effect."""
     return shortlist.discrepancy(fit) > most
 
 
@@ -123,7 +125,7 @@ def _relinearized_in_rounds(everywhere: Fitter, begin: Sequence[tuple[Start, flo
     best: dict[int, Fitted] = {}
     going = {k: start for k, (start, _) in enumerate(begin)}
     for _ in range(MAX_FURTHER_ROUNDS + 1):
-        fitters = everywhere.around_each([starts.point_of(start) for start in going.values()])
+        fitters = everywhere.linearized_at_each([starts.point_of(start) for start in going.values()])
         there = zip(going, everywhere.fit_each(fitters, list(going.values())), strict=True)
         better = {k: fit for k, fit in there if k not in best or fit.evidence >= best[k].evidence + MIN_ROUND_GAIN_NATS}
         best |= better

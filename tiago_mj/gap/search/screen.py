@@ -37,7 +37,7 @@ class Screened:
         values: magnitudes that were looked at, (k,).
         changes: its predictions minus the nominal ones at those, (k, ntrials, T, C).
         visible: root mean square of the change in units of floor and tolerance, at its largest magnitude.
-        paid: what it cost to choose what was drawn, part of the gain [nats].
+        selection_penalty: what it cost to choose what was drawn, part of the gain [nats].
     """
 
     candidate: Candidate
@@ -46,7 +46,7 @@ class Screened:
     values: tuple[float, ...]
     changes: Array
     visible: float
-    paid: float = 0.0
+    selection_penalty: float = 0.0
 
 
 def screen(
@@ -86,7 +86,7 @@ def screen(
             break
         how_far(len(wanted), first)
         portion = wanted[first : first + BATCH_SIZE]
-        predicted = fitter.predictions([at.beside(c, value) for c, value in portion])
+        predicted = fitter.predictions([at.with_effect(c, value) for c, value in portion])
         for (c, value), one in zip(portion, predicted, strict=True):
             runs[(c.effect, c.fixed, value)] = one
     nominal = likelihood.log_likelihood(on, base)
@@ -100,7 +100,7 @@ def screen(
             mine = channels_of_targets(fitter.predict, c)
             stack = np.where(mine, stack, base)
         values, stack, found = _with_refined_peak(on, *_interpolated(values, stack))
-        found = found - fitter.paid(c)
+        found = found - fitter.selection_penalty(c)
         best = int(np.argmax(found))
         change = stack - base
         white = likelihood.scaled(on.data, likelihood.mean_visible_change(on.data, change))
@@ -112,7 +112,7 @@ def screen(
                 tuple(values),
                 change,
                 float(np.sqrt(np.mean(white**2, axis=(1, 2, 3)).max())),
-                fitter.paid(c),
+                fitter.selection_penalty(c),
             )
         )
     return sorted(out, key=lambda s: -s.gain)

@@ -19,8 +19,8 @@ from tiago_mj.gap.inference.fit import Fitted, Fitter, Start
 from tiago_mj.gap.inference.hypotheses import Candidate
 from tiago_mj.gap.search import starts
 
-#: Explanations whose second numbers and forms are tried, the best first, and of how many where all of them fail: the
-#: right one may be far behind in the wrong form.
+#: Explanations, the best first, whose second parameters and forms are refined, and how many where all leave a gap: the
+#: right effect may be far behind in the wrong form. Chosen by hand; no ablation.
 MAX_REFINED: Final = 2
 MAX_REFINED_IF_INADEQUATE: Final = 4
 

@@ -13,7 +13,7 @@ from tiago_mj.gap.data.recording import RecordingError
 from tiago_mj.gap.detectors.readings import ONLY_READ_OFF, Known
 from tiago_mj.gap.detectors.set_points import ServoMotion
 from tiago_mj.gap.inference import likelihood, noise_model
-from tiago_mj.gap.inference.fit import NUDGE, Fitted, Fitter, Point, Start
+from tiago_mj.gap.inference.fit import NUISANCE_STEP, Fitted, Fitter, Point, Start
 from tiago_mj.gap.inference.hypotheses import Candidate, Term
 from tiago_mj.gap.inference.noise_model import Data
 from tiago_mj.gap.inference.predictor import Predictor
@@ -32,26 +32,29 @@ FIT_TRIALS: Final = 3
 FIRST_TRIALS: Final = 1
 #: Trials of the first pass at most.
 SCREEN_TRIALS: Final = 3
-#: Of the singles that are fitted to all trials so many begin once more at the nominal numbers, too.
+#: Single effects that are fitted to all trials from nuisances of 0, too. Chosen by hand; no ablation.
 MAX_ZERO_NUISANCE_STARTS: Final = 2
 #: Further fits of the nominal model, each with the nuisances' responses around the one before, as long as one brings
 #: this much [nats].
 MAX_NOMINAL_ROUNDS: Final = 5
 MIN_ROUND_GAIN_NATS: Final = 1.0
-#: Moves of the nuisances that change nothing [deviations], and how many of them show what a simulator cannot tell.
+#: Size of random nuisance moves that change nothing physical [deviations], and number of draws: their predictions show
+#: the simulator's own sensitivity. Chosen by hand; no ablation.
 SENSITIVITY_DEVIATION: Final = 1e-5
 SENSITIVITY_DRAWS: Final = 6
-#: Mean squared residual of the worst channel that no numbers a little off leave, but an effect: without it they are
-#: then not sought.
+#: Misfit above which the nominal model lacks an effect whatever its nuisances: they are then left at 0. Chosen by hand;
+#: no ablation.
 HOPELESS_NOMINAL_MISFIT: Final = 20.0
-#: Effects of one explanation, apart from what the readings betray: a third is only sought where two leave a gap.
+#: Effects of one explanation at most, apart from those measured on the readings. Chosen by hand; no ablation.
 MAX_EFFECTS: Final = 3
-#: A number of the nominal model that moves the likelihood by less than this, one deviation off, is left alone [nats].
+#: A nuisance whose move by one deviation changes the log-likelihood by less than this is not fitted [nats]. Chosen by
+#: hand; no ablation.
 NEAR_ZERO_RESPONSE_NATS: Final = 0.005
-#: What acts on one joint or cell alone is not tried where nothing but noise is left there: mean square of its channels,
-#: sample by sample and over blocks.
+#: Effects on one joint or cell are not tried where the mean squares of its channels, by samples and over blocks, are
+#: below these. Chosen by hand; no ablation.
 NOISE_ONLY_DISCREPANCY: Final = (1.3, 2.0)
-#: A change below this share of floor and tolerance (rms, largest magnitude tried) cannot be seen in the recording.
+#: Effects whose largest tried magnitude changes predictions by less than this (rms, in units of floor and tolerance)
+#: are reported as not excited. Chosen by hand; no ablation.
 MIN_VISIBILITY: Final = 0.05
 
 
@@ -64,7 +67,7 @@ class Tick(Protocol):
 
 @dataclass
 class PartialResult:
-    """What a search has found until now: all that is left of one that something ends.
+    """What a search has found so far: its result where it ends early.
 
     Attributes:
         ranked: None before the first explanations were fitted.
@@ -149,7 +152,7 @@ def _search(
     terms: Sequence[Term],
     base: Array,
     known: Sequence[Known],
-    seen: ServoMotion | None,
+    motion: ServoMotion | None,
     so_far: PartialResult,
     steps: int,
     out_of_time: Callable[[], bool],
@@ -159,14 +162,14 @@ def _search(
     read_off = {*ONLY_READ_OFF, *(k.candidate.effect for k in known)}
     pool = _acting_on_misfit([c for c in pool if c.effect not in read_off], data, base)
     names = dict.fromkeys(c.effect for c in pool)
-    losing = [c for c in pool if c.effect == lost_commands.EFFECT] if seen is not None else []
+    losing = [c for c in pool if c.effect == lost_commands.EFFECT] if motion is not None else []
     pool = [c for c in pool if c not in losing]  # which were lost is decoded, not drawn
     tick("fitting the nominal model", MAX_NOMINAL_ROUNDS)
     weight = refinement.sample_weight(data, base)
     chosen = extend.worst_predicted(base, data, max(FIT_STEPS // max(steps, 1), FIT_TRIALS))
-    data, base, trials = noise_model.part(data, chosen), base[chosen], [trials[k] for k in chosen]
+    data, base, trials = noise_model.select_trials(data, chosen), base[chosen], [trials[k] for k in chosen]
     terms = tuple(sorted(terms, key=lambda term: term.per_trial))
-    responses = (predict.all_trials([(term.entry(NUDGE),) for term in terms], trials) - base) / NUDGE
+    responses = (predict.all_trials([(term.entry(NUISANCE_STEP),) for term in terms], trials) - base) / NUISANCE_STEP
     sensitive = (likelihood.whiten(data, likelihood.mean_visible_change(data, responses), weight) ** 2).sum(
         axis=(1, 2, 3)
     ) > 2 * NEAR_ZERO_RESPONSE_NATS
@@ -247,7 +250,7 @@ def _search(
         and ranked[0].parts
         and ranked[0].evidence - shortlist.best_nominal(ranked).evidence > extend.MIN_PREDICTED_GAIN_NATS
     ):
-        everywhere = everywhere.around(starts.point_of(leaders[0]))
+        everywhere = everywhere.linearized_at(starts.point_of(leaders[0]))
     if not refinement.is_adequate(
         fits[0]
     ):  # what is left may be what its numbers were moved for: effects begin without that, too
@@ -263,7 +266,7 @@ def _search(
         few, everywhere = replace(few, weight=weight), replace(everywhere, weight=weight)
         fits = everywhere.fit_all([starts.restart(f) for f in refinement.nominal_and_best(fits)])
     so_far.ranked = ranked_so_far(fits, everywhere)
-    everywhere, decoded = _with_lost_commands(everywhere, losing, fits, seen)
+    everywhere, decoded = _with_lost_commands(everywhere, losing, fits, motion)
     if decoded:
         few = replace(few, predict=everywhere.predict, weight=everywhere.weight)
         promising += screen(few, refinement.frame(few, here), decoded, here, base[first])
@@ -298,7 +301,7 @@ def _fit_nominal(fitter: Fitter) -> tuple[Fitter, Fitted]:
         if best.misfit > HOPELESS_NOMINAL_MISFIT or fitter.out_of_time():
             break
         fitter = replace(fitter, weight=np.maximum(refinement.sample_weight(fitter.data, prediction), fitter.weight))
-        fitter = fitter.around(starts.point_of(best))
+        fitter = fitter.linearized_at(starts.point_of(best))
         (refitted,) = fitter.fit_all([starts.restart(best)])
         refitted_prediction, on = (
             fitter.predictions([starts.point_of(refitted)])[0],
@@ -312,19 +315,19 @@ def _fit_nominal(fitter: Fitter) -> tuple[Fitter, Fitted]:
 
 
 def _with_lost_commands(
-    everywhere: Fitter, candidates: Sequence[Candidate], fits: Sequence[Fitted], seen: ServoMotion | None
+    everywhere: Fitter, candidates: Sequence[Candidate], fits: Sequence[Fitted], motion: ServoMotion | None
 ) -> tuple[Fitter, list[Candidate]]:
     """The same with the commands that were lost, and candidates that lose them: beside the nominal model or the best
     explanation, unless that leaves nothing to explain or is likelier without. Where samples tell more once they are
     lost, they count for that.
     """
     best, nominal = shortlist.by_evidence(fits)[0], shortlist.best_nominal(fits)
-    if seen is None or not candidates or refinement.is_adequate(best):
+    if motion is None or not candidates or refinement.is_adequate(best):
         return everywhere, []
     for fit in (nominal, best) if best.parts else (nominal,):
         if everywhere.out_of_time():
             break
-        decoded = lost_commands.decoded_beside(everywhere, starts.point_of(fit), seen, candidates)
+        decoded = lost_commands.decoded_beside(everywhere, starts.point_of(fit), motion, candidates)
         if decoded is None:
             continue
         losing = replace(everywhere, predict=decoded.predict)
@@ -333,7 +336,7 @@ def _with_lost_commands(
             losing, weight=np.maximum(losing.weight, refinement.sample_weight(losing.data, prediction))
         )
         for fitter in (reweighted, losing):
-            penalised = lost_commands.penalised(fitter, decoded, seen, candidates)
+            penalised = lost_commands.penalised(fitter, decoded, motion, candidates)
             if penalised is None:
                 continue
             rivals = [starts.restart(f) for f in ([best, fit] if fit is not best else [best])]
@@ -346,7 +349,7 @@ def _with_lost_commands(
 
 
 def _with_scatter(fitter: Fitter, fit: Fitted) -> Fitter:
-    """With a tolerance of how far predictions part that nothing tells apart."""
+    """The fitter with a tolerance for the scatter of predictions under negligible moves of the nuisances."""
     rng = np.random.default_rng(fitter.predict.seed)
     moved = fit.nuisance + SENSITIVITY_DEVIATION * rng.standard_normal((SENSITIVITY_DRAWS, fitter.size))
     apart = fitter.predictions([starts.point_of(fit), *(Point(fit.parts, fit.values, one) for one in moved)])
@@ -367,7 +370,7 @@ def _acting_on_misfit(pool: Sequence[Candidate], data: Data, base: Array) -> lis
 
 
 def _with_readings(fit: Fitted, known: Sequence[Known], sensitive: NDArray[np.bool_]) -> Fitted:
-    """What the readings betray, as parts of an explanation, and the numbers that were left alone, as nuisances."""
+    """The fit with the effects measured on the readings as parts, and with the nuisances that were not fitted as 0."""
     shared, count = np.zeros(len(sensitive)), int(sensitive.sum())
     shared[sensitive] = fit.nuisance[:count]
     return replace(

@@ -11,7 +11,8 @@ from tiago_mj.gap.inference.hypotheses import Label
 from tiago_mj.gap.search import starts
 from tiago_mj.gap.search.screen import Screened
 
-#: Singles that are fitted to some trials (where the time is over), and to all.
+#: Single effects fitted to the trials of the first pass, the same where time has run out, and number refitted to all
+#: trials. Chosen by hand; no ablation.
 MAX_SINGLES: Final = 10
 MIN_SINGLES: Final = 3
 MAX_REFITTED_SINGLES: Final = 4
@@ -19,11 +20,13 @@ MAX_REFITTED_SINGLES: Final = 4
 #: cases the right one was the best in 30, never behind 0.9 of it but where little was gained, and once 0.6.
 DECISIVE_GAIN_NATS: Final = 10.0
 MIN_SHARE_OF_BEST_GAIN: Final = 0.4
-#: Elsewhere those that gain so much less than the most are not fitted, apart from the first few [nats].
+#: Where no gain is decisive, effects whose gain is this much below the largest are not fitted, apart from the first few
+#: [nats]. Chosen by hand; no ablation.
 MAX_GAIN_DEFICIT_NATS: Final = 5.0
-#: Singles beyond those are fitted to all trials, too, where some trials hardly tell them from the best [nats].
+#: Further single effects within this of the best are refitted to all trials, too [nats]. Chosen by hand; no ablation.
 TIE_NATS: Final = 2.0
-#: And where there is nothing to explain, only those of which this much may be expected of all trials [nats].
+#: Where the nominal model is adequate, a single effect is refitted only where its extrapolated evidence on all trials
+#: exceeds the nominal model's by this [nats]. Chosen by hand; no ablation.
 MIN_EXPECTED_GAIN_NATS: Final = 1.0
 #: Fits of one explanation begun at different places end this far apart where contacts are (five contact cases of the
 #: blind check, three starts each: 50 to 200): what is farther behind than that is not fitted to more trials [nats].
@@ -31,11 +34,11 @@ HOPELESS_DEFICIT_NATS: Final = 200.0
 #: Evidence that another effect must add to be worth showing [nats]: a Bayes factor of 150, "very strong" (Kass &
 #: Raftery 1995).
 MIN_EVIDENCE_GAIN_NATS: Final = 5.0
-#: What is left, by samples or over blocks, that is no more than noise: there less is no better.
+#: Discrepancy that noise alone leaves; below it, less is no better.
 NOISE_DISCREPANCY: Final = 1.0
-#: An effect whose magnitude is nearer to nothing than this is none, whatever evidence there seems to be: ten nats for
-#: it would put it at 4.5. Of 111 effects that were rightly named on unseen recordings the nearest was at 3.5
-#: [deviations].
+#: Smallest distance of a magnitude from its identity at which an effect is reported, whatever its evidence
+#: [deviations]: ten nats correspond to 4.5. Of 111 effects that were rightly named on unseen recordings the nearest was
+#: at 3.5.
 MIN_MAGNITUDE_DEVIATIONS: Final = 2.5
 
 
@@ -58,7 +61,7 @@ def unique_by_labels(fits: Sequence[Fitted]) -> list[Fitted]:
 
 
 def unique_by_classes(fits: Sequence[Fitted]) -> list[Fitted]:
-    """The best of every set of classes: what resembles it would lead to the same place."""
+    """The first fit of every set of effect classes: others of the same classes have similar predictions."""
     best: dict[frozenset[str], Fitted] = {}
     for fit in fits:
         best.setdefault(frozenset(EFFECTS[part.effect].gap_class for part in fit.parts), fit)
@@ -118,8 +121,8 @@ def expected_to_beat_nominal(fits: Sequence[Fitted], none: Fitted, times: float)
 
 
 def reportable(fits: Sequence[Fitted]) -> list[Fitted]:
-    """Without those that say no more than some of their parts alone, or leave more than these, and those with an effect
-    that may be nothing."""
+    """Explanations of which every effect is significant, and which have more evidence and no larger discrepancy than
+    those by subsets of their effects."""
     each = {frozenset(p.label for p in f.parts): f for f in fits}
     out = []
     for f in fits:
@@ -136,7 +139,7 @@ def reportable(fits: Sequence[Fitted]) -> list[Fitted]:
 
 
 def discrepancy(fit: Fitted) -> float:
-    """What an explanation leaves: errors that last, or that are large."""
+    """Discrepancy of an explanation: the larger of its mean squares by samples and over blocks (1 is expected)."""
     return max(fit.misfit, fit.lasting)
 
 
@@ -144,7 +147,7 @@ def _is_significant(fit: Fitted, part: int) -> bool:
     """Whether a magnitude is not next to none; what is drawn at random is told by what was drawn, not by how often."""
     candidate = fit.parts[part]
     return (
-        bool(candidate.paid)
+        bool(candidate.selection_penalty)
         or candidate.spread is not None
         or starts.differs_from_identity(fit, part, MIN_MAGNITUDE_DEVIATIONS)
     )

@@ -1,4 +1,4 @@
-"""Where fits begin: they end in the nearest valley, so that it matters."""
+"""Starting points of fits. Gauss-Newton ends in the nearest local optimum, so several are tried."""
 
 from __future__ import annotations
 
@@ -17,13 +17,14 @@ from tiago_mj.gap.search.screen import Screened
 
 Array = NDArray[np.float64]
 
-#: Explanations this near to the best are looked at again [nats].
+#: Explanations within this of the best evidence are refined [nats]. Chosen by hand; no ablation.
 NEAR_BEST_NATS: Final = 15.0
-#: Explanations whose nominal numbers the nominal model tries, too.
+#: Explanations from whose nuisances the nominal model is restarted. Chosen by hand; no ablation.
 MAX_NOMINAL_RESTARTS: Final = 2
-#: Evidence that another valley of the nominal numbers may be worth [nats].
+#: Evidence that a better local optimum of the nuisances may gain [nats]. Chosen by hand; no ablation.
 LOCAL_OPTIMUM_NATS: Final = 60.0
-#: A number of the nominal model that was moved by more than this may stand for an effect on it [deviations]; so many.
+#: A nuisance moved farther than this may stand for an effect on the same number [deviations]; and most of them that are
+#: followed up. Chosen by hand; no ablation.
 FAR_NUISANCE_DEVIATIONS: Final = 1.5
 MAX_FAR_NUISANCES: Final = 2
 
@@ -61,7 +62,7 @@ def start_of_screened(s: Screened, few: Fitter, at: Array) -> Start:
 
 
 def with_zero_nuisances(values: Array, at: Array) -> tuple[tuple[Array, Array], ...]:
-    """Magnitudes beside what the nominal numbers are, where they were moved far; nothing where they were not."""
+    """The magnitudes with all nuisances 0 as an alternative start where a nuisance was moved far; else empty."""
     return ((values, np.zeros_like(at)),) if np.abs(at).max(initial=0.0) > FAR_NUISANCE_DEVIATIONS else ()
 
 
@@ -109,7 +110,7 @@ def _nuisances_of(fitter: Fitter, part: Candidate) -> list[tuple[list[int], Term
     """Of the nuisances, those that are the number that an effect changes: indices (of each trial's, where every trial
     has its own), term."""
     return [
-        (fitter.places(k), term)
+        (fitter.nuisance_indices(k), term)
         for k, term in enumerate(fitter.terms)
         if term.effect == part.effect
         and term.parameter == part.parameter
@@ -121,7 +122,7 @@ def effects_of_far_nuisances(fitter: Fitter, nuisance: Array, among: Collection[
     """Effects, by label, that change a number of the nominal model which was moved far: on all targets, or on that one
     where the others' was not."""
     far: dict[str, list[Term]] = {}
-    places = [fitter.places(k) for k in range(len(fitter.terms))]
+    places = [fitter.nuisance_indices(k) for k in range(len(fitter.terms))]
     moves = [abs(nuisance[there].mean()) * len(there) ** 0.5 for there in places]  # of all trials together
     for k in np.argsort(moves)[::-1]:
         if moves[k] > FAR_NUISANCE_DEVIATIONS:
@@ -152,7 +153,7 @@ def starts_on_far_nuisances(fit: Fitted, fitter: Fitter, among: Sequence[Candida
 
 
 def without_insignificant(fits: Sequence[Fitted]) -> list[Start]:
-    """Starts without effects that only led the others to a better place."""
+    """Starts without the effects whose magnitudes do not differ from their identity (90 %)."""
     out = []
     for fit in fits:
         needed = [k for k in range(len(fit.parts)) if differs_from_identity(fit, k)]
@@ -183,8 +184,8 @@ def on_all_targets(fit: Fitted, fitter: Fitter) -> list[Start]:
         if len(mine) < 2 or names != set(fitter.predict.plant.wiring.targets.names(EFFECTS[effect].targets)):
             continue
         rest = [k for k in range(len(fit.parts)) if k not in mine]
-        paid = tuple(sum(each) for each in zip(*(fit.parts[k].paid for k in mine), strict=True))
-        parts = (replace(fit.parts[mine[0]], target=None, paid=paid), *(fit.parts[k] for k in rest))
+        paid = tuple(sum(each) for each in zip(*(fit.parts[k].selection_penalty for k in mine), strict=True))
+        parts = (replace(fit.parts[mine[0]], target=None, selection_penalty=paid), *(fit.parts[k] for k in rest))
         out.append(Start(parts, np.array([fit.values[mine].mean(), *fit.values[rest]]), fit.nuisance))
     return out
 

@@ -17,7 +17,7 @@ from tiago_mj.gap.inference.predictor import Predictor
 from tiago_mj.gap.inference.whitening import Whitening
 from tiago_mj.gap.search import starts
 
-#: Explanations that are looked at, the likeliest first.
+#: Explanations, the best first, by which the two ways are compared. Chosen by hand; no ablation.
 MAX_COMPARED: Final = 2
 #: The other way has to meet the recordings better by this much, or the first guess stays [nats]: a Bayes factor of 3.
 MIN_COST_DROP_NATS: Final = 1.1
@@ -30,7 +30,7 @@ def better_step_correction(fitter: Fitter, fits: Sequence[Fitted]) -> Predictor 
         fitter: of the trials.
         fits: explanations of them, the likeliest first.
     """
-    other = fitter.predict.otherwise_corrected()
+    other = fitter.predict.with_other_step_correction()
     if other is None or not fits:
         return None
     # By the noise alone: what the step gets wrong is part of the tolerance, which would hide it.
