@@ -52,7 +52,7 @@ def test_responses_foretell_the_step_that_corrected_them(grasps):
     before, after = Point((part,), np.array([2.0]), np.zeros(4)), Point((part,), np.array([5.0]), rng.normal(size=4))
     jacobian, columns = rng.normal(size=(data.value.size, 1)), rng.normal(size=(data.value.size, 4))
     change = rng.normal(size=data.value.size)
-    jacobian, columns = fitter._corrected(jacobian, columns, before, after, change)
+    jacobian, columns = fitter._broyden_update(jacobian, columns, before, after, change)
     foretold = jacobian @ (after.values - before.values) + columns @ (after.nuisance - before.nuisance)
     np.testing.assert_allclose(foretold, change, atol=1e-9)
 
@@ -333,7 +333,7 @@ def test_a_second_effect_is_sought_as_if_samples_told_what_they_tell_beside_both
     assert max(fits[1].misfit, fits[1].lasting) < 2
     assert (fitter.weight[4] < 0.2) == (rate > 0)
     after = with_further_effect(before, 2, promising)
-    best = (after or before).likeliest()
+    best = (after or before).best()
     assert [part.label for part in best.parts] == [bend.label, ("force_drift", ("right",))][: 1 + (rate > 0)]
 
 
