@@ -98,7 +98,7 @@ def _fitted_trials(opened: Opened, ranked: Ranked) -> list[int]:
     """Trials that the search fitted, chosen as it chooses them."""
     data, base = opened.part()
     count = max(select.FIT_STEPS // max(opened.steps, 1), select.FIT_TRIALS)
-    return [opened.trials[k] for k in select.extend.spread(base, data, count)]
+    return [opened.trials[k] for k in select.extend.worst_predicted(base, data, count)]
 
 
 def where_it_is(by: Fitter, fit: Fitted) -> Fitted:
