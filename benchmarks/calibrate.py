@@ -43,7 +43,7 @@ from tiago_mj import atomic
 from tiago_mj.effects import EFFECTS
 from tiago_mj.gap.decision import verdict
 from tiago_mj.gap.decision.verdict import SCHEMA, Calibration, probabilities
-from tiago_mj.gap.inference.hypotheses import of_form
+from tiago_mj.gap.inference.hypotheses import form_deviation
 
 Array = NDArray[np.float64]
 Verdicts = Sequence[Judged]
@@ -86,7 +86,7 @@ def log_loss(cases: Sequence[Case], by: Calibration) -> float:
     total = 0.0
     for one in cases:
         if one.explainable and one.looked_at:
-            single = probabilities(one.options, by, betrayed=one.betrayed)
+            single = probabilities(one.options, by, measured_on_readings=one.betrayed)
             right = sum(p for p, option in zip(single, one.options, strict=True) if option.classes in one.truths)
             total -= float(np.log((1 - LEAST) * right + LEAST))
     return total
@@ -166,7 +166,7 @@ def misses(cases: Sequence[Case]) -> Array:
                 known = said.get("known_to")
                 if known is None:  # answered before that was told
                     identity = EFFECTS[true[0]["name"]].parameters[parameter].identity
-                    known = of_form(true[0]["name"], np.inf if identity is None else identity, said["value"])
+                    known = form_deviation(true[0]["name"], np.inf if identity is None else identity, said["value"])
                 error = (said["value"] - value) / NINETY
                 out.append(np.sqrt(max(error**2 - known**2, 0.0)) / said["deviation"])
     return np.array(out)

@@ -145,7 +145,7 @@ def ours(case: Case, terms: Sequence[Term] = ()) -> Callable[[], tuple[Array, in
         if terms:  # as the diagnosis does: from a fit nearby, with the nuisances' responses around it
             responses = predict.all_trials([(term.entry(1.0),) for term in terms], chosen) - case.base
             whole = Fitter(predict, chosen, case.data, case.weight, tuple(terms), responses, **FROM_FAR)
-            whole = whole.around(Point(case.parts, fitted.values, np.zeros(whole.size)))
+            whole = whole.linearized_at(Point(case.parts, fitted.values, np.zeros(whole.size)))
             fitted = whole.fit_all([Start(case.parts, fitted.values)])[0]
         return fitted.values, predict.runs
 

@@ -25,14 +25,14 @@ from tiago_mj.effects import EFFECTS
 from tiago_mj.effects.spec import Entry
 from tiago_mj.gap.data.read import read_recordings
 from tiago_mj.gap.inference import likelihood
-from tiago_mj.gap.inference.predictor import RANDOM, Predictor, predictor
+from tiago_mj.gap.inference.predictor import RANDOM_EFFECTS, Predictor, predictor
 from tiago_mj.gap.simulation.plant import plant_of
 
 NAME: Final = "effect_forms"
 #: How far up its range a magnitude is taken.
 UP: Final = 0.65
 #: What two draws of chance have in common is no form.
-BY_CHANCE: Final = (*RANDOM, "force_noise")
+BY_CHANCE: Final = (*RANDOM_EFFECTS, "force_noise")
 INTERFACES: Final = ("velocity", "position")
 #: Length of a recording [s] by the rate [Hz].
 SECONDS: Final = {25.0: 6.0, 240.0: 2.3}

@@ -103,7 +103,7 @@ def read(root: Path) -> tuple[list[Case], dict[str, Any]]:
 
 def again(one: Case, by: Calibration) -> Judged:
     """A case as it would be answered with other numbers."""
-    said = promises.standing(decide(one.options, by, betrayed=one.betrayed), one.options, by)
+    said = promises.standing(decide(one.options, by, measured_on_readings=one.betrayed), one.options, by)
     ranking, notes = one.answer["ranking"], one.answer.get("notes", ())
     if promises.CLOSES_NOTHING in notes:  # of the trials kept aside, which are not stored
         said = replace(said, rivals=(next(k for k, option in enumerate(one.options) if not option.effects),))

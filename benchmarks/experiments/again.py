@@ -39,7 +39,7 @@ class Again:
         assert nominal.nuisance is not None
         at = Fitted((), np.zeros(0), np.zeros(0), nominal.nuisance, 0.0, 0.0)
         plain = replace(self.by, iterations=0).fit_all([nominal])[0]
-        return with_scatter(self.by, at) if plain.misfit < select.FAR else self.by
+        return with_scatter(self.by, at) if plain.misfit < select.HOPELESS_NOMINAL_MISFIT else self.by
 
 
 def again(kept: Kept) -> Again:

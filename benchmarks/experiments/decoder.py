@@ -33,9 +33,9 @@ FAMILIES: Final = ("dropped_commands", "command_deadband", "command_quantization
 BAND: Final = "command_deadband"
 #: Widths at which the ways of a dead band are decoded.
 WIDTHS: Final = 14
-WORTH: Final = lost_commands.WORTH
+WORTH: Final = lost_commands.MIN_GAIN_NATS
 #: What a magnitude costs that was chosen among those that were looked at [nats].
-PRICE: Final = float(np.log(set_points.DENSE))
+PRICE: Final = float(np.log(set_points.DENSE_MAGNITUDES))
 
 
 def decoded(kept: Kept) -> dict[str, Any]:
@@ -89,12 +89,12 @@ def costs(opened: Opened, beside: Sequence[Effects]) -> dict[str, Any]:
     assert seen is not None
     on, data, trials = predict.on, opened.data, opened.trials
     base = predict([(t, effects) for t, effects in zip(trials, beside, strict=True)])
-    luck = (np.random.default_rng(lost_commands.SEED).random(on.commands.shape) > lost_commands.LEARNED_FROM).astype(
-        float
-    )
-    losing = Entry(lost_commands.EFFECT, None, {"probability": lost_commands.LEARNED_FROM})
+    delivered = (
+        np.random.default_rng(lost_commands.SEED).random(on.commands.shape) > lost_commands.TRAINING_SHARE
+    ).astype(float)
+    losing = Entry(lost_commands.EFFECT, None, {"probability": lost_commands.TRAINING_SHARE})
     wanted = [(t, (*effects, losing)) for t, effects in zip(trials, beside, strict=True)]
-    learned = predict.with_luck(luck)(wanted) - base
+    learned = predict.with_delivered(delivered)(wanted) - base
     deviation = np.sqrt(np.maximum(data.sigma**2 - data.common**2, data.noise**2))[trials]
     joints = plant.wiring.targets.actuated
     none = np.zeros(len(joints))
@@ -108,29 +108,38 @@ def costs(opened: Opened, beside: Sequence[Effects]) -> dict[str, Any]:
         precision = np.where(known, 1 / deviation[:, 1:, mine] ** 2, 0.0)
         residual = np.where(known, value - base[:, 1:, mine], 0.0)
         velocity = plant.wiring.interface == "velocity"
-        way = lost_commands._Way(on.commands[trials, :, a], on.period[trials], seen.start[trials, a], velocity)
+        servo = lost_commands._ServoCommands(
+            on.commands[trials, :, a], on.period[trials], seen.start[trials, a], velocity
+        )
         share = min(float(seen.share[a]), 0.99)
         rows = int(
-            np.clip(np.ceil(-lost_commands.LASTS / np.log1p(-share)) + lost_commands.ROWS[0], *lost_commands.ROWS)
+            np.clip(
+                np.ceil(-lost_commands.RESPONSE_TIME_CONSTANTS / np.log1p(-share)) + lost_commands.RESPONSE_ROWS[0],
+                *lost_commands.RESPONSE_ROWS,
+            )
         )
         usual = share * (1 - share) ** np.arange(rows)
         first_order = {"position": usual, "velocity": np.diff(usual, prepend=0.0) / plant.period}
         prior = [np.asarray(first_order[data.kinds[c]]) for c in mine]
-        answers = lost_commands._answers(way.offsets(luck[trials, :, a]), learned[:, 1:, mine], known, prior)
-        none[a] = lost_commands._none(residual, precision, rows, lost_commands.COUNTS).sum()
-        took = lost_commands._viterbi(way, answers, residual, precision, lost_commands.COUNTS)
+        answers = lost_commands._impulse_responses(
+            servo.set_point_offsets(delivered[trials, :, a]), learned[:, 1:, mine], known, prior
+        )
+        none[a] = lost_commands._cost_without_losses(
+            residual, precision, rows, lost_commands.DECODING_SAMPLE_WEIGHT
+        ).sum()
+        took = lost_commands._viterbi(servo, answers, residual, precision, lost_commands.DECODING_SAMPLE_WEIGHT)
         for k, probability in enumerate(lost_commands.SHARES):
             tables[FAMILIES[0]].setdefault(probability, np.zeros(len(joints)))[a] = took.cost[k].sum()
         if not velocity:  # a dead band of what a velocity adds up to has no such ways
             for width in offsets[BAND][0][:: max(len(offsets[BAND][0]) // WIDTHS, 1)]:
-                ways = held_ways(way, answers, residual, precision, float(width))
+                ways = held_ways(servo, answers, residual, precision, float(width))
                 tables[BAND][-float(width)] = tables[BAND].get(-float(width), np.zeros(len(joints)))
                 tables[BAND][-float(width)][a] = ways
         for name, (values, off) in offsets.items():
             for value_, one in zip(values, off, strict=True):
                 change = _answered(one[trials, :, a], answers)
-                said = lost_commands._none(
-                    np.where(known, residual - change, 0.0), precision, rows, lost_commands.COUNTS
+                said = lost_commands._cost_without_losses(
+                    np.where(known, residual - change, 0.0), precision, rows, lost_commands.DECODING_SAMPLE_WEIGHT
                 ).sum()
                 tables[name].setdefault(float(value_), np.zeros(len(joints)))[a] = said
     return {"none": none, **tables}
@@ -149,18 +158,18 @@ def _offsets(opened: Opened, name: str) -> tuple[Array, Array]:
     plant, on, seen = opened.plant, opened.predict.on, opened.seen
     assert seen is not None
     wide = opened.candidates(name, None)[0]
-    values = set_points._dense(wide, float(np.nanmax(np.abs(seen.wanted))))
+    values = set_points._dense(wide, float(np.nanmax(np.abs(seen.requested))))
     values = np.unique(np.concatenate([values[:: max(len(values) // 120, 1)], _true(opened, name)]))
-    out = np.zeros((len(values), *seen.wanted.shape))
-    for t in range(len(seen.wanted)):
+    out = np.zeros((len(values), *seen.requested.shape))
+    for t in range(len(seen.requested)):
         chain = only_commands(plant, [(wide.entry(float(v)),) for v in values])
-        shape = (len(values), seen.wanted.shape[2])
+        shape = (len(values), seen.requested.shape[2])
         chain.now.set_point = np.broadcast_to(seen.start[t], shape).copy()
         for effect in chain.effects:
             effect.start(chain.now)
-        for k in range(seen.wanted.shape[1]):
+        for k in range(seen.requested.shape[1]):
             chain.now.dt = np.full(len(values), on.period[t, k])
-            target = np.broadcast_to(seen.wanted[t, k], shape)
+            target = np.broadcast_to(seen.requested[t, k], shape)
             out[:, t, k] = chain.set_point(target) - target
     return values, out
 

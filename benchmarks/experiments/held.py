@@ -26,7 +26,7 @@ def held_ways(way: Any, answers: Array, residual: Array, precision: Array, width
         residual, precision: measured minus predicted, and one over its variance, (ntrials, T, C).
         width: of the dead band.
     """
-    (trials, length), states = way.sent.shape, 1 << lost_commands.TOGETHER
+    (trials, length), states = way.sent.shape, 1 << lost_commands.STATE_COMMANDS
     new = np.arange(states)
     stays = (new & 1).astype(bool)
     shape = (trials, states)
@@ -46,7 +46,9 @@ def held_ways(way: Any, answers: Array, residual: Array, precision: Array, width
             now = np.where(stays, was, sent)
             kept = np.concatenate([(now - sent)[..., None], memory[:, old, :-1]], axis=-1)
             left = residual[:, k, None] - kept @ answers.T - slow[:, old]
-            said, drift = lost_commands._said(left, precision[:, k, None], answers.shape[1], lost_commands.COUNTS)
+            said, drift = lost_commands._row_cost(
+                left, precision[:, k, None], answers.shape[1], lost_commands.DECODING_SAMPLE_WEIGHT
+            )
             step = said + drawn
             ways.append((cost[:, old] + step, together[:, old] + step, now, kept, slow[:, old] + drift))
         second = ways[1][0] < ways[0][0]

@@ -19,7 +19,7 @@ from tiago_mj.gap.data import lint
 from tiago_mj.gap.data.read import read_recordings
 from tiago_mj.gap.detectors import readings, ripples, set_points
 from tiago_mj.gap.detectors.readings import Known
-from tiago_mj.gap.detectors.set_points import Told
+from tiago_mj.gap.detectors.set_points import ServoMotion
 from tiago_mj.gap.inference import hypotheses, noise_model
 from tiago_mj.gap.inference.fit import Fitted, Fitter
 from tiago_mj.gap.inference.hypotheses import Candidate, Term
@@ -27,7 +27,7 @@ from tiago_mj.gap.inference.likelihood import NUISANCE_BOUND
 from tiago_mj.gap.inference.noise_model import Data
 from tiago_mj.gap.inference.points import Point
 from tiago_mj.gap.inference.predictor import Predictor, predictor
-from tiago_mj.gap.search.select import TOUCH, TOUCHES
+from tiago_mj.gap.search.select import SENSITIVITY_DEVIATION, SENSITIVITY_DRAWS
 from tiago_mj.gap.simulation import sizes
 from tiago_mj.gap.simulation.plant import Plant, plant_of
 from tiago_mj.gap.simulation.session import split
@@ -63,12 +63,12 @@ class Opened:
     pool: tuple[Candidate, ...]
     terms: tuple[Term, ...]
     known: tuple[Known, ...]
-    seen: Told | None
+    seen: ServoMotion | None
     steps: int
 
     def part(self) -> tuple[Data, Array]:
         """Measured and predicted, of the trials that are fitted."""
-        return noise_model.part(self.data, self.trials), self.base[self.trials]
+        return noise_model.select_trials(self.data, self.trials), self.base[self.trials]
 
     def candidates(self, name: str, target: tuple[str, ...] | None) -> list[Candidate]:
         """Candidates of an effect on targets, one for each of their fixed numbers and forms."""
@@ -94,17 +94,17 @@ def open_case(kept: Kept) -> Opened:
     data = predict.data
     fastest = np.abs(nominal.velocity).max(axis=(0, 1))
     pool = hypotheses.candidates(plant, None, fastest, sizes.sizes(plant, trials, nominal))
-    seen = set_points.told(plant, predict.on, data, nominal)
+    seen = set_points.servo_motion(plant, predict.on, data, nominal)
     if seen is not None:
         pool = set_points.magnitudes(plant, predict.on, seen, pool, fitted_on)
     base = predict.all_trials([()], list(range(len(trials))), keep=True)[0]
     untouched = set_points.untouched(data, nominal, data.value.shape[1])
-    part = noise_model.part(data, fitted_on)
+    part = noise_model.select_trials(data, fitted_on)
     share = set_points.shares(plant, seen)
     pool = ripples.with_periods(plant, part, base[fitted_on], untouched[fitted_on], share, pool)
     hums = {tone.channel for tone in readings.tones(plant, data, base)}
     marks = readings.of_channels(plant, part, base[fitted_on])
-    known = readings.betrayed([m for m in marks if m.channel not in hums], pool)
+    known = readings.measured_on_readings([m for m in marks if m.channel not in hums], pool)
     if any(k.candidate.effect == "force_dropout" for k in known):
         data = noise_model.without_repeats(data)
     terms = tuple(sorted(hypotheses.terms(plant), key=lambda term: term.per_trial))
@@ -180,7 +180,9 @@ def true_nuisance(opened: Opened, fitter: Fitter) -> Array:
         if value is None or (of_object and real.item is None):
             continue
         away = np.atleast_1d(value())
-        for place, one in zip(fitter.places(k), np.broadcast_to(away, len(fitter.places(k))), strict=True):
+        for place, one in zip(
+            fitter.nuisance_indices(k), np.broadcast_to(away, len(fitter.nuisance_indices(k))), strict=True
+        ):
             out[place] = np.clip(term.deviations(float(one)), -NUISANCE_BOUND, NUISANCE_BOUND)
     return out
 
@@ -188,7 +190,7 @@ def true_nuisance(opened: Opened, fitter: Fitter) -> Array:
 def judge(opened: Opened, predict: Predictor, weight: Array, trials: Sequence[int]) -> Fitter:
     """What all explanations of a case are compared by: one weight, one tolerance, all nominal numbers."""
     rows = [opened.trials.index(t) for t in trials]
-    data = noise_model.part(opened.part()[0], rows)
+    data = noise_model.select_trials(opened.part()[0], rows)
     shape = (len(opened.terms), *data.value.shape)
     given = tuple(k.candidate.entry(k.value) for k in opened.known)
     return Fitter(predict, tuple(trials), data, weight, opened.terms, np.zeros(shape), given)
@@ -197,6 +199,6 @@ def judge(opened: Opened, predict: Predictor, weight: Array, trials: Sequence[in
 def with_scatter(fitter: Fitter, fit: Fitted) -> Fitter:
     """With the tolerance of how far predictions part that nothing tells apart, as a search has it."""
     rng = np.random.default_rng(fitter.predict.seed)
-    moved = fit.nuisance + TOUCH * rng.standard_normal((TOUCHES, fitter.size))
+    moved = fit.nuisance + SENSITIVITY_DEVIATION * rng.standard_normal((SENSITIVITY_DRAWS, fitter.size))
     points = [Point(fit.parts, fit.values, one) for one in (fit.nuisance, *moved)]
     return replace(fitter, data=noise_model.with_scatter(fitter.data, fitter.predictions(points)))

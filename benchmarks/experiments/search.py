@@ -30,7 +30,7 @@ BRINGS = 1.0
 @contextmanager
 def _everything_shown() -> Iterator[None]:
     """A search then returns what it does not think worth showing, too: the experiments compare evidence."""
-    with mock.patch.object(shortlist, "worth_showing", lambda fits: list(fits)):
+    with mock.patch.object(shortlist, "reportable", lambda fits: list(fits)):
         yield
 
 
@@ -79,12 +79,12 @@ class Compared:
 def compared(opened: Opened, ranked: Ranked, wanted: Collection[frozenset[Label]] | None = None) -> Compared:
     """A search's explanations, each judged where it ended by one weight and one tolerance; the nominal model
     and those of some sets of effects, or of all."""
-    trials = [t for t in _fitted_trials(opened, ranked) if t not in ranked.astray]
+    trials = [t for t in _fitted_trials(opened, ranked) if t not in ranked.excluded]
     by = judge(opened, ranked.predict, ranked.weight, trials)
     fits = [plain(f, ranked.known) for f in ranked.fits]
     fits = [f for f in fits if len(f.nuisance) == by.size]
     nominal = max((f for f in fits if not f.parts), key=lambda f: f.evidence)
-    if nominal.misfit < select.FAR:
+    if nominal.misfit < select.HOPELESS_NOMINAL_MISFIT:
         by = with_scatter(by, nominal)
     best: dict[frozenset[Label], Fitted] = {}
     for fit in sorted(fits, key=lambda f: -f.evidence):
@@ -98,7 +98,7 @@ def _fitted_trials(opened: Opened, ranked: Ranked) -> list[int]:
     """Trials that the search fitted, chosen as it chooses them."""
     data, base = opened.part()
     count = max(select.FIT_STEPS // max(opened.steps, 1), select.FIT_TRIALS)
-    return [opened.trials[k] for k in select.extend.spread(base, data, count)]
+    return [opened.trials[k] for k in select.extend.worst_predicted(base, data, count)]
 
 
 def where_it_is(by: Fitter, fit: Fitted) -> Fitted:
@@ -108,16 +108,16 @@ def where_it_is(by: Fitter, fit: Fitted) -> Fitted:
 
 def evaluated(by: Fitter, parts: tuple[Candidate, ...], values: Array, nuisance: Array) -> Fitted:
     """Evidence at a point."""
-    there = replace(by.around(Point(parts, values, nuisance)), iterations=0)
+    there = replace(by.linearized_at(Point(parts, values, nuisance)), iterations=0)
     return there.fit_all([Start(parts, values, nuisance)])[0]
 
 
 def begun_at(by: Fitter, start: Start, most: int = ROUNDS) -> Fitted:
     """A fit from a point, with responses around itself, and again as long as that brings something."""
     assert start.nuisance is not None
-    (best,) = by.around(Point(start.parts, start.values, start.nuisance)).fit_all([start])
+    (best,) = by.linearized_at(Point(start.parts, start.values, start.nuisance)).fit_all([start])
     for _ in range(most - 1):
-        (again,) = by.around(starts.point(best)).fit_all([starts.again(best)])
+        (again,) = by.linearized_at(starts.point_of(best)).fit_all([starts.restart(best)])
         gained, best = again.evidence - best.evidence, max(best, again, key=lambda f: f.evidence)
         if gained < BRINGS:
             break
@@ -137,16 +137,16 @@ def decided(opened: Opened, fits: Sequence[Fitted]) -> dict[str, Any]:
     best: dict[frozenset[Label], Fitted] = {}
     for fit in sorted(fits, key=lambda f: -f.evidence):
         best.setdefault(frozenset(part.label for part in fit.parts), fit)
-    shown = shortlist.worth_showing(list(best.values()))
+    shown = shortlist.reportable(list(best.values()))
     pool = len({c.effect for c in opened.pool})
     ranked = Ranked(tuple(shown), (), (), 0, pool, True, np.zeros(0), opened.predict)
     options = [verdict.option(fit, ranked) for fit in shown]
     by, betrayed = verdict.calibration(), bool(opened.known)
-    said = verdict.decide(options, by, betrayed=betrayed)
+    said = verdict.decide(options, by, measured_on_readings=betrayed)
     parts = [*shown[said.rivals[0]].parts, *(k.candidate for k in opened.known)]
     named = sorted({score.class_of(part.effect) for part in parts})
     effects = [{"name": e.name} for e in opened.kept.case.effects]
-    probability = float(verdict.probabilities(options, by, betrayed=betrayed)[said.rivals[0]])
+    probability = float(verdict.probabilities(options, by, measured_on_readings=betrayed)[said.rivals[0]])
     right = said.kind != "unknown" and tuple(named) == score.classes(effects)
     return {"kind": said.kind, "named": named, "probability": round(probability, 3), "right": right}
 
@@ -158,7 +158,7 @@ def row(fit: Fitted) -> dict[str, Any]:
         "evidence": round(fit.evidence, 1),
         "met": round(fit.evidence - fit.prior, 1),
         "prior": round(fit.prior, 1),
-        "left": round(shortlist.left(fit), 2),
+        "left": round(shortlist.discrepancy(fit), 2),
         "values": [float(f"{v:.6g}") for v in fit.values],
         "farthest": round(float(np.abs(fit.nuisance).max(initial=0.0)), 2),
         "nuisance": [round(float(v), 3) for v in fit.nuisance],
@@ -167,4 +167,4 @@ def row(fit: Fitted) -> dict[str, Any]:
 
 def counted(by: Fitter, fit: Fitted) -> Array:
     """What samples count for beside an explanation, (C,)."""
-    return refinement.counts(by.data, by.predictions([starts.point(fit)])[0])
+    return refinement.sample_weight(by.data, by.predictions([starts.point_of(fit)])[0])

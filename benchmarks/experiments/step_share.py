@@ -33,7 +33,7 @@ MEAN, DEVIATION = MOST / 2, MOST / 12**0.5
 #: Rounds of a fit that begins where another ended.
 AGAIN: Final = 2
 #: The tolerance of when things happen, halved [s].
-HALVED: Final = noise_model.TIMING / 2
+HALVED: Final = noise_model.TIMING_TOLERANCE / 2
 
 
 @dataclass
@@ -91,7 +91,7 @@ def shared(kept: Kept) -> dict[str, Any]:
     by = case.tolerant()
     out[f"{int(by.predict.corrected)}"] = _told(by, case.starts, case)
     out["free"] = _free(case, by)
-    with mock.patch.object(noise_model, "TIMING", HALVED):
+    with mock.patch.object(noise_model, "TIMING_TOLERANCE", HALVED):
         tight = replace(case, by=replace(case.by, data=_collected(case)))
         out["free, 1 ms"] = _free(tight, tight.tolerant())
     return out
@@ -103,9 +103,12 @@ def _collected(case: Again) -> noise_model.Data:
     nominal = case.opened.predict.as_simulated().all_trials([()], list(range(len(whole.value))))[0]
     assert case.opened.predict.off is not None
     finer = (
-        nominal - noise_model.predicted(whole, case.opened.predict.off) * (noise_model.FINER - 1) / noise_model.FINER
+        nominal
+        - noise_model.predicted(whole, case.opened.predict.off)
+        * (noise_model.STEP_REFINEMENT - 1)
+        / noise_model.STEP_REFINEMENT
     )
-    return noise_model.part(noise_model.with_numerics(whole, nominal, finer), case.by.trials)
+    return noise_model.select_trials(noise_model.with_step_tolerance(whole, nominal, finer), case.by.trials)
 
 
 def _free(case: Again, by: Fitter) -> dict[str, Any]:

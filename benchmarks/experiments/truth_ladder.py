@@ -49,7 +49,7 @@ def ladder(kept: Kept) -> dict[str, Any]:
     rungs["exact"] = search.evaluated(by, parts, values, begin)
     rungs["truth"] = search.nuisances_alone(by, parts, values, begin)
     nearest = max(rungs["exact"], rungs["truth"], key=lambda f: f.evidence)
-    rungs["from_truth"] = search.begun_at(by, starts.again(nearest))
+    rungs["from_truth"] = search.begun_at(by, starts.restart(nearest))
     if true in found.fits:
         rungs["from_name"] = found.fits[true]
     if said and said != true and said in found.fits:
@@ -61,7 +61,7 @@ def ladder(kept: Kept) -> dict[str, Any]:
         if len(label) > 0 and label < true and label != said:
             key = "part"
             rungs[key] = max(rungs.get(key, fit), fit, key=lambda f: f.evidence)
-    other = step_error.otherwise(by, [rungs["from_truth"], rungs["nominal"]])
+    other = step_error.better_step_correction(by, [rungs["from_truth"], rungs["nominal"]])
     by_name = [*found.fits.values(), rungs["nominal"]]
     return {
         "setting": f"{kept.case.setting} {kept.case.interface} {kept.case.rate:g} Hz",

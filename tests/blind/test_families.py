@@ -92,7 +92,7 @@ def test_the_grid_of_fast_set_points_is_found_to_a_tenth_of_a_line(tmp_path: Pat
     trials = read_recordings([tmp_path]).trials
     plant = plant_of(trials)
     predict, nominal = predictor(plant, trials, threads=1)
-    seen = set_points.told(plant, predict.on, predict.data, nominal)
+    seen = set_points.servo_motion(plant, predict.on, predict.data, nominal)
     assert seen is not None
     pool = hypotheses.candidates(plant, ("command_quantization",))
     both = [c for c in set_points.magnitudes(plant, predict.on, seen, pool, range(3)) if c.target is None]

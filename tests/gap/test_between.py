@@ -22,10 +22,12 @@ def read(step, deviation=1.0, offset=0.0, seed=0, after=True):
 @pytest.mark.parametrize("after", [True, False], ids=["noise is rounded", "noise comes after"])
 def test_at_the_truth_nothing_pulls_and_a_reading_is_no_worse_than_one_without_grid(step, after):
     args = read(step, after=after)
-    pull = between.pull(*args)
+    pull = between.score(*args)
     assert abs(pull.mean()) < 4 * pull.std() / np.sqrt(ROWS)
     assert (between.residual(*args) ** 2).mean() < 1 + 4 * np.sqrt(2 / ROWS)
-    assert pull.var() == pytest.approx(between.told(*args[1:])[0], rel=0.15)  # information is the score's variance
+    assert pull.var() == pytest.approx(
+        between.relative_information(*args[1:])[0], rel=0.15
+    )  # information is the score's variance
 
 
 def test_without_a_grid_the_residual_is_the_difference():
@@ -34,7 +36,7 @@ def test_without_a_grid_the_residual_is_the_difference():
         args = difference, np.full(50, 0.5), np.full(50, step)
         np.testing.assert_allclose(between.residual(*args), difference, rtol=1e-9)
         np.testing.assert_allclose(between.slope(*args), 1.0, atol=1e-9)
-        np.testing.assert_allclose(between.told(*args[1:]), 1.0, atol=1e-4)
+        np.testing.assert_allclose(between.relative_information(*args[1:]), 1.0, atol=1e-4)
 
 
 def test_inside_of_a_coarse_interval_nothing_counts_and_outside_the_distance_to_it():
@@ -61,7 +63,9 @@ def test_the_sum_of_squares_is_that_of_the_likelihood(step):
     r = [args[0] - t for t in tried]
     exact = [-np.log(norm.cdf(x + step / 2) - norm.cdf(x - step / 2)).sum() for x in r]
     np.testing.assert_allclose(cost - min(cost), exact - min(exact), rtol=1e-6, atol=1e-6)
-    assert tried[int(np.argmin(cost))] == pytest.approx(-0.3, abs=4 / np.sqrt(6000 * between.told(*args[1:])[0]))
+    assert tried[int(np.argmin(cost))] == pytest.approx(
+        -0.3, abs=4 / np.sqrt(6000 * between.relative_information(*args[1:])[0])
+    )
 
 
 @pytest.mark.parametrize("step", [0.3, 1.0, 2.0, 4.0, 8.0])

@@ -12,9 +12,9 @@ from tiago_mj.gap.inference.fit import Fitted, Fitter, Point, Start
 from tiago_mj.gap.inference.predictor import Predictor
 from tiago_mj.gap.inference.whitening import Whitening
 from tiago_mj.gap.search import refinement, shortlist, starts
-from tiago_mj.gap.search.combinations import Search, with_another
-from tiago_mj.gap.search.screen import Screened, _sharpened, screen
-from tiago_mj.gap.search.select import _with_something_to_explain
+from tiago_mj.gap.search.combinations import Search, with_further_effect
+from tiago_mj.gap.search.screen import Screened, _with_refined_peak, screen
+from tiago_mj.gap.search.select import _acting_on_misfit
 from tiago_mj.gap.simulation import replay
 
 
@@ -28,10 +28,10 @@ def shortened(plant, factor):
 def test_predictions_are_nearer_to_those_of_steps_sixteen_times_shorter(grasps, effects):
     plant, on, data = grasps
     sims = [(k, ()) for k in range(2)]
-    runs = [replay.simulate(p, on, sims) for p in (plant, shortened(plant, noise_model.FINER))]
+    runs = [replay.simulate(p, on, sims) for p in (plant, shortened(plant, noise_model.STEP_REFINEMENT))]
     wanted = noise_model.predicted(data, replay.simulate(shortened(plant, 16), on, [(k, effects) for k in range(2)]))
     left = {}
-    put_right = Predictor(plant, on, data, off=noise_model.off_by_step(*runs))
+    put_right = Predictor(plant, on, data, off=noise_model.step_errors(*runs))
     several = {"as simulated": put_right.as_simulated(), "put right": put_right}
     for name, predict in several.items():
         predicted = predict.all_trials([effects], range(2))[0]
@@ -52,7 +52,7 @@ def test_responses_foretell_the_step_that_corrected_them(grasps):
     before, after = Point((part,), np.array([2.0]), np.zeros(4)), Point((part,), np.array([5.0]), rng.normal(size=4))
     jacobian, columns = rng.normal(size=(data.value.size, 1)), rng.normal(size=(data.value.size, 4))
     change = rng.normal(size=data.value.size)
-    jacobian, columns = fitter._corrected(jacobian, columns, before, after, change)
+    jacobian, columns = fitter._broyden_update(jacobian, columns, before, after, change)
     foretold = jacobian @ (after.values - before.values) + columns @ (after.nuisance - before.nuisance)
     np.testing.assert_allclose(foretold, change, atol=1e-9)
 
@@ -68,12 +68,12 @@ def test_what_a_large_effect_s_form_may_miss_is_no_second_effect_but_costs():
     change[0, 40:, 0] = 200.0  # deviations of the noise
     data = made_up(1.02 * change)  # reality does 2 % more
     plain = Whitening(data, np.ones(2))
-    wide = plain.with_shape(0.03 * change)
+    wide = plain.with_form_tolerance(0.03 * change)
     assert plain.misfit(change).max() > 5
     assert wide.misfit(change).max() < 1
-    assert wide.wider > 0
+    assert wide.tolerance_cost > 0
     # A small one is held to the noise: a tenth of a deviation is within it.
-    assert plain.with_shape(0.03 * change / 100).wider < 0.002 * wide.wider
+    assert plain.with_form_tolerance(0.03 * change / 100).tolerance_cost < 0.002 * wide.tolerance_cost
 
 
 def test_a_joint_without_a_gap_of_its_own_has_no_effect_of_its_own(grasps):
@@ -85,7 +85,7 @@ def test_a_joint_without_a_gap_of_its_own_has_no_effect_of_its_own(grasps):
     value[0, 200:, 1] += 3.0
     data = replace(made_up(value), channels=(f"position.{right}", f"position.{left}"), block=20)
     pool = hypotheses.candidates(plant, ["coulomb_friction", "force_gain"])
-    kept = {c.label for c in _with_something_to_explain(pool, data, base)}
+    kept = {c.label for c in _acting_on_misfit(pool, data, base)}
     assert ("coulomb_friction", (left,)) in kept
     assert ("coulomb_friction", (right,)) not in kept
     assert ("coulomb_friction", None) in kept
@@ -135,7 +135,7 @@ def test_what_nominal_numbers_were_moved_for_is_given_back_to_the_effect(grasps)
         for name in ("force_gain", "force_bias")
     )
     moved = np.array([2.0 if t.effect == "force_gain" else 3.0 for t in terms])
-    values, left = starts._freed((gain, bias), np.array([1.1, 0.01]), fitter, moved)
+    values, left = starts._nuisances_moved_to_effect((gain, bias), np.array([1.1, 0.01]), fitter, moved)
     assert not left.any()
     # Both ways the same simulation: 2 deviations of 4 % of a gain, 3 of 0.002 of a bias.
     assert values == pytest.approx([1.1 * np.exp(0.08), 0.01 + 0.006])
@@ -159,15 +159,17 @@ def test_an_effect_begins_without_the_numbers_that_were_moved_for_it_too(grasps)
     found = Screened(offset, offset.grid[0], 9.0, offset.grid, np.zeros((1, *data.value.shape)), 40.0)
 
     def begins(start):
-        return {(*map(float, values), *map(float, n)) for values, n in ((start.values, start.nuisance), *start.also)}
+        return {
+            (*map(float, values), *map(float, n)) for values, n in ((start.values, start.nuisance), *start.alternatives)
+        }
 
     moved = np.array([3.0, 2.0])
-    assert {(v, 0.0, 0.0) for v in offset.grid} <= begins(starts.beginning(found, fitter, moved))
-    assert len(begins(starts.beginning(found, fitter, 0.2 * moved))) < len(offset.grid)
+    assert {(v, 0.0, 0.0) for v in offset.grid} <= begins(starts.start_of_screened(found, fitter, moved))
+    assert len(begins(starts.start_of_screened(found, fitter, 0.2 * moved))) < len(offset.grid)
     # Carried to all trials: what the nominal model's trials share may be all of it, or come on top.
     fit = Fitted((offset,), np.array([0.002]), np.ones(1), np.zeros(2), 0.0, 1.0)
     shared = 2.5 * 0.0004
-    many = begins(starts.carried(fit, fitter, moved))
+    many = begins(starts.start_on_all_trials(fit, fitter, moved))
     assert {(0.0, 3.0, 2.0), (0.002 + shared, 0.5, -0.5), (shared, 0.5, -0.5)} <= {tuple(np.round(b, 9)) for b in many}
 
 
@@ -179,12 +181,12 @@ def test_an_object_off_in_every_trial_is_given_back_as_one_offset(grasps):
     fitter = Fitter(Predictor(plant, on, data), (0, 1), data, np.ones(6), terms, zeros)
     (offset,) = (c for c in hypotheses.candidates(plant, ["object_offset"]) if c.target is None)
     nuisance = np.array([0.5, -0.5, 2.0, 3.0])  # two gains; an offset for each of two trials
-    assert fitter.places(next(k for k, t in enumerate(terms) if t.per_trial)) == [2, 3]
-    values, left = starts._freed((offset,), np.array([0.0]), fitter, nuisance)
+    assert fitter.nuisance_indices(next(k for k, t in enumerate(terms) if t.per_trial)) == [2, 3]
+    values, left = starts._nuisances_moved_to_effect((offset,), np.array([0.0]), fitter, nuisance)
     assert values == pytest.approx([2.5 * 0.0004])
     assert left == pytest.approx([0.5, -0.5, -0.5, 0.5])
-    assert starts.moved(fitter, nuisance, {offset.label}) == [offset.label]
-    assert starts.moved(fitter, np.array([0.5, -0.5, 2.0, -2.0]), {offset.label}) == []
+    assert starts.effects_of_far_nuisances(fitter, nuisance, {offset.label}) == [offset.label]
+    assert starts.effects_of_far_nuisances(fitter, np.array([0.5, -0.5, 2.0, -2.0]), {offset.label}) == []
 
 
 def test_a_nominal_number_that_was_moved_far_makes_its_effect_a_candidate(grasps):
@@ -201,7 +203,7 @@ def test_a_nominal_number_that_was_moved_far_makes_its_effect_a_candidate(grasps
 
     def moved(**gains):
         values = [gains.get(t.target[0], 0.0) if t.target else deviations[t.effect] for t in terms]
-        return starts.moved(fitter, np.array(values), among)
+        return starts.effects_of_far_nuisances(fitter, np.array(values), among)
 
     stiffness = ("contact_stiffness", None)
     assert moved() == [stiffness]
@@ -210,7 +212,7 @@ def test_a_nominal_number_that_was_moved_far_makes_its_effect_a_candidate(grasps
     zeros = np.zeros((1, *data.value.shape))
     first = {c.label: c for c in pool}
     screened = [Screened(first[label], 1.0, -3.0, (1.0,), zeros, 40.0) for label in sorted(among, key=str)]
-    chosen = [s.candidate.label for s in shortlist.to_fit(screened, 3, [stiffness])]
+    chosen = [s.candidate.label for s in shortlist.singles_to_fit(screened, 3, [stiffness])]
     assert len(chosen) == len(set(chosen))
     assert chosen.count(stiffness) == 1
 
@@ -222,7 +224,7 @@ def test_what_a_third_effect_led_to_is_tried_without_the_first(grasps):
     )
     three = Fitted((gain, bias, lag), np.array([1.2, 0.1, 0.03]), np.ones(3), np.zeros(2), evidence=-3.0, misfit=1.0)
     tried = [three, replace(three, parts=(bias, gain), values=np.array([0.2, 1.1]))]
-    begun = starts.subsets(three, tried)
+    begun = starts.leave_one_out(three, tried)
     assert [start.parts for start in begun] == [(bias, lag), (gain, lag)]
     assert [start.values.tolist() for start in begun] == [[0.1, 0.03], [1.2, 0.03]]
 
@@ -247,10 +249,10 @@ def test_what_both_fingers_have_apart_is_tried_as_one_effect(grasps):
     left, right = (c for c in pool if c.effect == "coulomb_friction" and c.target is not None)
     delay = next(c for c in pool if c.effect == "command_delay" and c.target is None)
     three = Fitted((delay, left, right), np.array([0.04, 3.0, 2.8]), np.ones(3), np.zeros(0), evidence=0.0, misfit=1.0)
-    (start,) = starts.merged(three, fitter)
+    (start,) = starts.on_all_targets(three, fitter)
     assert [part.label for part in start.parts] == [("coulomb_friction", None), ("command_delay", None)]
     assert start.values == pytest.approx([2.9, 0.04])
-    assert starts.merged(replace(three, parts=(delay, left), values=np.array([0.04, 3.0])), fitter) == []
+    assert starts.on_all_targets(replace(three, parts=(delay, left), values=np.array([0.04, 3.0])), fitter) == []
 
 
 def test_a_peak_far_narrower_than_the_grid_is_found(grasps):
@@ -263,7 +265,7 @@ def test_a_peak_far_narrower_than_the_grid_is_found(grasps):
     values = [0.9823, 0.991, 0.99965, 1.0084, 1.017]
     stack = np.stack([value * reach for value in values])
     before = likelihood.log_likelihood(frame, stack)
-    there, predicted, found = _sharpened(frame, values, stack)
+    there, predicted, found = _with_refined_peak(frame, values, stack)
     assert there == sorted(there)
     best = int(np.argmax(found))
     assert there[best] == pytest.approx(1.006, abs=3e-4)
@@ -285,10 +287,13 @@ def test_an_effect_that_may_be_nothing_is_not_shown(grasps):
         return Fitted(tuple(p for p, _ in parts), values, deviations, np.zeros(0), evidence, 1.0)
 
     none = fit(0.0)
-    assert shortlist.worth_showing([fit(9.0, (friction, (0.033, 0.02))), none]) == [none]
-    assert shortlist.worth_showing([fit(9.0, (limit, (limit.high, 0.02))), none]) == [none]
-    sure, drawn = fit(9.0, (friction, (0.07, 0.02))), fit(9.0, (replace(friction, paid=(3.0,)), (0.033, 0.02)))
-    assert shortlist.worth_showing([sure, drawn, none]) == [sure, drawn, none]
+    assert shortlist.reportable([fit(9.0, (friction, (0.033, 0.02))), none]) == [none]
+    assert shortlist.reportable([fit(9.0, (limit, (limit.high, 0.02))), none]) == [none]
+    sure, drawn = (
+        fit(9.0, (friction, (0.07, 0.02))),
+        fit(9.0, (replace(friction, selection_penalty=(3.0,)), (0.033, 0.02))),
+    )
+    assert shortlist.reportable([sure, drawn, none]) == [sure, drawn, none]
 
 
 def test_a_second_effect_that_leaves_more_than_the_first_alone_is_not_shown(grasps):
@@ -304,7 +309,7 @@ def test_a_second_effect_that_leaves_more_than_the_first_alone_is_not_shown(gras
     alone, none = fit(100.0, 0.9, lag), fit(0.0, 400.0)
     for left, shown in ((1.9, False), (0.95, True)):
         pair = fit(140.0, left, lag, coupling)
-        assert any(f is pair for f in shortlist.worth_showing([pair, alone, none])) is shown
+        assert any(f is pair for f in shortlist.reportable([pair, alone, none])) is shown
 
 
 @pytest.mark.parametrize("rate", [0.02, 0.0], ids=["two effects", "one effect"])
@@ -321,14 +326,14 @@ def test_a_second_effect_is_sought_as_if_samples_told_what_they_tell_beside_both
     fitter = Fitter(Predictor(plant, on, data), (0, 1), data, np.ones(6), (), np.zeros((0, *exact.shape)))
     here = Point((), np.zeros(0), np.zeros(0))
     base, alone = fitter.predictions([here, Point((bend,), np.array([0.2]), np.zeros(0))], keep=True)
-    fitter = replace(fitter, weight=refinement.counts(data, alone))
+    fitter = replace(fitter, weight=refinement.sample_weight(data, alone))
     fits = fitter.fit_all([Start((), np.zeros(0)), Start((bend,), np.array([0.2]))])
     promising = screen(fitter, refinement.frame(fitter, here), pool, here, base)
     before = Search(fitter, fitter, fits, np.zeros(0), here, base)
     assert max(fits[1].misfit, fits[1].lasting) < 2
     assert (fitter.weight[4] < 0.2) == (rate > 0)
-    after = with_another(before, 2, promising)
-    best = (after or before).likeliest()
+    after = with_further_effect(before, 2, promising)
+    best = (after or before).best()
     assert [part.label for part in best.parts] == [bend.label, ("force_drift", ("right",))][: 1 + (rate > 0)]
 
 
@@ -363,7 +368,7 @@ def test_where_nothing_is_to_be_explained_only_what_may_gain_on_all_trials_is_fi
         return Fitted((), np.zeros(0), np.zeros(0), np.zeros(0), evidence=met + prior, misfit=0.8, prior=prior)
 
     none, *some = fitted(-100.0, 0.0), fitted(-98.0, -3.0), fitted(-99.0, -3.0), fitted(-97.0, -9.0)
-    assert shortlist.promising(some, none, 3.0) == some[:1]
+    assert shortlist.expected_to_beat_nominal(some, none, 3.0) == some[:1]
 
 
 @pytest.mark.parametrize("effect", ["encoder_bias", "force_gain", "coulomb_friction", "rate_limit", "command_delay"])

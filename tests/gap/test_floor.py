@@ -24,16 +24,16 @@ def cost(data: Data, difference) -> float:
 def test_a_joint_that_chatters_in_the_simulator_alone_may_stand_still_in_another_explanation():
     """Half a deviation would be charged for each sample if the chatter were believed to err alike over a block."""
     chatter = 0.4 * (-1.0) ** np.arange(ROWS)[None, :, None]
-    data = noise_model.with_numerics(flat(), chatter, np.zeros_like(chatter))
-    off = chatter * noise_model.FINER / (noise_model.FINER - 1)
+    data = noise_model.with_step_tolerance(flat(), chatter, np.zeros_like(chatter))
+    off = chatter * noise_model.STEP_REFINEMENT / (noise_model.STEP_REFINEMENT - 1)
     assert (data.common < 1e-9).all()
     assert cost(data, off) < ROWS
 
 
 def test_what_a_step_shifts_for_good_is_one_error_and_not_many():
     shifted = np.full((1, ROWS, 1), 0.4)
-    data = noise_model.with_numerics(flat(), shifted, np.zeros_like(shifted))
-    off = shifted * noise_model.FINER / (noise_model.FINER - 1)
+    data = noise_model.with_step_tolerance(flat(), shifted, np.zeros_like(shifted))
+    off = shifted * noise_model.STEP_REFINEMENT / (noise_model.STEP_REFINEMENT - 1)
     assert data.common == pytest.approx(np.abs(off))
     assert cost(data, off) < ROWS / data.block * 1.01  # of each block once
     assert cost(data, off * (-1.0) ** np.arange(ROWS)[None, :, None]) > 20 * ROWS / data.block
@@ -61,7 +61,7 @@ def test_a_trial_in_which_an_error_lasts_stands_out():
     data = Data(("force.left",), np.array([0]), values, np.array([NOISE]), sigma, np.zeros_like(values), block=6)
     error = np.random.default_rng(0).normal(0, NOISE, values.shape)
     error[1] += NOISE  # as large as the noise, but all along
-    fails = likelihood.lasting_in(data, error)
+    fails = likelihood.lasting_per_trial(data, error)
     assert fails[1] > 4
     assert fails[[0, 2]] == pytest.approx(1, abs=0.7)  # ten blocks: scatter of 0.45
 
@@ -81,9 +81,9 @@ def test_one_motion_may_go_another_way(channel, wrong, said):
     data = Data((channel,), np.array([0]), values, np.array([NOISE]), sigma, np.zeros_like(values), block=6)
     error = np.random.default_rng(0).normal(0, NOISE, values.shape)
     error[wrong, 40:] += 10 * NOISE
-    assert list(np.nonzero(likelihood.astray(data, error))[0]) == said
-    assert not likelihood.astray(
-        noise_model.part(data, [0, 1, 2]), error[:3]
+    assert list(np.nonzero(likelihood.departing_trials(data, error))[0]) == said
+    assert not likelihood.departing_trials(
+        noise_model.select_trials(data, [0, 1, 2]), error[:3]
     ).any()  # of three trials none is the odd one
 
 
@@ -111,8 +111,8 @@ def test_a_swing_is_no_event_but_a_stop_is(rate):
     swing = 0.5 * np.sin(2 * np.pi * time)
     stopped = np.where(time < 2, 2.0 * (time - 2), 0.0)
     values, noise = np.stack([swing, stopped])[..., None], np.array([1e-4])
-    share = np.array([noise_model.SHARE["position"][1]])
+    share = np.array([noise_model.SIZE_TOLERANCE["position"][1]])
     sigma, _ = noise_model.sigma(values, noise, share, ("position.hinge",), 1 / rate)
     there = np.abs(time - 2) < 2 / rate
-    assert 1.0 < sigma[1, there, 0].max() / noise_model.TIMING < 2.2
+    assert 1.0 < sigma[1, there, 0].max() / noise_model.TIMING_TOLERANCE < 2.2
     assert np.median(sigma[0]) < 2.5 * noise[0] < 0.15 * sigma[1, there, 0].max()

@@ -12,7 +12,7 @@ from benchmarks.blind.cases import FAST_RATE, Case, EffectChoice
 from tiago_mj.effects.spec import Entry
 from tiago_mj.gap.data.read import read_recordings
 from tiago_mj.gap.detectors import set_points
-from tiago_mj.gap.detectors.set_points import Told
+from tiago_mj.gap.detectors.set_points import ServoMotion
 from tiago_mj.gap.inference import hypotheses, noise_model
 from tiago_mj.gap.inference.fit import Fitted
 from tiago_mj.gap.inference.predictor import Predictor, predictor
@@ -26,7 +26,7 @@ SHARE = 0.25
 
 
 @pytest.fixture(scope="module")
-def hinge(tmp_path_factory: pytest.TempPathFactory) -> tuple[Predictor, Told, Path]:
+def hinge(tmp_path_factory: pytest.TempPathFactory) -> tuple[Predictor, ServoMotion, Path]:
     """Recordings of a hinge without effects, by the independent reality with the nominal model's own numbers."""
     folder = tmp_path_factory.mktemp("hinge")
     (folder / robots.PLAIN_FILE).write_text(robots.PLAIN)
@@ -34,7 +34,7 @@ def hinge(tmp_path_factory: pytest.TempPathFactory) -> tuple[Predictor, Told, Pa
     trials = read_recordings([folder]).trials
     plant = plant_of(trials, model=folder / robots.PLAIN_FILE)
     predict, nominal = predictor(plant, trials, threads=1)
-    seen = set_points.told(plant, predict.on, predict.data, nominal)
+    seen = set_points.servo_motion(plant, predict.on, predict.data, nominal)
     assert seen is not None
     return predict, seen, folder
 
@@ -42,56 +42,56 @@ def hinge(tmp_path_factory: pytest.TempPathFactory) -> tuple[Predictor, Told, Pa
 def with_losses(predict: Predictor, share: float) -> tuple[Predictor, np.ndarray]:
     """Recordings of the simulator itself with lost commands and noise, and which were lost (0)."""
     rng = np.random.default_rng(0)
-    luck = (rng.random(predict.on.commands.shape) > share).astype(float)
+    delivered = (rng.random(predict.on.commands.shape) > share).astype(float)
     trials = range(len(predict.on.trials))
     losing = Entry(lost_commands.EFFECT, None, {"probability": 0.5})
-    value = predict.with_luck(luck).all_trials([(losing,)], trials)[0]
+    value = predict.with_delivered(delivered).all_trials([(losing,)], trials)[0]
     value = value + predict.data.noise * rng.standard_normal(value.shape)
-    return replace(predict, data=replace(predict.data, value=value)), luck
+    return replace(predict, data=replace(predict.data, value=value)), delivered
 
 
-def test_commands_that_were_lost_are_told_and_so_is_their_share(hinge: tuple[Predictor, Told, Path]) -> None:
+def test_commands_that_were_lost_are_told_and_so_is_their_share(hinge: tuple[Predictor, ServoMotion, Path]) -> None:
     predict, seen, _ = hinge
-    losing, luck = with_losses(predict, SHARE)
+    losing, delivered = with_losses(predict, SHARE)
     trials = range(len(predict.on.trials))
     found = lost_commands.decode(losing, seen, [()] * len(trials), trials)
     step = np.abs(np.diff(predict.on.commands, axis=1, prepend=seen.start[:, None]))
     told = step > np.quantile(step, 0.7)  # those that change most
-    assert np.mean(found.luck[told] == luck[told]) > 0.9
+    assert np.mean(found.delivered[told] == delivered[told]) > 0.9
     pool = hypotheses.candidates(predict.plant, (lost_commands.EFFECT,))
-    (candidate,) = lost_commands.candidates(pool, found, predict.plant.wiring.targets.command, trials) or [None]
+    (candidate,) = lost_commands.losing_candidates(pool, found, predict.plant.wiring.targets.command, trials) or [None]
     assert candidate is not None
     assert candidate.spread is not None
     # Three deviations of it, and what the few hundred draws themselves are off.
-    drawn = np.sqrt(SHARE * (1 - SHARE) / luck.size)
+    drawn = np.sqrt(SHARE * (1 - SHARE) / delivered.size)
     assert candidate.grid[0] == pytest.approx(SHARE, abs=3 * np.hypot(candidate.spread, drawn))
 
 
-def test_where_no_command_was_lost_none_is_told(hinge: tuple[Predictor, Told, Path]) -> None:
+def test_where_no_command_was_lost_none_is_told(hinge: tuple[Predictor, ServoMotion, Path]) -> None:
     predict, seen, _ = hinge
     trials = range(len(predict.on.trials))
     pool = hypotheses.candidates(predict.plant, (lost_commands.EFFECT,))
     for measured in (predict, with_losses(predict, 0.0)[0]):
         found = lost_commands.decode(measured, seen, [()] * len(trials), trials)
-        assert lost_commands.candidates(pool, found, predict.plant.wiring.targets.command, trials) is None
+        assert lost_commands.losing_candidates(pool, found, predict.plant.wiring.targets.command, trials) is None
 
 
-def test_a_trial_counts_only_where_it_is_fitted(hinge: tuple[Predictor, Told, Path]) -> None:
+def test_a_trial_counts_only_where_it_is_fitted(hinge: tuple[Predictor, ServoMotion, Path]) -> None:
     predict, seen, _ = hinge
     losing, _ = with_losses(predict, SHARE)
-    without = replace(losing, data=noise_model.part(losing.data, range(4)))
+    without = replace(losing, data=noise_model.select_trials(losing.data, range(4)))
     without.data.value[1:] = np.nan
     found = lost_commands.decode(without, seen, [()] * 4, (0,))
-    assert (found.luck[1:] == 1).all()
+    assert (found.delivered[1:] == 1).all()
     assert found.cost[:, 1:].max() == pytest.approx(0.0)
 
 
-def test_a_servo_whose_joint_is_not_measured_tells_nothing(hinge: tuple[Predictor, Told, Path]) -> None:
+def test_a_servo_whose_joint_is_not_measured_tells_nothing(hinge: tuple[Predictor, ServoMotion, Path]) -> None:
     predict, seen, _ = hinge
     blind = replace(predict.data, channels=tuple(f"position.{name}" for name in ("other", "else")))
     found = lost_commands.decode(replace(predict, data=blind), seen, [()] * 4, range(4))
-    assert (found.luck == 1).all()
-    assert found.least(range(4)) == 0
+    assert (found.delivered == 1).all()
+    assert found.cost_with_losses(range(4)) == 0
 
 
 def test_losses_of_two_servos_that_become_one_effect_cost_what_both_cost() -> None:
@@ -99,15 +99,15 @@ def test_losses_of_two_servos_that_become_one_effect_cost_what_both_cost() -> No
 
     def losing(target: str, paid: tuple[float, ...]) -> hypotheses.Candidate:
         return hypotheses.Candidate(
-            lost_commands.EFFECT, (target,), "probability", (), 0.0, 0.0, 0.6, (0.2,), "-", paid=paid
+            lost_commands.EFFECT, (target,), "probability", (), 0.0, 0.0, 0.6, (0.2,), "-", selection_penalty=paid
         )
 
     parts = (losing("right", (30.0, 1.0)), losing("left", (20.0, 3.0)))
     both = Fitted(parts, np.array([0.2, 0.3]), np.zeros(2), np.zeros(0), 0.0, 1.0)
     targets = SimpleNamespace(names=lambda kind: names)
     fitter = SimpleNamespace(predict=SimpleNamespace(plant=SimpleNamespace(wiring=SimpleNamespace(targets=targets))))
-    ((together,),) = (start.parts for start in starts.merged(both, fitter))  # type: ignore[arg-type]
-    assert (together.target, together.paid) == (None, (50.0, 4.0))
+    ((together,),) = (start.parts for start in starts.on_all_targets(both, fitter))  # type: ignore[arg-type]
+    assert (together.target, together.selection_penalty) == (None, (50.0, 4.0))
 
 
 @pytest.mark.slow

@@ -53,7 +53,7 @@ def proposed(trials, rivals=ALIKE, threads=2, **options):
     data = noise_model.collect(plant, trials)
     fits = [explanation(plant, name, *parameters.values()) for name, parameters in rivals.items()]
     share = [1 / len(fits)] * len(fits)
-    weight = np.full(len(data.channels), 1 / np.sqrt(refinement.REPEATED))
+    weight = np.full(len(data.channels), 1 / np.sqrt(refinement.SAMPLES_PER_INDEPENDENT))
     return next_motion(plant, trials[0], data, weight, fits, share, threads=threads, **options)
 
 

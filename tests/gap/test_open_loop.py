@@ -38,7 +38,7 @@ def test_a_run_in_one_go_is_that_of_single_steps_to_the_last_bit(
     monkeypatch.setattr(Chain, "open_loop", property(lambda chain: at_once.append(known(chain)) or at_once[-1]))
     in_one_go = replay.simulate(plant, on, sims, threads=1)
     assert sorted(at_once) == [False, True]
-    monkeypatch.setattr(replay, "_parted", replay._batch)
+    monkeypatch.setattr(replay, "_in_batches", replay._batch)
     monkeypatch.setattr(Chain, "open_loop", False)
     stepwise = replay.simulate(plant, on, sims, threads=1)
     for name in replay.Signals.__dataclass_fields__:

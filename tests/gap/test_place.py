@@ -46,7 +46,7 @@ def after(plant: Plant, trials: list[Trial], mass: float) -> Fitted:
     predict, _ = predictor(plant, trials, threads=1)
     part = next(c for c in candidates(plant, ["payload"]))
     fit = Fitted((part,), np.array([mass]), np.array([0.02]), np.zeros(len(terms(plant))), 0.0, 9.0)
-    data = noise_model.part(predict.data, [0, 1])
+    data = noise_model.select_trials(predict.data, [0, 1])
     weight = np.full(len(data.channels), 0.5)
     ranked = Ranked((fit,), (), (), 0, 1, True, weight, predict)
     return place.refined(plant, ranked, data, [0, 1]).fits[0]

@@ -75,12 +75,12 @@ def test_what_one_block_alone_says_refutes_nothing() -> None:
 def test_a_refuted_explanation_does_not_lead_whatever_speaks_for_it() -> None:
     options = [option("armature", met=-10.0), option("viscous_friction", met=-60.0), option(met=-900.0, left=90.0)]
     assert decide(options, BY).rivals[0] == 0
-    said = decide(options, BY, beaten=np.array([True, False, False]))
+    said = decide(options, BY, refuted=np.array([True, False, False]))
     assert (said.kind, said.rivals) == ("effect", (1,))
     assert said.probability[0] == 0.0
     # What stands on the fitted trials may fail on the others, and the other way round: these count.
     fails = [option("armature", met=-10.0), option("payload", met=-90.0, left=50.0), option(met=-900.0, left=90.0)]
-    assert decide(fails, BY, beaten=np.array([True, False, True])).kind == "unknown"
+    assert decide(fails, BY, refuted=np.array([True, False, True])).kind == "unknown"
 
 
 # Trials that were kept aside ------------------------------------------------------------------------------------------

@@ -39,10 +39,12 @@ def test_where_contacts_are_rough_draws_of_the_nominal_numbers_lead_to_what_smal
     moved = np.where(np.arange(none.size) % 2, 1.6, -1.6)
     exact = none.predictions([Point((lag,), np.array([0.03]), moved)])[0]
     fitter = replace(none, data=replace(data, value=exact + data.noise * rng.normal(size=exact.shape)))
-    (stuck,) = fitter.around(Point((lag,), np.array([0.02]), 0 * moved)).fit_all([Start((lag,), np.array([0.02]))])
+    (stuck,) = fitter.linearized_at(Point((lag,), np.array([0.02]), 0 * moved)).fit_all(
+        [Start((lag,), np.array([0.02]))]
+    )
     led = ensemble.fitted(fitter, stuck)
-    assert refinement.fails(stuck, refinement.SHORT)
-    assert not refinement.fails(led, refinement.DONE)
+    assert refinement.leaves_gap(stuck, refinement.ENSEMBLE_MIN_DISCREPANCY)
+    assert not refinement.leaves_gap(led, refinement.ADEQUATE_DISCREPANCY)
     assert led.values == pytest.approx([0.03], rel=0.02)
 
 
@@ -67,8 +69,8 @@ def test_draws_lead_what_explains_nearly_all_and_yet_fails(grasps, monkeypatch, 
     nominal = Fitted((), np.zeros(0), np.zeros(0), np.zeros(fitter.size), 0.0, without)
     led = replace(start, evidence=200.0, misfit=0.5)
     monkeypatch.setattr(ensemble, "fitted", lambda fitter, fit: led)
-    monkeypatch.setattr(refinement, "_around_themselves", lambda fitter, begin: [])
-    assert any(f is led for f in refinement.renewed(fitter, [nominal, start])) == drawn
+    monkeypatch.setattr(refinement, "_relinearized_in_rounds", lambda fitter, begin: [])
+    assert any(f is led for f in refinement.relinearized(fitter, [nominal, start])) == drawn
 
 
 def test_fits_go_on_around_themselves_as_long_as_that_brings_something(grasps, monkeypatch):
@@ -85,11 +87,11 @@ def test_fits_go_on_around_themselves_as_long_as_that_brings_something(grasps, m
     fits = fitter.fit_all([Start((), np.zeros(0)), Start((lag,), np.array([0.02]))])
     gain = next(c for c in hypotheses.candidates(plant, ["force_gain"]) if c.target is None)
     (pair,) = fitter.fit_all([Start((lag, gain), np.array([0.03, 1.001]), moved)])
-    assert pair.evidence > fits[1].evidence + starts.VALLEY
-    alone = next(f for f in shortlist.ordered(refinement.renewed(fitter, [*fits, pair])) if f.parts == (lag,))
+    assert pair.evidence > fits[1].evidence + starts.LOCAL_OPTIMUM_NATS
+    alone = next(f for f in shortlist.by_evidence(refinement.relinearized(fitter, [*fits, pair])) if f.parts == (lag,))
     assert alone.evidence > pair.evidence - 1
-    best = shortlist.ordered(refinement.renewed(fitter, fits))[0]
-    monkeypatch.setattr(refinement, "AROUND", 0)
-    once = shortlist.ordered(refinement.renewed(fitter, fits))[0]
+    best = shortlist.by_evidence(refinement.relinearized(fitter, fits))[0]
+    monkeypatch.setattr(refinement, "MAX_FURTHER_ROUNDS", 0)
+    once = shortlist.by_evidence(refinement.relinearized(fitter, fits))[0]
     assert best.parts == once.parts == (lag,)
-    assert shortlist.left(once) > 1.5 * shortlist.left(best)
+    assert shortlist.discrepancy(once) > 1.5 * shortlist.discrepancy(best)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tiago_mj.gap.detectors.readings import LEAST_BIAS, tone, trace
+from tiago_mj.gap.detectors.readings import MIN_BIAS, tone, trace
 
 PERIOD, NOISE = 1 / 240, 0.0077
 ROWS = np.arange(200)
@@ -55,7 +55,7 @@ def test_an_offset_is_read_off_before_anything_is_touched(offset):
     value, deviation = rest(readings() + offset)
     assert deviation == pytest.approx(NOISE / np.sqrt(4 * len(ROWS)), rel=0.1)  # the median deviation of 800 is 4 % off
     assert abs(value - offset) < 4 * deviation
-    assert 4 * deviation < LEAST_BIAS
+    assert 4 * deviation < MIN_BIAS
 
 
 @pytest.mark.parametrize("name", ["drift", "another offset in one trial"])

@@ -90,7 +90,7 @@ def test_what_one_effect_leaves_is_not_taken_for_another() -> None:
     # Beside what the readings betray, which every explanation holds, one effect is another one already.
     grid, beside = option(met=-130.0, left=0.9), option("coupling_error", met=-100.0, left=0.9)
     options, less = [beside, grid], replace(BY, further=10.0)
-    assert [decide(options, less, betrayed=yes).rivals[0] for yes in (False, True)] == [0, 1]
+    assert [decide(options, less, measured_on_readings=yes).rivals[0] for yes in (False, True)] == [0, 1]
 
 
 def test_of_two_pairs_the_one_that_meets_the_recordings_better_is_ahead_though_its_parts_alone_do_worse() -> None:

@@ -75,7 +75,7 @@ def concluded(
     """
     plant, data = session.plant, proposed.data
     everything, fitted_on = range(len(session.trials)), session.indices(*FITTED)
-    part = noise_model.part(data, fitted_on)
+    part = noise_model.select_trials(data, fitted_on)
     placed, ranked = _unless_ended(ranked, partial(place.refined, plant, ranked, part, fitted_on), None)
     ranked = placed or ranked
     # Before and after are what the simulator itself does: as the environment with these effects, or the repaired model.
@@ -135,7 +135,7 @@ def concluded(
         + outcome.notes(
             session.trials,
             proposed.tones,
-            astray=ranked.astray,
+            excluded=ranked.excluded,
             cut_from=session.recorded if len(session.trials) > session.recorded else 0,
             tested=bool(session.splits["test"]),
             complete=ranked.complete,
@@ -155,7 +155,7 @@ def _judged(
 ) -> tuple[verdict.Judged, Array]:
     """The verdict before the trials kept aside are looked at, and what each explanation gains on validation trials."""
     by = verdict.calibration()
-    judging = [k for k in session.indices("validation") if k not in ranked.astray]
+    judging = [k for k in session.indices("validation") if k not in ranked.excluded]
     gains, beaten = held_out.validated(
         session.plant,
         ranked.predict.as_simulated(),
@@ -166,7 +166,7 @@ def _judged(
         by.fails,
         seed,
     )
-    judged = verdict.judge(ranked, strange=bool(proposed.tones), beaten=beaten if judging else None)
+    judged = verdict.judge(ranked, strange=bool(proposed.tones), refuted=beaten if judging else None)
     return promises.standing(judged, [verdict.option(fit, ranked) for fit in ranked.fits], by), gains
 
 

@@ -113,13 +113,13 @@ def _diagnosed(trials: Sequence[Trial], asked: Request) -> Diagnosis:
 
     ranked = select.select(
         predict,
-        noise_model.part(proposed.data, fitted_on),
+        noise_model.select_trials(proposed.data, fitted_on),
         fitted_on,
         proposed.pool,
         hypotheses.terms(plant),
         base[fitted_on],
         proposed.known,
-        proposed.seen,
+        proposed.servo_motion,
         steps=replay.physics_steps(plant, predict.on),
         out_of_time=lambda: asked.budget is not None and time.monotonic() - begun > asked.budget - reserve,
         tick=tick,

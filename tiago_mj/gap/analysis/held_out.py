@@ -57,7 +57,7 @@ def validated(
     """
     known = [(*fit.effects(), *own_numbers(plant, fit)) for fit in fits]
     predicted = predict.all_trials(known, trials)
-    here = noise_model.part(data, trials)
+    here = noise_model.select_trials(data, trials)
     nominal = base[list(trials)]
     length = shrink.block_rows(here, nominal, predicted[0])
     energy, samples = _blocks(here, predicted, length)
@@ -94,7 +94,7 @@ def spoiled(
     shared = [term for term in terms(plant) if not term.per_trial]
     far = sorted(zip(shared, fit.nuisance, strict=False), key=lambda one: -abs(float(one[1])))[:TOLD]
     fitted, stated = predict.all_trials([(*fit.effects(), *own), tuple(fit.effects())], trials)
-    here = noise_model.part(data, trials)
+    here = noise_model.select_trials(data, trials)
     energy, samples = _blocks(here, np.stack([fitted, stated]), shrink.block_rows(here, stated, fitted))
     slides = [name for name, slides in zip(plant.joints, plant.wiring.targets.slides, strict=True) if slides]
     told = [_number(plant, term, float(size)) for term, size in far if size]

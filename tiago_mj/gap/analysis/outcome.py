@@ -141,7 +141,7 @@ def notes(
     trials: Sequence[Trial],
     tones: Sequence[Tone],
     *,
-    astray: Sequence[int] = (),
+    excluded: Sequence[int] = (),
     cut_from: int = 0,
     tested: bool,
     complete: bool,
@@ -155,7 +155,7 @@ def notes(
     Args:
         trials: that were compared.
         tones: that load cells hum.
-        astray: indices of trials that were set aside.
+        excluded: indices of trials that were excluded from the fits.
         cut_from: how many recordings were cut into the trials; 0 where none was.
         tested: whether a trial was kept for testing.
         complete: whether the search came to its end.
@@ -182,7 +182,7 @@ def notes(
     said += [
         f"In {trials[k].name} the motion goes another way than in the simulator, which it does not in the others: "
         "something slipped, tipped or got stuck there. What is said rests on the others."
-        for k in astray
+        for k in excluded
     ]
     if diverged and diverged["diverged"]:
         said.append(

@@ -73,8 +73,8 @@ def refined(plant: Plant, ranked: Ranked, data: Data, trials: Sequence[int]) -> 
     own = terms(plant)
     if _which(ranked.fits[0]) is None or not ranked.complete or any(term.per_trial for term in own):
         return ranked
-    rows = [row for row, trial in enumerate(trials) if trial not in ranked.astray][:TRIALS]
-    here = noise_model.part(data, rows)
+    rows = [row for row, trial in enumerate(trials) if trial not in ranked.excluded][:TRIALS]
+    here = noise_model.select_trials(data, rows)
     flat = np.zeros((len(own), *here.value.shape))
     fitter = Fitter(ranked.predict, tuple(trials[row] for row in rows), here, ranked.weight, own, flat)
     # A second effect may stand for the place: the amount alone is given one, too.
@@ -109,14 +109,14 @@ class _Sought:
         self._begin = np.concatenate([[best.values[which]], np.zeros(len(details)), best.nuisance])
         at = self._point(self._begin)
         self._fitter = fitter
-        base, without = self._fitter.predictions([at, at.less(which)])
+        base, without = self._fitter.predictions([at, at.without_effect(which)])
         form = EFFECTS[best.parts[which].effect].form_known_to
-        self._on = Whitening(fitter.data, fitter.weight).with_shape(np.abs(form * (base - without)))
+        self._on = Whitening(fitter.data, fitter.weight).with_form_tolerance(np.abs(form * (base - without)))
         self._columns = self._of_nuisances(self._begin)
 
     def _of_nuisances(self, at: Array) -> Array:
         """Whitened response to the nominal numbers around a point, (n, size)."""
-        near = self._fitter.around(self._point(at))
+        near = self._fitter.linearized_at(self._point(at))
         return self._on.columns(near.responses, near.per_trial)
 
     def _point(self, at: Array) -> Point:

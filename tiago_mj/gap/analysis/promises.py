@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tiago_mj.gap.analysis.remainder import LEFT
-from tiago_mj.gap.decision.verdict import LESS, Calibration, Judged, Option
+from tiago_mj.gap.decision.verdict import REFUTING_RATIO, Calibration, Judged, Option
 
 Array = NDArray[np.float64]
 
@@ -68,7 +68,8 @@ def beaten(energy: Array, samples: Array, misfit: Array, fails: float, seed: int
     """Explanations that predict the validation trials far worse than the one that predicts them best, (n,).
 
     Far worse is what fails there, leaves so much more of what is beyond the noise that an explanation is refuted
-    (:data:`tiago_mj.gap.decision.verdict.LESS`), and by more than :data:`ERRORS` standard errors of the difference.
+    (:data:`tiago_mj.gap.decision.verdict.REFUTING_RATIO`), and by more than
+    :data:`ERRORS` standard errors of the difference.
 
     Args:
         energy: sums of squared residuals in units of the noise floor, of each explanation in each block, (n, B); blocks
@@ -86,7 +87,9 @@ def beaten(energy: Array, samples: Array, misfit: Array, fails: float, seed: int
     times = np.random.default_rng(seed).multinomial(blocks, np.full(blocks, 1 / blocks), size=DRAWS)
     drawn = times @ (energy - energy[best]).T / (times @ samples)[:, None]
     out: NDArray[np.bool_] = (
-        (misfit > fails) & (left[best] - 1 < LESS * (left - 1)) & (left - left[best] > ERRORS * drawn.std(axis=0))
+        (misfit > fails)
+        & (left[best] - 1 < REFUTING_RATIO * (left - 1))
+        & (left - left[best] > ERRORS * drawn.std(axis=0))
     )
     return out
 
@@ -168,7 +171,7 @@ def spoiled(
     after, before = fitted.sum() / samples.sum(), stated.sum() / samples.sum()
     times = np.random.default_rng(seed).multinomial(blocks, np.full(blocks, 1 / blocks), size=DRAWS)
     error = float((times @ (fitted - stated) / (times @ samples)).std())
-    if not (after > LEFT and before - 1 < LESS * (after - 1) and after - before > ERRORS * error):
+    if not (after > LEFT and before - 1 < REFUTING_RATIO * (after - 1) and after - before > ERRORS * error):
         return ()
     went = f" ({'; '.join(where)})" if where else ""
     return (

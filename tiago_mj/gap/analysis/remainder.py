@@ -55,16 +55,16 @@ def remainder(
         weight: square root of what a sample of each channel counts for, (C,).
         test: indices of those trials; at least one.
     """
-    here = noise_model.part(data, test)
+    here = noise_model.select_trials(data, test)
     known = (*fit.effects(), *own_numbers(plant, fit))
     own = tuple(term for term in terms(plant) if term.per_trial)
     predicted = predict.all_trials([known], test)[0]
     if own:  # where each object stood: nobody measured it, so that the test trials tell it themselves
         flat = np.zeros((len(own), *predicted.shape))
         fitter = Fitter(predict, tuple(test), here, weight, own, flat, known)
-        fitter = fitter.around(Point((), np.zeros(0), np.zeros(fitter.size)))
+        fitter = fitter.linearized_at(Point((), np.zeros(0), np.zeros(fitter.size)))
         (placed,) = fitter.fit_all([Start((), np.zeros(0))])
-        predicted = fitter.predictions([starts.point(placed)])[0]
+        predicted = fitter.predictions([starts.point_of(placed)])[0]
     residual = here.value - predicted
     square = (likelihood.scaled(here, likelihood.residual(here, predicted)) ** 2).sum(axis=(0, 1))
     measured = np.isfinite(here.value).sum(axis=(0, 1))

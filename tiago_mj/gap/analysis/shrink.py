@@ -61,7 +61,7 @@ def shrink(
         return Shrink(None, None, 1.0, None, None, None)
     sums = [_binned(data, before[k], after[k], phase[k], k) for k in test]
     index = list(test)
-    length = block_rows(noise_model.part(data, index), before[index], after[index])
+    length = block_rows(noise_model.select_trials(data, index), before[index], after[index])
     drawn = _drawn(sums, length, np.random.default_rng(seed))
     total = np.sum([part.sum(axis=0) for part in sums], axis=0)
     whole = _closing(total.sum(axis=(0, 1)), drawn.sum(axis=(1, 2)))

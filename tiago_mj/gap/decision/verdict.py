@@ -1,4 +1,4 @@
-"""From the evidence for explanations to a verdict that can be wrong only as often as it says.
+"""From the evidence for explanations to a verdict with calibrated probabilities.
 
     log odds = met / T + price
 
@@ -29,13 +29,14 @@ Array = NDArray[np.float64]
 
 #: Prior odds of one effect against none, spread over the library, and of another one beside it; and of one target
 #: against all.
-ONE_EFFECT: Final = 1.0
-ANOTHER_EFFECT: Final = 0.5
-ONE_TARGET: Final = 0.5
-#: An explanation that stands refutes one that fails where it leaves so much less of what is beyond the noise.
-LESS: Final = 0.6
-#: The temperature rises no further where all explanations fail.
-HOTTEST: Final = 4.0
+PRIOR_ODDS_FIRST_EFFECT: Final = 1.0
+PRIOR_ODDS_FURTHER_EFFECT: Final = 0.5
+PRIOR_ODDS_SINGLE_TARGET: Final = 0.5
+#: An adequate explanation refutes an inadequate one where its discrepancy beyond 1 is less than this share of the
+#: other's. Chosen by hand; no ablation.
+REFUTING_RATIO: Final = 0.6
+#: Largest factor by which the temperature rises with the misfit of the best explanation. Chosen by hand; no ablation.
+MAX_TEMPERATURE_FACTOR: Final = 4.0
 CALIBRATION: Final = "verdict.json"
 SCHEMA: Final = "tiago_mj.verdict/1"
 
@@ -116,16 +117,16 @@ class Judged:
     remains: bool
 
 
-def judge(ranked: Ranked, *, strange: bool = False, beaten: NDArray[np.bool_] | None = None) -> Judged:
+def judge(ranked: Ranked, *, strange: bool = False, refuted: NDArray[np.bool_] | None = None) -> Judged:
     """Judge ranked explanations, best first.
 
     Args:
         ranked: explanations.
         strange: the readings show what no effect of the library does.
-        beaten: explanations that are refuted by what they predict of the validation trials, (n,).
+        refuted: explanations that are refuted by what they predict of the validation trials, (n,).
     """
     options = [option(fit, ranked) for fit in ranked.fits]
-    said = decide(options, calibration(), betrayed=ranked.known > 0, beaten=beaten)
+    said = decide(options, calibration(), measured_on_readings=ranked.known > 0, refuted=refuted)
     return replace(said, kind="unknown") if strange else said
 
 
@@ -143,78 +144,91 @@ def option(fit: Fitted, ranked: Ranked) -> Option:
 
 
 def decide(
-    options: Sequence[Option], by: Calibration, *, betrayed: bool = False, beaten: NDArray[np.bool_] | None = None
+    options: Sequence[Option],
+    by: Calibration,
+    *,
+    measured_on_readings: bool = False,
+    refuted: NDArray[np.bool_] | None = None,
 ) -> Judged:
     """The verdict on explanations.
 
     Args:
         options: one of them the nominal model.
         by: calibration.
-        betrayed: whether an effect was measured on the readings alone, whichever explanation holds.
-        beaten: explanations that are refuted, (n,); not all of them. None: none is.
+        measured_on_readings: whether an effect was measured on the readings alone, whichever explanation holds.
+        refuted: explanations that are refuted, (n,); not all of them. None: none is.
     """
-    single = probabilities(options, by, betrayed=betrayed, beaten=beaten)
+    single = probabilities(options, by, measured_on_readings=measured_on_readings, refuted=refuted)
     classes = [one.classes for one in options]
     pooled = np.array([single[[c == classes[k] for c in classes]].sum() for k in range(len(classes))])
     nominal = next(k for k, one in enumerate(options) if not one.effects)
     best = max((k for k in range(len(single)) if k != nominal), key=lambda k: single[k], default=nominal)
-    leaves = left(options[nominal])
-    stands = single[nominal] >= (1.0 if leaves > by.remains else by.stands) * single[best]
-    if best == nominal or (stands and leaves <= by.fails):
+    nominal_discrepancy = discrepancy(options[nominal])
+    stands = single[nominal] >= (1.0 if nominal_discrepancy > by.remains else by.stands) * single[best]
+    if best == nominal or (stands and nominal_discrepancy <= by.fails):
         best, rivals = nominal, [nominal]
     else:
-        rivals = _rivals(options, single, by.rival * single[best], nominal)
-        fails = bool(rivals) and left(options[rivals[0]]) > by.fails
+        rivals = _not_ruled_out(options, single, by.rival * single[best], nominal)
+        fails = bool(rivals) and discrepancy(options[rivals[0]]) > by.fails
         if not rivals or single[rivals[0]] < (1.0 if fails else by.rival) * single[nominal]:
             rivals = [nominal]  # which fails, but what fails, too, or hardly stands, is no better
         best = rivals[0]
-    if left(options[best]) > by.fails or options[best].evidence.edge:
+    if discrepancy(options[best]) > by.fails or options[best].evidence.edge:
         kind = "unknown"  # what has to be as large as an effect can be stands for something else
-    elif best == nominal and not betrayed:
+    elif best == nominal and not measured_on_readings:
         kind = "no_gap"
     elif any(classes[k] != classes[best] for k in rivals):
         kind = "ambiguous"
     else:
         kind = "effect"
-    return Judged(kind, (1 - by.lapse) * pooled, tuple(rivals), left(options[best]) > by.remains)
+    return Judged(kind, (1 - by.lapse) * pooled, tuple(rivals), discrepancy(options[best]) > by.remains)
 
 
-def left(one: Option) -> float:
-    """What an explanation leaves: errors that last, or that are large."""
+def discrepancy(one: Option) -> float:
+    """Discrepancy of an explanation: the larger of its mean squares over blocks and by samples (1 is expected)."""
     return max(one.evidence.lasting, one.evidence.misfit)
 
 
 def _refuted(options: Sequence[Option], by: Calibration) -> NDArray[np.bool_]:
     """Explanations that fail where another one stands, which leaves much less, (n,): what is left of an effect that
     they lack looks like few samples, which evidence alone would let pass."""
-    lefts = np.array([left(one) for one in options])
-    least = min((x for x, one in zip(lefts, options, strict=True) if one.effects), default=np.inf)
-    out: NDArray[np.bool_] = (lefts > by.fails) & (least <= by.fails) & (least - 1 < LESS * (lefts - 1))
+    discrepancies = np.array([discrepancy(one) for one in options])
+    least = min((x for x, one in zip(discrepancies, options, strict=True) if one.effects), default=np.inf)
+    out: NDArray[np.bool_] = (
+        (discrepancies > by.fails) & (least <= by.fails) & (least - 1 < REFUTING_RATIO * (discrepancies - 1))
+    )
     return out
 
 
 def probabilities(
-    options: Sequence[Option], by: Calibration, *, betrayed: bool = False, beaten: NDArray[np.bool_] | None = None
+    options: Sequence[Option],
+    by: Calibration,
+    *,
+    measured_on_readings: bool = False,
+    refuted: NDArray[np.bool_] | None = None,
 ) -> Array:
     """Of every explanation, (n,); arguments as of :func:`decide`."""
     temperature = temperature_of([one.evidence.misfit for one in options], by)
-    scores = _met(options, by.further, betrayed) / temperature + np.array([one.evidence.price for one in options])
-    out_of_it = _refuted(options, by)
-    if beaten is not None:  # what stands on the trials that were fitted may fail on the others: these count
-        out_of_it = beaten if (out_of_it | beaten).all() else out_of_it | beaten
-    scores[out_of_it] = -np.inf
+    scores = _discounted_log_likelihood(options, by.further, measured_on_readings) / temperature + np.array(
+        [one.evidence.price for one in options]
+    )
+    ruled_out = _refuted(options, by)
+    if refuted is not None:  # what stands on the trials that were fitted may fail on the others: these count
+        ruled_out = refuted if (ruled_out | refuted).all() else ruled_out | refuted
+    scores[ruled_out] = -np.inf
     weights = np.exp(scores - scores.max())
     out: Array = weights / weights.sum()
     return out
 
 
-def _met(options: Sequence[Option], further: float, betrayed: bool) -> Array:
+def _discounted_log_likelihood(options: Sequence[Option], further: float, measured_on_readings: bool) -> Array:
     """How well explanations meet the recordings [nats], (n,), with less for what a further effect adds to the best by
-    fewer, so that of two by as many what meets them better stays ahead. Beside what the readings betray any is one."""
+    fewer, so that of two by as many what meets them better stays ahead. With an effect measured on the readings, every
+    further one counts as such."""
     out = np.array([one.evidence.met for one in options])
     sizes = [len(one.effects) for one in options]
     for k in np.argsort(sizes):
-        fewer = [j for j, size in enumerate(sizes) if (size or betrayed) and size < sizes[k]]
+        fewer = [j for j, size in enumerate(sizes) if (size or measured_on_readings) and size < sizes[k]]
         if fewer:
             before = max(fewer, key=lambda j: options[j].evidence.met)
             added = options[k].evidence.met - options[before].evidence.met
@@ -228,7 +242,7 @@ def temperature_of(misfits: Sequence[float], by: Calibration) -> float:
     What the best one leaves is model error, which counts as often as it is repeated; but where nothing explains the
     recordings, what explains them least badly still goes first.
     """
-    return by.temperature * min(max(1.0, min(misfits)), HOTTEST)
+    return by.temperature * min(max(1.0, min(misfits)), MAX_TEMPERATURE_FACTOR)
 
 
 def classes_of(fit: Fitted) -> frozenset[str]:
@@ -236,7 +250,7 @@ def classes_of(fit: Fitted) -> frozenset[str]:
     return frozenset(EFFECTS[part.effect].gap_class for part in fit.parts)
 
 
-def _rivals(options: Sequence[Option], probability: Array, least: float, nominal: int) -> list[int]:
+def _not_ruled_out(options: Sequence[Option], probability: Array, least: float, nominal: int) -> list[int]:
     """What is not ruled out, most probable first; of the same effects on several targets the best."""
     out: dict[frozenset[str], int] = {}
     for k in np.argsort(-probability):
@@ -249,5 +263,8 @@ def _log_prior(fit: Fitted, ranked: Ranked) -> float:
     """One of the effects is as likely as none; each has its share; one finger's half of both's."""
     count = len(fit.parts) - ranked.known
     parts = fit.parts[:count]
-    share = sum(np.log((ANOTHER_EFFECT if k or ranked.known else ONE_EFFECT) / ranked.pool) for k in range(count))
-    return float(share + sum(np.log(ONE_TARGET) for part in parts if part.target is not None))
+    share = sum(
+        np.log((PRIOR_ODDS_FURTHER_EFFECT if k or ranked.known else PRIOR_ODDS_FIRST_EFFECT) / ranked.pool)
+        for k in range(count)
+    )
+    return float(share + sum(np.log(PRIOR_ODDS_SINGLE_TARGET) for part in parts if part.target is not None))

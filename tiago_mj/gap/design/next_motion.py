@@ -31,7 +31,7 @@ from tiago_mj.gap.decision.verdict import calibration, classes_of, temperature_o
 from tiago_mj.gap.design.rehearse import Rehearsal, rehearse, with_numerics
 from tiago_mj.gap.detectors.readings import MEASURES
 from tiago_mj.gap.inference import hypotheses, likelihood
-from tiago_mj.gap.inference.fit import NUDGE, REACH, Fitted
+from tiago_mj.gap.inference.fit import MIN_MOVE_SHARE, NUISANCE_STEP, Fitted
 from tiago_mj.gap.inference.hypotheses import Term
 from tiago_mj.gap.inference.noise_model import Data
 from tiago_mj.gap.result import NextMotion
@@ -132,7 +132,7 @@ def _entries(fit: Fitted, terms: Sequence[Term]) -> Effects:
 
 def _white(menu: Rehearsal, weight: Array, predicted: Array) -> Array:
     """Whitened, (nmotions, nexplanations, n)."""
-    white = likelihood.whiten(menu.data, likelihood.told(menu.data, predicted), weight)
+    white = likelihood.whiten(menu.data, likelihood.mean_visible_change(menu.data, predicted), weight)
     return np.asarray(white.reshape(*white.shape[:2], -1).swapaxes(0, 1))
 
 
@@ -154,16 +154,18 @@ def _remaining(menu: Rehearsal, weight: Array, rivals: Sequence[Fitted], terms: 
             if part.effect in MEASURES:
                 continue  # the readings say by themselves how large it is
             span = part.high - part.low
-            step = max(0.02 * abs(float(fit.values[k])), min(float(fit.deviations[k]), 0.1 * span), REACH * span)
+            step = max(
+                0.02 * abs(float(fit.values[k])), min(float(fit.deviations[k]), 0.1 * span), MIN_MOVE_SHARE * span
+            )
             values = fit.values.copy()
             values[k] += step if values[k] + step <= part.high else -step
             explanations.append(_entries(replace(fit, values=values), terms))
             owner.append(r)
             scale.append(float(values[k] - fit.values[k]) / span)
     magnitudes = len(owner)
-    explanations += [(term.entry(NUDGE),) for term in terms]
+    explanations += [(term.entry(NUISANCE_STEP),) for term in terms]
     owner += [len(rivals)] * len(terms)
-    scale += [NUDGE] * len(terms)
+    scale += [NUISANCE_STEP] * len(terms)
     prior = np.array([*[FREE] * magnitudes, *[1.0] * len(terms)])
     out = []
     from_here = np.concatenate([menu.predicted, menu.nominal[None]])

@@ -14,7 +14,7 @@ from tiago_mj.gap import motions
 from tiago_mj.gap.data.recording import Trial
 from tiago_mj.gap.inference import noise_model
 from tiago_mj.gap.inference.noise_model import Data
-from tiago_mj.gap.inference.predictor import RANDOM, Predictor
+from tiago_mj.gap.inference.predictor import RANDOM_EFFECTS, Predictor
 from tiago_mj.gap.motions.menu import OPEN, items
 from tiago_mj.gap.motions.play import Motion, read_motion
 from tiago_mj.gap.simulation import replay
@@ -77,7 +77,7 @@ class Rehearsal:
                 period=on.period[index],
                 commands=on.commands[index],
             ),
-            data=noise_model.part(self.data, index),
+            data=noise_model.select_trials(self.data, index),
             nominal=self.nominal[index],
             predicted=self.predicted[:, index],
             harmless=self.harmless[index],
@@ -116,7 +116,7 @@ def rehearse(
     harmless = _harmless(plant, played, true.effort.reshape(len(explanations) + 1, *blank.shape[:2], -1))
     files = tuple(file for file, _ in listed)
     found = Rehearsal(files, played, plant, on, rows, predicted[0], predicted[1:], harmless, seed, threads)
-    drawn = [k for k, effects in enumerate(explanations) if any(entry.name in RANDOM for entry in effects)]
+    drawn = [k for k, effects in enumerate(explanations) if any(entry.name in RANDOM_EFFECTS for entry in effects)]
     if drawn:  # a mean over several draws tells more than one
         found.predicted[drawn] = found.predict([explanations[k] for k in drawn])
     return found
@@ -124,10 +124,12 @@ def rehearse(
 
 def with_numerics(rehearsal: Rehearsal) -> Rehearsal:
     """With a tolerance of what the nominal simulator itself gets wrong by its physics step."""
-    fine = replace(rehearsal.plant, max_timestep=rehearsal.plant.max_timestep / noise_model.FINER)
+    fine = replace(rehearsal.plant, max_timestep=rehearsal.plant.max_timestep / noise_model.STEP_REFINEMENT)
     each: list[tuple[int, Effects]] = [(k, ()) for k in range(len(rehearsal.files))]
     finer = replay.simulate(fine, rehearsal.on, each, threads=rehearsal.threads, seed=rehearsal.seed)
-    rows = noise_model.with_numerics(rehearsal.data, rehearsal.nominal, noise_model.predicted(rehearsal.data, finer))
+    rows = noise_model.with_step_tolerance(
+        rehearsal.data, rehearsal.nominal, noise_model.predicted(rehearsal.data, finer)
+    )
     return replace(rehearsal, data=rows)
 
 

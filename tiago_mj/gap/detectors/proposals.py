@@ -28,14 +28,14 @@ class Proposals:
     Attributes:
         pool: effects to consider, with the magnitudes that the detectors point to among those that are tried.
         known: effects that the readings show by themselves (a grid, repeats, drift at rest), with their values.
-        seen: what the servos' motion says of their set points; None where it says nothing.
+        servo_motion: what the servos' motion says of their set points; None where it says nothing.
         tones: hum of load cells, which no effect of the library explains.
         data: what was measured, without what is only a repeat.
     """
 
     pool: tuple[Candidate, ...]
     known: tuple[readings.Known, ...]
-    seen: set_points.Told | None
+    servo_motion: set_points.ServoMotion | None
     tones: tuple[readings.Tone, ...]
     data: Data
 
@@ -53,17 +53,17 @@ def proposals(
         trials: indices of those that may be looked at: not those that are kept aside.
     """
     plant, on, data, some = predict.plant, predict.on, predict.data, list(trials)
-    part = noise_model.part(data, some)
-    seen = set_points.told(plant, on, data, nominal)
-    if seen is not None:
-        pool = set_points.magnitudes(plant, on, seen, pool, some)
+    part = noise_model.select_trials(data, some)
+    motion = set_points.servo_motion(plant, on, data, nominal)
+    if motion is not None:
+        pool = set_points.magnitudes(plant, on, motion, pool, some)
     untouched = set_points.untouched(data, nominal, data.value.shape[1])
-    share = set_points.shares(plant, seen)
+    share = set_points.shares(plant, motion)
     pool = ripples.with_periods(plant, part, base[some], untouched[some], share, pool)
     tones = readings.tones(plant, data, base)
     hums = {tone.channel for tone in tones}
     marks = [mark for mark in readings.of_channels(plant, part, base[some]) if mark.channel not in hums]
-    known = readings.betrayed(marks, pool)
+    known = readings.measured_on_readings(marks, pool)
     if any(one.candidate.effect == REPEATS for one in known):
         data = noise_model.without_repeats(data)
-    return Proposals(tuple(pool), tuple(known), seen, tuple(tones), data)
+    return Proposals(tuple(pool), tuple(known), motion, tuple(tones), data)

@@ -27,23 +27,23 @@ Array = NDArray[np.float64]
 #: A sensor's noise is known to about this share.
 NOISE_SHARE: Final = 0.12
 #: Standard deviations from what is expected that are named, and within which two channels have the same value.
-CLEAR: Final = 3.5
-SAME: Final = 2.5
+NAMED_DEVIATIONS: Final = 3.5
+EQUAL_DEVIATIONS: Final = 2.5
 #: Exact repeats of a noisy reading that are no accident.
-LEAST_REPEATS: Final = 4
+MIN_REPEATS: Final = 4
 #: A tone is sought in stretches of so many rows, and named where noise would show one as strong in one of so many
 #: recordings, and its variance is this share of the noise's.
-STRETCH: Final = 32
-ACCIDENT: Final = 1e-6
-LOUD: Final = 0.5
+STRETCH_ROWS: Final = 32
+MAX_FALSE_ALARM: Final = 1e-6
+MIN_TONE_VARIANCE_SHARE: Final = 0.5
 #: It swings at least so often in a stretch: what is slower may be drift.
-SLOW: Final = 3
+MIN_TONE_CYCLES: Final = 3
 #: Share of the time until a load cell should feel something in which it surely does not, wherever the object stands.
-UNTOUCHED: Final = 0.6
+UNTOUCHED_SHARE: Final = 0.6
 #: A grid that leaves out every other line of one that is stated has twice its step: halfway there.
-LINES_LEFT_OUT: Final = 1.5
+COARSER_GRID_RATIO: Final = 1.5
 #: Offset of a load cell that is one, three deviations of what every cell may have [sensor units].
-LEAST_BIAS: Final = 0.006
+MIN_BIAS: Final = 0.006
 
 
 @dataclass(frozen=True)
@@ -113,7 +113,7 @@ def _before_touch(plant: Plant, data: Data, base: Array) -> NDArray[np.bool_] | 
     nothing = plant.cell.signal(np.zeros(2))[data.part[cells]]
     touched = (base[:, :, cells] != nothing).any(axis=2)
     first = np.where(touched.any(axis=1), touched.argmax(axis=1), touched.shape[1])
-    return np.arange(touched.shape[1]) < UNTOUCHED * first[:, None]
+    return np.arange(touched.shape[1]) < UNTOUCHED_SHARE * first[:, None]
 
 
 def _level(values: Array, counts: NDArray[np.bool_], expected: float) -> tuple[float, float] | None:
@@ -126,7 +126,7 @@ def _level(values: Array, counts: NDArray[np.bool_], expected: float) -> tuple[f
     """
     counts = counts & np.isfinite(values)
     rows = np.nonzero(counts)[1]
-    if not expected or len(rows) < 2 * STRETCH:
+    if not expected or len(rows) < 2 * STRETCH_ROWS:
         return None
     read = values[counts]
     scatter = max(robust.deviation(read), 0.5 * expected)
@@ -135,8 +135,8 @@ def _level(values: Array, counts: NDArray[np.bool_], expected: float) -> tuple[f
     sizes = [scatter / np.sqrt(row.sum()) for row in counts if row.any()]
     centred = rows - rows.mean()
     slope = float(centred @ read) / max(float(centred @ centred), 1e-12) * float(rows.std())
-    same = stats.chi2.sf(float(np.sum(np.square(np.divide(trials, sizes)))), len(trials)) > ACCIDENT
-    return (float(read.mean()), error) if same and abs(slope) < CLEAR * error else None
+    same = stats.chi2.sf(float(np.sum(np.square(np.divide(trials, sizes)))), len(trials)) > MAX_FALSE_ALARM
+    return (float(read.mean()), error) if same and abs(slope) < NAMED_DEVIATIONS * error else None
 
 
 def trace(
@@ -237,16 +237,16 @@ def tone(channel: str, values: Array, untouched: NDArray[np.bool_], period: floa
     if not expected or len(pieces) < 2:
         return None
     some = signal.detrend(np.stack(pieces), axis=1)
-    power = (np.abs(np.fft.rfft(some, axis=1)) ** 2).mean(axis=0)[SLOW:]
+    power = (np.abs(np.fft.rfft(some, axis=1)) ** 2).mean(axis=0)[MIN_TONE_CYCLES:]
     top = int(np.argmax(power))
     near = slice(max(top - 1, 0), top + 2)
     rest = float(np.delete(power, near).mean())
     # Averages of K periodograms of noise are Gamma(K) distributed about their mean.
     accident = len(power) * stats.gamma.sf(len(pieces) * power[top] / max(rest, 1e-300), len(pieces))
-    variance = 2 * float(power[near].sum()) / STRETCH**2
-    if accident > ACCIDENT or variance < LOUD * expected**2:
+    variance = 2 * float(power[near].sum()) / STRETCH_ROWS**2
+    if accident > MAX_FALSE_ALARM or variance < MIN_TONE_VARIANCE_SHARE * expected**2:
         return None
-    return Tone(channel, (top + SLOW) / (STRETCH * period), float(np.sqrt(2 * variance)))
+    return Tone(channel, (top + MIN_TONE_CYCLES) / (STRETCH_ROWS * period), float(np.sqrt(2 * variance)))
 
 
 def _swings_about_zero(piece: Array, expected: float) -> bool:
@@ -256,18 +256,18 @@ def _swings_about_zero(piece: Array, expected: float) -> bool:
 
 
 def _runs(row: Array, free: NDArray[np.bool_]) -> list[Array]:
-    """Stretches of :data:`STRETCH` rows without a break."""
+    """Stretches of :data:`STRETCH_ROWS` rows without a break."""
     out, begin = [], 0
     for k in range(len(row)):
         if not free[k]:
             begin = k + 1
-        elif k + 1 - begin == STRETCH:
+        elif k + 1 - begin == STRETCH_ROWS:
             out.append(row[begin : k + 1])
             begin = k + 1
     return out
 
 
-def betrayed(traces: Sequence[Trace], pool: Sequence[Candidate]) -> tuple[Known, ...]:
+def measured_on_readings(traces: Sequence[Trace], pool: Sequence[Candidate]) -> tuple[Known, ...]:
     """Effects that can be measured on the readings alone, without simulation, with their magnitudes.
 
     One entry serves all channels where one value does, else each channel has its own.
@@ -288,7 +288,7 @@ def betrayed(traces: Sequence[Trace], pool: Sequence[Candidate]) -> tuple[Known,
         if everywhere and there and len(there) == len(seen):
             weight = 1 / errors**2
             mean = float((weight * values).sum() / weight.sum())
-            if bool((np.abs(values - mean) <= SAME * errors).all()):
+            if bool((np.abs(values - mean) <= EQUAL_DEVIATIONS * errors).all()):
                 found.append(_known(everywhere[0], mean, float(weight.sum() ** -0.5)))
                 continue
         for c in mine:
@@ -303,7 +303,7 @@ def _known(candidate: Candidate, value: float, error: float) -> Known:
 
 def _grid(trace: Trace) -> tuple[float, float] | None:
     """Step of a grid that nothing states, or of one that is coarser than what is stated: it leaves out lines."""
-    return (trace.grid, 1e-3 * trace.grid) if trace.grid > LINES_LEFT_OUT * trace.stated else None
+    return (trace.grid, 1e-3 * trace.grid) if trace.grid > COARSER_GRID_RATIO * trace.stated else None
 
 
 def _noise(trace: Trace) -> tuple[float, float] | None:
@@ -313,14 +313,14 @@ def _noise(trace: Trace) -> tuple[float, float] | None:
     factor = trace.noise / trace.expected
     # The median absolute deviation of n differences is uncertain by about 1.2 / √n of itself.
     error = 1.2 / np.sqrt(trace.noise_samples)
-    if abs(np.log(factor)) < CLEAR * np.hypot(NOISE_SHARE, error):
+    if abs(np.log(factor)) < NAMED_DEVIATIONS * np.hypot(NOISE_SHARE, error):
         return None
     return factor, factor * error
 
 
 def _dropout(trace: Trace) -> tuple[float, float] | None:
     """Share of readings that repeat the one before, which noisy readings never do."""
-    if trace.grid or not trace.expected or trace.repeats < LEAST_REPEATS:
+    if trace.grid or not trace.expected or trace.repeats < MIN_REPEATS:
         return None
     share = trace.repeats / trace.samples
     return share, float(np.sqrt(share * (1 - share) / trace.samples))
@@ -328,12 +328,12 @@ def _dropout(trace: Trace) -> tuple[float, float] | None:
 
 def _bias(trace: Trace) -> tuple[float, float] | None:
     """What a load cell reads where it feels nothing."""
-    if trace.grid or trace.rest is None or abs(trace.rest[0]) < max(CLEAR * trace.rest[1], LEAST_BIAS):
+    if trace.grid or trace.rest is None or abs(trace.rest[0]) < max(NAMED_DEVIATIONS * trace.rest[1], MIN_BIAS):
         return None
     return trace.rest
 
 
-#: Effects that readings betray, and how: value and one standard deviation, or None.
+#: How each effect is measured on the readings of a channel: value and one standard deviation, or None.
 MEASURES: Final = {
     "encoder_quantization": _grid,
     "force_quantization": _grid,
@@ -341,5 +341,5 @@ MEASURES: Final = {
     "force_dropout": _dropout,
     "force_bias": _bias,
 }
-#: And those of them that predicted means are blind to.
+#: Those of them that do not change predicted means.
 ONLY_READ_OFF: Final = ("encoder_quantization", "force_quantization", "force_noise", "force_dropout")

@@ -25,21 +25,21 @@ Array = NDArray[np.float64]
 RIPPLE: Final = "motor_cogging"
 #: Waves that are looked at, evenly, so many to one more over where the joint was seen, from the longest on; the best of
 #: them, and those around each, so many to one more between a joint's zero and the farthest; those that are simulated.
-COARSE: Final = 3
-MOST: Final = 1000
-LOOKED_AT: Final = 8
-FINE: Final = 12
-CLOSELY: Final = 100
-BEST: Final = 4
+WAVES_PER_CYCLE: Final = 3
+MAX_WAVES: Final = 1000
+MAX_COARSE_PEAKS: Final = 8
+FINE_WAVES_PER_CYCLE: Final = 12
+MAX_FINE_WAVES: Final = 100
+MAX_PERIODS: Final = 4
 #: Waves that differ by less than this over either of these lengths are one.
-APART: Final = 0.4
+MIN_PEAK_DISTANCE: Final = 0.4
 #: Between rows that are farther apart than a period over this, positions are interpolated, to so many a row at most;
 #: farther apart are all but a few.
-WITHIN: Final = 4.0
-FINEST: Final = 12
-FAST: Final = 0.95
+POINTS_PER_PERIOD: Final = 4.0
+MAX_POINTS_PER_ROW: Final = 12
+FAST_QUANTILE: Final = 0.95
 #: A squared error counts no more than so many times the median one: onsets say nothing of ripples.
-FAR: Final = 9.0
+MAX_SQUARE_RATIO: Final = 9.0
 
 
 def with_periods(
@@ -105,20 +105,22 @@ def peaks(traces: Sequence[Trace], low: float, high: float) -> list[float]:
         return []
     places = np.concatenate([one.position[one.known] for one in used])
     span, farthest = float(np.ptp(places)), float(np.abs(places).max())
-    count = int(np.clip(COARSE * span / low, 2 * COARSE, MOST))
-    waves = np.linspace(1 / high, min(1 / low, 1 / high + count / (COARSE * span)), count)
+    count = int(np.clip(WAVES_PER_CYCLE * span / low, 2 * WAVES_PER_CYCLE, MAX_WAVES))
+    waves = np.linspace(1 / high, min(1 / low, 1 / high + count / (WAVES_PER_CYCLE * span)), count)
     sine, cosine, sines, cosines, both = _products(used, waves)
     strength = sine**2 * cosines - 2 * sine * cosine * both + cosine**2 * sines
     strength /= np.maximum(sines * cosines - both**2, 1e-12)
-    near = np.linspace(-1, 1, min(math.ceil(2 * FINE * farthest / (COARSE * span)), CLOSELY)) / (COARSE * span)
-    there = [waves[k] for k in _strongest(strength, waves, APART / span, LOOKED_AT)]
+    near = np.linspace(
+        -1, 1, min(math.ceil(2 * FINE_WAVES_PER_CYCLE * farthest / (WAVES_PER_CYCLE * span)), MAX_FINE_WAVES)
+    ) / (WAVES_PER_CYCLE * span)
+    there = [waves[k] for k in _highest_peaks(strength, waves, MIN_PEAK_DISTANCE / span, MAX_COARSE_PEAKS)]
     waves = np.unique(np.clip(np.add.outer(there, near), 1 / high, waves[-1]))
     sine, _, sines, *_ = _products(used, waves)
     strength = sine**2 / np.maximum(sines, 1e-12)
-    return [float(1 / waves[k]) for k in _strongest(strength, waves, APART / farthest, BEST)]
+    return [float(1 / waves[k]) for k in _highest_peaks(strength, waves, MIN_PEAK_DISTANCE / farthest, MAX_PERIODS)]
 
 
-def _strongest(strength: Array, waves: Array, apart: float, count: int) -> list[int]:
+def _highest_peaks(strength: Array, waves: Array, apart: float, count: int) -> list[int]:
     """The highest points, by index, no two of them closer than that."""
     out: list[int] = []
     for k in np.argsort(-strength):
@@ -134,13 +136,13 @@ def _products(used: Sequence[Trace], waves: Array) -> Array:
     with the error, with themselves and with each other, (5, nwaves)."""
     sums = np.zeros((5, len(waves)))
     for one in used:
-        smooth = _smooth(one.position[one.known])
-        error = _rest(smooth, one.error[one.known])
-        fastest = np.nanquantile(np.abs(np.diff(one.position)), FAST)
-        times = int(np.clip(np.ceil(WITHIN * fastest * waves[-1]), 1, FINEST))
+        smooth = _smooth_errors(one.position[one.known])
+        error = _residual(smooth, one.error[one.known])
+        fastest = np.nanquantile(np.abs(np.diff(one.position)), FAST_QUANTILE)
+        times = int(np.clip(np.ceil(POINTS_PER_PERIOD * fastest * waves[-1]), 1, MAX_POINTS_PER_ROW))
         share = 1 - (1 - one.share) ** (1 / times)
-        turned = np.exp(2j * np.pi * waves[:, None] * _between(np.nan_to_num(one.position), times))
-        wave = _followed(turned, share)[:, ::times][:, one.known]
+        turned = np.exp(2j * np.pi * waves[:, None] * _interpolated(np.nan_to_num(one.position), times))
+        wave = _joint_response(turned, share)[:, ::times][:, one.known]
         wave -= (wave @ smooth) @ smooth.T
         sine, cosine = wave.imag, wave.real
         products = ((sine, sine), (cosine, cosine), (sine, cosine))
@@ -148,7 +150,7 @@ def _products(used: Sequence[Trace], waves: Array) -> Array:
     return sums
 
 
-def _between(position: Array, times: int) -> Array:
+def _interpolated(position: Array, times: int) -> Array:
     """Positions at so many instants a row, (T,) to ((T - 1) · times + 1,): cubics between rows, with their slopes."""
     slope, share = np.gradient(position), (np.arange(times) / times)[:, None]
     first, last, rise, end = position[:-1], position[1:], slope[:-1], slope[1:]
@@ -157,7 +159,7 @@ def _between(position: Array, times: int) -> Array:
     return np.append(inner.T.ravel(), position[-1])
 
 
-def _followed(force: Array, share: float) -> Array:
+def _joint_response(force: Array, share: float) -> Array:
     """Where a joint is that follows a force over the rows, (..., T): in fast motion it is behind a ripple by more than
     a quarter of it."""
     if share == 1:
@@ -167,14 +169,14 @@ def _followed(force: Array, share: float) -> Array:
     return out
 
 
-def _smooth(position: Array) -> Array:
+def _smooth_errors(position: Array) -> Array:
     """What errors of other causes are like: constant, or as the position or the speed is, orthonormal, (T, 3)."""
     return np.linalg.qr(np.stack([np.ones_like(position), position, np.gradient(position)], axis=1))[0]
 
 
-def _rest(smooth: Array, error: Array) -> Array:
+def _residual(smooth: Array, error: Array) -> Array:
     """The error without what is smooth, bounded."""
     rest = error - smooth @ (smooth.T @ error)
-    limit = np.sqrt(FAR * np.median(rest**2))
+    limit = np.sqrt(MAX_SQUARE_RATIO * np.median(rest**2))
     bounded: Array = np.clip(rest, -limit, limit)
     return bounded

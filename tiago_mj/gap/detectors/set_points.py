@@ -1,8 +1,8 @@
-"""What the servos were really told, read back from how they moved.
+"""Set points that the servos really had, estimated from their motion.
 
-No gradient leads to a grid or a dead band of the set point; but a servo shows what it was told, smoothed by its lag:
-where it goes otherwise than predicted, its set point was another one. Magnitudes that explain this are then simulated
-like any other explanation.
+The likelihood has no useful gradient for a grid or a dead band of the set point. A servo follows its set point with a
+lag, so its departure from the predicted motion shows by how much the set point differed. The magnitudes that explain
+this best become starts of ordinary fits.
 """
 
 from __future__ import annotations
@@ -25,41 +25,42 @@ Array = NDArray[np.float64]
 
 #: Magnitudes that are looked at, from a hundredth of the bound to the bound, and around each of the best; how many of
 #: them are simulated.
-DENSE: Final = 400
-FINE: Final = 21
-BEST: Final = 3
+DENSE_MAGNITUDES: Final = 400
+MAGNITUDES_AROUND_BEST: Final = 21
+MAX_SIMULATED: Final = 3
 #: Beside them grids of set points, from one to the next of which the lines farthest from the joint's zero move by this
 #: share of a step: between them is nothing to see. No more than so many, the widest steps.
-SHIFT: Final = 0.25
-GRIDS: Final = 8000
+GRID_SHIFT: Final = 0.25
+MAX_GRIDS: Final = 8000
 #: Share of the way that a servo is behind by which its position is known worse: what nominal gains are known to.
 LAG_SHARE: Final = 0.1
-#: A squared residual counts no more than this: where other causes act it says nothing of this one.
-FAR: Final = 25.0
+#: Squared residuals are clipped at this, in units of their variance, since other causes may act there. Chosen by hand;
+#: no ablation.
+MAX_SQUARED_RESIDUAL: Final = 25.0
 
 
 @dataclass(frozen=True)
-class Told:
-    """What the servos' motion says of their set points.
+class ServoMotion:
+    """Measured motion of the servos as evidence on their set points.
 
     A servo follows its set point with a lag: between two rows it covers ``share`` of the way that is left.
 
     Attributes:
         start: set points before the first command, (ntrials, nactuators) [m, rad].
-        wanted: what the commands ask for, after each row's command, (ntrials, T - 1, nactuators).
-        ahead: measured minus predicted position, by row, (ntrials, T, nactuators).
+        requested: what the commands ask for, after each row's command, (ntrials, T - 1, nactuators).
+        position_residual: measured minus predicted position, by row, (ntrials, T, nactuators).
         deviation: one standard deviation of that; infinite where it says nothing (in contact, unmeasured).
         share: (nactuators,).
     """
 
     start: Array
-    wanted: Array
-    ahead: Array
+    requested: Array
+    position_residual: Array
     deviation: Array
     share: Array
 
 
-def told(plant: Plant, on: Grid, data: Data, nominal: Signals) -> Told | None:
+def servo_motion(plant: Plant, on: Grid, data: Data, nominal: Signals) -> ServoMotion | None:
     """Compare the motion with the nominal one; None for a plant without position servos.
 
     Args:
@@ -71,7 +72,7 @@ def told(plant: Plant, on: Grid, data: Data, nominal: Signals) -> Told | None:
         return None
     joints = list(wiring.targets.actuated)
     start = np.stack([plant.starts[trial.name].set_point for trial in on.trials])
-    wanted = _wanted(plant, on, start)
+    wanted = _requested(plant, on, start)
     rows = wanted.shape[1] + 1
     lead = _slewed(plant, on, start, wanted) - nominal.position[:, :rows][:, :, joints]
     speed = nominal.velocity[:, :rows][:, :, joints]
@@ -90,15 +91,15 @@ def told(plant: Plant, on: Grid, data: Data, nominal: Signals) -> Told | None:
         known = free & np.isfinite(measured)
         ahead[:, :, a] = np.where(known, measured, 0.0)
         deviation[:, :, a] = np.where(known, np.hypot(data.noise[column], LAG_SHARE * lead[:, :, a]), np.inf)
-    return Told(start, wanted, ahead, deviation, share)
+    return ServoMotion(start, wanted, ahead, deviation, share)
 
 
-def shares(plant: Plant, seen: Told | None) -> Array:
+def shares(plant: Plant, motion: ServoMotion | None) -> Array:
     """Share of the way to where a force pushes it that each joint covers in a row, (njoints,): all, where no servo says
     otherwise."""
     out = np.ones(len(plant.joints))
-    if seen is not None:
-        out[list(plant.wiring.targets.actuated)] = seen.share
+    if motion is not None:
+        out[list(plant.wiring.targets.actuated)] = motion.share
     return out
 
 
@@ -114,12 +115,12 @@ def untouched(data: Data, nominal: Signals, rows: int) -> NDArray[np.bool_]:
 
 
 def magnitudes(
-    plant: Plant, on: Grid, seen: Told, pool: Sequence[Candidate], trials: Sequence[int]
+    plant: Plant, on: Grid, motion: ServoMotion, pool: Sequence[Candidate], trials: Sequence[int]
 ) -> tuple[Candidate, ...]:
     """The pool, in which effects on set points have the magnitudes on their grids that explain what was seen best.
 
     Args:
-        plant, on, seen: as of :func:`told`.
+        plant, on, motion: as of :func:`servo_motion`.
         pool: candidates.
         trials: that are looked at.
     """
@@ -131,13 +132,16 @@ def magnitudes(
         wide = pool[mine[0]]
         if declared.stage != "command" or not overrides(declared, "set_point") or not np.isfinite(wide.identity):
             continue  # a limit is reached smoothly
-        values = _dense(wide, float(np.nanmax(np.abs(seen.wanted))))
-        cost = _costs(plant, on, seen, wide, values, trials)
+        values = _dense(wide, float(np.nanmax(np.abs(motion.requested))))
+        cost = _costs(plant, on, motion, wide, values, trials)
         columns = [_columns(pool[k], commands) for k in mine]
         near = sorted({b for column in columns for b in _minima(cost[:, column].sum(axis=1))})
-        around = [np.linspace(values[max(b - 1, 0)], values[min(b + 1, len(values) - 1)], FINE) for b in near]
+        around = [
+            np.linspace(values[max(b - 1, 0)], values[min(b + 1, len(values) - 1)], MAGNITUDES_AROUND_BEST)
+            for b in near
+        ]
         fine = np.unique(np.concatenate(around or [values[:1]]))
-        cost = _costs(plant, on, seen, wide, fine, trials)
+        cost = _costs(plant, on, motion, wide, fine, trials)
         for k, column in zip(mine, columns, strict=True):
             total = cost[:, column].sum(axis=1)
             best = fine[_minima(total)]
@@ -150,10 +154,10 @@ def magnitudes(
 
 def _dense(wide: Candidate, farthest: float) -> Array:
     """Magnitudes to look at, rising; set points are as far as that from the joint's zero [m, rad]."""
-    even = wide.identity + np.geomspace(0.01, 1.0, DENSE) * (wide.high - wide.identity)
+    even = wide.identity + np.geomspace(0.01, 1.0, DENSE_MAGNITUDES) * (wide.high - wide.identity)
     if wide.parameter != "step":
         return even
-    lines = np.arange(1 / even[-1], 1 / even[0], SHIFT / max(farthest, even[-1]))[:GRIDS]
+    lines = np.arange(1 / even[-1], 1 / even[0], GRID_SHIFT / max(farthest, even[-1]))[:MAX_GRIDS]
     return np.unique(np.concatenate([even, 1 / lines]))
 
 
@@ -162,7 +166,7 @@ def _columns(candidate: Candidate, commands: tuple[str, ...]) -> list[int]:
     return [commands.index(name) for name in candidate.target or commands]
 
 
-def _wanted(plant: Plant, on: Grid, start: Array) -> Array:
+def _requested(plant: Plant, on: Grid, start: Array) -> Array:
     """Set points that the commands ask for, (ntrials, T - 1, nactuators)."""
     if plant.wiring.interface == "position":
         return on.commands.copy()
@@ -183,24 +187,26 @@ def _slewed(plant: Plant, on: Grid, start: Array, wanted: Array) -> Array:
     return out
 
 
-def _costs(plant: Plant, on: Grid, seen: Told, wide: Candidate, values: Array, trials: Sequence[int]) -> Array:
+def _costs(plant: Plant, on: Grid, motion: ServoMotion, wide: Candidate, values: Array, trials: Sequence[int]) -> Array:
     """Misfit of each magnitude, (nvalues, nactuators)."""
-    total = np.zeros((len(values), seen.wanted.shape[2]))
+    total = np.zeros((len(values), motion.requested.shape[2]))
     for t in trials:
         chain = only_commands(plant, [(wide.entry(float(v)),) for v in values])
-        chain.now.set_point = np.broadcast_to(seen.start[t], total.shape).copy()
+        chain.now.set_point = np.broadcast_to(motion.start[t], total.shape).copy()
         for effect in chain.effects:
             effect.start(chain.now)
         ahead = np.zeros(total.shape)
-        for k in range(seen.wanted.shape[1]):
+        for k in range(motion.requested.shape[1]):
             chain.now.dt = np.full(len(values), on.period[t, k])
-            target = np.broadcast_to(seen.wanted[t, k], total.shape)
-            ahead = ahead + seen.share * (chain.set_point(target) - target - ahead)
-            total += np.minimum(((seen.ahead[t, k + 1] - ahead) / seen.deviation[t, k + 1]) ** 2, FAR)
+            target = np.broadcast_to(motion.requested[t, k], total.shape)
+            ahead = ahead + motion.share * (chain.set_point(target) - target - ahead)
+            total += np.minimum(
+                ((motion.position_residual[t, k + 1] - ahead) / motion.deviation[t, k + 1]) ** 2, MAX_SQUARED_RESIDUAL
+            )
     return total
 
 
 def _minima(cost: Array) -> list[int]:
     """The lowest points of a curve, each lower than both neighbours."""
     inner = np.nonzero((cost[1:-1] <= cost[:-2]) & (cost[1:-1] <= cost[2:]))[0] + 1
-    return sorted(inner.tolist(), key=lambda k: float(cost[k]))[:BEST]
+    return sorted(inner.tolist(), key=lambda k: float(cost[k]))[:MAX_SIMULATED]

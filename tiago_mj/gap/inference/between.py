@@ -25,22 +25,22 @@ from scipy.special import log_ndtr
 Array = NDArray[np.float64]
 
 #: Half a step below this share of the deviation changes the likelihood by less than 2e-7 of the residual's square.
-FINE: Final = 1e-3
+NEGLIGIBLE_HALF_STEP: Final = 1e-3
 #: Nearer to a prediction than this the working residual is a straight line [deviations].
-NEAR: Final = 1e-4
+NEAR_ZERO_RESIDUAL: Final = 1e-4
 #: Range of step over deviation that is tabulated, and the number of points: linear interpolation in the logarithm is
 #: then exact to 1e-4.
-RATIOS: Final = (1e-2, 1e4, 400)
+TABULATED_RATIOS: Final = (1e-2, 1e4, 400)
 #: Half-width of the normal density that is integrated [deviations]: 1e-15 lies outside.
-TAILS: Final = 8.0
+TAIL_DEVIATIONS: Final = 8.0
 #: Points of each integral.
-POINTS: Final = 4001
+INTEGRATION_POINTS: Final = 4001
 #: Rows of a window in which noise is looked for, and the lines that readings of a signal at rest may lie on in it: of
 #: 16 normal deviates, which span 3.5 deviations, on a grid of two or more.
-WINDOW: Final = 16
-LINES: Final = 3
+WINDOW_ROWS: Final = 16
+MAX_GRID_LINES: Final = 3
 #: Mean absolute difference of two normal deviates, in deviations: 2 / √π.
-APART: Final = 1.1283791670955126
+MEAN_NORMAL_DIFFERENCE: Final = 1.1283791670955126
 
 
 def residual(difference: Array, sigma: Array, step: Array) -> Array:
@@ -51,34 +51,34 @@ def residual(difference: Array, sigma: Array, step: Array) -> Array:
         sigma: deviation of all that is not the grid, of the same shape or one that fits it.
         step: of the grid; 0 where there is none.
     """
-    out: Array = np.sign(difference) * _root(*_scaled(difference, sigma, step)) * sigma
+    out: Array = np.sign(difference) * _root_deviance(*_scaled(difference, sigma, step)) * sigma
     return out
 
 
 def slope(difference: Array, sigma: Array, step: Array) -> Array:
     """Derivative of the working residual by the difference, from 0 to 1; arguments as of :func:`residual`."""
     r, half = _scaled(difference, sigma, step)
-    r = np.maximum(r, NEAR)  # at 0 both vanish
-    root = _root(r, half)
+    r = np.maximum(r, NEAR_ZERO_RESIDUAL)  # at 0 both vanish
+    root = _root_deviance(r, half)
     with np.errstate(divide="ignore", invalid="ignore"):
-        out: Array = np.where(root > 0, np.clip(_pull(r, half) / root, 0.0, 1.0), 0.0)
+        out: Array = np.where(root > 0, np.clip(_score(r, half) / root, 0.0, 1.0), 0.0)
     return out
 
 
-def pull(difference: Array, sigma: Array, step: Array) -> Array:
+def score(difference: Array, sigma: Array, step: Array) -> Array:
     """The likelihood's slope −σ² ℓ'(r), in the reading's unit: at the truth its mean is 0 whatever the grid, and it is
     the difference itself without one; arguments as of :func:`residual`."""
     r, half = _scaled(difference, sigma, step)
-    out: Array = np.sign(difference) * _pull(r, half) * sigma
+    out: Array = np.sign(difference) * _score(r, half) * sigma
     return out
 
 
-def told(sigma: Array, step: Array) -> Array:
-    """How much a reading tells of where the signal is (Fisher's information), relative to one of the same deviation
-    that is not rounded, on average over where the signal lies between two lines."""
-    ratio = np.maximum(step / sigma, RATIOS[0])
+def relative_information(sigma: Array, step: Array) -> Array:
+    """Fisher information of a rounded reading about the signal, relative to that of an unrounded one of the same
+    deviation, averaged over where the signal lies between two lines of the grid."""
+    ratio = np.maximum(step / sigma, TABULATED_RATIOS[0])
     # Beyond the table what readings around one line tell is spread over ever more that tell nothing.
-    out: Array = np.interp(np.log(ratio), *_table()) * np.minimum(RATIOS[1] / ratio, 1.0)
+    out: Array = np.interp(np.log(ratio), *_table()) * np.minimum(TABULATED_RATIOS[1] / ratio, 1.0)
     return np.where(step > 0, out, 1.0)
 
 
@@ -96,12 +96,12 @@ def noise(values: Array, step: float) -> float | None:
     """
     shares = []
     for row in values:
-        for begin in range(0, len(row) - WINDOW + 1, WINDOW):
-            window = row[begin : begin + WINDOW]
-            if np.isfinite(window).all() and np.ptp(window) < (LINES - 0.5) * step:
+        for begin in range(0, len(row) - WINDOW_ROWS + 1, WINDOW_ROWS):
+            window = row[begin : begin + WINDOW_ROWS]
+            if np.isfinite(window).all() and np.ptp(window) < (MAX_GRID_LINES - 0.5) * step:
                 gone = float(np.abs(np.diff(window)).sum()) - abs(float(window[-1] - window[0]))
-                shares.append(gone / (WINDOW - 2))
-    return float(np.mean(shares)) / APART if shares else None
+                shares.append(gone / (WINDOW_ROWS - 2))
+    return float(np.mean(shares)) / MEAN_NORMAL_DIFFERENCE if shares else None
 
 
 def _scaled(difference: Array, sigma: Array, step: Array) -> tuple[Array, Array]:
@@ -110,36 +110,36 @@ def _scaled(difference: Array, sigma: Array, step: Array) -> tuple[Array, Array]
     return np.nan_to_num(r, nan=0.0, posinf=1e12), half
 
 
-def _log(r: Array, half: Array) -> Array:
+def _log_likelihood(r: Array, half: Array) -> Array:
     """ℓ(r)."""
     upper, lower = log_ndtr(half - r), log_ndtr(-half - r)
     out: Array = upper + np.log1p(-np.exp(np.minimum(lower - upper, -1e-300)))
     return out
 
 
-def _root(r: Array, half: Array) -> Array:
+def _root_deviance(r: Array, half: Array) -> Array:
     """√(2 ℓ(0) − 2 ℓ(r)); r where the grid is fine."""
     with np.errstate(divide="ignore", invalid="ignore"):
-        deviance = 2 * (_log(np.zeros_like(r), half) - _log(r, half))
-    out: Array = np.where(half < FINE, r, np.sqrt(np.maximum(deviance, 0.0)))
+        deviance = 2 * (_log_likelihood(np.zeros_like(r), half) - _log_likelihood(r, half))
+    out: Array = np.where(half < NEGLIGIBLE_HALF_STEP, r, np.sqrt(np.maximum(deviance, 0.0)))
     return out
 
 
-def _pull(r: Array, half: Array) -> Array:
+def _score(r: Array, half: Array) -> Array:
     """−ℓ'(r), from ratios of the densities at both ends of the interval to what it holds."""
-    log = _log(r, np.maximum(half, FINE))
+    log = _log_likelihood(r, np.maximum(half, NEGLIGIBLE_HALF_STEP))
     near, far = (-0.5 * (r + way * half) ** 2 - 0.5 * np.log(2 * np.pi) - log for way in (-1, 1))
-    out: Array = np.where(half < FINE, r, np.exp(near) - np.exp(far))
+    out: Array = np.where(half < NEGLIGIBLE_HALF_STEP, r, np.exp(near) - np.exp(far))
     return out
 
 
 @cache
 def _table() -> tuple[Array, Array]:
     """Logarithms of steps over deviations, and what a reading tells at each."""
-    ratios = np.geomspace(*RATIOS)
+    ratios = np.geomspace(*TABULATED_RATIOS)
     told = []
     for ratio in ratios:  # around one of the two lines that bound the interval; the other is its mirror image
-        r = np.linspace(max(ratio / 2 - TAILS, 0.0), ratio / 2 + TAILS, POINTS)
+        r = np.linspace(max(ratio / 2 - TAIL_DEVIATIONS, 0.0), ratio / 2 + TAIL_DEVIATIONS, INTEGRATION_POINTS)
         half = np.full_like(r, ratio / 2)
-        told.append(2 * np.trapezoid(_pull(r, half) ** 2 * np.exp(_log(r, half)), r) / ratio)
+        told.append(2 * np.trapezoid(_score(r, half) ** 2 * np.exp(_log_likelihood(r, half)), r) / ratio)
     return np.log(ratios), np.array(told)

@@ -19,30 +19,31 @@ from tiago_mj.gap.inference.whitening import Whitening
 
 Array = NDArray[np.float64]
 
-#: Evidence against an effect that is no larger than what the nominal model's own numbers are uncertain by [nats].
-TOLERATED: Final = 6.0
+#: Penalty of an effect of magnitude 0, falling linearly to none where the magnitude reaches two deviations of the
+#: nominal model's own number of that kind [nats]. Chosen by hand; no ablation.
+MAX_TOLERANCE_PENALTY_NATS: Final = 6.0
 
 
 @dataclass(frozen=True)
-class Evidence:
+class LaplaceEvidence:
     """Evidence for an explanation at its best.
 
     Attributes:
-        met: log-likelihood, up to what is the same for all explanations [nats].
+        log_likelihood: log-likelihood, up to what is the same for all explanations [nats].
         prior: of nuisances and magnitudes, with the volume that the recordings leave to these [nats].
         deviations: of the magnitudes, (k,), one standard deviation.
     """
 
-    met: float
+    log_likelihood: float
     prior: float
     deviations: Array
 
 
-def log_evidence(on: Whitening, plain: Whitening, at: Point, predicted: Array, columns: Array) -> Evidence:
+def log_evidence(on: Whitening, plain: Whitening, at: Point, predicted: Array, columns: Array) -> LaplaceEvidence:
     """Evidence at a point that was fitted.
 
     Args:
-        on: what residuals are measured by, with the tolerance for the form of the effects.
+        on: whitening of the residuals, with the tolerance for the form of the effects.
         plain: the same without that tolerance, so that an explanation that fits without it is not penalised for it.
         at: candidates, magnitudes (k,) and nuisances (p,).
         predicted: there, (ntrials, T, C).
@@ -56,9 +57,9 @@ def log_evidence(on: Whitening, plain: Whitening, at: Point, predicted: Array, c
     _, logdet = np.linalg.slogdet(curvature)
     _, of_nuisances = np.linalg.slogdet(curvature[count:, count:])
     prior = -0.5 * float(at.nuisance @ at.nuisance) - 0.5 * (logdet - of_nuisances)
-    met = -min(on.cost(predicted, np.zeros(0)) + on.wider, plain.cost(predicted, np.zeros(0)))
+    log_likelihood = -min(on.cost(predicted, np.zeros(0)) + on.tolerance_cost, plain.cost(predicted, np.zeros(0)))
     for part, value in zip(parts, at.values, strict=True):
         prior += 0.5 * np.log(2 * np.pi) + part.log_prior(float(value))
         far = abs(np.log(value) if part.identity == 1 else value - part.identity)
-        met -= TOLERATED * max(0.0, 1 - far / part.tolerance) if part.tolerance else 0.0
-    return Evidence(float(met), float(prior), np.sqrt(np.diag(np.linalg.inv(curvature))[:count]))
+        log_likelihood -= MAX_TOLERANCE_PENALTY_NATS * max(0.0, 1 - far / part.tolerance) if part.tolerance else 0.0
+    return LaplaceEvidence(float(log_likelihood), float(prior), np.sqrt(np.diag(np.linalg.inv(curvature))[:count]))

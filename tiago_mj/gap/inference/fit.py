@@ -19,45 +19,47 @@ from tiago_mj.gap.inference import likelihood, noise_model
 from tiago_mj.gap.inference.evidence import log_evidence
 from tiago_mj.gap.inference.hypotheses import Candidate, Term
 from tiago_mj.gap.inference.noise_model import Data
-from tiago_mj.gap.inference.points import NUDGE, Fitted, Point, Start
+from tiago_mj.gap.inference.points import NUISANCE_STEP, Fitted, Point, Start
 from tiago_mj.gap.inference.predictor import Predictor
 from tiago_mj.gap.inference.whitening import Normal, Whitening
 
-__all__ = ["NUDGE", "Fitted", "Fitter", "Point", "Start", "Steps"]
+__all__ = ["NUISANCE_STEP", "FitTask", "Fitted", "Fitter", "Point", "Start"]
 
 Array = NDArray[np.float64]
 
 #: Gauss-Newton steps, each by its share and its damping (Marquardt 1963), and whether it is of the magnitudes alone: in
 #: turn, until one helps; those in one row are tried at once.
-STEPS: Final = (
+STEP_SCHEDULE: Final = (
     ((1.0, 0.0, False),),
     ((0.4, 0.0, False), (1.0, 0.0, True)),
     ((0.1, 0.0, False), (1.0, 3.0, False), (0.4, 0.0, True)),
 )
-#: A drop of the cost below this is no progress [nats].
-SETTLED: Final = 0.01
-ITERATIONS: Final = 5
-#: A fit ends where even so many times what a step promises would leave it so far behind the best of those beside it
-#: [nats]. Chosen: promises are of straight lines, which contacts do not follow.
-PROMISED: Final = 3.0
-LOST: Final = 15.0
-#: Shares of a step of the magnitudes alone, in turn until one helps; a step that lowers the cost by a smaller share
-#: than this is the last.
-ALONE: Final = (1.0, 0.4)
-LITTLE: Final = 0.01
-#: Curvature that keeps a nuisance where it is, in units of its prior's.
-CERTAIN: Final = 1e12
-#: Responses are taken anew around magnitudes that leave more than this (mean square of the worst channel, in units of
-#: floor and tolerance), unless the best beside it costs so many times less.
-FITS: Final = 1.2
-BEHIND: Final = 3.0
-#: A magnitude is moved by at least this share of its range to see what it does.
-REACH: Final = 5e-3
+#: Iteration ends where a step lowers the cost by less than this [nats]. Chosen by hand; no ablation.
+MIN_COST_DROP_NATS: Final = 0.01
+MAX_ITERATIONS: Final = 5
+#: A fit is abandoned where even this many times the cost drop predicted by the linear model would leave it more than
+#: HOPELESS_COST_NATS above the lowest cost of the fits beside it [nats]. Chosen by hand: contacts do not follow the
+#: linear model.
+PREDICTED_DROP_FACTOR: Final = 3.0
+HOPELESS_COST_NATS: Final = 15.0
+#: Shares of a Gauss-Newton step of the magnitudes alone, tried in turn until one lowers the cost; iteration ends after
+#: a step that lowers it by a smaller share than MIN_RELATIVE_COST_DROP. Chosen by hand; no ablation.
+MAGNITUDE_STEP_SHARES: Final = (1.0, 0.4)
+MIN_RELATIVE_COST_DROP: Final = 0.01
+#: Curvature that holds a nuisance at its value, in units of the curvature of its prior.
+FIXED_CURVATURE: Final = 1e12
+#: Nuisance responses are recomputed around fitted magnitudes that leave a misfit above this (mean squared residual of
+#: the worst channel, in units of floor and tolerance), unless their cost is more than RELINEARIZING_COST_RATIO times
+#: the lowest plus HOPELESS_COST_NATS. Chosen by hand; no ablation.
+RELINEARIZING_MISFIT: Final = 1.2
+RELINEARIZING_COST_RATIO: Final = 3.0
+#: Smallest move of a magnitude for a finite-difference response, as a share of its range. Chosen by hand; no ablation.
+MIN_MOVE_SHARE: Final = 5e-3
 
 
 T = TypeVar("T")
 #: A computation that asks for predictions at points and is sent (npoints, ntrials, T, C).
-Steps = Generator[Sequence[Point], Array, T]
+FitTask = Generator[Sequence[Point], Array, T]
 
 
 @dataclass
@@ -71,13 +73,14 @@ class Fitter:
         weight: square root of what a sample of each channel counts for, (C,).
         terms: nuisance parameters.
         responses: change of the predictions per deviation of each term, (nterms, ntrials, T, C): of the nominal
-            model's, or around another point (:meth:`around`); those that every trial has of its own come last.
+            model's, or around another point (:meth:`linearized_at`); those that every trial has of its own come last.
         given: effects that are part of whatever is fitted.
         iterations: Gauss-Newton steps at most.
-        settled: a drop of the cost below this is no progress [nats].
-        reach: share of a magnitude's range that it is moved by at least to see what it does. Where contacts begin and
-            end the response to a very small move is of single physics steps; a fit from far off needs about 0.01.
-        out_of_time: asked between steps: a fit then ends where it is.
+        min_cost_drop: a drop of the cost below this is no progress [nats].
+        min_move_share: smallest move of a magnitude for its finite-difference response, as a share of its range. Where
+            contacts begin and end, a very small move shows the effect of single physics steps only; a fit that begins
+            far from the optimum needs about 0.01.
+        out_of_time: asked between steps; once it returns True, a fit ends where it is.
     """
 
     predict: Predictor
@@ -87,9 +90,9 @@ class Fitter:
     terms: tuple[Term, ...]
     responses: Array
     given: tuple[Entry, ...] = ()
-    iterations: int = ITERATIONS
-    settled: float = SETTLED
-    reach: float = REACH
+    iterations: int = MAX_ITERATIONS
+    min_cost_drop: float = MIN_COST_DROP_NATS
+    min_move_share: float = MIN_MOVE_SHARE
     out_of_time: Callable[[], bool] = lambda: False
 
     def __post_init__(self) -> None:
@@ -108,12 +111,16 @@ class Fitter:
         of_joints = [kind != "force" for kind in self.data.kinds]
         return float(np.mean(self.weight[of_joints] ** 2)) if any(of_joints) else 0.0
 
-    def paid(self, part: Candidate) -> float:
+    def selection_penalty(self, part: Candidate) -> float:
         """What it costs to have chosen what an effect drew at random [nats]: told by the joints' motion, by samples
         that count for what they do here."""
-        return self.motion_counts * sum(part.paid[trial] for trial in self.trials) if part.paid else 0.0
+        return (
+            self.motion_counts * sum(part.selection_penalty[trial] for trial in self.trials)
+            if part.selection_penalty
+            else 0.0
+        )
 
-    def places(self, term: int) -> list[int]:
+    def nuisance_indices(self, term: int) -> list[int]:
         """Where a nuisance parameter stands among the nuisances: once, or once a trial."""
         if term in self.shared:
             return [self.shared.index(term)]
@@ -144,7 +151,7 @@ class Fitter:
         return replace(
             self,
             trials=tuple(self.trials[k] for k in rows),
-            data=noise_model.part(self.data, rows),
+            data=noise_model.select_trials(self.data, rows),
             responses=self.responses[:, list(rows)],
         )
 
@@ -154,88 +161,97 @@ class Fitter:
         own = nuisance[shared:].reshape(len(self.trials), len(self._own))
         return np.concatenate([nuisance[:shared], own[list(rows)].ravel()])
 
-    def around(self, at: Point) -> Fitter:
-        """The same with the nuisances' responses around a point: contacts do not answer in straight lines."""
-        return self.around_each([at])[0]
+    def linearized_at(self, at: Point) -> Fitter:
+        """This fitter with nuisance responses linearized at a point: contacts make responses depend on the point."""
+        return self.linearized_at_each([at])[0]
 
-    def around_each(self, points: Sequence[Point]) -> list[Fitter]:
-        """The same around each of several points, simulated side by side."""
+    def linearized_at_each(self, points: Sequence[Point]) -> list[Fitter]:
+        """Fitters linearized at each of several points, simulated in one batch."""
         asked = [[at, *self._nudged(at)] for at in points]
         predicted = self.predictions([one for some in asked for one in some]) if asked else np.empty(0)
         each = predicted.reshape(len(points), -1, *predicted.shape[1:])
-        return [replace(self, responses=(some[1:] - some[0]) / NUDGE) for some in each]
+        return [replace(self, responses=(some[1:] - some[0]) / NUISANCE_STEP) for some in each]
 
     def fit_all(self, starts: Sequence[Start]) -> list[Fitted]:
-        """Fit explanations, each its magnitudes and nuisances, side by side: what they all need next is simulated at
-        once. What is far behind is not brought to its end."""
+        """Fit the magnitudes and nuisances of each explanation. The simulations that the fits need next are run in one
+        batch; a fit whose cost is far above the lowest is abandoned."""
         costs: list[float] = []
         return _run([self._fit(start, costs) for start in starts], self.predictions)
 
     def fit_each(self, fitters: Sequence[Fitter], starts: Sequence[Start]) -> list[Fitted]:
-        """Fits of this one's trials, each by a fitter with responses of its own (:meth:`around_each`), side by side and
-        each brought to its end."""
+        """Fit explanations to the same trials, each by a fitter with its own nuisance responses
+        (:meth:`linearized_at_each`). Simulations are batched; no fit is abandoned for being far behind."""
         return _run([fitter._fit(start, []) for fitter, start in zip(fitters, starts, strict=True)], self.predictions)
 
-    def _fit(self, start: Start, costs_beside: list[float]) -> Steps[Fitted]:
+    def _fit(self, start: Start, costs_beside: list[float]) -> FitTask[Fitted]:
         nuisance = np.zeros(self.size) if start.nuisance is None else start.nuisance
-        points = [self._once(Point(start.parts, v, n)) for v, n in ((start.values, nuisance), *start.also)]
+        points = [
+            self._without_duplicates(Point(start.parts, v, n))
+            for v, n in ((start.values, nuisance), *start.alternatives)
+        ]
         tried = yield points
         on = Whitening(self.data, self.weight)
         best = int(np.argmin([on.cost(one, point.nuisance) for one, point in zip(tried, points, strict=True)]))
         at, base = points[best], tried[best]
         if at.parts:
-            without = yield [at.less(k) for k in range(len(at.parts))]
+            without = yield [at.without_effect(k) for k in range(len(at.parts))]
             shares = [EFFECTS[part.effect].form_known_to for part in at.parts]
             missed = [np.square(share * (base - one)) for share, one in zip(shares, without, strict=True)]
-            on = on.with_shape(np.sqrt(sum(missed)))
+            on = on.with_form_tolerance(np.sqrt(sum(missed)))
         columns = on.columns(self.responses, self.per_trial)
         if at.parts and not at.nuisance.any():
-            at, base = yield from self._alone(on, at, base)
-            behind = on.cost(base, at.nuisance) > BEHIND * min(costs_beside, default=np.inf) + LOST
-            if self.size and not behind and on.misfit(base).max() > FITS and not self.out_of_time():
+            at, base = yield from self._fit_magnitudes(on, at, base)
+            behind = (
+                on.cost(base, at.nuisance)
+                > RELINEARIZING_COST_RATIO * min(costs_beside, default=np.inf) + HOPELESS_COST_NATS
+            )
+            if self.size and not behind and on.misfit(base).max() > RELINEARIZING_MISFIT and not self.out_of_time():
                 columns = on.columns((yield from self._responses(at, base)), self.per_trial)
         jacobian = yield from self._value_columns(on, at, base)
         for iteration in range(self.iterations):
             if iteration and self.out_of_time():
                 break
             before = on.cost(base, at.nuisance)
-            costs_beside.append(before + on.wider)
+            costs_beside.append(before + on.tolerance_cost)
             normal = self._normal(on, at, base, np.concatenate([jacobian, columns], axis=1))
-            if costs_beside[-1] - PROMISED * normal.promised > min(costs_beside) + LOST:
+            if (
+                costs_beside[-1] - PREDICTED_DROP_FACTOR * normal.predicted_drop
+                > min(costs_beside) + HOPELESS_COST_NATS
+            ):
                 break
-            if normal.promised < self.settled:
+            if normal.predicted_drop < self.min_cost_drop:
                 break
-            for k, steps in enumerate(STEPS):
+            for k, steps in enumerate(STEP_SCHEDULE):
                 if k:
                     normal = self._normal(on, at, base, np.concatenate([jacobian, columns], axis=1))
                 points = self._points(normal, at, steps)
                 tried = yield points
                 costs = [on.cost(tried[k], points[k].nuisance) for k in range(len(points))]
                 best = int(np.argmin(costs))
-                jacobian, columns = self._corrected(jacobian, columns, at, points[0], on.white(tried[0] - base))
+                jacobian, columns = self._broyden_update(jacobian, columns, at, points[0], on.white(tried[0] - base))
                 if costs[best] < before:
                     break
             else:
                 break
             at, base = points[best], tried[best]
-            if before - costs[best] < self.settled * (1 + iteration):
+            if before - costs[best] < self.min_cost_drop * (1 + iteration):
                 break
             jacobian = yield from self._value_columns(on, at, base)
-        return self._finished(on, at, base, np.concatenate([jacobian, columns], axis=1))
+        return self._evaluated(on, at, base, np.concatenate([jacobian, columns], axis=1))
 
-    def _twins(self, part: Candidate) -> list[int]:
+    def _duplicating_nuisances(self, part: Candidate) -> list[int]:
         """Places of nuisances that are the same number as a magnitude: of the same effect on some of its targets."""
         terms = [
             k for k, term in enumerate(self.terms) if (term.effect, term.parameter) == (part.effect, part.parameter)
         ]
         mine = [k for k in terms if part.target is None or set(self.terms[k].target or ()) <= set(part.target)]
-        return [place for k in mine if not self.terms[k].per_trial for place in self.places(k)]
+        return [place for k in mine if not self.terms[k].per_trial for place in self.nuisance_indices(k)]
 
-    def _once(self, point: Point) -> Point:
-        """The same with what nuisances hold of a magnitude added to it: one number is not known twice."""
+    def _without_duplicates(self, point: Point) -> Point:
+        """The point with each nuisance that is the same physical number as a magnitude added to that and set to 0."""
         values, nuisance = point.values.copy(), point.nuisance.copy()
         for k, part in enumerate(point.parts):
-            twins = self._twins(part)
+            twins = self._duplicating_nuisances(part)
             if not twins or not nuisance[twins].any():
                 continue
             move = float(np.mean([nuisance[place] * self.terms[self.shared[place]].deviation for place in twins]))
@@ -243,15 +259,15 @@ class Fitter:
             values[k], nuisance[twins] = float(np.clip(moved, part.low, part.high)), 0.0
         return Point(point.parts, values, nuisance)
 
-    def _alone(self, on: Whitening, at: Point, base: Array) -> Steps[tuple[Point, Array]]:
-        """Magnitudes at their best while the nominal numbers stay where they are: what those mimic would shorten steps
-        that all of them share, and leave them at their bounds."""
+    def _fit_magnitudes(self, on: Whitening, at: Point, base: Array) -> FitTask[tuple[Point, Array]]:
+        """Fit the magnitudes alone, nuisances held: fitted jointly from a far start, nuisances that mimic the effect
+        would shorten the common step and end at their bounds."""
         for _ in range(self.iterations):
             before = on.cost(base, at.nuisance)
             jacobian = yield from self._value_columns(on, at, base)
             step = self._normal(on, at, base, jacobian, alone=True).step()
-            for share in ALONE:
-                there = Point(at.parts, _moved(at, share * step), at.nuisance)
+            for share in MAGNITUDE_STEP_SHARES:
+                there = Point(at.parts, _moved_magnitudes(at, share * step), at.nuisance)
                 (tried,) = yield [there]
                 cost = on.cost(tried, at.nuisance)
                 if cost < before:
@@ -259,27 +275,27 @@ class Fitter:
             else:
                 break
             at, base = there, tried
-            if before - cost < max(LITTLE * before, self.settled) or self.out_of_time():
+            if before - cost < max(MIN_RELATIVE_COST_DROP * before, self.min_cost_drop) or self.out_of_time():
                 break
         return at, base
 
-    def _responses(self, at: Point, base: Array) -> Steps[Array]:
+    def _responses(self, at: Point, base: Array) -> FitTask[Array]:
         """Responses of the nuisances around a point, see :attr:`responses`."""
-        return ((yield self._nudged(at)) - base) / NUDGE
+        return ((yield self._nudged(at)) - base) / NUISANCE_STEP
 
     def _nudged(self, at: Point) -> list[Point]:
         """A little further in each nuisance; those that every trial has of its own all at once, and last."""
         own = [slice(len(self.shared) + k, None, len(self._own)) for k in range(len(self._own))]
-        return [at.moved(which) for which in (*(slice(k, k + 1) for k in range(len(self.shared))), *own)]
+        return [at.nudged(which) for which in (*(slice(k, k + 1) for k in range(len(self.shared))), *own)]
 
-    def _value_columns(self, on: Whitening, at: Point, base: Array) -> Steps[Array]:
+    def _value_columns(self, on: Whitening, at: Point, base: Array) -> FitTask[Array]:
         """Whitened response to each magnitude, per unit of it, (n, k)."""
         if not at.parts:
             return np.zeros((self.data.value.size, 0))
         points, steps = [], []
         for k, part in enumerate(at.parts):
             step = 0.02 * abs(at.values[k] - (part.identity if np.isfinite(part.identity) else 0.0))
-            step = max(step, self.reach * (part.high - part.low))
+            step = max(step, self.min_move_share * (part.high - part.low))
             if at.values[k] + step > part.high:
                 step = -step
             values = at.values.copy()
@@ -294,7 +310,7 @@ class Fitter:
         count = len(at.parts) if alone else None
         known = np.ones(self.size)
         for part in at.parts:
-            known[self._twins(part)] = CERTAIN
+            known[self._duplicating_nuisances(part)] = FIXED_CURVATURE
         prior = np.concatenate([np.zeros(len(at.parts)), known])[:count]
         scale = self._scale(at.parts)[:count]
         r, weighted = on.weighted(base, columns)
@@ -311,15 +327,17 @@ class Fitter:
         for share, damping, alone in steps:
             if alone and count:
                 step = normal.first(count).step(damping)
-                points.append(Point(at.parts, _moved(at, share * step), at.nuisance))
+                points.append(Point(at.parts, _moved_magnitudes(at, share * step), at.nuisance))
             elif not alone:
                 step = normal.step(damping)
                 nuisance = np.clip(at.nuisance + share * step[count:], -bound, bound)
-                points.append(Point(at.parts, _moved(at, share * step[:count]), nuisance))
+                points.append(Point(at.parts, _moved_magnitudes(at, share * step[:count]), nuisance))
         return points
 
-    def _corrected(self, jacobian: Array, columns: Array, at: Point, to: Point, change: Array) -> tuple[Array, Array]:
-        """Responses, changed as little as it takes for them to have foretold what a step did (Broyden 1965)."""
+    def _broyden_update(
+        self, jacobian: Array, columns: Array, at: Point, to: Point, change: Array
+    ) -> tuple[Array, Array]:
+        """Rank-one update of the responses so that they reproduce the change that a step made (Broyden 1965)."""
         scale = self._scale(at.parts)
         step = np.concatenate([to.values - at.values, to.nuisance - at.nuisance]) / scale
         if not step.any():
@@ -333,7 +351,7 @@ class Fitter:
         """Magnitudes in units of their bounds: well conditioned."""
         return np.array([*(part.high - part.low for part in parts), *np.ones(self.size)])
 
-    def _finished(self, on: Whitening, at: Point, base: Array, columns: Array) -> Fitted:
+    def _evaluated(self, on: Whitening, at: Point, base: Array, columns: Array) -> Fitted:
         found = log_evidence(on, Whitening(self.data, self.weight), at, base, columns)
         spreads = [d if p.spread is None else p.spread for p, d in zip(at.parts, found.deviations, strict=True)]
         return Fitted(
@@ -341,15 +359,15 @@ class Fitter:
             at.values,
             np.array(spreads),
             at.nuisance,
-            found.met + found.prior - sum(self.paid(part) for part in at.parts),
+            found.log_likelihood + found.prior - sum(self.selection_penalty(part) for part in at.parts),
             float(on.misfit(base).max(initial=0.0)),
             found.prior,
             float(np.nan_to_num(likelihood.lasting(on.data, on.data.value - base)).max(initial=0.0)),
         )
 
 
-def _run(tasks: Sequence[Steps[T]], predict: Callable[[Sequence[Point]], Array]) -> list[T]:
-    """Drive tasks to their ends, answering in one go what all of them ask for."""
+def _run(tasks: Sequence[FitTask[T]], predict: Callable[[Sequence[Point]], Array]) -> list[T]:
+    """Run tasks to completion, simulating all points that they ask for in one batch per round."""
     done: dict[int, T] = {}
     asked: dict[int, Sequence[Point]] = {}
     answers: dict[int, Array | None] = dict.fromkeys(range(len(tasks)))
@@ -370,6 +388,6 @@ def _run(tasks: Sequence[Steps[T]], predict: Callable[[Sequence[Point]], Array])
     return [done[k] for k in range(len(tasks))]
 
 
-def _moved(at: Point, step: Array) -> Array:
+def _moved_magnitudes(at: Point, step: Array) -> Array:
     """Magnitudes after a step, each within its bounds, (k,)."""
     return np.array([float(np.clip(v + s, p.low, p.high)) for p, v, s in zip(at.parts, at.values, step, strict=True)])

@@ -23,17 +23,20 @@ Array = NDArray[np.float64]
 #: Effect and targets, None for all.
 Label = tuple[str, tuple[str, ...] | None]
 
-#: Magnitudes tried on either side of the identity in the first pass, as shares of the way to the bound.
-COARSE: Final = (0.01, 0.05, 0.2, 0.6)
-#: Magnitudes below this share of the bound are all as likely.
-LEAST_SHARE: Final = 0.01
-#: Closer to a bound than this share of the range a magnitude is at it.
-EDGE: Final = 1e-3
-#: What an effect does may differ by a share that is known; a magnitude makes up for so much of that. With it and a
-#: fit's deviations twice as wide, 9 of 10 intervals hold the truth (40 effects of seeds 7, 8, 907 and 908).
-FORM: Final = 0.5
-#: Values of a second number that recordings can tell apart.
-SECOND: Final = 10
+#: Magnitudes tried on either side of the identity when screening, as shares of the way to the bound. Chosen by hand; no
+#: ablation.
+GRID_SHARES: Final = (0.01, 0.05, 0.2, 0.6)
+#: The prior density of a magnitude is flat below this share of the bound. Chosen by hand; no ablation.
+FLAT_PRIOR_SHARE: Final = 0.01
+#: A magnitude counts as at its bound where it is closer to it than this share of the range. Chosen by hand; no
+#: ablation.
+EDGE_SHARE: Final = 1e-3
+#: Share of the known uncertainty of an effect's form that the magnitude compensates for. With it and deviations of the
+#: fit widened twice, 9 of 10 intervals hold the truth (40 effects of seeds 7, 8, 907 and 908).
+FORM_COMPENSATION: Final = 0.5
+#: Number of values of a second parameter that recordings can distinguish; its logarithm is the prior penalty for having
+#: chosen one. Chosen by hand; no ablation.
+SECOND_PARAMETER_VALUES: Final = 10
 
 
 @dataclass(frozen=True)
@@ -97,10 +100,11 @@ class Candidate:
         grid: magnitudes of the first pass.
         unit: of the parameter.
         tolerance: two deviations of the nominal model's own number of that kind; 0 if it has none.
-        spread: one standard deviation of the magnitude where it was read off and no gradient tells; else None.
+        spread: one standard deviation of a magnitude that a detector measured and whose curvature says nothing; else
+            None.
         removes: ``low`` takes away all that the nominal model has of it.
-        paid: in every trial, how much likelier what was drawn at random is since the recordings were seen: what it
-            costs to have chosen it [nats a sample that counts fully]; empty where nothing was.
+        selection_penalty: per trial, the penalty for having chosen the realization of a random effect (lost commands)
+            with the recordings at hand [nats per fully weighted sample]; empty where nothing was chosen.
     """
 
     effect: str
@@ -115,7 +119,7 @@ class Candidate:
     tolerance: float = 0.0
     spread: float | None = None
     removes: bool = False
-    paid: tuple[float, ...] = ()
+    selection_penalty: tuple[float, ...] = ()
 
     def entry(self, value: float) -> Entry:
         """The effect at a magnitude."""
@@ -130,24 +134,26 @@ class Candidate:
         others has its share.
         """
         forms = EFFECTS[self.effect].forms
-        chosen = sum(np.log(len(forms[name].values) if name in forms else SECOND) for name, _ in self.fixed)
+        chosen = sum(
+            np.log(len(forms[name].values) if name in forms else SECOND_PARAMETER_VALUES) for name, _ in self.fixed
+        )
         if not np.isfinite(self.identity):
             return -float(np.log(self.high - self.low) + chosen)
         sides = [abs(bound - self.identity) for bound in (self.low, self.high)]
-        least = max(self.tolerance, max(sides) * LEAST_SHARE)
+        least = max(self.tolerance, max(sides) * FLAT_PRIOR_SHARE)
         whole = sum(np.log1p(side / least) for side in sides)
         return -float(np.log(whole * (abs(value - self.identity) + least)) + chosen)
 
     def known_to(self, value: float) -> float:
-        """One standard deviation of a magnitude that recordings do not tell, per unit of it: the nominal model's own
-        number, to which it is added, and the form of the effect are known no better."""
+        """Systematic standard deviation of a magnitude, in its unit, which recordings cannot reduce: uncertainty of the
+        nominal number that it is added to, and of the form of the effect."""
         own = self.tolerance / 2 * (abs(value) if self.identity == 1 else 1.0)
-        return float(np.hypot(own, of_form(self.effect, self.identity, value)))
+        return float(np.hypot(own, form_deviation(self.effect, self.identity, value)))
 
     def at_edge(self, value: float) -> bool:
         """Whether a magnitude lies at a bound of what is possible, and not where the effect, or what the nominal model
         has of it, just vanishes."""
-        near = EDGE * (self.high - self.low)
+        near = EDGE_SHARE * (self.high - self.low)
         at_least = value < self.low + near and not self.removes and self.low != self.identity
         return at_least or (value > self.high - near and self.high > self.identity)
 
@@ -157,9 +163,9 @@ class Candidate:
         return self.effect, self.target
 
 
-def of_form(effect: str, identity: float, value: float) -> float:
-    """What of a magnitude may be due to the form of its effect; a limit has none."""
-    return FORM * EFFECTS[effect].form_known_to * abs(value - identity) if np.isfinite(identity) else 0.0
+def form_deviation(effect: str, identity: float, value: float) -> float:
+    """Standard deviation of a magnitude due to the uncertain form of its effect, in its unit; 0 for a limit."""
+    return FORM_COMPENSATION * EFFECTS[effect].form_known_to * abs(value - identity) if np.isfinite(identity) else 0.0
 
 
 def candidates(
@@ -194,7 +200,9 @@ def candidates(
                 (d for (e, t), d in tolerances.items() if e == name and (choice or (t,))[0] == t), default=0.0
             )
             size = None if sizes is None or kind not in ("command", "joint") else sizes[_joint(plant, kind, index)]
-            out += [replace(c, tolerance=2 * tolerance) for c in _of(plant, name, choice, index, fastest, size)]
+            out += [
+                replace(c, tolerance=2 * tolerance) for c in _candidates_of(plant, name, choice, index, fastest, size)
+            ]
     return tuple(out)
 
 
@@ -226,7 +234,7 @@ def _joint(plant: Plant, kind: str, index: int) -> int:
     return plant.wiring.targets.actuated[index] if kind == "command" else index
 
 
-def _of(
+def _candidates_of(
     plant: Plant,
     name: str,
     target: tuple[str, ...] | None,
@@ -288,8 +296,8 @@ def _magnitudes(identity: float, low: float, high: float) -> tuple[float, ...]:
         up = [float(np.exp(np.log(high) * share)) for share in (0.05, 0.2, 0.6)]
         down = [float(np.exp(np.log(low) * share)) for share in (0.05, 0.2, 0.6)]
         return (*reversed(down), *up)
-    up = [identity + (high - identity) * share for share in COARSE] if high > identity else []
-    down = [identity + (low - identity) * share for share in COARSE] if low < identity else []
+    up = [identity + (high - identity) * share for share in GRID_SHARES] if high > identity else []
+    down = [identity + (low - identity) * share for share in GRID_SHARES] if low < identity else []
     return (*reversed(down), *up)
 
 
@@ -332,13 +340,13 @@ class Term:
 
 def terms(plant: Plant) -> tuple[Term, ...]:
     """The nuisance parameters of a plant; where its recordings say how well a number is known, that counts."""
-    stated = [term for name in dict.fromkeys(name for name, _ in plant.known) for term in _stated(plant, name)]
+    stated = [term for name in dict.fromkeys(name for name, _ in plant.known) for term in _stated_terms(plant, name)]
     said = {(term.effect, target) for term in stated for target in term.target or (None,)}
-    usual = _usual(plant)
+    usual = _default_terms(plant)
     return (*(t for t in usual if not any((t.effect, target) in said for target in t.target or (None,))), *stated)
 
 
-def _stated(plant: Plant, name: str) -> list[Term]:
+def _stated_terms(plant: Plant, name: str) -> list[Term]:
     """What recordings say of one effect's first parameter."""
     declared = EFFECTS[name]
     targets = plant.wiring.targets
@@ -359,7 +367,7 @@ def _stated(plant: Plant, name: str) -> list[Term]:
     return out
 
 
-def _usual(plant: Plant) -> tuple[Term, ...]:
+def _default_terms(plant: Plant) -> tuple[Term, ...]:
     """Those of any nominal model."""
     out: list[Term] = []
     targets = plant.wiring.targets

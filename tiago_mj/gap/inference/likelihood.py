@@ -21,25 +21,26 @@ from scipy import linalg
 
 from tiago_mj.gap.data.autocorrelation import FEWEST, integrated_time
 from tiago_mj.gap.inference import between
-from tiago_mj.gap.inference.noise_model import Data, by_block, over_blocks
+from tiago_mj.gap.inference.noise_model import Data, repeat_over_blocks, sum_by_block
 
 Array = NDArray[np.float64]
 
-#: Whitened residuals count in full up to here, beyond by their logarithm: one onset a few rows off must not outweigh
-#: everything else.
-SOFT: Final = 6.0
+#: Whitened residuals beyond this are compressed logarithmically, so that one contact onset a few rows off does not
+#: dominate the cost. Chosen by hand; no ablation.
+SOFTENING_LIMIT: Final = 6.0
 
-#: A motion goes another way in a trial where the mean square of its errors that last is more than this, and so many
-#: times what it is in most; of this many trials one may, and of a few one, too. Chosen on two cases of the blind check
-#: (seed 7, cases 12 and 18), in which it was 40 and 100 times.
-ASTRAY: Final = 5.0
-STANDS_OUT: Final = 10.0
-STRAYS: Final = 8
-FEW: Final = 4
+#: A trial departs where the mean square of its block means exceeds this and DEPARTING_RATIO times the median over
+#: trials. Such trials are excluded if they are at most one in TRIALS_PER_EXCLUDED, or one of at least
+#: MIN_TRIALS_TO_EXCLUDE. Chosen on two cases of the blind check (seed 7, cases 12 and 18), in which the ratio was 40
+#: and 100.
+DEPARTING_DISCREPANCY: Final = 5.0
+DEPARTING_RATIO: Final = 10.0
+TRIALS_PER_EXCLUDED: Final = 8
+MIN_TRIALS_TO_EXCLUDE: Final = 4
 
-#: A nuisance parameter farther out than this many deviations is no nuisance: ±10 % of a number that is known to 4 %.
-#: With 4 deviations the nominal model took on 16 % of a servo's stiffness, which is an effect. On kept cases of the
-#: blind check no truth went beyond 2.7, and every wrong answer without the effect beyond 2.9 (docs/blind-check.md).
+#: Bound of every nuisance parameter [deviations]: ±10 % of a number that is known to 4 %. With 4 deviations the nominal
+#: model absorbed 16 % of a servo's stiffness, which is an effect. On kept cases of the blind check no true explanation
+#: needed more than 2.7, and every wrong answer without the effect more than 2.9 (docs/blind-check.md).
 NUISANCE_BOUND: Final = 2.5
 
 
@@ -53,7 +54,7 @@ class Frame:
         columns: whitened response to one deviation of every nuisance, (n, p).
         factor: Cholesky's, of 1 + A'A.
         logdet: of 1 + A'A.
-        at: nuisances that are in the predictions already, (p,).
+        at: values of the nuisances that the predictions were simulated with, (p,).
     """
 
     data: Data
@@ -80,7 +81,7 @@ def frame(
         per_trial: whether every trial has its own, (p,).
         at: nuisances that the predictions to be scored have already, ordered as :func:`columns`; None: none.
     """
-    a = columns(whiten(data, told(data, responses), weight), per_trial)
+    a = columns(whiten(data, mean_visible_change(data, responses), weight), per_trial)
     gram = np.eye(a.shape[1]) + a.T @ a
     factor = linalg.cho_factor(gram, lower=True)
     moved = np.zeros(a.shape[1]) if at is None else at
@@ -112,11 +113,12 @@ def slope(data: Data, predicted: Array) -> Array | None:
     return _on_grids(data, data.value - predicted, between.slope, np.ones(1))
 
 
-def told(data: Data, change: Array) -> Array:
-    """A change of predictions, (..., ntrials, T, C), as readings show it on average: on a grid not every one does."""
+def mean_visible_change(data: Data, change: Array) -> Array:
+    """A change of predictions, (..., ntrials, T, C), scaled to what readings show of it on average: a rounded reading
+    carries less information (:func:`tiago_mj.gap.inference.between.relative_information`)."""
     if data.step is None:
         return change
-    return change * np.sqrt(between.told(data.sigma, np.broadcast_to(data.step, data.sigma.shape)))
+    return change * np.sqrt(between.relative_information(data.sigma, np.broadcast_to(data.step, data.sigma.shape)))
 
 
 def _on_grids(data: Data, difference: Array, how: Callable[..., Array], elsewhere: Array | None = None) -> Array:
@@ -139,10 +141,10 @@ def whiten(data: Data, difference: Array, weight: Array) -> Array:
     white = np.where(known, np.nan_to_num(difference / own), 0.0)
     if data.block > 1:
         u = np.where(known, data.common / own, 0.0)
-        size = by_block(u * u, data.block)  # |u|²
+        size = sum_by_block(u * u, data.block)  # |u|²
         with np.errstate(invalid="ignore", divide="ignore"):
             share = np.where(size > 0, (1 - 1 / np.sqrt(1 + size)) / size, 0.0)
-        white -= over_blocks(share * by_block(white * u, data.block), data.block, white.shape[-2]) * u
+        white -= repeat_over_blocks(share * sum_by_block(white * u, data.block), data.block, white.shape[-2]) * u
     else:
         white *= own / data.sigma
     out: Array = white * weight
@@ -165,52 +167,58 @@ def lasting(data: Data, difference: Array) -> Array:
     1 for the true explanation: errors that last show here long before they show in single samples. All of the tolerance
     may err alike over a block.
     """
-    out: Array = np.nanmean(_over_blocks(data, difference), axis=(0, 1))
+    out: Array = np.nanmean(_squared_block_means(data, difference), axis=(0, 1))
     return out
 
 
-def lasting_in(data: Data, difference: Array) -> Array:
+def lasting_per_trial(data: Data, difference: Array) -> Array:
     """The same of every trial, of the channel in which it is most, (ntrials,)."""
-    square = _over_blocks(data, difference)
+    square = _squared_block_means(data, difference)
     known = np.isfinite(square)
     mean = np.where(known, square, 0.0).sum(axis=1) / np.maximum(known.sum(axis=1), 1)
     out: Array = mean.max(axis=1, initial=0.0)
     return out
 
 
-def astray(data: Data, difference: Array) -> NDArray[np.bool_]:
+def departing_trials(data: Data, difference: Array) -> NDArray[np.bool_]:
     """Whether each trial is to be excluded, (ntrials,): its motion departs from the prediction far more than in the
     other trials. An object that slips, tips or sticks in one grasp says nothing about an error common to all trials.
 
     Only joint channels are compared: an error of a load cell recurs wherever the cell is pressed as hard.
     """
     moving = [k for k, kind in enumerate(data.kinds) if kind != "force"]
-    square = _over_blocks(data, difference)[:, :, moving]
+    square = _squared_block_means(data, difference)[:, :, moving]
     known = np.isfinite(square)
     mean = np.where(known, square, 0.0).sum(axis=1) / np.maximum(known.sum(axis=1), 1)
     usual = np.median(mean, axis=0)
-    out: NDArray[np.bool_] = (mean > np.maximum(ASTRAY, STANDS_OUT * usual)).any(axis=1)
-    return out if out.sum() <= max(len(out) // STRAYS, len(out) >= FEW) else np.zeros_like(out)
+    out: NDArray[np.bool_] = (mean > np.maximum(DEPARTING_DISCREPANCY, DEPARTING_RATIO * usual)).any(axis=1)
+    return (
+        out
+        if out.sum() <= max(len(out) // TRIALS_PER_EXCLUDED, len(out) >= MIN_TRIALS_TO_EXCLUDE)
+        else np.zeros_like(out)
+    )
 
 
-def _over_blocks(data: Data, difference: Array) -> Array:
+def _squared_block_means(data: Data, difference: Array) -> Array:
     """Squares of a residual's means over blocks, (ntrials, nblocks, C); NaN where nothing was measured."""
     known = np.isfinite(data.value)
-    pull = _on_grids(data, difference, between.pull)  # its mean is 0 wherever between two lines the truth lies
+    pull = _on_grids(data, difference, between.score)  # its mean is 0 wherever between two lines the truth lies
     white = np.where(known, np.nan_to_num(pull / data.noise), 0.0)
     tolerance = np.where(known, np.sqrt(np.maximum(data.sigma**2 - data.own**2, 0.0)) / data.noise, 0.0)
-    count = by_block(known.astype(float), data.block)
-    size = count + by_block(tolerance, data.block) ** 2
+    count = sum_by_block(known.astype(float), data.block)
+    size = count + sum_by_block(tolerance, data.block) ** 2
     with np.errstate(invalid="ignore", divide="ignore"):
-        square: Array = np.where(count > 0, by_block(white, data.block) ** 2 / size, np.nan)
+        square: Array = np.where(count > 0, sum_by_block(white, data.block) ** 2 / size, np.nan)
     return square
 
 
 def soften(white: Array) -> Array:
-    """Compress what lies far outside."""
+    """Compress whitened residuals beyond :data:`SOFTENING_LIMIT` logarithmically."""
     size = np.abs(white)
     with np.errstate(divide="ignore", invalid="ignore"):
-        return np.where(size > SOFT, np.sign(white) * SOFT * (1 + np.log(size / SOFT)), white)
+        return np.where(
+            size > SOFTENING_LIMIT, np.sign(white) * SOFTENING_LIMIT * (1 + np.log(size / SOFTENING_LIMIT)), white
+        )
 
 
 def log_likelihood(on: Frame, predicted: Array) -> Array:
@@ -240,7 +248,7 @@ def independence(data: Data, predicted: Array) -> Array:
             if known.sum() < FEWEST or not white[t, known, c].any():
                 continue
             x = np.where(known, white[t, :, c], np.nan)
-            times.append(integrated_time(np.clip(x - np.nanmean(x), -SOFT, SOFT)))
+            times.append(integrated_time(np.clip(x - np.nanmean(x), -SOFTENING_LIMIT, SOFTENING_LIMIT)))
         if times:
             shares[c] = 1 / float(np.median(times))
     return np.sqrt(shares)

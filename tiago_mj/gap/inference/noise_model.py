@@ -33,38 +33,42 @@ Usable = frozenset[str] | Mapping[str, frozenset[str]]
 
 #: Smallest noise that is believed, (slide, hinge): 27 µm is what the 2023 project took for the fingers' encoders
 #: (llach/learning_fc), 0.1 mrad a 14-bit encoder's step over √12; velocities by the same over 50 ms.
-LEAST: Final = {"position": (2.7e-5, 1e-4), "velocity": (5e-4, 2e-3), "force": (2e-3, 2e-3)}
+MIN_NOISE: Final = {"position": (2.7e-5, 1e-4), "velocity": (5e-4, 2e-3), "force": (2e-3, 2e-3)}
 #: Two correct simulators agree on when something happens to within this [s]: about one physics step.
-TIMING: Final = 2e-3
-#: And on how large it is, to within this share of the signal's range over the trial, (slide, hinge), beyond what their
-#: steps make, which is known (:func:`with_numerics`): fingers rub and press, of which simulators have other forms. Of a
-#: force, which is nought where nothing is touched, a share of what it is.
-SHARE: Final = {"position": (0.0005, 0.0002), "velocity": (0.002, 0.0007), "force": (0.005, 0.005)}
-#: What two simulators make of a contact differs from instant to instant, too: share of the force.
-INSTANT: Final = 0.01
-#: What is wrong stays wrong for about so long [s].
-BLOCK: Final = 0.25
+TIMING_TOLERANCE: Final = 2e-3
+#: Relative model error: two correct simulators agree on a signal's size to within this share of its range over the
+#: trial, (slide, hinge); for a force, which is 0 without contact, of its value. The error of the physics step comes on
+#: top (:func:`with_step_tolerance`). Chosen by hand; no ablation.
+SIZE_TOLERANCE: Final = {"position": (0.0005, 0.0002), "velocity": (0.002, 0.0007), "force": (0.005, 0.005)}
+#: Share of a contact force by which two simulators differ from sample to sample, independently. Chosen by hand; no
+#: ablation.
+CONTACT_TOLERANCE: Final = 0.01
+#: Model errors are taken as constant over blocks of this length [s]. Chosen by hand; no ablation.
+BLOCK_SECONDS: Final = 0.25
 #: An event is a jump of the slope within this time [s], and counts for so many rows around it.
-EVENT: Final = 0.02
+EVENT_SECONDS: Final = 0.02
 EVENT_ROWS: Final = 2
-#: So many times as far to either side, and so many rows at least, are an event's surroundings: it fills less than half.
-AROUND: Final = 4
-AROUND_ROWS: Final = 6
-#: Differences are taken up to this order, and their scatter over so many rows: where that is least, and of the order
-#: that has least, white noise shows this share of itself (10 trials of 150 to 600 rows, drawn 200 times).
-ORDERS: Final = 4
-QUIET_ROWS: Final = 16
-SHOWN: Final = 0.81
+#: Half-width of an event's surroundings, in units of EVENT_SECONDS, and at least so many rows: the event fills less
+#: than half, so that a median over them is of what is usual. Chosen by hand; no ablation.
+SURROUNDING_RATIO: Final = 4
+MIN_SURROUNDING_ROWS: Final = 6
+#: Noise is estimated from differences of orders 1 to this, over blocks of so many rows: white noise then shows
+#: QUIETEST_SHARE of itself in the quietest third of the blocks of the best order (10 trials of 150 to 600 rows, drawn
+#: 200 times).
+MAX_DIFFERENCE_ORDER: Final = 4
+NOISE_BLOCK_ROWS: Final = 16
+QUIETEST_SHARE: Final = 0.81
 #: A converter's lines, and what is predicted of so coarse a sensor, are off by this share of a step at least. Chosen:
 #: on the SO-101's wrist (steps of 1.5 mrad) dry friction closes -6 % of the gap at 0, 63 % at 1/8 and 84 % at
 #: 1/√12, where a force that is held 0.4 steps off its line would look like an error that lasts.
-LINES: Final = 1 / 8
-#: Readings of a load cell that are no noise, in deviations of it.
-TOUCHED: Final = 4.0
-#: So many deviations of the noise beyond everything that was measured nothing is predicted: the simulation diverged.
-HOPELESS: Final = 1e6
-#: The nominal simulator is run with steps so many times shorter, too.
-FINER: Final = 4
+MIN_GRID_NOISE: Final = 1 / 8
+#: Load cell readings beyond this many deviations of the noise count as contact. Chosen by hand; no ablation.
+CONTACT_DEVIATIONS: Final = 4.0
+#: Predictions are clipped at this many deviations of the noise beyond the measured range; a diverged simulation lies
+#: there.
+DIVERGED_DEVIATIONS: Final = 1e6
+#: The nominal simulator is run once more with a physics step this many times shorter.
+STEP_REFINEMENT: Final = 4
 
 
 @dataclass(frozen=True)
@@ -130,12 +134,12 @@ def collect(plant: Plant, trials: Sequence[Trial], usable: Usable | None = None)
             part.append(index)
             columns.append(values)
             stated = max((_stated(trial, kind, channel) for trial in trials), default=0.0)
-            least = max(LEAST[kind][0 if slide else 1], stated)
+            least = max(MIN_NOISE[kind][0 if slide else 1], stated)
             nominal = float(plant.cell.noises[index]) if kind == "force" and plant.cell is not None else 0.0
             step = plant.grids.get(channel, 0.0)
             noise.append(noise_beside(values, least, step, nominal))
             steps.append(max(step, grid_of(values)))
-            share.append(SHARE[kind][0 if slide else 1])
+            share.append(SIZE_TOLERANCE[kind][0 if slide else 1])
     value = np.stack(columns, axis=-1) if columns else np.zeros((len(trials), length, 0))
     own, grid = np.array(noise), np.array(steps)
     return Data(
@@ -144,7 +148,7 @@ def collect(plant: Plant, trials: Sequence[Trial], usable: Usable | None = None)
         value,
         np.sqrt(own**2 + grid**2 / 12),
         *sigma(value, own, np.array(share), tuple(channels), plant.period, grid),
-        block=max(round(BLOCK / plant.period), 1),
+        block=max(round(BLOCK_SECONDS / plant.period), 1),
         step=grid if grid.any() else None,
     )
 
@@ -180,11 +184,11 @@ def noise_beside(values: Array, least: float, stated: float = 0.0, nominal: floa
     """
     step = grid_of(values)
     if not step:  # what is rounded before noise comes in stands still under it
-        return max(noise_floor(values, least), LINES * stated)
-    seen = between.noise(_free(values), step)
+        return max(noise_floor(values, least), MIN_GRID_NOISE * stated)
+    seen = between.noise(_without_extremes(values), step)
     if seen is None or seen > step / 2:  # it never rests, or spans many lines: rounding adds white noise of step² / 12
         seen = max(seen or 0.0, math.sqrt(max(_by_differences(values) ** 2 - step**2 / 12, 0.0)))
-    return max(seen, nominal if step > nominal else 0.0, LINES * step, least)
+    return max(seen, nominal if step > nominal else 0.0, MIN_GRID_NOISE * step, least)
 
 
 def noise_floor(values: Array, least: float) -> float:
@@ -195,7 +199,7 @@ def noise_floor(values: Array, least: float) -> float:
         values: (ntrials, T).
         least: what is believed at least.
     """
-    steps = np.diff(_free(values), axis=1).ravel()
+    steps = np.diff(_without_extremes(values), axis=1).ravel()
     steps = steps[np.isfinite(steps)]
     if len(steps) < 8:
         return least
@@ -205,8 +209,8 @@ def noise_floor(values: Array, least: float) -> float:
     return float(max(_by_differences(values), repeated / np.sqrt(12), least))
 
 
-def _free(values: Array) -> Array:
-    """Without readings at either end of all: what a sensor says below its threshold, or at its limit, has no noise."""
+def _without_extremes(values: Array) -> Array:
+    """Set to NaN the readings at the extremes of all: below its threshold or at its limit a sensor shows no noise."""
     ends = (np.nanmin(values), np.nanmax(values)) if np.isfinite(values).any() else (np.nan, np.nan)
     at_an_end = np.isclose(values, ends[0], rtol=1e-9, atol=0) | np.isclose(values, ends[1], rtol=1e-9, atol=0)
     return np.where(at_an_end, np.nan, values)
@@ -215,20 +219,23 @@ def _free(values: Array) -> Array:
 def _by_differences(values: Array) -> float:
     """One standard deviation of what is left of the quietest third of the differences, of the order that leaves
     least."""
-    free = _free(values)
-    least = min(_quiet(np.diff(free, n=k, axis=1)) / np.sqrt(math.comb(2 * k, k)) for k in range(1, ORDERS + 1))
-    return least / SHOWN if np.isfinite(least) else 0.0
+    free = _without_extremes(values)
+    least = min(
+        _quietest_deviation(np.diff(free, n=k, axis=1)) / np.sqrt(math.comb(2 * k, k))
+        for k in range(1, MAX_DIFFERENCE_ORDER + 1)
+    )
+    return least / QUIETEST_SHARE if np.isfinite(least) else 0.0
 
 
-def _quiet(differences: Array) -> float:
+def _quietest_deviation(differences: Array) -> float:
     """One standard deviation where they scatter least, (ntrials, T); infinite of too few."""
     known = differences[np.isfinite(differences)]
-    count = len(known) // QUIET_ROWS
-    if len(known) < QUIET_ROWS / 2:
+    count = len(known) // NOISE_BLOCK_ROWS
+    if len(known) < NOISE_BLOCK_ROWS / 2:
         return np.inf
     if count < 3:
         return robust.deviation(known)
-    blocks = known[: count * QUIET_ROWS].reshape(count, QUIET_ROWS)
+    blocks = known[: count * NOISE_BLOCK_ROWS].reshape(count, NOISE_BLOCK_ROWS)
     return float(np.quantile(robust.deviations(blocks, axis=1), 1 / 3))
 
 
@@ -247,14 +254,14 @@ def sigma(
     grid = np.zeros(len(kinds)) if step is None else step
     smooth = filled.copy()
     for c in np.nonzero(grid)[0]:
-        smooth[:, :, c] = _across_lines(filled[:, :, c])
+        smooth[:, :, c] = _grid_interpolated(filled[:, :, c])
     slope = np.gradient(smooth, axis=1) / period
-    lag = max(round(EVENT / period), 1)
+    lag = max(round(EVENT_SECONDS / period), 1)
     jump = np.zeros_like(slope)
     if slope.shape[1] > 2 * lag:
         inner = np.abs(slope[:, 2 * lag :] - 2 * slope[:, lag:-lag] + slope[:, : -2 * lag])
         # A joint that swings bends all the time: an event stands out of its surroundings.
-        usual = median_filter(inner, size=(1, 2 * max(AROUND * lag, AROUND_ROWS) + 1, 1))
+        usual = median_filter(inner, size=(1, 2 * max(SURROUNDING_RATIO * lag, MIN_SURROUNDING_ROWS) + 1, 1))
         inner -= np.where(force, 0.0, usual)
         # Less what noise alone makes, and half a step, which a fast signal may be off between two lines.
         jump[:, lag:-lag] = np.maximum(inner - (4 * noise + grid / 2) / period, 0.0)
@@ -264,14 +271,14 @@ def sigma(
         steepest[:, :-shift] = np.maximum(steepest[:, :-shift], jump[:, shift:])
     known = np.isfinite(value)
     span = np.max(value, axis=1, where=known, initial=-np.inf) - np.min(value, axis=1, where=known, initial=np.inf)
-    pressed = np.where(np.abs(filled) > TOUCHED * np.hypot(noise, grid / np.sqrt(12)), np.abs(filled), 0.0)
+    pressed = np.where(np.abs(filled) > CONTACT_DEVIATIONS * np.hypot(noise, grid / np.sqrt(12)), np.abs(filled), 0.0)
     size = np.where(force, pressed, np.maximum(span, 0.0)[:, None, :])
     common = share * size
-    instant = np.where(force, INSTANT * pressed, 0.0)
-    return np.sqrt(noise**2 + (TIMING * steepest) ** 2 + instant**2 + common**2), common
+    instant = np.where(force, CONTACT_TOLERANCE * pressed, 0.0)
+    return np.sqrt(noise**2 + (TIMING_TOLERANCE * steepest) ** 2 + instant**2 + common**2), common
 
 
-def _across_lines(values: Array) -> Array:
+def _grid_interpolated(values: Array) -> Array:
     """Readings on a grid as straight lines from where they cross from one value to another to where they do next:
     (ntrials, T), what was rounded to within half a step."""
     rows = np.arange(values.shape[1])
@@ -283,27 +290,27 @@ def _across_lines(values: Array) -> Array:
     return out
 
 
-def with_numerics(data: Data, predicted: Array, finer: Array) -> Data:
+def with_step_tolerance(data: Data, predicted: Array, finer: Array) -> Data:
     """With a tolerance of what the nominal simulator itself gets wrong by its physics step: put right in the nominal
-    model (:func:`off_by_step`), it is as wrong in an explanation in which everything happens at another time.
+    model (:func:`step_errors`), it is as wrong in an explanation in which everything happens at another time.
 
     Args:
         data: measured.
-        predicted, finer: nominal predictions at the step that is used and at one :data:`FINER` times shorter,
+        predicted, finer: nominal predictions at the step that is used and at one :data:`STEP_REFINEMENT` times shorter,
             (ntrials, T, C). Integrators of first order are off by FINER / (FINER - 1) of the difference. Of it the mean
             over a block errs alike, the rest sample by sample: a joint may chatter.
     """
-    off = (predicted - finer) * FINER / (FINER - 1)
+    off = (predicted - finer) * STEP_REFINEMENT / (STEP_REFINEMENT - 1)
     alike = _block_means(off, data.block)
     apart, alike = _dilated(np.abs(off - alike)), _dilated(np.abs(alike))
     return replace(data, sigma=np.sqrt(data.sigma**2 + alike**2 + apart**2), common=np.hypot(data.common, alike))
 
 
 def with_scatter(data: Data, alike: Array) -> Data:
-    """With a tolerance of what the simulator itself cannot tell: predictions that nothing that matters tells apart,
-    (n, ntrials, T, C), part where an object sticks in one and slips in another.
+    """With a tolerance for the simulator's own sensitivity: the scatter of predictions (n, ntrials, T, C) at negligibly
+    different parameters, which diverge where an object sticks in one and slips in another.
 
-    As of :func:`with_numerics`, the mean over a block errs alike, the rest sample by sample.
+    As of :func:`with_step_tolerance`, the mean over a block errs alike, the rest sample by sample.
     """
     spread = alike - alike.mean(axis=0)
     common = _block_means(spread, data.block)
@@ -312,19 +319,21 @@ def with_scatter(data: Data, alike: Array) -> Data:
     return replace(data, sigma=np.sqrt(data.sigma**2 + lasting + apart), common=np.sqrt(data.common**2 + lasting))
 
 
-def by_block(values: Array, rows: int) -> Array:
+def sum_by_block(values: Array, rows: int) -> Array:
     """Sums over blocks of rows, (..., T, C) to (..., nblocks, C)."""
     return np.add.reduceat(values, np.arange(0, values.shape[-2], rows), axis=-2)
 
 
-def over_blocks(sums: Array, rows: int, length: int) -> Array:
+def repeat_over_blocks(sums: Array, rows: int, length: int) -> Array:
     """The same number for all rows of a block, (..., T, C)."""
     return np.repeat(sums, rows, axis=-2)[..., :length, :]
 
 
 def _block_means(values: Array, rows: int) -> Array:
     """The mean of its block for every row, (..., T, C)."""
-    return over_blocks(by_block(values, rows) / by_block(np.ones_like(values), rows), rows, values.shape[-2])
+    return repeat_over_blocks(
+        sum_by_block(values, rows) / sum_by_block(np.ones_like(values), rows), rows, values.shape[-2]
+    )
 
 
 def _dilated(size: Array) -> Array:
@@ -336,20 +345,21 @@ def _dilated(size: Array) -> Array:
     return around
 
 
-def off_by_step(simulated: Signals, finer: Signals) -> Signals:
-    """What signals get wrong by their physics step, from a second run with one :data:`FINER` times shorter."""
-    share = FINER / (FINER - 1)
+def step_errors(simulated: Signals, finer: Signals) -> Signals:
+    """Error of signals due to the physics step, by Richardson extrapolation from a second run with a step
+    :data:`STEP_REFINEMENT` times shorter."""
+    share = STEP_REFINEMENT / (STEP_REFINEMENT - 1)
     return Signals(*((getattr(simulated, f) - getattr(finer, f)) * share for f in Signals.__dataclass_fields__))
 
 
-def part(data: Data, trials: Sequence[int]) -> Data:
+def select_trials(data: Data, trials: Sequence[int]) -> Data:
     """Of some trials."""
     index = list(trials)
     return replace(data, value=data.value[index], sigma=data.sigma[index], common=data.common[index])
 
 
 def without_repeats(data: Data) -> Data:
-    """Readings of load cells that repeat the one before exactly count as not measured: they were missed."""
+    """Set to NaN the load cell readings that repeat the one before exactly: these were dropped."""
     value = data.value.copy()
     for c, kind in enumerate(data.kinds):
         if kind == "force":
@@ -362,12 +372,13 @@ def without_repeats(data: Data) -> Data:
 def predicted(data: Data, signals: Signals) -> Array:
     """The predictions of the measured channels, (nsim, T, C): finite.
 
-    A simulation that diverged, or ran away, is :data:`HOPELESS` off: it loses wherever predictions are compared.
+    A diverged simulation is clipped at :data:`DIVERGED_DEVIATIONS` deviations beyond the measured range, so that it has
+    the worst likelihood wherever predictions are compared.
     """
     sources = {"position": signals.position, "velocity": signals.velocity, "force": signals.reading}
     columns = [sources[kind][:, :, part] for kind, part in zip(data.kinds, data.part, strict=True)]
     length = data.value.shape[1]
-    most = np.nanmax(np.abs(data.value), axis=(0, 1), initial=0.0) + HOPELESS * data.noise
+    most = np.nanmax(np.abs(data.value), axis=(0, 1), initial=0.0) + DIVERGED_DEVIATIONS * data.noise
     return np.clip(
         np.nan_to_num(np.stack([column[:, :length] for column in columns], axis=-1), nan=np.inf), -most, most
     )

@@ -14,8 +14,9 @@ from tiago_mj.gap.inference.hypotheses import Candidate
 
 Array = NDArray[np.float64]
 
-#: Deviations by which a nuisance is moved to see what it does: contacts do not answer in straight lines.
-NUDGE: Final = 0.3
+#: Step of a nuisance for its finite-difference response [deviations]: contacts are nonlinear, so it is not small.
+#: Chosen by hand; no ablation.
+NUISANCE_STEP: Final = 0.3
 
 
 @dataclass(frozen=True)
@@ -28,9 +29,10 @@ class Fitted:
         deviations: of the magnitudes, (k,), one standard deviation.
         nuisance: deviations of the global terms, then of the per-trial terms trial by trial.
         evidence: log of the probability of the recordings under the explanation.
-        prior: part of it that does not rest on how well the recordings are met: how far the nominal numbers had to go,
-            and how much of what an effect might have been is left.
-        lasting: mean square of the worst channel's residual over blocks, see :func:`score.lasting`.
+        prior: part of the evidence that is not log-likelihood: log-prior of nuisances and magnitudes, and the Occam
+            factor [nats].
+        lasting: mean square of the worst channel's residual over blocks, see
+            :func:`tiago_mj.gap.inference.likelihood.lasting`.
         misfit: mean squared residual of the worst channel, in units of floor and tolerance.
         spreads: deviations of details that were fitted after it (:mod:`tiago_mj.gap.analysis.place`), by name.
     """
@@ -55,13 +57,14 @@ class Start:
     """Where a fit begins: candidates, their magnitudes (k,), nuisances (size,), all 0 if None.
 
     Attributes:
-        also: other magnitudes and nuisances of the same candidates: the fit begins where the recordings are met best.
+        alternatives: further pairs of magnitudes and nuisances of the same candidates; the fit begins at the pair with
+            the lowest cost.
     """
 
     parts: tuple[Candidate, ...]
     values: Array
     nuisance: Array | None = None
-    also: tuple[tuple[Array, Array], ...] = ()
+    alternatives: tuple[tuple[Array, Array], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -72,17 +75,17 @@ class Point:
     values: Array
     nuisance: Array
 
-    def beside(self, part: Candidate, value: float) -> Point:
+    def with_effect(self, part: Candidate, value: float) -> Point:
         """With another candidate."""
         return Point((*self.parts, part), np.append(self.values, value), self.nuisance)
 
-    def less(self, part: int) -> Point:
+    def without_effect(self, part: int) -> Point:
         """Without one of its candidates."""
         rest = [k for k in range(len(self.parts)) if k != part]
         return Point(tuple(self.parts[k] for k in rest), self.values[rest], self.nuisance)
 
-    def moved(self, which: slice) -> Point:
+    def nudged(self, which: slice) -> Point:
         """A little further in some nuisances."""
         nuisance = self.nuisance.copy()
-        nuisance[which] += NUDGE
+        nuisance[which] += NUISANCE_STEP
         return Point(self.parts, self.values, nuisance)

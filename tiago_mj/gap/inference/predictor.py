@@ -27,7 +27,7 @@ Effects = tuple[Entry, ...]
 
 #: Effects that draw at random are predicted by the mean over this many draws.
 DRAWS = 6
-RANDOM = ("dropped_commands", "force_dropout")
+RANDOM_EFFECTS = ("dropped_commands", "force_dropout")
 
 
 @dataclass
@@ -39,7 +39,7 @@ class Predictor:
         threads: of the batches.
         seed: of random effects.
         off: what the step makes wrong in the nominal signals of every trial
-            (:func:`tiago_mj.gap.inference.noise_model.off_by_step`); None: not known.
+            (:func:`tiago_mj.gap.inference.noise_model.step_errors`); None: not known.
         corrected: whether that is put right where it is known; else predictions are as they are simulated.
         rounded: whether readings are rounded where an effect rounds them; else they are what is rounded: a likelihood
             knows the grid (:mod:`tiago_mj.gap.inference.between`).
@@ -68,9 +68,9 @@ class Predictor:
             keep: remember the physics for later calls (of the nominal model, say).
         """
         given = self.plant.given
-        drawn = self.on.luck is None
+        drawn = self.on.delivered is None
         draws = [
-            DRAWS if drawn and any(e.name in RANDOM and not sensor_only(e) for e in (*given, *effects)) else 1
+            DRAWS if drawn and any(e.name in RANDOM_EFFECTS and not sensor_only(e) for e in (*given, *effects)) else 1
             for _, effects in wanted
         ]
         keys: dict[tuple[int, Effects, int], None] = {}
@@ -80,7 +80,7 @@ class Predictor:
                 keys[(trial, physics, draw)] = None
         true = self._physics(list(keys), keep)
         if self.off is not None and self.corrected:
-            true = {key: self._put_right(key[0], run) for key, run in true.items()}
+            true = {key: self._step_corrected(key[0], run) for key, run in true.items()}
         rows, sims, owner = [], [], []
         for k, ((trial, effects), count) in enumerate(zip(wanted, draws, strict=True)):
             physics = tuple(e for e in effects if not sensor_only(e))
@@ -110,27 +110,31 @@ class Predictor:
         out = self(wanted, keep=keep)
         return out.reshape(len(explanations), len(trials), *out.shape[1:])
 
-    def with_luck(self, luck: Array) -> Predictor:
+    def with_delivered(self, delivered: Array) -> Predictor:
         """The same with the commands that were lost, (ntrials, T - 1, nactuators), instead of drawn ones."""
-        given = any(entry.name in RANDOM for entry in self.plant.given)
-        kept = {key: run for key, run in self._kept.items() if not given and all(e.name not in RANDOM for e in key[1])}
-        return replace(self, on=replace(self.on, luck=luck), runs=0, _kept=kept)
+        given = any(entry.name in RANDOM_EFFECTS for entry in self.plant.given)
+        kept = {
+            key: run
+            for key, run in self._kept.items()
+            if not given and all(e.name not in RANDOM_EFFECTS for e in key[1])
+        }
+        return replace(self, on=replace(self.on, delivered=delivered), runs=0, _kept=kept)
 
     def as_simulated(self) -> Predictor:
         """The same with the error of the physics step in it, and its readings rounded: what the environment, or the
         repaired model, does."""
         return replace(self, corrected=False, rounded=True)
 
-    def otherwise_corrected(self) -> Predictor | None:
+    def with_other_step_correction(self) -> Predictor | None:
         """The same with the step's error put right where it was not, or the other way round; None: it is not known."""
         return None if self.off is None else replace(self, corrected=not self.corrected)
 
     def _measures(self, entry: Entry) -> bool:
         """Whether an effect is applied to signals: of those that draw at random none is, as a reading that was missed
         is no other reading."""
-        return sensor_only(entry) and entry.name not in RANDOM and (self.rounded or not rounds(entry))
+        return sensor_only(entry) and entry.name not in RANDOM_EFFECTS and (self.rounded or not rounds(entry))
 
-    def _put_right(self, trial: int, run: tuple[Array, ...]) -> tuple[Array, ...]:
+    def _step_corrected(self, trial: int, run: tuple[Array, ...]) -> tuple[Array, ...]:
         fields = Signals.__dataclass_fields__
         return tuple(one - getattr(self.off, f)[trial] for one, f in zip(run, fields, strict=True))
 
@@ -183,19 +187,20 @@ def predictor(
     bare = replay.unmeasured(plant)
     true = replay.simulate(bare, on, everything, threads=threads, seed=seed)
     stability.check_nominal(plant, on, true)
-    fine = replace(bare, max_timestep=plant.max_timestep / noise_model.FINER)
+    fine = replace(bare, max_timestep=plant.max_timestep / noise_model.STEP_REFINEMENT)
     finer = replay.simulate(fine, on, everything, threads=threads, seed=seed)
     if finer.diverged.any():  # a step that is not fine enough tells nothing of another
         finer = true
-    off = noise_model.off_by_step(true, finer)
+    off = noise_model.step_errors(true, finer)
     nominal = true
     if bare.given != plant.given:
         sensed = replace(
-            plant, given=tuple(e for e in plant.given if not sensor_only(e) or not (e.name in RANDOM or rounds(e)))
+            plant,
+            given=tuple(e for e in plant.given if not sensor_only(e) or not (e.name in RANDOM_EFFECTS or rounds(e))),
         )
         nominal, finer = (replay.measure(sensed, on, one, everything, seed=seed) for one in (true, finer))
     as_simulated = noise_model.predicted(data, nominal)
-    data = noise_model.with_numerics(data, as_simulated, noise_model.predicted(data, finer))
+    data = noise_model.with_step_tolerance(data, as_simulated, noise_model.predicted(data, finer))
     # What was recorded in this very simulator is off by the same steps: decided anew beside explanations (select).
     same = likelihood.distance(data, as_simulated) < likelihood.distance(
         data, as_simulated - noise_model.predicted(data, off)

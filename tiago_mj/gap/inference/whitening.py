@@ -1,4 +1,4 @@
-"""What an explanation's residuals are measured by, and the equations of a step that lessens them."""
+"""Whitening of residuals, and the normal equations of a Gauss-Newton step."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ class Whitening:
     Attributes:
         data: measured, with floor and tolerance.
         weight: square root of what a sample of each channel counts for, (C,).
-        wider: what it costs that the tolerance is wider than the nominal model's [nats].
+        tolerance_cost: half the log-determinant by which the tolerance is wider than the nominal model's [nats].
     """
 
     data: Data
     weight: Array
-    wider: float = 0.0
+    tolerance_cost: float = 0.0
 
-    def with_shape(self, missed: Array) -> Whitening:
-        """With a tolerance for the form of effects, which may miss so much of the predictions, (ntrials, T, C)."""
+    def with_form_tolerance(self, missed: Array) -> Whitening:
+        """This whitening with a tolerance for the form of effects: ``missed`` is its deviation, (ntrials, T, C)."""
         own = self.data.sigma**2 - self.data.common**2
         form = missed**2
         cost = np.where(np.isfinite(self.data.value), 0.5 * np.log1p(form / own), 0.0) * self.weight**2
@@ -92,6 +92,6 @@ class Normal:
         return Normal(self.curvature[:count, :count], self.gradient[:count], self.scale[:count])
 
     @property
-    def promised(self) -> float:
-        """By how much the whole step lowers the cost, if responses are straight lines [nats]."""
+    def predicted_drop(self) -> float:
+        """Drop of the cost by the full step if responses are linear [nats]."""
         return 0.5 * float(self.gradient @ (self.step() / self.scale))

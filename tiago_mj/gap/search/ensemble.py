@@ -25,12 +25,12 @@ Array = NDArray[np.float64]
 #: How far draws scatter, in deviations of the numbers: first about what is nominal, then about where that led. Chosen,
 #: like the numbers of draws, on three grasps of the blind check (seed 11, cases 34 and 58; seed 8, case 80).
 SPREADS: Final = (0.7, 0.3)
-#: Draws at least, and for each number that is fitted.
-DRAWS: Final = 50
-DRAWS_EACH: Final = 2.0
-#: How firmly slopes are drawn towards none (share of the mean square of the draws): a trial's are told by no more draws
-#: than there are.
-FIRM: Final = 0.1
+#: Number of draws at least, and per fitted nuisance.
+MIN_DRAWS: Final = 50
+DRAWS_PER_NUISANCE: Final = 2.0
+#: Ridge penalty of the regression, as a share of the mean square of the draws: a trial's slopes rest on no more samples
+#: than there are draws. Chosen by hand; no ablation.
+RIDGE: Final = 0.1
 SEED: Final = 58
 
 
@@ -42,19 +42,21 @@ def fitted(fitter: Fitter, fit: Fitted) -> Fitted:
     for spread in SPREADS:
         if best is not None and fitter.out_of_time():
             break
-        led, there = _with_slopes(fitter, about, spread, rng)
-        (one,) = led.fit_all([starts.at(there)])
-        best = one if best is None or one.evidence > best.evidence else best
-        about = starts.point(best)
+        regressed, there = _with_regression_slopes(fitter, about, spread, rng)
+        (fit_there,) = regressed.fit_all([starts.start_at(there)])
+        best = fit_there if best is None or fit_there.evidence > best.evidence else best
+        about = starts.point_of(best)
     assert best is not None
     return best
 
 
-def _with_slopes(fitter: Fitter, about: Point, spread: float, rng: np.random.Generator) -> tuple[Fitter, Point]:
+def _with_regression_slopes(
+    fitter: Fitter, about: Point, spread: float, rng: np.random.Generator
+) -> tuple[Fitter, Point]:
     """The same with slopes over draws for responses, and the draw that meets the recordings best."""
     shared, own = len(fitter.shared), fitter.size - len(fitter.shared)
     each = own // len(fitter.trials)
-    count = max(DRAWS, int(DRAWS_EACH * (shared + each)))
+    count = max(MIN_DRAWS, int(DRAWS_PER_NUISANCE * (shared + each)))
     moves = spread * rng.standard_normal((count, fitter.size))
     nuisances = np.clip(about.nuisance + moves, -likelihood.NUISANCE_BOUND, likelihood.NUISANCE_BOUND)
     points = [about, *(replace(about, nuisance=nuisance) for nuisance in nuisances)]
@@ -66,7 +68,7 @@ def _with_slopes(fitter: Fitter, about: Point, spread: float, rng: np.random.Gen
         x = np.concatenate([nuisances[:, :shared], nuisances[:, first : first + each]], axis=1)
         x, y = x - x.mean(axis=0), predicted[1:, k].reshape(count, -1)
         square = x.T @ x
-        square += FIRM * np.trace(square) / len(square) * np.eye(len(square))
+        square += RIDGE * np.trace(square) / len(square) * np.eye(len(square))
         slopes[order, k] = np.linalg.solve(square, x.T @ (y - y.mean(axis=0))).reshape(len(order), *predicted.shape[2:])
     on = Whitening(fitter.data, fitter.weight)
     costs = [on.cost(one, point.nuisance) for one, point in zip(predicted, points, strict=True)]

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tiago_mj.effects.spec import Entry
-from tiago_mj.gap.detectors.set_points import Told
+from tiago_mj.gap.detectors.set_points import ServoMotion
 from tiago_mj.gap.inference.fit import Fitted, Fitter, Point
 from tiago_mj.gap.inference.hypotheses import Candidate, Label
 from tiago_mj.gap.inference.predictor import Effects, Predictor
@@ -30,44 +30,49 @@ Mask = NDArray[np.bool_]
 EFFECT: Final = "dropped_commands"
 #: Shares of lost commands that are looked at.
 SHARES: Final = tuple(np.geomspace(0.01, 0.5, 7).tolist())
-#: Share of the commands that is lost where a joint's answer is learned; seed of which.
-LEARNED_FROM: Final = 0.15
+#: Share of commands lost in the simulations from which the joints' responses are learned, and their seed.
+TRAINING_SHARE: Final = 0.15
 SEED: Final = 15
-#: How firmly the answer is drawn towards a lag of first order (share of the mean square of set points).
-FIRM: Final = 0.01
-#: An answer lasts for so many time constants, and so many rows at least, and at most.
-LASTS: Final = 5.0
-ROWS: Final = (3, 60)
-#: Commands are told, nominal numbers fitted beside them, and commands told once more, so many times at most, as long as
-#: what it costs falls below this share; a fit takes so many steps.
-ROUNDS: Final = 6
-STEPS: Final = 2
-SETTLED: Final = 0.97
-#: Commands that are decided together.
-TOGETHER: Final = 5
-#: What errs for more than so many answers is no lost command.
-SLOW: Final = 3.0
-#: A squared residual counts no more than this: where other causes act it says nothing of this one. As elsewhere, two
-#: samples count as one.
-FAR: Final = 25.0
-COUNTS: Final = 0.5
-#: Where they leave more than this share of what there is to explain, they are not its cause.
-PROMISING: Final = 0.85
-#: And more than this where samples count for what they do beside errors that last.
-LEFT: Final = 0.7
-#: One standard deviation of the share, of itself, that what else goes on passes for lost commands and hides some.
-MISTAKEN: Final = 0.2
-#: Fewer than so many lost commands are an accident, and so is what they explain by less than this [nats].
-LEAST_LOST: Final = 4
-WORTH: Final = 10.0
+#: Strength of the ridge prior towards a first-order response (share of the mean square of the set points). Chosen by
+#: hand; no ablation.
+RIDGE: Final = 0.01
+#: Length of a learned response in time constants, and fewest and most rows of it. Chosen by hand; no ablation.
+RESPONSE_TIME_CONSTANTS: Final = 5.0
+RESPONSE_ROWS: Final = (3, 60)
+#: Rounds of decoding and fitting at most, Gauss-Newton steps of each fit, and ratio of a round's cost to the last one's
+#: above which the rounds end. Chosen by hand; no ablation.
+MAX_DECODING_ROUNDS: Final = 6
+FIT_ITERATIONS: Final = 2
+CONVERGED_COST_RATIO: Final = 0.97
+#: Number of latest commands that a state of the Viterbi decoder holds. Chosen by hand; no ablation.
+STATE_COMMANDS: Final = 5
+#: Time constant of the estimate of slow errors, in lengths of a response: what errs for longer is no lost command.
+#: Chosen by hand; no ablation.
+DRIFT_RESPONSES: Final = 3.0
+#: Squared residuals are clipped at this, in units of their variance, and samples count half as elsewhere
+#: (:data:`tiago_mj.gap.search.refinement.SAMPLES_PER_INDEPENDENT`). Chosen by hand; no ablation.
+MAX_SQUARED_RESIDUAL: Final = 25.0
+DECODING_SAMPLE_WEIGHT: Final = 0.5
+#: Lost commands are not pursued where their cost exceeds this share of the cost without losses. Chosen by hand; no
+#: ablation.
+MAX_COST_RATIO: Final = 0.85
+#: The same with the sample weights of the fit. Chosen by hand; no ablation.
+MAX_WEIGHTED_COST_RATIO: Final = 0.7
+#: Standard deviation of the share of lost commands due to wrong decoding, relative to the share. Chosen by hand; no
+#: ablation.
+RELATIVE_DECODING_ERROR: Final = 0.2
+#: Fewest lost commands, and smallest gain of log-likelihood [nats], at which lost commands are a candidate. Chosen by
+#: hand; no ablation.
+MIN_LOST: Final = 4
+MIN_GAIN_NATS: Final = 10.0
 
 
 @dataclass(frozen=True)
-class Lost:
+class DecodedLosses:
     """What the recordings say of lost commands.
 
     Attributes:
-        luck: 0 for a command that was lost, 1 for others, (ntrials, T - 1, nactuators).
+        delivered: 0 for a command that was lost, 1 for others, (ntrials, T - 1, nactuators).
         cost: negative log-likelihood for each share, summed over all paths, (nshares, ntrials, nactuators) [nats].
         none: negative log-likelihood if no command is lost, (ntrials, nactuators) [nats].
         chosen: negative log-likelihood of the residuals on the chosen path, without that path's own prior probability,
@@ -75,24 +80,24 @@ class Lost:
         best: index of the share that was chosen, (nactuators,).
     """
 
-    luck: Array
+    delivered: Array
     cost: Array
     none: Array
     chosen: Array
     best: NDArray[np.int_]
 
-    def least(self, trials: Sequence[int]) -> float:
+    def cost_with_losses(self, trials: Sequence[int]) -> float:
         """Cost of some trials, of every servo at its share [nats]."""
         some = list(trials)
         return float(sum(self.cost[k, some, a].sum() for a, k in enumerate(self.best)))
 
-    def without(self, trials: Sequence[int]) -> float:
+    def cost_without_losses(self, trials: Sequence[int]) -> float:
         """Cost of some trials where none is lost [nats]."""
         return float(self.none[list(trials)].sum())
 
 
 @dataclass(frozen=True)
-class Beside:
+class ExplanationWithLosses:
     """Lost commands beside an explanation.
 
     Attributes:
@@ -103,49 +108,53 @@ class Beside:
     """
 
     predict: Predictor
-    found: Lost
+    found: DecodedLosses
     point: Point
     fit: Fitted
 
 
-def beside(fitter: Fitter, at: Point, seen: Told, pool: Sequence[Candidate]) -> Beside | None:
+def decoded_beside(
+    fitter: Fitter, at: Point, motion: ServoMotion, pool: Sequence[Candidate]
+) -> ExplanationWithLosses | None:
     """Which commands were lost beside an explanation that loses none; None where hardly any was.
 
     Args:
         fitter: of the trials that are explained.
         at: the explanation.
-        seen: of the servos.
+        motion: of the servos.
         pool: candidates that lose commands, the first of them to all servos.
     """
     # The nuisance parameters, above all the delay, may have absorbed what lost commands do. So start without them, too.
     punctual = at.nuisance.copy()
     for k, term in enumerate(fitter.terms):
-        punctual[fitter.places(k)] *= term.effect != "command_delay"
+        punctual[fitter.nuisance_indices(k)] *= term.effect != "command_delay"
     best, least = None, np.inf
     for nuisance in (at.nuisance, punctual, np.zeros(fitter.size)):
         point = replace(at, nuisance=nuisance)
         before = np.inf
-        for _ in range(ROUNDS):
+        for _ in range(MAX_DECODING_ROUNDS):
             if fitter.out_of_time():
                 return best
-            found = decode(fitter.predict, seen, _in_every_trial(fitter, point), fitter.trials)
-            losing = candidates(pool, found, fitter.predict.plant.wiring.targets.command, fitter.trials)
-            now = found.least(fitter.trials)
-            if losing is None or now > PROMISING * found.without(fitter.trials):
+            found = decode(fitter.predict, motion, _effects_in_every_trial(fitter, point), fitter.trials)
+            losing = losing_candidates(pool, found, fitter.predict.plant.wiring.targets.command, fitter.trials)
+            now = found.cost_with_losses(fitter.trials)
+            if losing is None or now > MAX_COST_RATIO * found.cost_without_losses(fitter.trials):
                 break
-            predict = fitter.predict.with_luck(found.luck)
-            there = point.beside(losing[0], losing[0].grid[0])
-            (fit,) = replace(fitter, predict=predict, iterations=STEPS).fit_all([starts.at(there)])
+            predict = fitter.predict.with_delivered(found.delivered)
+            there = point.with_effect(losing[0], losing[0].grid[0])
+            (fit,) = replace(fitter, predict=predict, iterations=FIT_ITERATIONS).fit_all([starts.start_at(there)])
             if now < least:
-                best, least = Beside(predict, found, point, fit), now
-            if now > SETTLED * before:
+                best, least = ExplanationWithLosses(predict, found, point, fit), now
+            if now > CONVERGED_COST_RATIO * before:
                 break
             before = now
-            point = Point(fit.parts, fit.values, fit.nuisance).less(len(fit.parts) - 1)
+            point = Point(fit.parts, fit.values, fit.nuisance).without_effect(len(fit.parts) - 1)
     return best
 
 
-def priced(fitter: Fitter, told: Beside, seen: Told, pool: Sequence[Candidate]) -> dict[Label, Candidate] | None:
+def penalised(
+    fitter: Fitter, decoded: ExplanationWithLosses, motion: ServoMotion, pool: Sequence[Candidate]
+) -> dict[Label, Candidate] | None:
     """Candidates that lose commands, by label, with the share that was lost and the penalty for having decoded them.
 
     The penalty of a trial is the log-likelihood of the executed set points, by Viterbi's algorithm, minus that of all
@@ -154,29 +163,29 @@ def priced(fitter: Fitter, told: Beside, seen: Told, pool: Sequence[Candidate]) 
 
     Args:
         fitter: of the trials that are explained, with what a sample counts for.
-        told: of the same trials.
-        seen: of the servos.
+        decoded: of the same trials.
+        motion: of the servos.
         pool: candidates.
     """
     counts = fitter.motion_counts
-    effects = _in_every_trial(fitter, told.point)
-    some = decode(fitter.predict, seen, effects, fitter.trials, counts)
-    none, least = some.without(fitter.trials), some.least(fitter.trials)
+    effects = _effects_in_every_trial(fitter, decoded.point)
+    some = decode(fitter.predict, motion, effects, fitter.trials, counts)
+    none, least = some.cost_without_losses(fitter.trials), some.cost_with_losses(fitter.trials)
     commands = fitter.predict.plant.wiring.targets.command
-    losing = candidates(pool, told.found, commands, fitter.trials)
-    if losing is None or none - least < WORTH or least > LEFT * none:
+    losing = losing_candidates(pool, decoded.found, commands, fitter.trials)
+    if losing is None or none - least < MIN_GAIN_NATS or least > MAX_WEIGHTED_COST_RATIO * none:
         return None
     out = {}
     for candidate in losing:
         index = [commands.index(name) for name in candidate.target or commands]
-        all_ways = np.stack([some.cost[some.best[a], :, a] for a in index], axis=-1)
-        beyond = all_ways - counts / COUNTS * told.found.chosen[:, index]
-        paid = np.maximum(beyond, 0.0).sum(axis=1) / counts
-        out[candidate.label] = replace(candidate, paid=tuple(paid.tolist()))
+        all_paths = np.stack([some.cost[some.best[a], :, a] for a in index], axis=-1)
+        excess = all_paths - counts / DECODING_SAMPLE_WEIGHT * decoded.found.chosen[:, index]
+        penalty = np.maximum(excess, 0.0).sum(axis=1) / counts
+        out[candidate.label] = replace(candidate, selection_penalty=tuple(penalty.tolist()))
     return out
 
 
-def _in_every_trial(fitter: Fitter, at: Point) -> list[Effects]:
+def _effects_in_every_trial(fitter: Fitter, at: Point) -> list[Effects]:
     """Effects of a point, in those trials too that are not fitted."""
     elsewhere = at.nuisance.copy()
     elsewhere[len(fitter.shared) :] = 0.0
@@ -187,13 +196,17 @@ def _in_every_trial(fitter: Fitter, at: Point) -> list[Effects]:
 
 
 def decode(
-    predict: Predictor, seen: Told, effects: Sequence[Effects], fitted_on: Sequence[int], counts: float = COUNTS
-) -> Lost:
+    predict: Predictor,
+    motion: ServoMotion,
+    effects: Sequence[Effects],
+    fitted_on: Sequence[int],
+    counts: float = DECODING_SAMPLE_WEIGHT,
+) -> DecodedLosses:
     """Which commands were lost.
 
     Args:
         predict: simulations.
-        seen: of the servos.
+        motion: of the servos.
         effects: beside which commands may be lost, of every trial.
         fitted_on: trials by which the share is chosen.
         counts: what a sample counts for.
@@ -201,9 +214,9 @@ def decode(
     plant, on, data = predict.plant, predict.on, predict.data
     everything = range(len(on.trials))
     base = predict([(t, effects[t]) for t in everything])
-    luck = (np.random.default_rng(SEED).random(on.commands.shape) > LEARNED_FROM).astype(float)
-    losing = Entry(EFFECT, None, {"probability": LEARNED_FROM})
-    learned = predict.with_luck(luck)([(t, (*effects[t], losing)) for t in everything]) - base
+    delivered = (np.random.default_rng(SEED).random(on.commands.shape) > TRAINING_SHARE).astype(float)
+    losing = Entry(EFFECT, None, {"probability": TRAINING_SHARE})
+    learned = predict.with_delivered(delivered)([(t, (*effects[t], losing)) for t in everything]) - base
     deviation = np.sqrt(np.maximum(data.sigma**2 - data.common**2, data.noise**2))
     actuated = plant.wiring.targets.actuated
     shape = (len(on.trials), len(actuated))
@@ -214,25 +227,27 @@ def decode(
         mine = [c for c, name in enumerate(data.channels) if name in names]
         if not mine:
             continue  # nothing tells what this servo did
-        known = np.isfinite(data.value[:, 1:, mine]) & np.isfinite(seen.deviation[:, 1:, a, None])
+        known = np.isfinite(data.value[:, 1:, mine]) & np.isfinite(motion.deviation[:, 1:, a, None])
         precision = np.where(known, 1 / deviation[:, 1:, mine] ** 2, 0.0)
         residual = np.where(known, (data.value - base)[:, 1:, mine], 0.0)
-        way = _Way(on.commands[:, :, a], on.period, seen.start[:, a], plant.wiring.interface == "velocity")
-        share = min(float(seen.share[a]), 0.99)
-        rows = int(np.clip(np.ceil(-LASTS / np.log1p(-share)) + ROWS[0], *ROWS))
+        servo = _ServoCommands(
+            on.commands[:, :, a], on.period, motion.start[:, a], plant.wiring.interface == "velocity"
+        )
+        share = min(float(motion.share[a]), 0.99)
+        rows = int(np.clip(np.ceil(-RESPONSE_TIME_CONSTANTS / np.log1p(-share)) + RESPONSE_ROWS[0], *RESPONSE_ROWS))
         usual = share * (1 - share) ** np.arange(rows)
         of_first_order = {"position": usual, "velocity": np.diff(usual, prepend=0.0) / plant.period}
         prior = [np.asarray(of_first_order[data.kinds[c]]) for c in mine]
-        answers = _answers(way.offsets(luck[:, :, a]), learned[:, 1:, mine], known, prior)
-        took = _viterbi(way, answers, residual, precision, counts)
-        cost[:, :, a], none[:, a] = took.cost, _none(residual, precision, rows, counts)
-        best[a] = k = int(np.argmin(took.cost[:, list(fitted_on)].sum(axis=1)))
-        found[:, :, a], chosen[:, a] = took.luck[k], took.data[k]
-    return Lost(found, cost, none, chosen, best)
+        answers = _impulse_responses(servo.set_point_offsets(delivered[:, :, a]), learned[:, 1:, mine], known, prior)
+        viterbi = _viterbi(servo, answers, residual, precision, counts)
+        cost[:, :, a], none[:, a] = viterbi.cost, _cost_without_losses(residual, precision, rows, counts)
+        best[a] = k = int(np.argmin(viterbi.cost[:, list(fitted_on)].sum(axis=1)))
+        found[:, :, a], chosen[:, a] = viterbi.delivered[k], viterbi.data[k]
+    return DecodedLosses(found, cost, none, chosen, best)
 
 
-def candidates(
-    pool: Sequence[Candidate], lost: Lost, commands: Sequence[str], trials: Sequence[int]
+def losing_candidates(
+    pool: Sequence[Candidate], lost: DecodedLosses, commands: Sequence[str], trials: Sequence[int]
 ) -> list[Candidate] | None:
     """Of a pool, those that lose commands, with the share that was lost; None where hardly any was.
 
@@ -243,32 +258,34 @@ def candidates(
         trials: by which the share is told.
     """
     some = list(trials)
-    if (lost.luck[some] == 0).sum() < LEAST_LOST or lost.without(some) - lost.least(some) < WORTH:
+    if (lost.delivered[some] == 0).sum() < MIN_LOST or lost.cost_without_losses(some) - lost.cost_with_losses(
+        some
+    ) < MIN_GAIN_NATS:
         return None
     out = []
     for candidate in pool:
         if candidate.effect != EFFECT:
             continue
         index = [commands.index(name) for name in candidate.target or commands]
-        value, spread = _refined(lost.cost[:, some][:, :, index].sum(axis=(1, 2)))
+        value, spread = _likeliest_share(lost.cost[:, some][:, :, index].sum(axis=(1, 2)))
         out.append(replace(candidate, grid=(min(value, candidate.high),), spread=spread))
     return out
 
 
-def _refined(cost: Array) -> tuple[float, float]:
+def _likeliest_share(cost: Array) -> tuple[float, float]:
     """The likeliest share, between those that were looked at, and one standard deviation of it."""
     k = int(np.argmin(cost))
     if k in (0, len(cost) - 1):  # beyond what is looked at
-        return SHARES[k], MISTAKEN * SHARES[k]
+        return SHARES[k], RELATIVE_DECODING_ERROR * SHARES[k]
     step = np.log(SHARES[1] / SHARES[0])
     bend = max(float(cost[k - 1] - 2 * cost[k] + cost[k + 1]), 1e-9)
     move = float(np.clip((cost[k - 1] - cost[k + 1]) / (2 * bend), -1.0, 1.0))
     value = float(SHARES[k] * np.exp(step * move))
-    return value, value * float(np.hypot(min(step / np.sqrt(bend), 1.0), MISTAKEN))
+    return value, value * float(np.hypot(min(step / np.sqrt(bend), 1.0), RELATIVE_DECODING_ERROR))
 
 
 @dataclass(frozen=True)
-class _Way:
+class _ServoCommands:
     """What one servo is sent: commands and periods, (ntrials, T - 1), what is in force before, (ntrials,), and whether
     commands are velocities."""
 
@@ -278,19 +295,19 @@ class _Way:
     velocity: bool
 
     @property
-    def idle(self) -> Array:
+    def initial(self) -> Array:
         return np.zeros_like(self.start) if self.velocity else self.start
 
-    def offsets(self, luck: Array) -> Array:
+    def set_point_offsets(self, delivered: Array) -> Array:
         """How far lost commands put the set point off, (ntrials, T - 1)."""
-        held, off = self.idle, np.zeros(self.sent.shape)
+        held, off = self.initial, np.zeros(self.sent.shape)
         for k in range(self.sent.shape[1]):
-            held = np.where(luck[:, k] == 0, held, self.sent[:, k])
+            held = np.where(delivered[:, k] == 0, held, self.sent[:, k])
             off[:, k] = held - self.sent[:, k]
         return np.cumsum(off * self.period, axis=1) if self.velocity else off
 
 
-def _answers(offsets: Array, change: Array, known: Mask, prior: Sequence[Array]) -> Array:
+def _impulse_responses(offsets: Array, change: Array, known: Mask, prior: Sequence[Array]) -> Array:
     """Answer of every channel to a set point that is off for one row, (C, rows)."""
     rows = len(prior[0])
     padded = np.pad(offsets, ((0, 0), (rows - 1, 0)))
@@ -300,85 +317,85 @@ def _answers(offsets: Array, change: Array, known: Mask, prior: Sequence[Array])
         use = known[:, :, c]
         x, y = before[use], change[:, :, c][use]
         square = x.T @ x
-        square += (FIRM * np.trace(square) / rows + 1e-12) * np.eye(rows)
+        square += (RIDGE * np.trace(square) / rows + 1e-12) * np.eye(rows)
         out.append(expected + np.linalg.solve(square, x.T @ (y - x @ expected)))
     return np.array(out)
 
 
 @dataclass(frozen=True)
-class _Decoded:
+class _ViterbiResult:
     """Per share and trial: cost over all ways and data's of the best way, (nshares, ntrials), and that way's luck,
     (nshares, ntrials, T - 1)."""
 
     cost: Array
     data: Array
-    luck: Array
+    delivered: Array
 
 
-def _viterbi(way: _Way, answers: Array, residual: Array, precision: Array, counts: float) -> _Decoded:
+def _viterbi(servo: _ServoCommands, answers: Array, residual: Array, precision: Array, counts: float) -> _ViterbiResult:
     """The likeliest path, and the sum over all paths; a state says which of the last few commands were lost.
 
     Args:
-        way: what the servo is sent.
+        servo: what the servo is sent.
         answers: (C, rows).
         residual, precision: measured minus predicted, and one over its variance, after each command, (ntrials, T, C).
         counts: what a sample counts for.
     """
-    (trials, length), states = way.sent.shape, 1 << TOGETHER
+    (trials, length), states = servo.sent.shape, 1 << STATE_COMMANDS
     share = np.array(SHARES)[:, None, None]
     new = np.arange(states)
     lost = (new & 1).astype(bool)
     drawn = np.where(lost, -np.log(share), -np.log1p(-share))
     forbidden = np.where(lost, np.inf, 0.0)
     shape = (len(SHARES), trials, states)
-    cost, together, data = np.full(shape, np.inf), np.full(shape, np.inf), np.zeros(shape)
-    cost[..., 0] = together[..., 0] = 0.0
-    held = np.broadcast_to(way.idle[None, :, None], shape)
+    cost, all_paths, data = np.full(shape, np.inf), np.full(shape, np.inf), np.zeros(shape)
+    cost[..., 0] = all_paths[..., 0] = 0.0
+    held = np.broadcast_to(servo.initial[None, :, None], shape)
     memory, slow = np.zeros((*shape, answers.shape[1]), dtype=np.float32), np.zeros((*shape, len(answers)))
     answers = answers.astype(np.float32)
     second = np.zeros((length, *shape), dtype=bool)  # which of two states every state came from
     before = (new >> 1, (new >> 1) | (states >> 1))
     for k in range(length):
-        sent = way.sent[None, :, k, None]
-        ways = []
+        sent = servo.sent[None, :, k, None]
+        branches = []
         for old in before:
             was = held[:, :, old]
             now = np.where(lost, was, sent)
             off = now - sent
-            if way.velocity:
-                off = memory[:, :, old, 0] + off * way.period[None, :, k, None]
+            if servo.velocity:
+                off = memory[:, :, old, 0] + off * servo.period[None, :, k, None]
             kept = np.concatenate([off[..., None].astype(np.float32), memory[:, :, old, :-1]], axis=-1)
             left = residual[None, :, k, None] - kept @ answers.T - slow[:, :, old]
-            said, drift = _said(left, precision[None, :, k, None], answers.shape[1], counts)
-            step = said + np.where(np.abs(sent - was) > 1e-9, drawn, forbidden)  # what repeats cannot be lost
-            ways.append((cost[:, :, old] + step, together[:, :, old] + step, data[:, :, old] + said, now, kept,
+            row_cost, drift = _row_cost(left, precision[None, :, k, None], answers.shape[1], counts)
+            step = row_cost + np.where(np.abs(sent - was) > 1e-9, drawn, forbidden)  # what repeats cannot be lost
+            branches.append((cost[:, :, old] + step, all_paths[:, :, old] + step, data[:, :, old] + row_cost, now, kept,
                          slow[:, :, old] + drift))  # fmt: skip
-        second[k] = ways[1][0] < ways[0][0]
-        together = -np.logaddexp(-ways[0][1], -ways[1][1])
-        cost, data, held = (np.where(second[k], ways[1][i], ways[0][i]) for i in (0, 2, 3))
-        memory, slow = (np.where(second[k][..., None], ways[1][i], ways[0][i]) for i in (4, 5))
+        second[k] = branches[1][0] < branches[0][0]
+        all_paths = -np.logaddexp(-branches[0][1], -branches[1][1])
+        cost, data, held = (np.where(second[k], branches[1][i], branches[0][i]) for i in (0, 2, 3))
+        memory, slow = (np.where(second[k][..., None], branches[1][i], branches[0][i]) for i in (4, 5))
     state = np.argmin(cost, axis=-1)
     best = np.take_along_axis(data, state[..., None], axis=-1)[..., 0]
-    luck = np.ones((*state.shape, length))
+    delivered = np.ones((*state.shape, length))
     for k in range(length - 1, -1, -1):
-        luck[:, :, k] = 1 - (state & 1)
+        delivered[:, :, k] = 1 - (state & 1)
         other = np.take_along_axis(second[k], state[..., None], axis=-1)[..., 0]
         state = np.where(other, before[1][state], before[0][state])
-    return _Decoded(-np.logaddexp.reduce(-together, axis=-1), best, luck)
+    return _ViterbiResult(-np.logaddexp.reduce(-all_paths, axis=-1), best, delivered)
 
 
-def _said(left: Array, precision: Array, rows: int, counts: float) -> tuple[Array, Array]:
+def _row_cost(left: Array, precision: Array, rows: int, counts: float) -> tuple[Array, Array]:
     """Negative log-likelihood of a row [nats], and by how much the row moves the estimate of the slow error."""
     square = left**2 * precision
-    clipped = np.minimum(1.0, np.sqrt(FAR / np.maximum(square, FAR)))
-    drift = np.where(precision > 0, left * clipped / (SLOW * rows), 0.0)
-    return counts / 2 * np.minimum(square, FAR).sum(axis=-1), drift
+    clipped = np.minimum(1.0, np.sqrt(MAX_SQUARED_RESIDUAL / np.maximum(square, MAX_SQUARED_RESIDUAL)))
+    drift = np.where(precision > 0, left * clipped / (DRIFT_RESPONSES * rows), 0.0)
+    return counts / 2 * np.minimum(square, MAX_SQUARED_RESIDUAL).sum(axis=-1), drift
 
 
-def _none(residual: Array, precision: Array, rows: int, counts: float) -> Array:
+def _cost_without_losses(residual: Array, precision: Array, rows: int, counts: float) -> Array:
     """What all rows cost where nothing is lost, (ntrials,)."""
     total, slow = np.zeros(len(residual)), np.zeros((len(residual), residual.shape[2]))
     for k in range(residual.shape[1]):
-        said, drift = _said(residual[:, k] - slow, precision[:, k], rows, counts)
-        total, slow = total + said, slow + drift
+        row_cost, drift = _row_cost(residual[:, k] - slow, precision[:, k], rows, counts)
+        total, slow = total + row_cost, slow + drift
     return total

@@ -19,11 +19,11 @@ from tiago_mj.gap.inference.predictor import Predictor
 Array = NDArray[np.float64]
 
 #: Magnitudes between two of a candidate's grid at which its prediction is drawn as a straight line.
-BETWEEN: Final = 3
+INTERPOLATED_MAGNITUDES: Final = 3
 #: And so many more, each where the likelihood's peak is by those around the best: it may be far narrower than a grid.
-SHARPER: Final = 3
+PEAK_REFINEMENTS: Final = 3
 #: Predictions that are made at once.
-PORTION: Final = 64
+BATCH_SIZE: Final = 64
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class Screened:
         values: magnitudes that were looked at, (k,).
         changes: its predictions minus the nominal ones at those, (k, ntrials, T, C).
         visible: root mean square of the change in units of floor and tolerance, at its largest magnitude.
-        paid: what it cost to choose what was drawn, part of the gain [nats].
+        selection_penalty: what it cost to choose what was drawn, part of the gain [nats].
     """
 
     candidate: Candidate
@@ -46,7 +46,7 @@ class Screened:
     values: tuple[float, ...]
     changes: Array
     visible: float
-    paid: float = 0.0
+    selection_penalty: float = 0.0
 
 
 def screen(
@@ -77,16 +77,16 @@ def screen(
     """
     runs: dict[tuple[str, tuple[tuple[str, float], ...], float], Array] = {}
     # On all targets at once, also what was read off one of them alone.
-    asked = [((c.effect, c.fixed, v), k, c) for c in pool for k, v in enumerate(_outwards(c.grid))]
+    asked = [((c.effect, c.fixed, v), k, c) for c in pool for k, v in enumerate(_in_screening_order(c.grid))]
     once = {key: (k, c) for key, k, c in reversed(asked)}
     ordered = sorted(once.items(), key=lambda item: item[1][0])
     wanted = [(replace(c, target=None), key[2]) for key, (_, c) in ordered]
-    for first in range(0, len(wanted), PORTION):
+    for first in range(0, len(wanted), BATCH_SIZE):
         if first and out_of_time():
             break
         how_far(len(wanted), first)
-        portion = wanted[first : first + PORTION]
-        predicted = fitter.predictions([at.beside(c, value) for c, value in portion])
+        portion = wanted[first : first + BATCH_SIZE]
+        predicted = fitter.predictions([at.with_effect(c, value) for c, value in portion])
         for (c, value), one in zip(portion, predicted, strict=True):
             runs[(c.effect, c.fixed, value)] = one
     nominal = likelihood.log_likelihood(on, base)
@@ -97,13 +97,13 @@ def screen(
             continue
         stack = np.stack([runs[(c.effect, c.fixed, v)] for v in values])
         if c.target is not None:
-            mine = parts_of(fitter.predict, c)
+            mine = channels_of_targets(fitter.predict, c)
             stack = np.where(mine, stack, base)
-        values, stack, found = _sharpened(on, *_between(values, stack))
-        found = found - fitter.paid(c)
+        values, stack, found = _with_refined_peak(on, *_interpolated(values, stack))
+        found = found - fitter.selection_penalty(c)
         best = int(np.argmax(found))
         change = stack - base
-        white = likelihood.scaled(on.data, likelihood.told(on.data, change))
+        white = likelihood.scaled(on.data, likelihood.mean_visible_change(on.data, change))
         out.append(
             Screened(
                 c,
@@ -112,19 +112,19 @@ def screen(
                 tuple(values),
                 change,
                 float(np.sqrt(np.mean(white**2, axis=(1, 2, 3)).max())),
-                fitter.paid(c),
+                fitter.selection_penalty(c),
             )
         )
     return sorted(out, key=lambda s: -s.gain)
 
 
-def _outwards(grid: Sequence[float]) -> list[float]:
+def _in_screening_order(grid: Sequence[float]) -> list[float]:
     """Magnitudes, those in the middle of the way to a bound first: every effect is seen once before any is twice."""
     middle = (len(grid) - 1) * 0.75
     return [grid[k] for k in sorted(range(len(grid)), key=lambda k: abs(k - middle))]
 
 
-def _between(values: Sequence[float], stack: Array) -> tuple[list[float], Array]:
+def _interpolated(values: Sequence[float], stack: Array) -> tuple[list[float], Array]:
     """Magnitudes and predictions between those that were simulated, too, by straight lines.
 
     The grid is coarse: without them an effect whose magnitude lies between two of its points would rank behind one that
@@ -132,7 +132,7 @@ def _between(values: Sequence[float], stack: Array) -> tuple[list[float], Array]
     """
     order = np.argsort(values)
     at, there = np.asarray(values)[order], stack[order]
-    share = np.arange(BETWEEN + 1) / (BETWEEN + 1)
+    share = np.arange(INTERPOLATED_MAGNITUDES + 1) / (INTERPOLATED_MAGNITUDES + 1)
     dense = at[:-1, None] + share * np.diff(at)[:, None]
     lines = there[:-1, None] + share[:, None, None, None] * np.diff(there, axis=0)[:, None]
     return (
@@ -141,14 +141,14 @@ def _between(values: Sequence[float], stack: Array) -> tuple[list[float], Array]
     )
 
 
-def _sharpened(on: likelihood.Frame, values: list[float], stack: Array) -> tuple[list[float], Array, Array]:
+def _with_refined_peak(on: likelihood.Frame, values: list[float], stack: Array) -> tuple[list[float], Array, Array]:
     """Magnitudes in order, predictions and their log-likelihoods, with those nearer to its peak.
 
     An encoder whose scale is 0.6 % off was between 0 and 0.8 % and gained nothing at either (blind check, seed 9, case
     110): the better a joint is measured, the narrower the peak.
     """
     found = likelihood.log_likelihood(on, stack)
-    for _ in range(SHARPER):
+    for _ in range(PEAK_REFINEMENTS):
         best = int(np.argmax(found))
         if not 0 < best < len(values) - 1:
             break
@@ -166,7 +166,7 @@ def _sharpened(on: likelihood.Frame, values: list[float], stack: Array) -> tuple
     return values, stack, found
 
 
-def parts_of(predict: Predictor, candidate: Candidate) -> NDArray[np.bool_]:
+def channels_of_targets(predict: Predictor, candidate: Candidate) -> NDArray[np.bool_]:
     """Channels of a candidate's own targets, (C,)."""
     targets = predict.plant.wiring.targets
     kind = EFFECTS[candidate.effect].targets

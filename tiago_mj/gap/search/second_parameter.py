@@ -19,10 +19,10 @@ from tiago_mj.gap.inference.fit import Fitted, Fitter, Start
 from tiago_mj.gap.inference.hypotheses import Candidate
 from tiago_mj.gap.search import starts
 
-#: Explanations whose second numbers and forms are tried, the best first, and of how many where all of them fail: the
-#: right one may be far behind in the wrong form.
-MOST: Final = 2
-FAILING: Final = 4
+#: Explanations, the best first, whose second parameters and forms are refined, and how many where all leave a gap: the
+#: right effect may be far behind in the wrong form. Chosen by hand; no ablation.
+MAX_REFINED: Final = 2
+MAX_REFINED_IF_INADEQUATE: Final = 4
 
 
 def refined(fitter: Fitter, fits: Sequence[Fitted], best: Fitted, *, fails: bool) -> list[Fitted]:
@@ -36,11 +36,17 @@ def refined(fitter: Fitter, fits: Sequence[Fitted], best: Fitted, *, fails: bool
     """
     different = {f.parts: f for f in sorted(fits, key=lambda f: f.evidence)}
     near = sorted(different.values(), key=lambda f: -f.evidence)
-    near = near[:FAILING] if fails else [f for f in near if f.evidence > best.evidence - starts.NEAR][:MOST]
-    turned = [(f, k, name) for f in near for k, part in enumerate(f.parts) for name in _seconds(part)][:MOST]
-    held = [_turned(fitter, f, k, name) for f, k, name in turned]
+    near = (
+        near[:MAX_REFINED_IF_INADEQUATE]
+        if fails
+        else [f for f in near if f.evidence > best.evidence - starts.NEAR_BEST_NATS][:MAX_REFINED]
+    )
+    tasks = [(f, k, name) for f in near for k, part in enumerate(f.parts) for name in _second_parameters(part)][
+        :MAX_REFINED
+    ]
+    held = [_start_on_second_parameter(fitter, f, k, name) for f, k, name in tasks]
     back = []
-    for (f, k, name), second in zip(turned, fitter.fit_all(held), strict=True):
+    for (f, k, name), second in zip(tasks, fitter.fit_all(held), strict=True):
         fixed = tuple((key, float(second.values[k]) if key == name else v) for key, v in f.parts[k].fixed)
         parts = tuple(replace(part, fixed=fixed) if i == k else part for i, part in enumerate(f.parts))
         values = np.array([f.values[k] if i == k else v for i, v in enumerate(second.values)])
@@ -62,12 +68,12 @@ def _other_forms(fit: Fitted) -> list[Start]:
     return out
 
 
-def _seconds(part: Candidate) -> list[str]:
+def _second_parameters(part: Candidate) -> list[str]:
     """Names of the numbers that are held, apart from those of the form."""
     return [name for name, _ in part.fixed if name not in EFFECTS[part.effect].forms]
 
 
-def _turned(fitter: Fitter, fit: Fitted, k: int, name: str) -> Start:
+def _start_on_second_parameter(fitter: Fitter, fit: Fitted, k: int, name: str) -> Start:
     """The same explanation, in which a second number is fitted and the first held."""
     part, targets = fit.parts[k], fitter.predict.plant.wiring.targets
     declared = EFFECTS[part.effect]

@@ -17,32 +17,34 @@ from tiago_mj.gap.inference.predictor import Predictor
 from tiago_mj.gap.inference.whitening import Whitening
 from tiago_mj.gap.search import starts
 
-#: Explanations that are looked at, the likeliest first.
-LOOKED: Final = 2
+#: Explanations, the best first, by which the two ways are compared. Chosen by hand; no ablation.
+MAX_COMPARED: Final = 2
 #: The other way has to meet the recordings better by this much, or the first guess stays [nats]: a Bayes factor of 3.
-BETTER: Final = 1.1
+MIN_COST_DROP_NATS: Final = 1.1
 
 
-def otherwise(fitter: Fitter, fits: Sequence[Fitted]) -> Predictor | None:
+def better_step_correction(fitter: Fitter, fits: Sequence[Fitted]) -> Predictor | None:
     """A predictor that treats the step's error the other way; None where the recordings do not ask for it.
 
     Args:
         fitter: of the trials.
         fits: explanations of them, the likeliest first.
     """
-    other = fitter.predict.otherwise_corrected()
+    other = fitter.predict.with_other_step_correction()
     if other is None or not fits:
         return None
     # By the noise alone: what the step gets wrong is part of the tolerance, which would hide it.
     noise = np.broadcast_to(fitter.data.noise, fitter.data.value.shape)
     on = Whitening(replace(fitter.data, sigma=noise, common=np.zeros_like(noise)), fitter.weight)
 
-    def least(by: Fitter, some: Sequence[Fitted]) -> float:
-        points = [starts.point(fit) for fit in some]
+    def lowest_cost(by: Fitter, some: Sequence[Fitted]) -> float:
+        points = [starts.point_of(fit) for fit in some]
         predicted = by.predictions(points)
         return min(on.cost(one, point.nuisance) for one, point in zip(predicted, points, strict=True))
 
     there = replace(fitter, predict=other)
     # Each way has its own best magnitudes: a late command and a late step look alike.
-    anew = there.fit_all([starts.again(fit) for fit in fits[:LOOKED]])
-    return other if least(fitter, fits[:LOOKED]) - least(there, anew) > BETTER else None
+    refitted = there.fit_all([starts.restart(fit) for fit in fits[:MAX_COMPARED]])
+    return (
+        other if lowest_cost(fitter, fits[:MAX_COMPARED]) - lowest_cost(there, refitted) > MIN_COST_DROP_NATS else None
+    )

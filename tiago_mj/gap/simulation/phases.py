@@ -17,12 +17,12 @@ Array = NDArray[np.float64]
 REST, FREE, REVERSAL, ONSET, LOADING, HOLD, RELEASE = range(len(PHASES))
 
 #: A joint moves that is faster than this share of its limit, or of the fastest it was.
-MOVING: Final = 0.02
+MOVING_SHARE: Final = 0.02
 #: A pad is in contact above this [N]; its force changes above this share of the largest, per second.
-TOUCHING: Final = 0.05
-CHANGING: Final = 0.3
+CONTACT_NEWTONS: Final = 0.05
+CHANGING_SHARE: Final = 0.3
 #: What counts as around an onset or a reversal [s].
-AROUND: Final = 0.06
+AROUND_SECONDS: Final = 0.06
 
 
 def phases(plant: Plant, on: Grid, nominal: Signals) -> NDArray[np.int_]:
@@ -34,10 +34,10 @@ def phases(plant: Plant, on: Grid, nominal: Signals) -> NDArray[np.int_]:
     """
     speed = np.abs(nominal.velocity)
     fastest = np.maximum(speed.max(axis=(0, 1)), 1e-9)
-    moving = (speed > MOVING * fastest).any(axis=2)
+    moving = (speed > MOVING_SHARE * fastest).any(axis=2)
     out = np.where(moving, FREE, REST)
-    near = max(round(AROUND / plant.period), 1)
-    direction = np.sign(np.where(speed > MOVING * fastest, nominal.velocity, 0.0))
+    near = max(round(AROUND_SECONDS / plant.period), 1)
+    direction = np.sign(np.where(speed > MOVING_SHARE * fastest, nominal.velocity, 0.0))
     for k in range(out.shape[0]):
         for joint in range(direction.shape[2]):
             last = 0.0
@@ -48,11 +48,11 @@ def phases(plant: Plant, on: Grid, nominal: Signals) -> NDArray[np.int_]:
     if nominal.newtons.shape[2] == 0:
         return out
     force = nominal.newtons
-    contact = force > TOUCHING
+    contact = force > CONTACT_NEWTONS
     strongest = max(float(force.max()), 1.0)
     rate = np.gradient(force, axis=1) / plant.period
-    loading = (contact & (rate > CHANGING * strongest)).any(axis=2)
-    falling = (rate < -CHANGING * strongest).any(axis=2)
+    loading = (contact & (rate > CHANGING_SHARE * strongest)).any(axis=2)
+    falling = (rate < -CHANGING_SHARE * strongest).any(axis=2)
     out[contact.any(axis=2)] = HOLD
     out[loading] = LOADING
     out[falling] = RELEASE

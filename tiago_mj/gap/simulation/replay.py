@@ -30,9 +30,9 @@ Array = NDArray[np.float64]
 Effects = tuple[Entry, ...]
 
 #: Simulations in one batch: enough to fill any number of threads, few enough to stay within memory.
-BATCH = 256
+BATCH_SIZE = 256
 #: Physics steps that an open loop runs at once: few enough to stay within memory.
-AT_ONCE = 512
+MAX_ROLLOUT_STEPS = 512
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class Grid:
         rows: number of rows of each, (ntrials,).
         period: length of every row, (ntrials, T - 1) [s].
         uniform: whether all rows have the plant's nominal period.
-        luck: the numbers that decide which commands are lost, (ntrials, T - 1, nactuators); None: drawn.
+        delivered: 1 for a command that reaches its servo, 0 for a lost one, (ntrials, T - 1, nactuators); None: drawn.
         commands: held where a row has none, (ntrials, T - 1, nactuators); of a plant whose commands are relative NaN
             where a row has none.
     """
@@ -54,7 +54,7 @@ class Grid:
     period: Array
     uniform: bool
     commands: Array
-    luck: Array | None = None
+    delivered: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -129,7 +129,7 @@ def simulate(
         seed: of what effects draw at random: the same for every simulation of a trial.
     """
     sims = [(trial, (*plant.given, *effects)) for trial, effects in sims]
-    parts = [_parted(plant, on, sims[k : k + BATCH], threads, seed) for k in range(0, len(sims), BATCH)]
+    parts = [_in_batches(plant, on, sims[k : k + BATCH_SIZE], threads, seed) for k in range(0, len(sims), BATCH_SIZE)]
     return Signals(*(np.concatenate([getattr(p, f) for p in parts]) for f in Signals.__dataclass_fields__))
 
 
@@ -148,9 +148,9 @@ def motions(
     return Signals(*(np.concatenate([getattr(r, f) for r in runs]) for f in Signals.__dataclass_fields__)), poses
 
 
-def _parted(plant: Plant, on: Grid, sims: Sequence[tuple[int, Effects]], threads: int, seed: int) -> Signals:
+def _in_batches(plant: Plant, on: Grid, sims: Sequence[tuple[int, Effects]], threads: int, seed: int) -> Signals:
     """Simulations that need nobody between their steps apart from the others: they share all processors better."""
-    alone = np.array([all(_needs_no_one(entry) for entry in effects) for _, effects in sims])
+    alone = np.array([all(_acts_without_feedback(entry) for entry in effects) for _, effects in sims])
     if alone.all() or not alone.any():
         return _batch(plant, on, sims, threads, seed)
     order = np.argsort(~alone, kind="stable")
@@ -160,7 +160,7 @@ def _parted(plant: Plant, on: Grid, sims: Sequence[tuple[int, Effects]], threads
     return Signals(*(np.concatenate([getattr(p, f) for p in parts])[back] for f in Signals.__dataclass_fields__))
 
 
-def _needs_no_one(entry: Entry) -> bool:
+def _acts_without_feedback(entry: Entry) -> bool:
     """Whether an effect changes the model alone, or a signal without asking what the joints do."""
     hooks = (*EACH_SUBSTEP, *EACH_STEP)
     declared = EFFECTS[entry.name]
@@ -175,7 +175,7 @@ def measure(plant: Plant, on: Grid, true: Signals, sims: Sequence[tuple[int, Eff
         true: signals of runs without sensor effects, (nsim, ...), row by row those of ``sims``: of
             :func:`unmeasured` where sensors' effects are given.
     """
-    host = _Silent(plant.model, len(sims))
+    host = _NoSimulation(plant.model, len(sims))
     sensing = [[e for e in (*plant.given, *entries) if sensor_only(e)] for _, entries in sims]
     chain = Chain(host, plant.wiring, sensing, _uniform(sims, None, seed))  # type: ignore[arg-type]
     chain.now.dt = np.full(len(sims), plant.period)
@@ -203,7 +203,7 @@ def measure(plant: Plant, on: Grid, true: Signals, sims: Sequence[tuple[int, Eff
 
 def only_commands(plant: Plant, sims: Sequence[Effects]) -> Chain:
     """The chain of effects on commands, without a simulation: for what it makes of them before a servo moves."""
-    host = _Silent(plant.model, len(sims))
+    host = _NoSimulation(plant.model, len(sims))
     sims = [(*plant.given, *effects) for effects in sims]
     return Chain(host, plant.wiring, sims, _uniform([(0, effects) for effects in sims], None, 0))  # type: ignore[arg-type]
 
@@ -236,7 +236,7 @@ def _batch(
     wiring = plant.wiring
     starts = [plant.starts[on.trials[t].name] for t in trial]
     host.batch.reset(stage=mujoco.mjtStage.mjSTAGE_NONE)
-    _give_objects(plant, host, starts)
+    _set_objects(plant, host, starts)
     host.state("qpos")[:] = [start.qpos for start in starts]
     host.state("qvel")[:] = [start.qvel for start in starts]
     stateful = wiring.act >= 0
@@ -244,7 +244,7 @@ def _batch(
         points = np.array([start.set_point for start in starts])
         act = host.state("act")
         act[:, wiring.act[stateful]] = points[:, stateful]
-    chain = Chain(host, wiring, [entries for _, entries in sims], _uniform(sims, on.luck, seed))
+    chain = Chain(host, wiring, [entries for _, entries in sims], _uniform(sims, on.delivered, seed))
     qpos = host.state("qpos")
     qpos[:, wiring.qpos] = chain.true_position(qpos[:, wiring.qpos])
     substeps = plant.substeps
@@ -287,7 +287,7 @@ def _batch(
     if on.uniform and not plant.relative and chain.open_loop:
         idle = host.state("ctrl")
         fields = ("qpos", "qvel", "qfrc_actuator", "sensordata")
-        most = max(AT_ONCE // substeps, 1)
+        most = max(MAX_ROLLOUT_STEPS // substeps, 1)
         for first in range(0, length - 1, most):
             rows = min(most, length - 1 - first)
             some = np.repeat(idle[:, None], rows * substeps, axis=1)
@@ -327,7 +327,7 @@ def _averaged(plant: Plant, reading: Array) -> Array:
     return total / np.minimum(np.arange(1, reading.shape[1] + 1), count)[None, :, None]
 
 
-def _give_objects(plant: Plant, host: BatchHost, starts: Sequence[object]) -> None:
+def _set_objects(plant: Plant, host: BatchHost, starts: Sequence[object]) -> None:
     """Trials with other objects than the model's: their fields, simulation by simulation."""
     items = [start.item for start in starts]  # type: ignore[attr-defined]
     if all(item is None for item in items):
@@ -352,16 +352,18 @@ def _held(values: Array, idle: float) -> Array:
     return np.where(last >= 0, values[np.maximum(last, 0)], idle)
 
 
-def _uniform(sims: Sequence[tuple[int, Effects]], luck: Array | None, seed: int) -> Callable[[tuple[int, ...]], Array]:
+def _uniform(
+    sims: Sequence[tuple[int, Effects]], known_draws: Array | None, seed: int
+) -> Callable[[tuple[int, ...]], Array]:
     """Uniform numbers that are the same for every simulation of a trial, whatever batch it runs in; once a control step
-    those of ``luck``, where they are known."""
+    those of ``known_draws``, where they are known."""
     trial = np.array([t for t, _ in sims])
     generators = {int(t): np.random.default_rng([seed, int(t)]) for t in np.unique(trial)}
     steps = itertools.count()
 
     def draw(shape: tuple[int, ...]) -> Array:
-        if luck is not None:
-            known: Array = luck[trial, next(steps)]
+        if known_draws is not None:
+            known: Array = known_draws[trial, next(steps)]
             return known
         drawn = {t: generator.random(shape[1:]) for t, generator in generators.items()}
         return np.stack([drawn[int(t)] for t in trial])
@@ -369,7 +371,7 @@ def _uniform(sims: Sequence[tuple[int, Effects]], luck: Array | None, seed: int)
     return draw
 
 
-class _Silent:
+class _NoSimulation:
     """A host without a simulation, for effects that only measure."""
 
     def __init__(self, model: mujoco.MjModel, nsim: int) -> None:

@@ -18,9 +18,9 @@ from tiago_mj.gap.simulation.plant import Plant
 from tiago_mj.gap.simulation.replay import Grid, Signals
 
 #: Physics steps that are tried, as shares of the one that diverges.
-FINER: Final = (1 / 2, 1 / 4, 1 / 10)
+STEP_SHARES: Final = (1 / 2, 1 / 4, 1 / 10)
 #: A hinge that was recorded so many times beyond its range has a range in the wrong unit: 180 / π.
-DEGREES: Final = 10.0
+RADIAN_MISTAKE_RATIO: Final = 10.0
 
 
 def check_nominal(plant: Plant, on: Grid, nominal: Signals) -> None:
@@ -51,7 +51,7 @@ def likely_mend(plant: Plant, on: Grid, trial: int) -> str:
     if beyond:
         return f'{beyond} was recorded far beyond its range: are the model\'s angles radians? Add angle="radian"'
     step = min(plant.max_timestep, plant.period)
-    for share in FINER:
+    for share in STEP_SHARES:
         if _survives(replace(plant, max_timestep=step * share), on, trial):
             return f'with a shorter step it does not: set <option timestep="{step * share:.2g}"/>'
     damped = copy.copy(plant.model)
@@ -81,6 +81,6 @@ def _beyond_its_range(plant: Plant, on: Grid, trial: int) -> str:
         seen = recorded.positions.get(name)
         if joint.type[0] != mujoco.mjtJoint.mjJNT_HINGE or not joint.limited[0] or seen is None:
             continue
-        if np.nanmax(np.abs(seen), initial=0.0) > DEGREES * max(abs(joint.range[0]), abs(joint.range[1])):
+        if np.nanmax(np.abs(seen), initial=0.0) > RADIAN_MISTAKE_RATIO * max(abs(joint.range[0]), abs(joint.range[1])):
             return name
     return ""

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tiago_mj.gap.analysis import promises
-from tiago_mj.gap.decision.verdict import Judged, calibration, decide, left
+from tiago_mj.gap.decision.verdict import Judged, calibration, decide, discrepancy
 from tiago_mj.gap.result import Evidence as Told
 from tiago_mj.gap.result import Shrink
 from tiago_mj.gap.torque import held_out, tables
@@ -75,7 +75,7 @@ def judge(search: Search, seed: int) -> Verdict:
     leads = candidates[judged.rivals[0]]
     unsupported: tuple[str, ...] = ()
     # Names that leave little need no other explanation. Where all fail, some may stand for something unnamed.
-    if judged.kind == "unknown" and left(leads.option) > by.fails:
+    if judged.kind == "unknown" and discrepancy(leads.option) > by.fails:
         unsupported, rest = _supported(search, leads.fitted)
         if unsupported:
             candidates, judged, gains = _decided(search, [rest, *found], unsupported, seed)
@@ -108,7 +108,7 @@ def _decided(
     named = [c.named for c in candidates]
     gains, beaten = held_out.validated(search.evidence, search.score(()), named, by.fails, seed)
     options = [c.option for c in candidates]
-    return candidates, promises.standing(decide(options, by, beaten=beaten), options, by), gains
+    return candidates, promises.standing(decide(options, by, refuted=beaten), options, by), gains
 
 
 def _supported(search: Search, best: Scored) -> tuple[tuple[str, ...], Scored]:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from tiago_mj.effects import EFFECTS, Effect, Entry, Parameter
 from tiago_mj.effects.declare import overrides
 from tiago_mj.effects.spec import arrays
-from tiago_mj.gap.inference.hypotheses import EDGE
+from tiago_mj.gap.inference.hypotheses import EDGE_SHARE
 from tiago_mj.gap.torque.torques import STAGES, Torques, invertible
 
 Array = NDArray[np.float64]
@@ -74,7 +74,7 @@ class Term:
         model's own friction or damping away is none."""
         if not math.isfinite(self.high - self.low):
             return False
-        near = EDGE * (self.high - self.low)
+        near = EDGE_SHARE * (self.high - self.low)
         at_least = strength < self.low + near and not self.removes and self.low != 0
         return at_least or (strength > self.high - near and self.high > 0)
 

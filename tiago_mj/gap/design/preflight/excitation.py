@@ -22,7 +22,7 @@ from tiago_mj.effects import EFFECTS
 from tiago_mj.gap.data.recording import RecordingError, Trial
 from tiago_mj.gap.detectors.readings import ONLY_READ_OFF
 from tiago_mj.gap.inference import hypotheses, likelihood, noise_model
-from tiago_mj.gap.inference.fit import NUDGE
+from tiago_mj.gap.inference.fit import NUISANCE_STEP
 from tiago_mj.gap.inference.hypotheses import Candidate
 from tiago_mj.gap.inference.predictor import Predictor
 from tiago_mj.gap.simulation import replay, stability
@@ -117,10 +117,10 @@ def preflight(
     everything = predict.all_trials([()], list(range(len(trials))), keep=True)[0]
     moved = np.nanstd(everything, axis=1).sum(axis=1)
     chosen = sorted(int(k) for k in np.argsort(-moved)[:TRIALS])
-    base, part = everything[chosen], noise_model.part(data, chosen)
+    base, part = everything[chosen], noise_model.select_trials(data, chosen)
     terms = sorted(hypotheses.terms(plant), key=lambda term: term.per_trial)
     on_their_own = np.array([term.per_trial for term in terms], dtype=bool)
-    responses = (predict.all_trials([(term.entry(NUDGE),) for term in terms], chosen) - base) / NUDGE
+    responses = (predict.all_trials([(term.entry(NUISANCE_STEP),) for term in terms], chosen) - base) / NUISANCE_STEP
     thinned = np.minimum(likelihood.independence(part, base), np.sqrt(min(plant.period / CORRELATED, 1.0)))
     frame = likelihood.frame(part, thinned, responses, on_their_own)
     pool = [c for c in hypotheses.candidates(plant, fastest=_fastest(plant, on, threads)) if c.target is None]
@@ -152,7 +152,9 @@ def _excited(
     """An effect's distances over its magnitudes, and its signature at its default (nearest to what was tried)."""
     values = np.array(sorted({*candidate.grid, _default(predict.plant, candidate)}))
     change = predict.all_trials([(candidate.entry(float(v)),) for v in values], trials) - base
-    white = likelihood.whiten(frame.data, likelihood.told(frame.data, change), frame.weight).reshape(len(values), -1)
+    white = likelihood.whiten(frame.data, likelihood.mean_visible_change(frame.data, change), frame.weight).reshape(
+        len(values), -1
+    )
     left = white - linalg.cho_solve(frame.factor, frame.columns.T @ white.T).T @ frame.columns.T
     distance = np.sqrt(np.maximum((white * left).sum(axis=1), 0.0))
     at = int(np.argmin(np.abs(values - _default(predict.plant, candidate))))
