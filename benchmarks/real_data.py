@@ -135,7 +135,7 @@ def line(name: str, row: Mapping[str, Any]) -> str:
         name,
         f"`{row['verdict']}`, {100 * row['probability']:.0f} %",
         named or "–",
-        f"{row['before']:.3g}, {row['after']:.3g}",
+        ", ".join("–" if row[key] is None else f"{row[key]:.3g}" for key in ("before", "after")),
         closed,
         f"{row['seconds']:.0f}",
     )
