@@ -265,10 +265,12 @@ def test_what_is_too_long_to_replay_is_refused_with_what_to_do(diagnosed):
     assert "one motion a file" in line
 
 
-def test_an_output_folder_that_is_a_file_is_said_before_it_takes_time(diagnosed, tmp_path):
+def test_an_output_folder_that_is_a_file_is_said_before_it_takes_time(tmp_path, capsys):
     taken = tmp_path / "taken"
     taken.write_text("mine")
-    status, line, _ = diagnosed(None, "--out", str(taken))
-    assert (status, line.count("\n")) == (2, 1)
+    with pytest.raises(SystemExit) as ended:
+        main(["diagnose", str(tmp_path), "--out", str(taken)])
+    line = capsys.readouterr().err
+    assert (ended.value.code, line.count("\n")) == (2, 1)
     assert "taken" in line
     assert taken.read_text() == "mine"
