@@ -94,7 +94,7 @@ def test_fits_go_on_around_themselves_as_long_as_that_brings_something(grasps, m
     monkeypatch.setattr(refinement, "MAX_FURTHER_ROUNDS", 0)
     once = shortlist.by_evidence(refinement.relinearized(fitter, fits))[0]
     assert best.parts == once.parts == (lag,)
-    # How far one round goes differs between processors, whose last bits differ where contacts begin: on one it left 1.8,
-    # on another 1.1. Where all rounds end does not.
+    # How far one round goes differs between processors, whose last bits differ where contacts begin: on one it left 1.1
+    # of its tolerance, and so did all rounds. Where all of them end does not.
     assert shortlist.discrepancy(best) < refinement.ADEQUATE_DISCREPANCY
     assert best.evidence > once.evidence - 1
