@@ -150,7 +150,7 @@ def test_an_unknown_environment_is_answered_with_those_there_are(capsys):
             "did you mean 'servo'",
         ),
         (("rollout", "--env", "GripperTactile-v0", "--policy", "pi", "--film", "a.avi"), ".mp4, .gif, .png"),
-        (("rollout", "--env", "GripperTactile-v0", "--policy", "pid"), "give pi, random"),
+        (("rollout", "--env", "GripperTactile-v0", "--policy", "pid"), "give pi, pi-tuned"),
         (("rollout", "--env", "TIAGoPALGripper-v0", "--policy", "pi"), "use an environment with such a goal"),
         (("rollout", "--env", "TIAGoPushTactile-v0", "--policy", "pi"), "use an environment with such a goal"),
         (("demo", "--data", "no/such/folder"), "no/such/folder"),
