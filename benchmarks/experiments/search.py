@@ -17,7 +17,8 @@ from tiago_mj.gap.decision import verdict
 from tiago_mj.gap.inference.fit import Fitted, Fitter, Start
 from tiago_mj.gap.inference.hypotheses import Candidate, Label
 from tiago_mj.gap.inference.points import Point
-from tiago_mj.gap.search import refinement, select, shortlist, starts
+from tiago_mj.gap.search import ranking, select, starts
+from tiago_mj.gap.search.screen import worst_predicted
 from tiago_mj.gap.search.select import Ranked
 
 Array = NDArray[np.float64]
@@ -30,7 +31,7 @@ BRINGS = 1.0
 @contextmanager
 def _everything_shown() -> Iterator[None]:
     """A search then returns what it does not think worth showing, too: the experiments compare evidence."""
-    with mock.patch.object(shortlist, "reportable", lambda fits: list(fits)):
+    with mock.patch.object(ranking, "reportable", lambda fits: list(fits)):
         yield
 
 
@@ -98,7 +99,7 @@ def _fitted_trials(opened: Opened, ranked: Ranked) -> list[int]:
     """Trials that the search fitted, chosen as it chooses them."""
     data, base = opened.part()
     count = max(select.FIT_STEPS // max(opened.steps, 1), select.FIT_TRIALS)
-    return [opened.trials[k] for k in select.extend.worst_predicted(base, data, count)]
+    return [opened.trials[k] for k in worst_predicted(base, data, count)]
 
 
 def where_it_is(by: Fitter, fit: Fitted) -> Fitted:
@@ -137,7 +138,7 @@ def decided(opened: Opened, fits: Sequence[Fitted]) -> dict[str, Any]:
     best: dict[frozenset[Label], Fitted] = {}
     for fit in sorted(fits, key=lambda f: -f.evidence):
         best.setdefault(frozenset(part.label for part in fit.parts), fit)
-    shown = shortlist.reportable(list(best.values()))
+    shown = ranking.reportable(list(best.values()))
     pool = len({c.effect for c in opened.pool})
     ranked = Ranked(tuple(shown), (), (), 0, pool, True, np.zeros(0), opened.predict)
     options = [verdict.option(fit, ranked) for fit in shown]
@@ -158,7 +159,7 @@ def row(fit: Fitted) -> dict[str, Any]:
         "evidence": round(fit.evidence, 1),
         "met": round(fit.evidence - fit.prior, 1),
         "prior": round(fit.prior, 1),
-        "left": round(shortlist.discrepancy(fit), 2),
+        "left": round(ranking.discrepancy(fit), 2),
         "values": [float(f"{v:.6g}") for v in fit.values],
         "farthest": round(float(np.abs(fit.nuisance).max(initial=0.0)), 2),
         "nuisance": [round(float(v), 3) for v in fit.nuisance],
@@ -167,4 +168,4 @@ def row(fit: Fitted) -> dict[str, Any]:
 
 def counted(by: Fitter, fit: Fitted) -> Array:
     """What samples count for beside an explanation, (C,)."""
-    return refinement.sample_weight(by.data, by.predictions([starts.point_of(fit)])[0])
+    return ranking.sample_weight(by.data, by.predictions([starts.point_of(fit)])[0])

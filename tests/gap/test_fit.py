@@ -11,9 +11,8 @@ from tiago_mj.gap.inference import hypotheses, likelihood, noise_model
 from tiago_mj.gap.inference.fit import Fitted, Fitter, Point, Start
 from tiago_mj.gap.inference.predictor import Predictor
 from tiago_mj.gap.inference.whitening import Whitening
-from tiago_mj.gap.search import refinement, shortlist, starts
-from tiago_mj.gap.search.combinations import Search, with_further_effect
-from tiago_mj.gap.search.screen import Screened, _with_refined_peak, screen
+from tiago_mj.gap.search import additions, ranking, rounds, select, starts
+from tiago_mj.gap.search.screen import Screened, _with_refined_peak
 from tiago_mj.gap.search.select import _acting_on_misfit
 from tiago_mj.gap.simulation import replay
 
@@ -164,13 +163,15 @@ def test_an_effect_begins_without_the_numbers_that_were_moved_for_it_too(grasps)
         }
 
     moved = np.array([3.0, 2.0])
-    assert {(v, 0.0, 0.0) for v in offset.grid} <= begins(starts.start_of_screened(found, fitter, moved))
-    assert len(begins(starts.start_of_screened(found, fitter, 0.2 * moved))) < len(offset.grid)
+    assert (offset.grid[0], 0.0, 0.0) in begins(starts.start_of_screened(found, fitter, moved))
+    assert (offset.grid[0], 0.0, 0.0) not in begins(starts.start_of_screened(found, fitter, 0.2 * moved))
     # Carried to all trials: what the nominal model's trials share may be all of it, or come on top.
     fit = Fitted((offset,), np.array([0.002]), np.ones(1), np.zeros(2), 0.0, 1.0)
     shared = 2.5 * 0.0004
     many = begins(starts.start_on_all_trials(fit, fitter, moved))
-    assert {(0.0, 3.0, 2.0), (0.002 + shared, 0.5, -0.5), (shared, 0.5, -0.5)} <= {tuple(np.round(b, 9)) for b in many}
+    assert {(0.002, 3.0, 2.0), (0.002 + shared, 0.5, -0.5), (shared, 0.5, -0.5)} <= {
+        tuple(np.round(b, 9)) for b in many
+    }
 
 
 def test_an_object_off_in_every_trial_is_given_back_as_one_offset(grasps):
@@ -212,19 +213,22 @@ def test_a_nominal_number_that_was_moved_far_makes_its_effect_a_candidate(grasps
     zeros = np.zeros((1, *data.value.shape))
     first = {c.label: c for c in pool}
     screened = [Screened(first[label], 1.0, -3.0, (1.0,), zeros, 40.0) for label in sorted(among, key=str)]
-    chosen = [s.candidate.label for s in shortlist.singles_to_fit(screened, 3, [stiffness])]
+    chosen = [s.candidate.label for s in additions.singles(screened, [stiffness])]
     assert len(chosen) == len(set(chosen))
     assert chosen.count(stiffness) == 1
 
 
 def test_what_a_third_effect_led_to_is_tried_without_the_first(grasps):
+    plant, on, data = grasps
+    fitter = Fitter(Predictor(plant, on, data), (0, 1), data, np.ones(6), (), np.zeros((0, *data.value.shape)))
     gain, bias, lag = (
-        next(c for c in hypotheses.candidates(grasps[0], [name]) if c.target is None)
+        next(c for c in hypotheses.candidates(plant, [name]) if c.target is None)
         for name in ("force_gain", "force_bias", "force_lag")
     )
-    three = Fitted((gain, bias, lag), np.array([1.2, 0.1, 0.03]), np.ones(3), np.zeros(2), evidence=-3.0, misfit=1.0)
-    tried = [three, replace(three, parts=(bias, gain), values=np.array([0.2, 1.1]))]
-    begun = starts.leave_one_out(three, tried)
+    sure = 0.01 * np.ones(3)
+    three = Fitted((gain, bias, lag), np.array([1.2, 0.1, 0.03]), 0.1 * sure, np.zeros(0), evidence=-3.0, misfit=1.0)
+    two = Fitted((bias, gain), np.array([0.2, 1.1]), 0.1 * sure[:2], np.zeros(0), evidence=-30.0, misfit=1.0)
+    begun = rounds.variations([three, two], fitter)
     assert [start.parts for start in begun] == [(bias, lag), (gain, lag)]
     assert [start.values.tolist() for start in begun] == [[0.1, 0.03], [1.2, 0.03]]
 
@@ -249,10 +253,10 @@ def test_what_both_fingers_have_apart_is_tried_as_one_effect(grasps):
     left, right = (c for c in pool if c.effect == "coulomb_friction" and c.target is not None)
     delay = next(c for c in pool if c.effect == "command_delay" and c.target is None)
     three = Fitted((delay, left, right), np.array([0.04, 3.0, 2.8]), np.ones(3), np.zeros(0), evidence=0.0, misfit=1.0)
-    (start,) = starts.on_all_targets(three, fitter)
+    (start,) = rounds.on_all_targets(three, fitter)
     assert [part.label for part in start.parts] == [("coulomb_friction", None), ("command_delay", None)]
     assert start.values == pytest.approx([2.9, 0.04])
-    assert starts.on_all_targets(replace(three, parts=(delay, left), values=np.array([0.04, 3.0])), fitter) == []
+    assert rounds.on_all_targets(replace(three, parts=(delay, left), values=np.array([0.04, 3.0])), fitter) == []
 
 
 def test_a_peak_far_narrower_than_the_grid_is_found(grasps):
@@ -287,13 +291,13 @@ def test_an_effect_that_may_be_nothing_is_not_shown(grasps):
         return Fitted(tuple(p for p, _ in parts), values, deviations, np.zeros(0), evidence, 1.0)
 
     none = fit(0.0)
-    assert shortlist.reportable([fit(9.0, (friction, (0.033, 0.02))), none]) == [none]
-    assert shortlist.reportable([fit(9.0, (limit, (limit.high, 0.02))), none]) == [none]
+    assert ranking.reportable([fit(9.0, (friction, (0.033, 0.02))), none]) == [none]
+    assert ranking.reportable([fit(9.0, (limit, (limit.high, 0.02))), none]) == [none]
     sure, drawn = (
         fit(9.0, (friction, (0.07, 0.02))),
         fit(9.0, (replace(friction, selection_penalty=(3.0,)), (0.033, 0.02))),
     )
-    assert shortlist.reportable([sure, drawn, none]) == [sure, drawn, none]
+    assert ranking.reportable([sure, drawn, none]) == [sure, drawn, none]
 
 
 def test_a_second_effect_that_leaves_more_than_the_first_alone_is_not_shown(grasps):
@@ -309,10 +313,10 @@ def test_a_second_effect_that_leaves_more_than_the_first_alone_is_not_shown(gras
     alone, none = fit(100.0, 0.9, lag), fit(0.0, 400.0)
     for left, shown in ((1.9, False), (0.95, True)):
         pair = fit(140.0, left, lag, coupling)
-        assert any(f is pair for f in shortlist.reportable([pair, alone, none])) is shown
+        assert any(f is pair for f in ranking.reportable([pair, alone, none])) is shown
 
 
-@pytest.mark.parametrize("rate", [0.02, 0.0], ids=["two effects", "one effect"])
+@pytest.mark.parametrize("rate", [0.04, 0.0], ids=["two effects", "one effect"])
 def test_a_second_effect_is_sought_as_if_samples_told_what_they_tell_beside_both(grasps, rate):
     """A zero that drifts beside a response that bends: what the bend alone leaves is little, but lasts: a sample
     of the cell counted for a thirtieth, and the drift for nothing (blind check, seed 9, case 82)."""
@@ -322,19 +326,13 @@ def test_a_second_effect_is_sought_as_if_samples_told_what_they_tell_beside_both
     exact = predict.all_trials([given], range(2))[0]
     data = replace(data, value=exact + 0.2 * data.noise * rng.normal(size=exact.shape))
     pool = hypotheses.candidates(plant, ["force_nonlinearity", "force_drift", "force_crosstalk"])
-    bend = next(c for c in pool if c.effect == "force_nonlinearity" and c.target is None)
-    fitter = Fitter(Predictor(plant, on, data), (0, 1), data, np.ones(6), (), np.zeros((0, *exact.shape)))
-    here = Point((), np.zeros(0), np.zeros(0))
-    base, alone = fitter.predictions([here, Point((bend,), np.array([0.2]), np.zeros(0))], keep=True)
-    fitter = replace(fitter, weight=refinement.sample_weight(data, alone))
-    fits = fitter.fit_all([Start((), np.zeros(0)), Start((bend,), np.array([0.2]))])
-    promising = screen(fitter, refinement.frame(fitter, here), pool, here, base)
-    before = Search(fitter, fitter, fits, np.zeros(0), here, base)
-    assert max(fits[1].misfit, fits[1].lasting) < 2
-    assert (fitter.weight[4] < 0.2) == (rate > 0)
-    after = with_further_effect(before, 2, promising)
-    best = (after or before).best()
-    assert [part.label for part in best.parts] == [bend.label, ("force_drift", ("right",))][: 1 + (rate > 0)]
+    predict = Predictor(plant, on, data)
+    base = predict.all_trials([()], range(2))[0]
+    found = select.select(predict, data, range(2), pool, (), base, steps=replay.physics_steps(plant, on))
+    named = {(part.effect, part.target) for part in found.fits[0].parts}
+    assert (
+        named == {("force_nonlinearity", None), ("force_drift", ("right",))} if rate else {("force_nonlinearity", None)}
+    )
 
 
 def test_what_is_far_behind_is_not_brought_to_its_end_and_changes_nothing_else(grasps):
@@ -368,7 +366,9 @@ def test_where_nothing_is_to_be_explained_only_what_may_gain_on_all_trials_is_fi
         return Fitted((), np.zeros(0), np.zeros(0), np.zeros(0), evidence=met + prior, misfit=0.8, prior=prior)
 
     none, *some = fitted(-100.0, 0.0), fitted(-98.0, -3.0), fitted(-99.0, -3.0), fitted(-97.0, -9.0)
-    assert shortlist.expected_to_beat_nominal(some, none, 3.0) == some[:1]
+    assert rounds.worth_all_trials(some, none, 3.0) == some[:1]
+    # Where the nominal model fails, the others may still come near it on all trials.
+    assert set(map(id, rounds.worth_all_trials(some, replace(none, misfit=9.0), 3.0))) == set(map(id, some))
 
 
 @pytest.mark.parametrize("effect", ["encoder_bias", "force_gain", "coulomb_friction", "rate_limit", "command_delay"])

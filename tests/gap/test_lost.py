@@ -17,7 +17,7 @@ from tiago_mj.gap.inference import hypotheses, noise_model
 from tiago_mj.gap.inference.fit import Fitted
 from tiago_mj.gap.inference.predictor import Predictor, predictor
 from tiago_mj.gap.pipeline import diagnose
-from tiago_mj.gap.search import lost_commands, starts
+from tiago_mj.gap.search import lost_commands, rounds
 from tiago_mj.gap.simulation.plant import plant_of
 
 HINGE = Case(seed=5252, setting="plain", interface="position", spread=0.04, rate=FAST_RATE, seconds=1.6, trials=4)
@@ -106,7 +106,7 @@ def test_losses_of_two_servos_that_become_one_effect_cost_what_both_cost() -> No
     both = Fitted(parts, np.array([0.2, 0.3]), np.zeros(2), np.zeros(0), 0.0, 1.0)
     targets = SimpleNamespace(names=lambda kind: names)
     fitter = SimpleNamespace(predict=SimpleNamespace(plant=SimpleNamespace(wiring=SimpleNamespace(targets=targets))))
-    ((together,),) = (start.parts for start in starts.on_all_targets(both, fitter))  # type: ignore[arg-type]
+    ((together,),) = (start.parts for start in rounds.on_all_targets(both, fitter))  # type: ignore[arg-type]
     assert (together.target, together.selection_penalty) == (None, (50.0, 4.0))
 
 

@@ -23,7 +23,7 @@ from tiago_mj.gap.inference.fit import Fitted
 from tiago_mj.gap.motions.menu import OPEN, items
 from tiago_mj.gap.pipeline import diagnose
 from tiago_mj.gap.report import json as written
-from tiago_mj.gap.search import refinement
+from tiago_mj.gap.search import ranking
 from tiago_mj.gap.simulation.plant import plant_of
 from tiago_mj.gap.tools.record import Plan, read_motion, record
 from tiago_mj.models import names
@@ -53,7 +53,7 @@ def proposed(trials, rivals=ALIKE, threads=2, **options):
     data = noise_model.collect(plant, trials)
     fits = [explanation(plant, name, *parameters.values()) for name, parameters in rivals.items()]
     share = [1 / len(fits)] * len(fits)
-    weight = np.full(len(data.channels), 1 / np.sqrt(refinement.SAMPLES_PER_INDEPENDENT))
+    weight = np.full(len(data.channels), 1 / np.sqrt(ranking.SAMPLES_PER_INDEPENDENT))
     return next_motion(plant, trials[0], data, weight, fits, share, threads=threads, **options)
 
 

@@ -48,7 +48,7 @@ def after(plant: Plant, trials: list[Trial], mass: float) -> Fitted:
     fit = Fitted((part,), np.array([mass]), np.array([0.02]), np.zeros(len(terms(plant))), 0.0, 9.0)
     data = noise_model.select_trials(predict.data, [0, 1])
     weight = np.full(len(data.channels), 0.5)
-    ranked = Ranked((fit,), (), (), 0, 1, True, weight, predict)
+    ranked = Ranked((fit,), (), 0, 1, True, weight, predict)
     return place.refined(plant, ranked, data, [0, 1]).fits[0]
 
 

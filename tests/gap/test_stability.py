@@ -149,20 +149,19 @@ def test_a_plain_servo_takes_its_command_at_once_whatever_speed_its_joint_may_ha
     np.testing.assert_array_equal(limited.position, replay.simulate(plant, on, [(0, ())]).position)
 
 
-def stopped_by(fault: BaseException, monkeypatch, after: str) -> None:
-    """Let the search end in a fault once it comes to a stage."""
-    whole = select.refinement.relinearized if after == "relinearized" else select.combinations.with_further_effect
+def stopped_by(fault: BaseException, monkeypatch) -> None:
+    """Let the search end in a fault once the first effects are fitted to all trials."""
 
     def failing(*given, **named):
         raise fault
 
-    monkeypatch.setattr(select.refinement if after == "relinearized" else select.combinations, whole.__name__, failing)
+    monkeypatch.setattr(select.rounds, "around_the_best", failing)
 
 
 @pytest.mark.parametrize("fault", [KeyboardInterrupt(), ValueError("numbers\nwithout sense")], ids=["Ctrl-C", "fault"])
 def test_what_was_found_until_something_ends_the_search_is_the_answer(tmp_path, monkeypatch, fault):
     rubbing = played(arm(tmp_path), {"coulomb_friction": {"force": 0.6}}, tmp_path)
-    stopped_by(fault, monkeypatch, "relinearized")
+    stopped_by(fault, monkeypatch)
     found = diagnose(rubbing, names=LIBRARY, threads=1)
     assert not found.complete
     assert found.ended is fault
@@ -176,7 +175,7 @@ def test_an_interrupted_command_writes_its_best_verdict_and_says_so(tmp_path, mo
 
     for trial in played(arm(tmp_path), {"coulomb_friction": {"force": 0.6}}, tmp_path):
         write_trial(trial, tmp_path / "logs")
-    stopped_by(KeyboardInterrupt(), monkeypatch, "relinearized")
+    stopped_by(KeyboardInterrupt(), monkeypatch)
     words = ["diagnose", str(tmp_path / "logs"), "--out", str(tmp_path / "out"), "--jobs", "1"]
     without = "--without=" + ",".join(name for name in EFFECTS if name not in LIBRARY)
     assert cli.main([*words, without]) == 130

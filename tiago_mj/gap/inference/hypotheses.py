@@ -25,7 +25,7 @@ Label = tuple[str, tuple[str, ...] | None]
 
 #: Magnitudes tried on either side of the identity when screening, as shares of the way to the bound. Chosen by hand; no
 #: ablation.
-GRID_SHARES: Final = (0.01, 0.05, 0.2, 0.6)
+GRID_SHARES: Final = (0.02, 0.1, 0.5)
 #: The prior density of a magnitude is flat below this share of the bound. Chosen by hand; no ablation.
 FLAT_PRIOR_SHARE: Final = 0.01
 #: A magnitude counts as at its bound where it is closer to it than this share of the range. Chosen by hand; no

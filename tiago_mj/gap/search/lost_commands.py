@@ -50,7 +50,7 @@ STATE_COMMANDS: Final = 5
 #: Chosen by hand; no ablation.
 DRIFT_RESPONSES: Final = 3.0
 #: Squared residuals are clipped at this, in units of their variance, and samples count half as elsewhere
-#: (:data:`tiago_mj.gap.search.refinement.SAMPLES_PER_INDEPENDENT`). Chosen by hand; no ablation.
+#: (:data:`tiago_mj.gap.search.ranking.SAMPLES_PER_INDEPENDENT`). Chosen by hand; no ablation.
 MAX_SQUARED_RESIDUAL: Final = 25.0
 DECODING_SAMPLE_WEIGHT: Final = 0.5
 #: Lost commands are not pursued where their cost exceeds this share of the cost without losses. Chosen by hand; no

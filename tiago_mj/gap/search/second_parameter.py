@@ -17,7 +17,7 @@ import numpy as np
 from tiago_mj.effects import EFFECTS
 from tiago_mj.gap.inference.fit import Fitted, Fitter, Start
 from tiago_mj.gap.inference.hypotheses import Candidate
-from tiago_mj.gap.search import starts
+from tiago_mj.gap.search import ranking
 
 #: Explanations, the best first, whose second parameters and forms are refined, and how many where all leave a gap: the
 #: right effect may be far behind in the wrong form. Chosen by hand; no ablation.
@@ -39,7 +39,7 @@ def refined(fitter: Fitter, fits: Sequence[Fitted], best: Fitted, *, fails: bool
     near = (
         near[:MAX_REFINED_IF_INADEQUATE]
         if fails
-        else [f for f in near if f.evidence > best.evidence - starts.NEAR_BEST_NATS][:MAX_REFINED]
+        else [f for f in near if f.evidence > best.evidence - ranking.NEAR_BEST_NATS][:MAX_REFINED]
     )
     tasks = [(f, k, name) for f in near for k, part in enumerate(f.parts) for name in _second_parameters(part)][
         :MAX_REFINED

@@ -18,7 +18,7 @@ from tiago_mj.gap.inference.whitening import Whitening
 from tiago_mj.gap.search import starts
 
 #: Explanations, the best first, by which the two ways are compared. Chosen by hand; no ablation.
-MAX_COMPARED: Final = 2
+MAX_COMPARED: Final = 1
 #: The other way has to meet the recordings better by this much, or the first guess stays [nats]: a Bayes factor of 3.
 MIN_COST_DROP_NATS: Final = 1.1
 

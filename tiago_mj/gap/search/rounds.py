@@ -1,0 +1,192 @@
+"""Fits of what was proposed, each with the same effort: to some trials, the best to all, then around themselves."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tiago_mj.effects import EFFECTS
+from tiago_mj.gap.inference import likelihood
+from tiago_mj.gap.inference.fit import Fitted, Fitter, Start
+from tiago_mj.gap.search import ranking, starts
+from tiago_mj.gap.search.ranking import by_evidence, labels_of
+
+Array = NDArray[np.float64]
+
+#: Explanations of some trials that are fitted to all. Chosen by hand; no ablation.
+MAX_ON_ALL_TRIALS: Final = 4
+#: Further ones within this of the best are, too [nats]. Chosen by hand; no ablation.
+TIE_NATS: Final = 2.0
+#: Fits of one explanation begun at different places end this far apart where contacts are (five contact cases of the
+#: blind check, three starts each: 50 to 200): what is farther behind than that is not fitted to more trials [nats].
+HOPELESS_DEFICIT_NATS: Final = 200.0
+#: Where the nominal model is adequate, an effect is fitted to all trials only where its extrapolated evidence exceeds
+#: the nominal model's by this [nats]. Chosen by hand; no ablation.
+MIN_EXPECTED_GAIN_NATS: Final = 1.0
+#: Explanations, the best first, that are fitted with the responses around the best of them, and rivals with those
+#: around themselves. Chosen by hand; no ablation.
+MAX_NEAR: Final = 3
+MAX_RIVALS: Final = 2
+#: Rounds of responses around the best at most, and the evidence that one must gain for another [nats]: where contacts
+#: slip each goes a short way. Chosen by hand; no ablation.
+MAX_ROUNDS: Final = 5
+MIN_ROUND_GAIN_NATS: Final = 3.0
+#: An explanation that leaves more than this is not fitted around itself. Chosen by hand; no ablation.
+HOPELESS_DISCREPANCY: Final = 8 * ranking.INADEQUATE_DISCREPANCY
+#: Explanations that are refitted when the sample weights change; the others are only evaluated anew. Chosen by hand; no
+#: ablation.
+MAX_REFITTED: Final = 2
+
+
+def worth_all_trials(on_few: Sequence[Fitted], nominal: Fitted, times: float) -> list[Fitted]:
+    """Of explanations of some trials, those that are fitted to so many times as many, best first: the first few, and
+    what cannot be told from the best; nothing that is hopelessly behind it, or, where the nominal model explains the
+    recordings, behind that.
+
+    Args:
+        on_few: explanations by effects.
+        nominal: the nominal model on the same trials.
+        times: how many times as many trials there are.
+    """
+    ahead = by_evidence(on_few)
+    near = [f for k, f in enumerate(ahead) if k < MAX_ON_ALL_TRIALS or f.evidence > ahead[0].evidence - TIE_NATS]
+    expected = [ranking.extrapolated_evidence(f, times) for f in near]
+    near = [f for f, e in zip(near, expected, strict=True) if e > max(expected) - HOPELESS_DEFICIT_NATS]
+    if ranking.is_adequate(nominal):
+        least = ranking.extrapolated_evidence(nominal, times) + MIN_EXPECTED_GAIN_NATS
+        near = [f for f in near if ranking.extrapolated_evidence(f, times) > least] or near[:1]
+    return near
+
+
+def expected_to_add(on_few: Sequence[Fitted], seed: Fitted, few: Fitter, everywhere: Fitter) -> bool:
+    """Whether the best explanation of some trials by one more effect can be expected to add what makes it worth showing
+    when all trials are met as well; by what samples tell beside it."""
+    if not on_few or not set(few.trials) <= set(everywhere.trials):
+        return bool(on_few)
+    rows = [everywhere.trials.index(trial) for trial in few.trials]
+    best = by_evidence(on_few)[0]
+    prediction = few.predictions([starts.point_of(best)])[0]
+    few = replace(few, weight=np.maximum(few.weight, ranking.sample_weight(few.data, prediction)))
+    alone = Start(seed.parts, seed.values, everywhere.of(rows, seed.nuisance))
+    more, fewer = few.fit_all([starts.restart(best), alone])
+    times = len(everywhere.trials) / len(few.trials)
+    return (
+        ranking.extrapolated_evidence(more, times)
+        > ranking.extrapolated_evidence(fewer, times) + ranking.MIN_EVIDENCE_GAIN_NATS
+    )
+
+
+def around_the_best(everywhere: Fitter, fits: Sequence[Fitted]) -> tuple[Fitter, list[Fitted]]:
+    """The explanations, with further fits around the best of them, and the fitter with the responses there.
+
+    What is near the best, the nominal model and the best by fewer effects are fitted with the same responses, so that
+    none looks worse for having had less effort. Rounds end where the best explains the recordings or a round gains
+    little. Rivals of other classes then get responses of their own.
+    """
+    fits, size = list(fits), everywhere.size
+    for k in range(MAX_ROUNDS):
+        best, nominal = by_evidence(fits)[0], ranking.best_nominal(fits)
+        none = best.evidence - nominal.evidence < ranking.MIN_EVIDENCE_GAIN_NATS
+        if everywhere.out_of_time() or (ranking.is_adequate(nominal) if none else _is_done(fits, k)):
+            break
+        everywhere = everywhere.linearized_at(starts.point_of(best))
+        begin = [starts.restart(f) for f in _near(fits)]
+        begin.append(replace(starts.restart(nominal), alternatives=((nominal.values, best.nuisance),)))
+        fewer = [f for f in by_evidence(fits) if 0 < len(f.parts) < len(best.parts)][:1]
+        begin += [replace(starts.restart(f), alternatives=((f.values, best.nuisance),)) for f in fewer]
+        if not k and best.parts and np.abs(best.nuisance).max(initial=0.0) > starts.FAR_NUISANCE_DEVIATIONS:
+            begin.append(Start(best.parts, best.values, np.zeros(size)))  # they may have absorbed the effect
+        fits += everywhere.fit_all(begin)
+        if by_evidence(fits)[0].evidence - best.evidence < MIN_ROUND_GAIN_NATS:
+            break
+    return everywhere, [*fits, *_around_rivals(everywhere, fits)]
+
+
+def _is_done(fits: Sequence[Fitted], rounds: int) -> bool:
+    """Whether the best explanation is not fitted around itself once more: it explains the recordings and has no close
+    rival, of another class or by fewer effects, or explains far too little."""
+    best = by_evidence(fits)[0]
+    alone = len(best.parts) < 2 and len(ranking.unique_by_classes(_near(fits))) < 2
+    return (ranking.is_adequate(best) and (rounds > 0 or alone)) or ranking.discrepancy(best) > HOPELESS_DISCREPANCY
+
+
+def _near(fits: Sequence[Fitted]) -> list[Fitted]:
+    """Explanations by effects that may turn out to be the best, the likeliest first."""
+    best = by_evidence(fits)[0]
+    gap = ranking.discrepancy(best) > ranking.ADEQUATE_DISCREPANCY
+    least = best.evidence - (ranking.LOCAL_OPTIMUM_NATS if gap else ranking.NEAR_BEST_NATS)
+    return ranking.unique_by_labels([f for f in fits if f.parts and f.evidence > least])[:MAX_NEAR]
+
+
+def _around_rivals(everywhere: Fitter, fits: Sequence[Fitted]) -> list[Fitted]:
+    """Fits of close rivals of other classes than the best, each with the responses around itself."""
+    near = ranking.unique_by_classes(_near(fits))
+    rivals = [f for f in near[1:] if f.evidence > near[0].evidence - ranking.NEAR_BEST_NATS][:MAX_RIVALS]
+    if not rivals or everywhere.out_of_time():
+        return []
+    begin = [starts.restart(f) for f in rivals]
+    return everywhere.fit_each(everywhere.linearized_at_each([starts.point_of(s) for s in begin]), begin)
+
+
+def variations(fits: Sequence[Fitted], everywhere: Fitter) -> list[Start]:
+    """What the best explanations lead to: without effects that hardly differ from none or are a nominal number a little
+    off, without each of several effects, and with one effect on all targets instead of on each apart."""
+    ahead = ranking.unique_by_labels(fits)
+    best, known = ahead[0], {labels_of(f) for f in fits}
+    near = [f for f in ahead if f.evidence > best.evidence - ranking.NEAR_BEST_NATS]
+    out = [s for s in (starts.absorbed_by_nuisances(f, everywhere) for f in near) if s is not None]
+    dropped = [_without(f, [k for k in range(len(f.parts)) if ranking.differs_from_identity(f, k)]) for f in near]
+    dropped += [_without(best, [i for i in range(len(best.parts)) if i != k]) for k in range(len(best.parts))]
+    out += [s for s in dropped if s is not None and frozenset(p.label for p in s.parts) not in known]
+    return out + on_all_targets(best, everywhere)
+
+
+def _without(fit: Fitted, kept: Sequence[int]) -> Start | None:
+    """An explanation of several effects by some of them; None where that is none or all of them."""
+    if not 0 < len(kept) < len(fit.parts):
+        return None
+    index = list(kept)
+    return Start(tuple(fit.parts[k] for k in index), fit.values[index], fit.nuisance)
+
+
+def on_all_targets(fit: Fitted, fitter: Fitter) -> list[Start]:
+    """Starts with one effect on all targets, of an explanation that has it on each of them apart."""
+    out = []
+    for effect in dict.fromkeys(part.effect for part in fit.parts):
+        mine = [k for k, part in enumerate(fit.parts) if part.effect == effect and part.target is not None]
+        names = {name for k in mine for name in fit.parts[k].target or ()}
+        if len(mine) < 2 or names != set(fitter.predict.plant.wiring.targets.names(EFFECTS[effect].targets)):
+            continue
+        rest = [k for k in range(len(fit.parts)) if k not in mine]
+        paid = tuple(sum(each) for each in zip(*(fit.parts[k].selection_penalty for k in mine), strict=True))
+        parts = (replace(fit.parts[mine[0]], target=None, selection_penalty=paid), *(fit.parts[k] for k in rest))
+        out.append(Start(parts, np.array([fit.values[mine].mean(), *fit.values[rest]]), fit.nuisance))
+    return out
+
+
+def reweighted(everywhere: Fitter, fits: Sequence[Fitted]) -> list[Fitted]:
+    """Explanations by what samples count for here: the nominal model and the best fitted anew, the others evaluated
+    where they are."""
+    nominal = ranking.best_nominal(fits)
+    ahead = [f for f in ranking.unique_by_labels(fits) if f.parts]
+    where_they_are = replace(everywhere, iterations=0)
+    again = [starts.restart(f) for f in (nominal, *ahead[:MAX_REFITTED])]
+    return everywhere.fit_all(again) + where_they_are.fit_all([starts.restart(f) for f in ahead[MAX_REFITTED:]])
+
+
+def without_departing_trials(everywhere: Fitter, fits: list[Fitted], at: Array) -> tuple[Fitter, list[Fitted], Array]:
+    """The same without excluded trials: those in which a motion departs from what the best explanation predicts. No
+    parameter of the model reproduces such a motion, and it would bias the fits of all explanations."""
+    best = everywhere.predictions([starts.point_of(by_evidence(fits)[0])])[0]
+    departing = likelihood.departing_trials(everywhere.data, everywhere.data.value - best)
+    if not departing.any() or everywhere.out_of_time():
+        return everywhere, fits, at
+    kept = [k for k, one in enumerate(departing) if not one]
+    rest = everywhere.part(kept)
+    ahead = [f for f in ranking.unique_by_labels(fits) if f.parts][:MAX_ON_ALL_TRIALS]
+    begin = [Start(f.parts, f.values, everywhere.of(kept, f.nuisance)) for f in (ranking.best_nominal(fits), *ahead)]
+    return rest, rest.fit_all(begin), everywhere.of(kept, at)
