@@ -61,6 +61,8 @@ class Payload(Effect):
     MuJoCo: ``body_mass``, ``body_gravcomp``; of a place ``body_ipos``, ``body_iquat``, ``body_inertia``.
     """
 
+    common = True
+
     mass = parameter("kg", identity=0.0, default=0.5, bounds=(-1.0, 5.0))
     x = detail("m", (-REACH, REACH))
     y = detail("m", (-REACH, REACH))

@@ -188,6 +188,8 @@ class Effect:
     #: Kind of the readings (``position``, ``velocity`` or ``force``) that it rounds to a grid of its first parameter's
     #: step, and does nothing else to; None: none. A reading on a grid is compared with what was not rounded.
     rounds: ClassVar[str | None] = None
+    #: Whether it is the same whichever of its targets it is given to, such as a mass at the tool that all joints feel.
+    common: ClassVar[bool] = False
     #: Whether what it does is drawn at random: no simulation repeats it, so that known as it is it closes no gap.
     by_chance: ClassVar[bool] = False
 

@@ -192,7 +192,7 @@ def candidates(
         if not _possible(plant, name, targets):
             continue
         choices: list[tuple[str, ...] | None] = [None]
-        if kind in ("command", "joint", "sensor") and len(targets) > 1 and name != "payload":
+        if kind in ("command", "joint", "sensor") and len(targets) > 1 and not declared.common:
             choices += [(target,) for target in targets]
         for choice in choices:
             index = 0 if choice is None else targets.index(choice[0])
@@ -354,10 +354,12 @@ def _stated_terms(plant: Plant, name: str) -> list[Term]:
     parameter = next(p for p in declared.parameters.values() if p.identity is not None)
     if not _possible(plant, name, names) or parameter.identity is None or not np.isfinite(parameter.identity):
         return []
-    single = declared.targets in ("object", "clock")
+    single = declared.common or declared.targets in ("object", "clock")
     out = []
     for group in [None] if single else [(target,) for target in names]:
         size = deviation(plant.known, name, None if group is None else group[0])
+        if declared.common:  # whichever target it is stated of
+            size = max(d for (effect, _), d in plant.known.items() if effect == name)
         if size is not None:
             index = 0 if group is None else names.index(group[0])
             low, high = parameter.bounds[0 if targets.slide(declared.targets, index) else 1]
@@ -377,7 +379,7 @@ def _default_terms(plant: Plant) -> tuple[Term, ...]:
         if not _possible(plant, nuisance.effect, names):
             continue
         parameter = declared.parameters[nuisance.parameter]
-        single = declared.targets in ("object", "clock") or not nuisance.each
+        single = declared.common or declared.targets in ("object", "clock") or not nuisance.each
         for group in [None] if single else [(name,) for name in names]:
             index = 0 if group is None else names.index(group[0])
             size = nuisance.deviation[0 if targets.slide(declared.targets, index) else 1]
