@@ -225,7 +225,7 @@ class RobotSimulation(MujocoRobotEnv, ABC):  # type: ignore[misc]
         self.initial_qvel = np.zeros(self.model.nv)
         self._filter = MovingAverage(self.load_cell.average)
         self._grasp_frame()
-        self._noise = NoiseBlocks(1)
+        self._noise = NoiseBlocks(1, self.load_cell.noises)
         self._item_in_place, self._offset = self._scene.item, 0.0
         self._chain = None if self._effects is None else self._make_chain()
         self._settle(self._object_position(0.0))
@@ -345,14 +345,10 @@ class RobotSimulation(MujocoRobotEnv, ABC):  # type: ignore[misc]
             effects=None if self._chain is None else OneOf(self._chain),
         )
 
-    def _command(self, action: Array) -> Array:
-        """What the action commands: velocities [m/s, rad/s] or, with position control, targets [m, rad]."""
-        return self.drive.command(action, self.data.act)
-
     def _set_action(self, action: Array) -> None:
-        self.command = self._command(action)
+        data = self.data
+        self.command = self.drive.command(action, data.act)
         if self._chain is None:
-            data = self.data
             self.drive.apply(self.command, data.ctrl, data.act, data.qpos, data.qvel)
 
     def _mujoco_step(self, action: Array) -> None:
