@@ -93,7 +93,8 @@ class FlatView(gymnasium.Env[Array, Array]):
         """The same, in place: of a dictionary that nobody else has."""
         flat = observation["observation"]
         if self._relative:
-            flat[..., -self._relative :] -= observation["desired_goal"]
+            forces = flat[..., -self._relative :]
+            forces -= observation["desired_goal"]
         return flat
 
     def render(self) -> Any:

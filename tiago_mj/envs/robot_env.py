@@ -24,6 +24,8 @@ Array = NDArray[np.float64]
 #: [rad/s, m/s] and forces [N] are bounded far above anything that the limits of the robot allow.
 POSITION_SHARE, POSITION_MARGIN = 1.5, 0.5
 VELOCITY_BOUND, FORCE_BOUND, WORLD_BOUND = 100.0, 2000.0, 10.0
+#: Zero as an array, which NumPy would make of the number at every comparison.
+_NOTHING = np.array(0.0)
 
 
 class RobotEnv(RobotSimulation):
@@ -197,7 +199,7 @@ class RobotEnv(RobotSimulation):
             "force_contact": state.force_contact,
             "force_raw": state.force_raw,
             "force_binary": state.force_binary,
-            "in_contact": state.force_contact > 0,
+            "in_contact": state.force_contact > _NOTHING,
             "object_velocity": state.object_velocity,
             "goal": goal.copy(),
             "reward_terms": self._reward_terms(achieved, goal),
