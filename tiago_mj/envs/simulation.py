@@ -201,6 +201,7 @@ class RobotSimulation(MujocoRobotEnv, ABC):  # type: ignore[misc]
         self.model.vis.global_.offheight = self.height
         if self.object_choice is not None:
             check_fits(self.object_choice, scene.opening(self.model))
+            self._object_address = int(self.model.joint(names.OBJECT_JOINT).qposadr[0])
         source = self._force_source if self._load_cells else None
         self.sensors = Sensors(self.model, self.joints, self.load_cell, source)
         self._pads = self.sensors.pads
@@ -295,7 +296,7 @@ class RobotSimulation(MujocoRobotEnv, ABC):  # type: ignore[misc]
         if start is not None:
             self._offset = start.offset
             if start.item != self._item_in_place:
-                scene.set_object(self.model, start.item)
+                scene.set_object(self.model, start.item, self.data)
                 self._item_in_place = start.item
         self._settle(self._middle if start is None else start.place)
         return True
@@ -304,8 +305,7 @@ class RobotSimulation(MujocoRobotEnv, ABC):  # type: ignore[misc]
         """Where everything is at the start of an episode, (nq,)."""
         qpos: Array = self.initial_qpos.copy()
         if item is not None:
-            address = int(self.model.joint(names.OBJECT_JOINT).qposadr[0])
-            put_object(qpos, address, item, place, self._object_orientation)
+            put_object(qpos, self._object_address, item, place, self._object_orientation)
         return qpos
 
     def _start_act(self, qpos: Array) -> Array:
