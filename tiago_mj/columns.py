@@ -27,4 +27,9 @@ def columns(vectors: NDArray[Any]) -> list[Any]:
 
 def joined(entries: Sequence[Any]) -> NDArray[np.float64]:
     """The vector of n floats, or the vectors (..., n) of n arrays (...)."""
-    return np.array(entries) if type(entries[0]) is float else np.stack(entries, axis=-1)
+    if type(entries[0]) is float:
+        return np.array(entries)
+    vectors = np.empty((*entries[0].shape, len(entries)))
+    for k, entry in enumerate(entries):
+        vectors[..., k] = entry
+    return vectors

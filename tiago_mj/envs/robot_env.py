@@ -72,7 +72,7 @@ class RobotEnv(RobotSimulation):
         return done
 
     def _get_obs(self) -> dict[str, Array]:
-        return self.observed(self.state, self.goal)
+        return self.observed(self.state, self._goal)
 
     def observed(self, state: State, goal: Array) -> dict[str, Array]:
         """The observation, of one simulation or of many (leading axes of every array)."""
@@ -122,13 +122,11 @@ class RobotEnv(RobotSimulation):
         if self.render_mode == "human":
             self.render()
         observation = self._get_obs()
-        achieved, goal = observation["achieved_goal"], self.goal
+        achieved, goal = observation["achieved_goal"], self._goal
         info = self._info(achieved)
-        terms = info["reward_terms"]
-        reward = float(sum(terms.values()))
         return (
             observation,
-            reward,
+            float(sum(info["reward_terms"].values())),
             bool(self.compute_terminated(achieved, goal, info)),
             bool(self.compute_truncated(achieved, goal, info)),
             info,
@@ -189,8 +187,10 @@ class RobotEnv(RobotSimulation):
     # Parts ----------------------------------------------------------------------------------------------------------
 
     def _info(self, achieved: Array) -> dict[str, Any]:
-        info = self.described(self.state, achieved, self.goal)
-        info["reward_terms"] = {name: float(value) for name, value in info["reward_terms"].items()}
+        info = self.described(self.state, achieved, self._goal)
+        terms = info["reward_terms"]
+        for name in terms:
+            terms[name] = float(terms[name])
         return info
 
     def described(self, state: State, achieved: Array, goal: Array) -> dict[str, Any]:

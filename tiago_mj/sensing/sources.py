@@ -36,10 +36,10 @@ class PadForces:
         self.source = source
         self._object = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, names.OBJECT_BODY) >= 0
         if self._object:
-            # Force x, y, z right and left, then axis x, y, z right and left, (12,): one indexing finds all.
             force = _addresses(model, names.CONTACT_SENSOR)[:, None] + np.arange(1, 4)
             axis = _addresses(model, names.AXIS_SENSOR)[:, None] + np.arange(3)
-            self._pressed = np.concatenate([force.ravel(), axis.ravel()])
+            # Of x, y and z, right and then left, the force and the axis, (12,): one indexing finds all.
+            self._pressed = np.stack([force, axis], axis=-1).ravel()
         if source != "contact":
             self._source = _addresses(model, names.TOUCH_SENSOR if source == "touch" else names.FORCE_SENSOR)
 
@@ -51,8 +51,9 @@ class PadForces:
         """Net force of pad and object along each cell's axis, positive when the pad is pressed [N]."""
         if not self._object:
             return np.zeros((*sensordata.shape[:-1], 2))
-        rx, ry, rz, lx, ly, lz, *axes = columns(sensordata.take(self._pressed, axis=-1))
-        rx_axis, ry_axis, rz_axis, lx_axis, ly_axis, lz_axis = axes
+        rx, rx_axis, ry, ry_axis, rz, rz_axis, lx, lx_axis, ly, ly_axis, lz, lz_axis = columns(
+            sensordata.take(self._pressed, axis=-1)
+        )
         # The sensor gives the force of the pad on the object, and the pad site's x axis points from the face into the
         # finger: a pressed pad reads positive. A sum that begins with 0.0 is never -0.0.
         right = -(0.0 + rx * rx_axis + ry * ry_axis + rz * rz_axis)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, Final
 
 import mujoco
@@ -157,7 +158,7 @@ class Simulations:
 
     def _diverged(self, failed: list[int], rows: Rows | None) -> Rows:
         counters, state = self.batch.warning[:, _UNSTABLE, 1], self.batch.state
-        if not failed and not counters.any() and np.isfinite(np.add.reduce(state, axis=None)):
+        if not failed and not np.count_nonzero(counters) and math.isfinite(np.add.reduce(state, axis=None)):
             return self._every[:0]
         given_up = counters.any(axis=1) | ~np.isfinite(state).all(axis=1)
         given_up[failed] = True
