@@ -165,7 +165,8 @@ class VectorRobotEnv(VectorEnv[Any, Any, Any]):
         self._episodes.add(reward, None if starting is None else ~starting)
         if self._limit is not None:
             truncated |= self._episodes.length >= self._limit
-        truncated[diverged] = True
+        if len(diverged):
+            truncated[diverged] = True
         if starting is not None:
             reward[starting], terminated[starting], truncated[starting] = 0.0, False, False
         self._ended = terminated | truncated
@@ -269,9 +270,9 @@ class VectorRobotEnv(VectorEnv[Any, Any, Any]):
         return observation, info
 
     def _flags(self, value: Any) -> Mask:
-        flags = np.empty(self.num_envs, dtype=bool)
-        flags[:] = value
-        return flags
+        if isinstance(value, bool):
+            return np.ones(self.num_envs, dtype=bool) if value else np.zeros(self.num_envs, dtype=bool)
+        return np.array(value, dtype=bool)
 
     def _frame(self, row: int) -> Any:
         core, batch = self.core, self.simulations.batch
