@@ -25,6 +25,11 @@ def columns(vectors: NDArray[Any]) -> list[Any]:
     return [vectors[..., k] for k in range(vectors.shape[-1])]
 
 
+def positive(entry: Any) -> Any:
+    """An entry where it is above 0, else 0."""
+    return max(entry, 0.0) if type(entry) is float else np.maximum(entry, 0.0)
+
+
 def joined(entries: Sequence[Any]) -> NDArray[np.float64]:
     """The vector of n floats, or the vectors (..., n) of n arrays (...)."""
     if type(entries[0]) is float:

@@ -194,4 +194,4 @@ class HoldForce(RobotEnv):
     def _is_success(self, achieved_goal: Array, desired_goal: Array) -> Any:
         (right, left), (right_goal, left_goal) = columns(achieved_goal), columns(desired_goal)
         both = (abs(right - right_goal) < self.tolerance) & (abs(left - left_goal) < self.tolerance)
-        return bool(both) if achieved_goal.ndim == 1 else both
+        return both if isinstance(both, np.ndarray) else bool(both)
