@@ -32,7 +32,7 @@ def positive(entry: Any) -> Any:
 
 def joined(entries: Sequence[Any]) -> NDArray[np.float64]:
     """The vector of n floats, or the vectors (..., n) of n arrays (...)."""
-    if type(entries[0]) is float:
+    if isinstance(entries[0], float):
         return np.array(entries)
     vectors = np.empty((*entries[0].shape, len(entries)))
     for k, entry in enumerate(entries):
