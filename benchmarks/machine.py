@@ -12,6 +12,8 @@ from typing import Any
 
 import mujoco
 
+from tiago_mj import __version__
+
 RESULTS = Path(__file__).parent / "results"
 
 
@@ -28,6 +30,7 @@ def machine() -> dict[str, Any]:
         "system": f"{platform.system()} {platform.release()}",
         "python": platform.python_version(),
         "mujoco": mujoco.__version__,
+        "tiago_mj": __version__,
         "commit": _git("rev-parse", "--short", "HEAD") + ("+changes" if _git("status", "--porcelain", "-uno") else ""),
     }
 

@@ -3,7 +3,7 @@
     python benchmarks/speed_tables.py
 
 Every table stands between two comments that name its results file and is made of nothing else; a table whose file is
-missing stays as it is.
+missing stays as it is. Figures that are older than the last two releases are named at the end: measure them again.
 """
 
 from __future__ import annotations
@@ -18,6 +18,9 @@ from machine import RESULTS
 
 ROOT = Path(__file__).parents[1]
 PAGES = (ROOT / "README.md", ROOT / "docs" / "speed.md")
+CHANGELOG = ROOT / "CHANGELOG.md"
+#: Of figures that were measured before their version was recorded.
+FIRST_VERSION = "0.1.0"
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
@@ -47,18 +50,17 @@ def steps(found: dict[str, Any], loads: tuple[str, ...] = ("random", "grasp")) -
                 [
                     f"`{name}`",
                     load,
-                    f"{f['scalar_steps_per_second']:,.0f}",
-                    f"{f['vector_steps_per_second']:,.0f}",
-                    f"{f['vector_share_of_limit']:.0%}",
+                    f"{f['scalar_steps_per_second']:,.0f} ({f['scalar_share']:.0%})",
+                    f"{f['vector_steps_per_second']:,.0f} ({f['vector_share_of_limit']:.0%})",
                     f"{f['reset_ms']:.2f} ms",
                     f"{row['scalar_mb']:.0f} MB",
                     f"{row['mb_per_simulation'] * 1e3:.0f} kB",
                 ]
             )
     first = next(iter(found["results"].values()))
-    head = ("environment", "load", "scalar [steps/s]", f"vector, {first['num_envs']} simulations [steps/s]")
-    head = (*head, "share of the limit", "reset", "memory, scalar", "more a simulation")
-    return table(head, rows)
+    scalar = "scalar [steps/s] (of MuJoCo alone)"
+    vector = f"vector, {first['num_envs']} simulations [steps/s] (of the limit)"
+    return table(("environment", "load", scalar, vector, "reset", "memory, scalar", "more a simulation"), rows)
 
 
 def scaling(found: dict[str, Any]) -> str:
@@ -151,19 +153,46 @@ TABLES: dict[str, tuple[str, Callable[[dict[str, Any]], str]]] = {
 }
 
 
+def releases_since(found: dict[str, Any], changelog: str) -> list[str]:
+    """Releases of the package after the version that a result was measured with, by the headings of a changelog."""
+    measured = _numbers(found["machine"].get("tiago_mj", FIRST_VERSION))
+    released = re.findall(r"^## \[?v?(\d+\.\d+\.\d+)\b", changelog, re.M)
+    return [version for version in released if _numbers(version) > measured]
+
+
+def _numbers(version: str) -> tuple[int, ...]:
+    return tuple(int(number) for number in version.split("."))
+
+
+def outdated(changelog: str) -> list[str]:
+    """What is to be measured again: results of the tables that are older than the code by more than a release."""
+    named = []
+    for results in sorted({results for results, _ in TABLES.values()}):
+        path = RESULTS / f"{results}.json"
+        if path.exists() and len(since := releases_since(json.loads(path.read_text()), changelog)) > 1:
+            named.append(f"{path.name}: {' and '.join(since)} came after it")
+    return named
+
+
+def remade(text: str) -> str:
+    """A page with its tables made of the results."""
+    for name, (results, make) in TABLES.items():
+        path = RESULTS / f"{results}.json"
+        mark = f"<!-- speed: {name} -->"
+        if mark not in text or not path.exists():
+            continue
+        found = json.loads(path.read_text())
+        body = f"{mark}\n{make(found)}\n\n{made_on(found)}\n<!-- speed: end -->"
+        text = re.sub(re.escape(mark) + r".*?<!-- speed: end -->", lambda _, b=body: b, text, flags=re.S)
+    return text
+
+
 def main() -> None:
     for page in PAGES:
-        text = page.read_text(encoding="utf-8")
-        for name, (results, make) in TABLES.items():
-            path = RESULTS / f"{results}.json"
-            mark = f"<!-- speed: {name} -->"
-            if mark not in text or not path.exists():
-                continue
-            found = json.loads(path.read_text())
-            body = f"{mark}\n{make(found)}\n\n{made_on(found)}\n<!-- speed: end -->"
-            text = re.sub(re.escape(mark) + r".*?<!-- speed: end -->", lambda _, b=body: b, text, flags=re.S)
-            print(f"{page.name}: {name}")
-        page.write_text(text, encoding="utf-8")
+        page.write_text(remade(page.read_text(encoding="utf-8")), encoding="utf-8")
+        print(page.name)
+    for words in outdated(CHANGELOG.read_text(encoding="utf-8") if CHANGELOG.exists() else ""):
+        print(f"outdated: {words}")
 
 
 if __name__ == "__main__":

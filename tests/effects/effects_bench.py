@@ -110,7 +110,7 @@ def batch_rollout(sims, actions, env=GRIPPER, *, uniform, **arguments):
 
     read()
     for action in actions:
-        command = core._command(np.clip(action, -1.0, 1.0))  # as step() does
+        command = core.drive.command(np.clip(action, -1.0, 1.0), core.data.act)  # as step() does
         chain.advance(np.broadcast_to(command, (len(sims), len(command))).copy())
         read()
     return tuple(np.array(column) for column in zip(*rows, strict=True))

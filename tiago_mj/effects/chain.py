@@ -70,6 +70,8 @@ class Chain:
         effects = [arrays(EFFECTS[name], sims, wiring.targets) for name in order]
         self.effects = [effect for effect in effects if effect.present.any()]  # the others draw no random numbers
         self._host, self._wiring = host, wiring
+        self._stateful = wiring.act >= 0
+        self._all_stateful = bool(self._stateful.all())
         self._nominal: dict[str, Array] = {}
         self._masks = {effect.name: effect.present for effect in self.effects}
         self._hooks = {hook: self._users(hook) for hook in (*EACH_SUBSTEP, *EACH_STEP)}
@@ -161,6 +163,9 @@ class Chain:
         now.set_point = self._target.copy()
         now.idle = self._target.copy() if self._wiring.interface == "position" else np.zeros_like(self._target)
         now.takes_set_points = self._takes_set_points()
+        self._plain_servos = bool(now.takes_set_points.any())
+        # A plain position servo takes what it is given at once, as it does in MuJoCo.
+        self._speed_limit = np.where(now.takes_set_points, np.inf, self._wiring.targets.velocity)
         now.resting = np.where(now.takes_set_points, self._plain, 0.0)
         self._coming = self._target.copy()
         for effect in self.effects:
@@ -189,12 +194,11 @@ class Chain:
 
     def set_points(self) -> Array:
         """The servos' set points, (nsim, nactuators) [m, rad]; the joint's first position where there is no servo."""
-        wiring = self._wiring
-        stateful = wiring.act >= 0
+        wiring, stateful = self._wiring, self._stateful
         if self._foreseen is not None:
             return np.where(stateful, self._foreseen, self._plain)
-        if stateful.all():
-            return self._host.state("act")[:, wiring.act].copy()
+        if self._all_stateful:
+            return self._host.state("act")[:, wiring.act]
         plain = self._plain.copy()
         plain[:, stateful] = self._host.state("act")[:, wiring.act[stateful]]
         return plain
@@ -220,8 +224,6 @@ class Chain:
         """Inputs of the servos for a command, (nsim, nactuators), before what delays them on their way."""
         now, wiring = self.now, self._wiring
         command = self._through("command", command)
-        # A plain position servo takes what it is given at once, as it does in MuJoCo.
-        limit = np.where(now.takes_set_points, np.inf, wiring.targets.velocity)
         if wiring.interface == "effort":
             ctrl = command
         else:
@@ -231,16 +233,16 @@ class Chain:
                 ctrl, reached = command, present + command * now.period
             else:
                 wanted = command
-                ctrl, reached = _towards(command, present, now.period, limit)
-            low, high = wiring.span[:, 0] - self._shift, wiring.span[:, 1] - self._shift
-            self._target = np.clip(wanted, low, high)
+                ctrl, reached = _towards(command, present, now.period, self._speed_limit)
+            low, high = wiring.span.T
+            self._target = _within(wanted, low - self._shift, high - self._shift)
             if self._moves_set_point is not None:
                 effective = self.set_point(self._target) + self._shift
-                moved, there = _towards(effective, present, now.period, limit)
+                moved, there = _towards(effective, present, now.period, self._speed_limit)
                 ctrl = np.where(self._moves_set_point, moved, ctrl)
                 reached = np.where(self._moves_set_point, there, reached)
-            self._coming = np.clip(reached, *wiring.span.T)
-            if now.takes_set_points.any():
+            self._coming = _within(reached, low, high)
+            if self._plain_servos:
                 self._plain = np.where(now.takes_set_points, self._coming, self._plain)
                 ctrl = np.where(now.takes_set_points, self._plain, ctrl)
         return ctrl
@@ -462,5 +464,10 @@ class _Recording:
 
 def _towards(target: Array, present: Array, period: Array, limit: Array) -> tuple[Array, Array]:
     """Speed that reaches the target within a control period, or the limit; and what it reaches."""
-    speed = np.clip((target - present) / period, -limit, limit)
+    speed = _within((target - present) / period, -limit, limit)
     return speed, np.where(np.isfinite(limit), present + speed * period, target)
+
+
+def _within(values: Array, low: Array, high: Array) -> Array:
+    """As np.clip, which is a Python function around another."""
+    return np.minimum(np.maximum(values, low), high)

@@ -34,9 +34,13 @@ def action_in_range(action: Any, joints: Sequence[str]) -> Array:
         raise ValueError(f"action {quoted(action)} is not numeric: give {len(joints)} numbers from -1 to 1")
     if given.shape != shape:
         raise ValueError(f"action has shape {given.shape}: give {shape}, one number a joint of {tuple(joints)}")
-    if not all(map(math.isfinite, given.tolist())) and not np.isfinite(given).all():  # a long double may be larger
+    numbers = given.tolist()
+    # What is finite may have a sum that is not, and a long double may be larger than any float.
+    if not math.isfinite(sum(numbers)) and not np.isfinite(given).all():
         raise ValueError(f"action {given} is not finite: give numbers from -1 to 1")
-    return np.minimum(np.maximum(given, -1.0), 1.0).astype(np.float64)
+    if min(numbers) < -1.0 or max(numbers) > 1.0:
+        given = np.clip(given, -1.0, 1.0)
+    return given.astype(np.float64)
 
 
 def whole_number(name: str, value: Any, most: int) -> int:
@@ -57,7 +61,9 @@ def goal_numbers(goal: Any, size: int) -> Array:
         ValueError: it is not numeric, of another shape, or not finite.
     """
     try:
-        values = np.broadcast_to(np.asarray(goal, dtype=np.float64), (size,)).copy()
+        values = np.array(goal, dtype=np.float64)
+        if values.shape != (size,):
+            values = np.broadcast_to(values, (size,)).copy()
     except (TypeError, ValueError, OverflowError) as fault:
         raise ValueError(f"goal {quoted(goal)} is not usable: give {size} numbers") from fault
     if not np.isfinite(values).all():

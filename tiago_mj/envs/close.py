@@ -7,6 +7,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from tiago_mj.columns import columns
 from tiago_mj.envs.choices import Range, interval
 from tiago_mj.envs.fixed import Fixed
 from tiago_mj.envs.robot_env import RobotEnv
@@ -119,9 +120,11 @@ class GripperClose(RobotEnv):
 
     def _reward_terms(self, achieved: Array, desired: Array) -> dict[str, Array]:
         if self.reward_type == "sparse":
-            return {"success": np.asarray(self._is_success(achieved, desired), dtype=np.float64) - 1.0}
-        return {"distance": -np.abs(achieved - desired).sum(axis=-1) / TRAVEL}
+            return {"success": self._is_success(achieved, desired) - 1.0}
+        (right, left), (right_goal, left_goal) = columns(achieved), columns(desired)
+        return {"distance": -(abs(right - right_goal) + abs(left - left_goal)) / TRAVEL}
 
     def _is_success(self, achieved_goal: Array, desired_goal: Array) -> Any:
-        within = (np.abs(achieved_goal - desired_goal) < self.tolerance).all(axis=-1)
-        return bool(within) if within.ndim == 0 else within
+        (right, left), (right_goal, left_goal) = columns(achieved_goal), columns(desired_goal)
+        both = (abs(right - right_goal) < self.tolerance) & (abs(left - left_goal) < self.tolerance)
+        return both if isinstance(both, np.ndarray) else bool(both)

@@ -72,28 +72,25 @@ class FlatView(gymnasium.Env[Array, Array]):
     def step(self, action: Any) -> tuple[Array, Any, bool, bool, dict[str, Any]]:
         """As the goal environment's, with the flat observation."""
         observation, reward, terminated, truncated, info = self.core.step(action)
-        return self._flattened(observation), reward, terminated, truncated, info
+        return self.flattened(observation), reward, terminated, truncated, info
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
         """As the goal environment's, with the flat observation."""
         observation, info = self.core.reset(seed=seed, options=options)
         self._share_generator()
-        return self._flattened(observation), info
+        return self.flattened(observation), info
 
     def _share_generator(self) -> None:
         """There is one generator: the goal environment's, which a seed replaces."""
         self._np_random = self.core.np_random
         self._np_random_seed = self.core._np_random_seed
 
-    def flatten(self, observation: dict[str, Array]) -> Array:
-        """The vector of a dictionary (or of a batch of them)."""
-        return self._flattened({**observation, "observation": observation["observation"].copy()})
-
-    def _flattened(self, observation: dict[str, Array]) -> Array:
-        """The same, in place: of a dictionary that nobody else has."""
+    def flattened(self, observation: dict[str, Array]) -> Array:
+        """The vector of a dictionary that nobody else has, or of a batch of them: it is made in place."""
         flat = observation["observation"]
         if self._relative:
-            flat[..., -self._relative :] -= observation["desired_goal"]
+            forces = flat[..., -self._relative :]
+            forces -= observation["desired_goal"]
         return flat
 
     def render(self) -> Any:

@@ -8,6 +8,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from tiago_mj.columns import columns
 from tiago_mj.envs.choices import Range, interval, object_choice
 from tiago_mj.envs.fixed import Fixed
 from tiago_mj.envs.robot_env import FORCE_BOUND, RobotEnv
@@ -158,9 +159,10 @@ class HoldForce(RobotEnv):
 
     def _forces(self, state: State) -> Array | None:
         """What the agent sees of the forces, (..., 2), or None."""
-        if self.force_type == "none":
+        kind = self.force_type
+        if kind == "none":
             return None
-        return state.force_raw if self.force_type == "raw" else state.force_binary
+        return state.force_raw if kind == "raw" else state.force_binary
 
     def _observation(self, state: State) -> Array:
         forces = self._forces(state)
@@ -180,13 +182,16 @@ class HoldForce(RobotEnv):
         return state.force_raw
 
     def _reward_terms(self, achieved: Array, desired: Array) -> dict[str, Array]:
-        if self.reward_type == "sparse":
-            return {"success": np.asarray(self._is_success(achieved, desired), dtype=np.float64) - 1.0}
-        error = np.abs(achieved - desired)
-        if self.reward_type == "normalised":
-            error = error / (2 * desired)
-        return {"force": -np.add.reduce(error, axis=-1)}
+        kind = self.reward_type
+        if kind == "sparse":
+            return {"success": self._is_success(achieved, desired) - 1.0}
+        if kind == "normalised":
+            right, left = columns(np.abs(achieved - desired) / (2 * desired))
+            return {"force": -(right + left)}
+        (right, left), (right_goal, left_goal) = columns(achieved), columns(desired)
+        return {"force": -(abs(right - right_goal) + abs(left - left_goal))}
 
     def _is_success(self, achieved_goal: Array, desired_goal: Array) -> Any:
-        within = np.logical_and.reduce(np.abs(achieved_goal - desired_goal) < self.tolerance, axis=-1)
-        return bool(within) if within.ndim == 0 else within
+        (right, left), (right_goal, left_goal) = columns(achieved_goal), columns(desired_goal)
+        both = (abs(right - right_goal) < self.tolerance) & (abs(left - left_goal) < self.tolerance)
+        return both if isinstance(both, np.ndarray) else bool(both)

@@ -10,6 +10,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
+from tiago_mj.columns import columns, joined, positive
 from tiago_mj.envs.choices import Range
 from tiago_mj.envs.hold_force import HoldForce
 from tiago_mj.envs.robot_env import VELOCITY_BOUND
@@ -20,9 +21,8 @@ from tiago_mj.quoting import is_number, quoted
 
 Array = NDArray[np.float64]
 
-#: Where the achieved vector has what the reward is about.
-FORCE, TOUCH, VELOCITY, OBJECT_SPEED = slice(0, 2), slice(2, 4), slice(4, 6), 6
-
+#: Where the achieved vector has the readings.
+FORCE: Final = slice(0, 2)
 
 #: Of the observation space: farther from the goal, in goals, no force is.
 RELATIVE_BOUND: Final = 1e4
@@ -227,33 +227,42 @@ class HoldForceSteady(HoldForce):
         Readings [sensor units], touching or not, and velocities [m/s] of the right and left finger; the object's speed
         [m/s].
         """
-        velocity = state.velocity[..., self._fingers]
-        moved = np.sqrt(np.add.reduce(state.object_velocity[..., :3] ** 2, axis=-1, keepdims=True))
-        return np.concatenate([super()._achieved(state), state.force_contact > 0, velocity, moved], axis=-1)
+        readings = columns(super()._achieved(state))
+        touching = [(newtons > 0) * 1.0 for newtons in columns(state.force_contact)]
+        velocities = columns(state.velocity[..., self._fingers])
+        x, y, z = columns(state.object_velocity[..., :3])
+        return joined([*readings, *touching, *velocities, np.sqrt(x * x + y * y + z * z)])
 
     # What is rewarded ------------------------------------------------------------------------------------------------
 
     def _reward_terms(self, achieved: Array, desired: Array) -> dict[str, Array]:
         error = (achieved[..., FORCE] - desired) / desired
-        touching, velocity = achieved[..., TOUCH], achieved[..., VELOCITY] / self._speed_unit
-        behind = np.maximum(1.0 + velocity, 0.0) / 2 * (1.0 - touching)
+        (right, left), (right_far, left_far) = columns(error), columns(np.abs(error) ** self.exponent)
+        _, _, right_touch, left_touch, right_speed, left_speed, object_speed = columns(achieved)
+        right_speed, left_speed = right_speed / self._speed_unit, left_speed / self._speed_unit
+        right_behind = positive(1.0 + right_speed) / 2 * (1.0 - right_touch)
+        left_behind = positive(1.0 + left_speed) / 2 * (1.0 - left_touch)
         weights = self.weights
         return {
-            "force": -weights.force * np.add.reduce(np.abs(error) ** self.exponent, axis=-1),
-            "approach": -weights.approach * np.add.reduce(behind, axis=-1),
-            "contact": -weights.contact * np.add.reduce(1.0 - touching, axis=-1),
-            "excess": -weights.excess * np.add.reduce(np.maximum(error, 0.0), axis=-1),
-            "finger_motion": -weights.finger_motion * np.add.reduce(np.abs(velocity) * touching, axis=-1),
-            "object_motion": -weights.object_motion * achieved[..., OBJECT_SPEED] / self._speed_unit,
+            "force": -weights.force * (right_far + left_far),
+            "approach": -weights.approach * (right_behind + left_behind),
+            "contact": -weights.contact * ((1.0 - right_touch) + (1.0 - left_touch)),
+            "excess": -weights.excess * (positive(right) + positive(left)),
+            "finger_motion": -weights.finger_motion * (abs(right_speed) * right_touch + abs(left_speed) * left_touch),
+            "object_motion": -weights.object_motion * object_speed / self._speed_unit,
         }
 
     def _is_success(self, achieved_goal: Array, desired_goal: Array) -> Any:
-        within = np.abs(achieved_goal[..., FORCE] - desired_goal) < self.tolerance
-        good = np.logical_and.reduce(within & (achieved_goal[..., TOUCH] > 0), axis=-1)
-        return bool(good) if good.ndim == 0 else good
+        right, left, right_touch, left_touch, *_ = columns(achieved_goal)
+        right_goal, left_goal = columns(desired_goal)
+        right_good = (abs(right - right_goal) < self.tolerance) & (right_touch > 0)
+        left_good = (abs(left - left_goal) < self.tolerance) & (left_touch > 0)
+        good = right_good & left_good
+        return good if isinstance(good, np.ndarray) else bool(good)
 
     def described(self, state: State, achieved: Array, goal: Array) -> dict[str, Any]:
         """See the base; with the reward that the paper's task gives for the same step."""
         info = super().described(state, achieved, goal)
-        info["paper_reward"] = -np.add.reduce(np.abs(achieved[..., FORCE] - goal), axis=-1)
+        error = np.abs(achieved[..., FORCE] - goal)
+        info["paper_reward"] = -(error[..., 0] + error[..., 1])
         return info

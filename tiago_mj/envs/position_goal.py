@@ -9,6 +9,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from tiago_mj.columns import columns, joined
 from tiago_mj.envs.choices import ObjectChoice, Range, Region, object_choice
 from tiago_mj.envs.fixed import Fixed
 from tiago_mj.envs.robot_env import FORCE_BOUND, VELOCITY_BOUND, WORLD_BOUND, RobotEnv
@@ -134,12 +135,12 @@ class PositionGoal(RobotEnv):
 
     def _reward_terms(self, achieved: Array, desired: Array) -> dict[str, Array]:
         if self.reward_type == "sparse":
-            return {"success": np.asarray(self._is_success(achieved, desired), dtype=np.float64) - 1.0}
-        return {"distance": -np.linalg.norm(achieved - desired, axis=-1)}
+            return {"success": self._is_success(achieved, desired) - 1.0}
+        return {"distance": -distance(achieved, desired)}
 
     def _is_success(self, achieved_goal: Array, desired_goal: Array) -> Any:
-        within = np.linalg.norm(achieved_goal - desired_goal, axis=-1) < self.distance_threshold
-        return bool(within) if within.ndim == 0 else within
+        within = distance(achieved_goal, desired_goal) < self.distance_threshold
+        return within if isinstance(within, np.ndarray) else bool(within)
 
     def _render_callback(self) -> None:
         site = self.model.site(scene.GOAL_SITE).id
@@ -243,14 +244,19 @@ class ObjectToGoal(PositionGoal):
         return [world, world, 2 * world, np.full(3, np.pi), np.full(3, VELOCITY_BOUND), np.full(3, SPIN_BOUND)]
 
 
+def distance(place: Array, other: Array) -> Any:
+    """Between places (..., 3) [m], (...)."""
+    x, y, z = (one - there for one, there in zip(columns(place), columns(other), strict=True))
+    return np.sqrt(x * x + y * y + z * z)
+
+
 def roll_pitch_yaw(quaternion: Array) -> Array:
     """Rotations about the world's x, then y, then z axis that make the orientation, (..., 3) [rad]."""
-    w, x, y, z = np.moveaxis(quaternion, -1, 0)
-    return np.stack(
+    w, x, y, z = columns(quaternion)
+    return joined(
         [
             np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y)),
-            np.arcsin(np.clip(2 * (w * y - z * x), -1.0, 1.0)),
+            np.arcsin(np.minimum(np.maximum(2 * (w * y - z * x), -1.0), 1.0)),
             np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)),
-        ],
-        axis=-1,
+        ]
     )

@@ -24,6 +24,8 @@ Array = NDArray[np.float64]
 #: [rad/s, m/s] and forces [N] are bounded far above anything that the limits of the robot allow.
 POSITION_SHARE, POSITION_MARGIN = 1.5, 0.5
 VELOCITY_BOUND, FORCE_BOUND, WORLD_BOUND = 100.0, 2000.0, 10.0
+#: Zero as an array, which NumPy would make of the number at every comparison.
+_NOTHING = np.array(0.0)
 
 
 class RobotEnv(RobotSimulation):
@@ -70,7 +72,7 @@ class RobotEnv(RobotSimulation):
         return done
 
     def _get_obs(self) -> dict[str, Array]:
-        return self.observed(self.state, self.goal)
+        return self.observed(self.state, self._goal)
 
     def observed(self, state: State, goal: Array) -> dict[str, Array]:
         """The observation, of one simulation or of many (leading axes of every array)."""
@@ -120,13 +122,11 @@ class RobotEnv(RobotSimulation):
         if self.render_mode == "human":
             self.render()
         observation = self._get_obs()
-        achieved, goal = observation["achieved_goal"], self.goal
+        achieved, goal = observation["achieved_goal"], self._goal
         info = self._info(achieved)
-        terms = info["reward_terms"]
-        reward = float(sum(terms.values()))
         return (
             observation,
-            reward,
+            float(sum(info["reward_terms"].values())),
             bool(self.compute_terminated(achieved, goal, info)),
             bool(self.compute_truncated(achieved, goal, info)),
             info,
@@ -187,8 +187,10 @@ class RobotEnv(RobotSimulation):
     # Parts ----------------------------------------------------------------------------------------------------------
 
     def _info(self, achieved: Array) -> dict[str, Any]:
-        info = self.described(self.state, achieved, self.goal)
-        info["reward_terms"] = {name: float(value) for name, value in info["reward_terms"].items()}
+        info = self.described(self.state, achieved, self._goal)
+        terms = info["reward_terms"]
+        for name in terms:
+            terms[name] = float(terms[name])
         return info
 
     def described(self, state: State, achieved: Array, goal: Array) -> dict[str, Any]:
@@ -197,7 +199,7 @@ class RobotEnv(RobotSimulation):
             "force_contact": state.force_contact,
             "force_raw": state.force_raw,
             "force_binary": state.force_binary,
-            "in_contact": state.force_contact > 0,
+            "in_contact": state.force_contact > _NOTHING,
             "object_velocity": state.object_velocity,
             "goal": goal.copy(),
             "reward_terms": self._reward_terms(achieved, goal),

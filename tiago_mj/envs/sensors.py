@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import TYPE_CHECKING, Protocol
 
 import mujoco
@@ -87,7 +86,7 @@ class Sensors:
         Args:
             qpos, qvel, sensordata: of the simulations.
             tare: of the load cells, (..., 2) [N].
-            noise: standard normal numbers, (..., 2); None where there are no load cells.
+            noise: of the load cells, (..., 2) [sensor units]; None where there are none.
             average: the load cells' moving average.
             effects: on what is measured.
         """
@@ -97,12 +96,13 @@ class Sensors:
             contact = self.pads.truth(sensordata)
             newtons = contact if self.pads.source == "contact" else self.pads.read(sensordata, tare)
             if effects is None:
-                sample = self.cell.sample(newtons, noise)
+                sample = self.cell.signal(newtons)
+                sample += noise
             else:
-                sample = effects.reading(newtons, self.cell.signal, self.cell.noises * noise)
+                sample = effects.reading(newtons, self.cell.signal, noise)
             raw = average(sample)
             binary = self.cell.binary(raw)
         state = self._reader.read(qpos, qvel, sensordata, contact, raw, binary)
         if effects is None:
             return state
-        return replace(state, position=effects.position(state.position), velocity=effects.velocity(state.velocity))
+        return state._replace(position=effects.position(state.position), velocity=effects.velocity(state.velocity))

@@ -201,6 +201,7 @@ class RobotSimulation(MujocoRobotEnv, ABC):  # type: ignore[misc]
         self.model.vis.global_.offheight = self.height
         if self.object_choice is not None:
             check_fits(self.object_choice, scene.opening(self.model))
+            self._object_address = int(self.model.joint(names.OBJECT_JOINT).qposadr[0])
         source = self._force_source if self._load_cells else None
         self.sensors = Sensors(self.model, self.joints, self.load_cell, source)
         self._pads = self.sensors.pads
@@ -225,7 +226,7 @@ class RobotSimulation(MujocoRobotEnv, ABC):  # type: ignore[misc]
         self.initial_qvel = np.zeros(self.model.nv)
         self._filter = MovingAverage(self.load_cell.average)
         self._grasp_frame()
-        self._noise = NoiseBlocks(1)
+        self._noise = NoiseBlocks(1, self.load_cell.noises)
         self._item_in_place, self._offset = self._scene.item, 0.0
         self._chain = None if self._effects is None else self._make_chain()
         self._settle(self._object_position(0.0))
@@ -295,7 +296,7 @@ class RobotSimulation(MujocoRobotEnv, ABC):  # type: ignore[misc]
         if start is not None:
             self._offset = start.offset
             if start.item != self._item_in_place:
-                scene.set_object(self.model, start.item)
+                scene.set_object(self.model, start.item, self.data)
                 self._item_in_place = start.item
         self._settle(self._middle if start is None else start.place)
         return True
@@ -304,8 +305,7 @@ class RobotSimulation(MujocoRobotEnv, ABC):  # type: ignore[misc]
         """Where everything is at the start of an episode, (nq,)."""
         qpos: Array = self.initial_qpos.copy()
         if item is not None:
-            address = int(self.model.joint(names.OBJECT_JOINT).qposadr[0])
-            put_object(qpos, address, item, place, self._object_orientation)
+            put_object(qpos, self._object_address, item, place, self._object_orientation)
         return qpos
 
     def _start_act(self, qpos: Array) -> Array:
@@ -345,14 +345,10 @@ class RobotSimulation(MujocoRobotEnv, ABC):  # type: ignore[misc]
             effects=None if self._chain is None else OneOf(self._chain),
         )
 
-    def _command(self, action: Array) -> Array:
-        """What the action commands: velocities [m/s, rad/s] or, with position control, targets [m, rad]."""
-        return self.drive.command(action, self.data.act)
-
     def _set_action(self, action: Array) -> None:
-        self.command = self._command(action)
+        data = self.data
+        self.command = self.drive.command(action, data.act)
         if self._chain is None:
-            data = self.data
             self.drive.apply(self.command, data.ctrl, data.act, data.qpos, data.qvel)
 
     def _mujoco_step(self, action: Array) -> None:

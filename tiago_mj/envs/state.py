@@ -5,7 +5,7 @@ The same reader serves one simulation (``qpos`` is (nq,)) and a ``mujoco.Batch``
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -18,8 +18,7 @@ Array = NDArray[np.float64]
 Span = slice | NDArray[np.intp]
 
 
-@dataclass(frozen=True, slots=True)
-class State:
+class State(NamedTuple):
     """One reading of the robot and its object; ``...`` are batch axes, none for a scalar environment.
 
     Attributes:
@@ -63,14 +62,14 @@ class StateReader:
         """A state that shares no memory with the simulation."""
         qpos, qvel = qpos.copy(), qvel.copy()
         return State(
-            position=qpos[..., self._qpos],
-            velocity=qvel[..., self._qvel],
-            force_contact=force_contact,
-            force_raw=force_raw,
-            force_binary=force_binary,
-            grasp_position=sensordata[..., self._grasp].copy(),
-            object_pose=qpos[..., self._object_qpos],
-            object_velocity=qvel[..., self._object_qvel],
+            qpos[..., self._qpos],
+            qvel[..., self._qvel],
+            force_contact,
+            force_raw,
+            force_binary,
+            sensordata[..., self._grasp].copy(),
+            qpos[..., self._object_qpos],
+            qvel[..., self._object_qvel],
         )
 
 

@@ -131,9 +131,13 @@ OBJECT_FIELDS: Final = (
 )
 
 
-def set_object(model: mujoco.MjModel, item: GraspObject) -> None:
-    """Give a compiled scene another object, compliance of the pads' contacts included."""
-    give_object(model, item)
+def set_object(model: mujoco.MjModel, item: GraspObject, scratch: mujoco.MjData | None = None) -> None:
+    """Give a compiled scene another object, compliance of the pads' contacts included.
+
+    Args:
+        model, item, scratch: as of :func:`tiago_mj.models.objects.give_object`.
+    """
+    give_object(model, item, scratch)
     for side in names.SIDES:
         pair = model.pair(f"{side}_pad_object").id
         model.pair_friction[pair, :2] = item.friction

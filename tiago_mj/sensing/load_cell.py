@@ -112,6 +112,12 @@ class LoadCell:
         """Standard deviation of one sample, (2,) [sensor units], right and left; read-only."""
         return np.broadcast_to(np.asarray(self.noise, dtype=float), (2,))
 
+    @cached_property
+    def _arrays(self) -> tuple[Array, Array, Array, Array | None]:
+        """Contact unit, scale, noise and bias (None: 0) as arrays: NumPy would make them of numbers at every use."""
+        unit, scale, noise, bias = (np.array(n, float) for n in (self.contact_unit, self.scale, self.noise, self.bias))
+        return unit, scale, noise, None if self.bias == 0 else bias
+
     def units(self, newtons: float) -> float:
         """Sensor units [without bias and noise] that a force [N] is; of two cells their mean."""
         if isinstance(self.scale, tuple):
@@ -120,14 +126,18 @@ class LoadCell:
 
     def signal(self, newtons: Array) -> Array:
         """Noise-free readings [sensor units] of forces [N], (..., 2)."""
-        scale = np.asarray(self.scale) if isinstance(self.scale, tuple) else self.scale
-        reading: Array = scale * (newtons / self.contact_unit)
-        return reading if self.bias == 0 else reading + np.asarray(self.bias)
+        unit, scale, _, bias = self._arrays
+        reading: Array = newtons / unit
+        reading *= scale
+        if bias is not None:
+            reading += bias
+        return reading
 
     def sample(self, newtons: Array, noise: Array) -> Array:
         """One sample [sensor units] of forces [N]; ``noise`` are standard normal numbers of the same shape."""
-        deviation = np.asarray(self.noise) if isinstance(self.noise, tuple) else self.noise
-        return self.signal(newtons) + deviation * noise
+        reading = self.signal(newtons)
+        reading += self._arrays[2] * noise
+        return reading
 
     def binary(self, raw: Array) -> Array:
         """1.0 where a reading is above its finger's threshold, else 0.0; (..., 2)."""

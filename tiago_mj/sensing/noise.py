@@ -1,4 +1,4 @@
-"""The readings' noise: standard normal numbers, drawn in blocks from one generator a simulation."""
+"""The readings' noise: normal numbers, drawn in blocks from one generator a simulation."""
 
 from __future__ import annotations
 
@@ -20,9 +20,11 @@ class NoiseBlocks:
 
     Args:
         simulations: how many there are.
+        deviation: of the numbers, (2,).
     """
 
-    def __init__(self, simulations: int) -> None:
+    def __init__(self, simulations: int, deviation: Array) -> None:
+        self._deviation = deviation
         self._blocks = np.zeros((NOISE_BLOCK, simulations, 2))
         self._next = np.full(simulations, NOISE_BLOCK)
         self._every = np.arange(simulations)
@@ -48,7 +50,7 @@ class NoiseBlocks:
         self._part()
         some = self._every if rows is None else rows
         for k in some[self._next[some] >= NOISE_BLOCK].tolist():
-            self._blocks[:, k] = generators[k].standard_normal((NOISE_BLOCK, 2))
+            self._blocks[:, k] = self._deviation * generators[k].standard_normal((NOISE_BLOCK, 2))
             self._next[k] = 0
         taken = self._blocks[self._next[some], some]
         self._next[some] += 1

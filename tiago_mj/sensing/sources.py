@@ -18,6 +18,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from tiago_mj.columns import columns, joined
 from tiago_mj.models import names
 from tiago_mj.quoting import quoted
 
@@ -35,10 +36,10 @@ class PadForces:
         self.source = source
         self._object = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, names.OBJECT_BODY) >= 0
         if self._object:
-            contact = _addresses(model, names.CONTACT_SENSOR)
-            axis = _addresses(model, names.AXIS_SENSOR)
-            # right and left force, right and left axis: (2, 2, 3), so that one indexing finds all
-            self._pressed = np.stack([contact[:, None] + np.arange(1, 4), axis[:, None] + np.arange(3)])
+            force = _addresses(model, names.CONTACT_SENSOR)[:, None] + np.arange(1, 4)
+            axis = _addresses(model, names.AXIS_SENSOR)[:, None] + np.arange(3)
+            # Of x, y and z, right and then left, the force and the axis, (12,): one indexing finds all.
+            self._pressed = np.stack([force, axis], axis=-1).ravel()
         if source != "contact":
             self._source = _addresses(model, names.TOUCH_SENSOR if source == "touch" else names.FORCE_SENSOR)
 
@@ -50,11 +51,14 @@ class PadForces:
         """Net force of pad and object along each cell's axis, positive when the pad is pressed [N]."""
         if not self._object:
             return np.zeros((*sensordata.shape[:-1], 2))
-        found = sensordata.take(self._pressed, axis=-1)
+        rx, rx_axis, ry, ry_axis, rz, rz_axis, lx, lx_axis, ly, ly_axis, lz, lz_axis = columns(
+            sensordata.take(self._pressed, axis=-1)
+        )
         # The sensor gives the force of the pad on the object, and the pad site's x axis points from the face into the
-        # finger: a pressed pad reads positive.
-        along: Array = np.add.reduce(found[..., 0, :, :] * found[..., 1, :, :], axis=-1)
-        return -along
+        # finger: a pressed pad reads positive. A sum that begins with 0.0 is never -0.0.
+        right = -(0.0 + rx * rx_axis + ry * ry_axis + rz * rz_axis)
+        left = -(0.0 + lx * lx_axis + ly * ly_axis + lz * lz_axis)
+        return joined((right, left))
 
     def read(self, sensordata: Array, tare: Array | float = 0.0) -> Array:
         """Newtons of the chosen source, less the tare."""

@@ -165,11 +165,12 @@ class VectorRobotEnv(VectorEnv[Any, Any, Any]):
         self._episodes.add(reward, None if starting is None else ~starting)
         if self._limit is not None:
             truncated |= self._episodes.length >= self._limit
-        truncated[diverged] = True
+        if len(diverged):
+            truncated[diverged] = True
         if starting is not None:
             reward[starting], terminated[starting], truncated[starting] = 0.0, False, False
         self._ended = terminated | truncated
-        self._over = bool(self._ended.any())
+        self._over = bool(np.count_nonzero(self._ended))
         observation, info = self._at_end(observation, facts)
         if refused is not None:
             info["action_refused"], info["_action_refused"] = refused, self._everyone
@@ -250,7 +251,7 @@ class VectorRobotEnv(VectorEnv[Any, Any, Any]):
         return observation, self.core.described(state, observation["achieved_goal"], goal)
 
     def _shown(self, observation: dict[str, Array]) -> Any:
-        return observation if self._flat is None else self._flat.flatten(observation)
+        return observation if self._flat is None else self._flat.flattened(observation)
 
     def _at_end(self, observation: dict[str, Array], facts: dict[str, Any]) -> tuple[dict[str, Array], dict[str, Any]]:
         """Observation and ``info`` of this step; where it is asked for, those that ended begin their next episodes."""
@@ -269,7 +270,9 @@ class VectorRobotEnv(VectorEnv[Any, Any, Any]):
         return observation, info
 
     def _flags(self, value: Any) -> Mask:
-        return np.full(self.num_envs, value) if isinstance(value, bool) else np.array(value, dtype=bool)
+        if isinstance(value, bool):
+            return np.ones(self.num_envs, dtype=bool) if value else np.zeros(self.num_envs, dtype=bool)
+        return np.array(value, dtype=bool)
 
     def _frame(self, row: int) -> Any:
         core, batch = self.core, self.simulations.batch

@@ -53,12 +53,13 @@ class Models:
             for name in scene.OBJECT_FIELDS:
                 self._batch.expand(name)
             self.note_expanded()
+        scratch = mujoco.MjData(self._model)
         for item, some in of_item.items():
-            self._write(some, item, self._names if restore else self._names & set(scene.OBJECT_FIELDS))
+            self._write(some, item, self._names if restore else self._names & set(scene.OBJECT_FIELDS), scratch)
 
-    def _write(self, rows: list[int], item: GraspObject | None, names: frozenset[str]) -> None:
+    def _write(self, rows: list[int], item: GraspObject | None, names: frozenset[str], scratch: mujoco.MjData) -> None:
         if item is not None and item != self._in_model:
-            scene.set_object(self._model, item)
+            scene.set_object(self._model, item, scratch)
             self._in_model = item
         for name in names:
             field = self._batch.expand(name)

@@ -17,7 +17,7 @@ def of_all(facts: Mapping[str, Any], everyone: Mask) -> dict[str, Any]:
     """What is known of every environment: ``key`` and ``_key``, also within dictionaries."""
     info: dict[str, Any] = {}
     for key, value in facts.items():
-        info[key] = of_all(value, everyone) if isinstance(value, Mapping) else value
+        info[key] = of_all(value, everyone) if isinstance(value, dict) else value
         info[f"_{key}"] = everyone
     return info
 

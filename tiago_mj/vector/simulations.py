@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
+import math
 from typing import Any, Final
 
 import mujoco
@@ -56,7 +56,7 @@ class Simulations:
         self._cohorts: Cohorts | None = None
         if core._effects is not None:
             self._cohorts = Cohorts(self.batch, core.wiring(), core._effects, self.generators)
-        self._noise = NoiseBlocks(count)
+        self._noise = NoiseBlocks(count, core.load_cell.noises)
         self._average = MovingAverage(core.load_cell.average, count)
         self._tare = np.zeros((count, 2))
         self._every = np.arange(count)
@@ -158,7 +158,7 @@ class Simulations:
 
     def _diverged(self, failed: list[int], rows: Rows | None) -> Rows:
         counters, state = self.batch.warning[:, _UNSTABLE, 1], self.batch.state
-        if not failed and not counters.any() and np.isfinite(np.add.reduce(state, axis=None)):
+        if not failed and not np.count_nonzero(counters) and math.isfinite(np.add.reduce(state, axis=None)):
             return self._every[:0]
         given_up = counters.any(axis=1) | ~np.isfinite(state).all(axis=1)
         given_up[failed] = True
@@ -196,18 +196,16 @@ class Simulations:
         self.state = state if rows is None else _merged(self.state, state, rows)
 
     def _keep(self, before: State, rows: Rows) -> None:
-        self.state = _merged(self.state, State(*(getattr(before, f.name)[rows] for f in fields(before))), rows)
+        self.state = _merged(self.state, State(*(values[rows] for values in before)), rows)
 
 
 def _merged(whole: State, some: State, rows: Rows) -> State:
     """The states of all simulations with new ones of some; nothing that was handed out before is changed."""
-    values = []
-    for field in fields(State):
-        value = getattr(whole, field.name).copy()
-        value[rows] = getattr(some, field.name)
-        values.append(value)
-    return State(*values)
+    merged = State(*(values.copy() for values in whole))
+    for values, new in zip(merged, some, strict=True):
+        values[rows] = new
+    return merged
 
 
 def _shapes(one: State, count: int) -> list[tuple[int, ...]]:
-    return [(count, *getattr(one, field.name).shape) for field in fields(State)]
+    return [(count, *values.shape) for values in one]
