@@ -40,7 +40,7 @@ def searched(opened: Opened, labels: Collection[Label], **limits: Any) -> Ranked
     data, base = opened.part()
     pool = [c for c in opened.pool if c.label in labels]
     with _everything_shown():
-        return select.select(
+        asked = select.Question(
             opened.predict,
             data,
             opened.trials,
@@ -49,9 +49,9 @@ def searched(opened: Opened, labels: Collection[Label], **limits: Any) -> Ranked
             base,
             opened.known,
             opened.seen,
-            steps=opened.steps,
-            **limits,
+            opened.steps,
         )
+        return select.select(asked, **limits)
 
 
 def plain(fit: Fitted, known: int) -> Fitted:
@@ -98,7 +98,7 @@ def compared(opened: Opened, ranked: Ranked, wanted: Collection[frozenset[Label]
 def _fitted_trials(opened: Opened, ranked: Ranked) -> list[int]:
     """Trials that the search fitted, chosen as it chooses them."""
     data, base = opened.part()
-    count = max(select.FIT_STEPS // max(opened.steps, 1), select.FIT_TRIALS)
+    count = min(max(select.FIT_STEPS // max(opened.steps, 1), select.FIT_TRIALS), len(opened.trials))
     return [opened.trials[k] for k in worst_predicted(base, data, count)]
 
 

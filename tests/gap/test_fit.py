@@ -328,7 +328,7 @@ def test_a_second_effect_is_sought_as_if_samples_told_what_they_tell_beside_both
     pool = hypotheses.candidates(plant, ["force_nonlinearity", "force_drift", "force_crosstalk"])
     predict = Predictor(plant, on, data)
     base = predict.all_trials([()], range(2))[0]
-    found = select.select(predict, data, range(2), pool, (), base, steps=replay.physics_steps(plant, on))
+    found = select.select(select.Question(predict, data, range(2), pool, (), base))
     named = {(part.effect, part.target) for part in found.fits[0].parts}
     assert (
         named == {("force_nonlinearity", None), ("force_drift", ("right",))} if rate else {("force_nonlinearity", None)}

@@ -112,15 +112,17 @@ def _diagnosed(trials: Sequence[Trial], asked: Request) -> Diagnosis:
     reserve = time.monotonic() - replaying
 
     ranked = select.select(
-        predict,
-        noise_model.select_trials(proposed.data, fitted_on),
-        fitted_on,
-        proposed.pool,
-        hypotheses.terms(plant),
-        base[fitted_on],
-        proposed.known,
-        proposed.servo_motion,
-        steps=replay.physics_steps(plant, predict.on),
+        select.Question(
+            predict,
+            noise_model.select_trials(proposed.data, fitted_on),
+            fitted_on,
+            proposed.pool,
+            hypotheses.terms(plant),
+            base[fitted_on],
+            proposed.known,
+            proposed.servo_motion,
+            replay.physics_steps(plant, predict.on),
+        ),
         out_of_time=lambda: asked.budget is not None and time.monotonic() - begun > asked.budget - reserve,
         tick=tick,
     )

@@ -1,1 +1,1 @@
-"""Which explanations are fitted: screening, starts, combinations and refinement."""
+"""Which explanations are fitted: a first pass over all effects, then rounds of additions."""

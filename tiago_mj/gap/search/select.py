@@ -13,7 +13,6 @@ from typing import Final, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from tiago_mj.effects import Entry
 from tiago_mj.gap.data.recording import RecordingError
 from tiago_mj.gap.detectors.readings import ONLY_READ_OFF, Known
 from tiago_mj.gap.detectors.set_points import ServoMotion
@@ -47,8 +46,8 @@ SENSITIVITY_DRAWS: Final = 6
 #: Misfit above which the nominal model lacks an effect whatever its nuisances: they are then left at 0. Chosen by hand;
 #: no ablation.
 HOPELESS_NOMINAL_MISFIT: Final = 20.0
-#: Physics steps that a search takes at most, in units of those of all fitted trials: fits then end where they are. Of 18
-#: cases of the blind check (seed 14) right answers took 150 to 690, one 1130; three that had none 1120 to 1930.
+#: Physics steps that a search takes at most, in units of those of all fitted trials: fits then end where they are.
+#: Of 18 cases of the blind check (seed 14) right answers took 150 to 690, one 1130; three without any 1120 to 1930.
 BUDGET: Final = 900
 #: Effects of one explanation at most, apart from those measured on the readings. Chosen by hand; no ablation.
 MAX_EFFECTS: Final = 3
@@ -163,82 +162,86 @@ class State:
         return replace(self, fits=tuple(ranking.unique_by_labels([*self.fits, *fits])))
 
 
+@dataclass(frozen=True)
+class Question:
+    """What a search explains, and with what.
+
+    Attributes:
+        predict: simulations.
+        data: measured, of the trials.
+        trials: their indices.
+        pool: candidates.
+        terms: nuisance parameters.
+        base: nominal predictions, (ntrials, T, C).
+        known: effects that are measured on the readings alone: they are part of every explanation.
+        motion: what the servos' motion says; None: there is nothing to be read from it.
+        steps: physics steps of one trial; 0: not known, and no limit to them.
+    """
+
+    predict: Predictor
+    data: Data
+    trials: Sequence[int]
+    pool: Sequence[Candidate]
+    terms: Sequence[Term]
+    base: Array
+    known: Sequence[Known] = ()
+    motion: ServoMotion | None = None
+    steps: int = 0
+
+    @property
+    def fitted_trials(self) -> int:
+        """How many trials are fitted to."""
+        return min(max(FIT_STEPS // max(self.steps, 1), FIT_TRIALS), len(self.trials))
+
+    @property
+    def budget(self) -> float:
+        """Physics steps of the whole search."""
+        return BUDGET * self.fitted_trials * self.steps if self.steps else np.inf
+
+
 def select(
-    predict: Predictor,
-    data: Data,
-    trials: Sequence[int],
-    pool: Sequence[Candidate],
-    terms: Sequence[Term],
-    base: Array,
-    known: Sequence[Known] = (),
-    seen: ServoMotion | None = None,
+    asked: Question,
     *,
-    steps: int = 0,
     out_of_time: Callable[[], bool] = lambda: False,
     tick: Tick = lambda stage, total, done=0: None,
 ) -> Ranked:
     """Rank explanations of the trials; where something ends the search, those that were found until then.
 
     Args:
-        predict: simulations.
-        data: measured, of these trials.
-        trials: their indices.
-        pool: candidates.
-        terms: nuisance parameters.
-        base: nominal predictions, (ntrials, T, C).
-        known: effects that are measured on the readings alone: they are part of every explanation.
-        seen: what the servos' motion says; None: there is nothing to be read from it.
-        steps: physics steps of one trial.
+        asked: what is to be explained.
         out_of_time: asked between stages.
         tick: told what begins.
     """
     so_far = PartialResult()
     try:
-        return _search(predict, data, trials, pool, terms, base, known, seen, so_far, steps, out_of_time, tick)
+        return _search(asked, so_far, out_of_time, tick)
     except (Exception, KeyboardInterrupt) as fault:
         if so_far.ranked is None or isinstance(fault, RecordingError):
             raise
         return replace(so_far.ranked, complete=False, ended=fault)
 
 
-def _search(
-    predict: Predictor,
-    data: Data,
-    trials: Sequence[int],
-    pool: Sequence[Candidate],
-    terms: Sequence[Term],
-    base: Array,
-    known: Sequence[Known],
-    motion: ServoMotion | None,
-    so_far: PartialResult,
-    steps: int,
-    out_of_time: Callable[[], bool],
-    tick: Tick,
-) -> Ranked:
+def _search(asked: Question, so_far: PartialResult, out_of_time: Callable[[], bool], tick: Tick) -> Ranked:
     """See :func:`select`; ``so_far`` is told what was found, from round to round."""
-    read_off = {*ONLY_READ_OFF, *(k.candidate.effect for k in known)}
-    pool = _acting_on_misfit([c for c in pool if c.effect not in read_off], data, base)
+    read_off = {*ONLY_READ_OFF, *(k.candidate.effect for k in asked.known)}
+    pool = _acting_on_misfit([c for c in asked.pool if c.effect not in read_off], asked.data, asked.base)
     count = len({c.effect for c in pool})
-    given = tuple(k.candidate.entry(k.value) for k in known)
-
-    fitted_trials = min(_fitted_trials(steps), len(trials))
 
     def over() -> bool:
-        spent: int = predict.tally["physics_steps"]
-        return out_of_time() or bool(steps and spent > BUDGET * fitted_trials * steps)
+        return out_of_time() or asked.predict.tally["physics_steps"] > asked.budget
 
     tick("fitting the nominal model", MAX_NOMINAL_ROUNDS)
-    everywhere, shared = _fitter(predict, data, trials, terms, base, given, fitted_trials, over)
-    state = _with_nominal(everywhere, max(FIRST_STEPS // max(steps, 1), FIRST_TRIALS))
+    everywhere, shared = _fitter(asked, over)
+    state = _with_nominal(everywhere, max(FIRST_STEPS // max(asked.steps, 1), FIRST_TRIALS))
     tick("screening", len(pool))
-    state = _screened(state, pool, motion, lambda *how_far: tick("screening", *how_far))
+    state = _screened(state, pool, asked.motion, lambda *how_far: tick("screening", *how_far))
 
     def ranked(state: State) -> Ranked:
         shown = ranking.reportable(ranking.unique_by_labels(state.fits))
         return Ranked(
-            tuple(_with_readings(fit, known, shared) for fit in shown),
+            tuple(_with_readings(fit, asked.known, shared) for fit in shown),
             state.unseen,
-            len(known),
+            len(asked.known),
             count,
             not out_of_time(),
             state.everywhere.weight,
@@ -260,42 +263,29 @@ def _search(
         state = _departing_left_out(found)
         tell(state)
         if size == 1 and not over():
-            state = _with_lost_commands(state, motion)
+            state = _with_lost_commands(state, asked.motion)
             tell(state)
     return ranked(state)
 
 
-def _fitted_trials(steps: int) -> int:
-    """How many trials of so many physics steps each are fitted at most."""
-    return max(FIT_STEPS // max(steps, 1), FIT_TRIALS)
-
-
-def _fitter(
-    predict: Predictor,
-    data: Data,
-    trials: Sequence[int],
-    terms: Sequence[Term],
-    base: Array,
-    given: tuple[Entry, ...],
-    count: int,
-    out_of_time: Callable[[], bool],
-) -> tuple[Fitter, NDArray[np.bool_]]:
-    """What fits to so many trials, those that the nominal model predicts worst, with the nuisances that these tell
-    something of; and which of those that trials share these are."""
-    weight = ranking.sample_weight(data, base)
-    chosen = worst_predicted(base, data, count)
-    data, base, trials = noise_model.select_trials(data, chosen), base[chosen], [trials[k] for k in chosen]
-    terms = tuple(sorted(terms, key=lambda term: term.per_trial))
+def _fitter(asked: Question, over: Callable[[], bool]) -> tuple[Fitter, NDArray[np.bool_]]:
+    """What fits to the trials that the nominal model predicts worst, with the nuisances that these tell something of;
+    and which of those that trials share these are."""
+    weight = ranking.sample_weight(asked.data, asked.base)
+    chosen = worst_predicted(asked.base, asked.data, asked.fitted_trials)
+    data, base = noise_model.select_trials(asked.data, chosen), asked.base[chosen]
+    trials = tuple(asked.trials[k] for k in chosen)
+    terms = tuple(sorted(asked.terms, key=lambda term: term.per_trial))
     responses = np.zeros((0, *base.shape))
     if terms:
-        moved = predict.all_trials([(term.entry(NUISANCE_STEP),) for term in terms], trials)
+        moved = asked.predict.all_trials([(term.entry(NUISANCE_STEP),) for term in terms], trials)
         responses = (moved - base) / NUISANCE_STEP
-    sensitive = (likelihood.whiten(data, likelihood.mean_visible_change(data, responses), weight) ** 2).sum(
-        axis=(1, 2, 3)
-    ) > 2 * NEAR_ZERO_RESPONSE_NATS
+    white = likelihood.whiten(data, likelihood.mean_visible_change(data, responses), weight)
+    sensitive = (white**2).sum(axis=(1, 2, 3)) > 2 * NEAR_ZERO_RESPONSE_NATS
     shared = sensitive[[not term.per_trial for term in terms]]
     terms = tuple(term for term, tells in zip(terms, sensitive, strict=True) if tells)
-    fitter = Fitter(predict, tuple(trials), data, weight, terms, responses[sensitive], given, out_of_time=out_of_time)
+    given = tuple(k.candidate.entry(k.value) for k in asked.known)
+    fitter = Fitter(asked.predict, trials, data, weight, terms, responses[sensitive], given, out_of_time=over)
     return fitter, shared
 
 
