@@ -53,6 +53,8 @@ class ServoStiffness(Effect):
     MuJoCo: ``actuator_gainprm``, ``actuator_biasprm``.
     """
 
+    needs_servo = True
+
     factor = parameter("-", identity=1.0, default=0.6, bounds=(0.2, 4.0))
 
     def change(self, now: Now) -> None:
@@ -75,6 +77,10 @@ class ServoDamping(Effect):
 
     MuJoCo: ``actuator_biasprm``.
     """
+
+    takes_from = "servo_damping"
+
+    needs_servo = True
 
     damping = parameter(DAMPING, identity=0.0, default=(40.0, 5.0), bounds=((-60.0, 300.0), (-1.0, 60.0)))
 

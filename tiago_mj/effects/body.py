@@ -119,6 +119,8 @@ class GravityTilt(Effect):
     MuJoCo: ``opt.gravity``.
     """
 
+    needs_object = False
+
     angle = parameter("rad", identity=0.0, default=0.1, bounds=(-0.5, 0.5))
 
     def change(self, now: Now) -> None:

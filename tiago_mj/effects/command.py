@@ -157,6 +157,8 @@ class RateLimit(Effect):
     MuJoCo: ``slewmax`` of a ``pid`` actuator.
     """
 
+    needs_servo = True
+
     signal_only = True
 
     velocity = parameter(SPEED, identity=np.inf, default=0.6, bounds=(0.05, 1.0), nominal="velocity")
@@ -242,6 +244,8 @@ class CommandDeadband(Stepping):
     Source: force_vs_displacement; llach/learning_fc sends no command below 0.3 mm.
     """
 
+    needs_servo = True
+
     signal_only = True
 
     width = parameter(LENGTH, identity=0.0, default=0.0003, bounds=((0.0, 0.003), (0.0, 0.03)))
@@ -265,6 +269,8 @@ class CommandQuantization(Stepping):
 
     Source: so101.
     """
+
+    needs_servo = True
 
     signal_only = True
 

@@ -190,6 +190,15 @@ class Effect:
     rounds: ClassVar[str | None] = None
     #: Whether it is the same whichever of its targets it is given to, such as a mass at the tool that all joints feel.
     common: ClassVar[bool] = False
+    #: Whether it changes what a servo does with its set point: a motor without a servo cannot have it.
+    needs_servo: ClassVar[bool] = False
+    #: Whether one of its targets ``object`` must be there; what is everywhere, such as gravity, needs none.
+    needs_object: ClassVar[bool] = True
+    #: Fewest targets that it can act between.
+    fewest_targets: ClassVar[int] = 1
+    #: The joint's nominal quantity that a negative magnitude takes away, and at most all of it: ``frictionloss``
+    #: [N, N·m], ``damping`` [N·s/m, N·m·s/rad] or ``servo_damping``; None where there is none.
+    takes_from: ClassVar[str | None] = None
     #: Whether what it does is drawn at random: no simulation repeats it, so that known as it is it closes no gap.
     by_chance: ClassVar[bool] = False
 

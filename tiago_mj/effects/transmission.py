@@ -114,6 +114,8 @@ class CoulombFriction(Effect):
     s.
     """
 
+    takes_from = "frictionloss"
+
     form_known_to = DRY
     force = parameter(FORCE, identity=0.0, default=3.0, bounds=((-2.0, 12.0), (-1.0, 15.0)))
 
@@ -140,6 +142,8 @@ class ViscousFriction(Effect):
 
     MuJoCo: ``dof_damping``.
     """
+
+    takes_from = "damping"
 
     damping = parameter(DAMPING, identity=0.0, default=(40.0, 5.0), bounds=((-80.0, 400.0), (-1.0, 60.0)))
 
@@ -259,6 +263,8 @@ class Backlash(Effect):
     to the servo's own force is a bias of the actuator, ``actuator_biasprm``.
     """
 
+    needs_servo = True
+
     width = parameter(("m", "rad"), identity=0.0, default=0.001, bounds=((0.0, 0.006), (0.0, 0.1)))
 
     def start(self, now: Now) -> None:
@@ -303,6 +309,8 @@ class JointElasticity(Effect):
     MuJoCo: a joint with ``stiffness`` on a body between motor and link; here the difference to the servo's own force is
     a bias of the actuator, ``actuator_biasprm``; the resonance with the motor's mass is left out.
     """
+
+    needs_servo = True
 
     stiffness = parameter(
         ("N/m", "N·m/rad"), identity=np.inf, default=3000.0, bounds=((300.0, 40_000.0), (1.0, 40_000.0))
@@ -388,6 +396,10 @@ class CouplingError(Effect):
 
     MuJoCo: an ``equality/joint`` couples positions rigidly; here it is the set points.
     """
+
+    fewest_targets = 2
+
+    needs_servo = True
 
     ratio = parameter("-", identity=0.0, default=0.1, bounds=(-0.6, 0.6))
     of_motion = form(0, 1)

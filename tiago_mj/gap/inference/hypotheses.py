@@ -216,17 +216,13 @@ def _possible(plant: Plant, name: str, targets: tuple[str, ...]) -> bool:
     declared = EFFECTS[name]
     if not targets:
         return False
-    if declared.targets == "object" and name != "gravity_tilt":
+    if declared.targets == "object" and declared.needs_object:
         return plant.wiring.object_body is not None
     if declared.stage == "force_sensor":
         return plant.cell is not None
-    needs_servo = ("servo_stiffness", "servo_damping", "joint_elasticity", "rate_limit", "command_deadband")
-    needs_set_point = ("command_quantization", "backlash", "coupling_error")
-    if name == "coupling_error" and len(targets) < 2:
+    if declared.needs_servo and (plant.wiring.interface == "effort" or not plant.wiring.servo.any()):
         return False
-    if name in needs_servo or name in needs_set_point:
-        return plant.wiring.interface != "effort" and bool(plant.wiring.servo.any())
-    return True
+    return len(targets) >= declared.fewest_targets
 
 
 def _joint(plant: Plant, kind: str, index: int) -> int:
@@ -259,8 +255,8 @@ def _candidates_of(
     if size is not None:
         low, high = size.within(name, low, high)
     removes = False
-    if name in ("coulomb_friction", "viscous_friction", "servo_damping"):
-        all_of_it = -_nominal_of(plant, name, index)
+    if declared.takes_from is not None:
+        all_of_it = -_nominal_of(plant, declared.takes_from, index)
         low, removes = max(low, all_of_it), all_of_it >= low
     grid = _magnitudes(switch.identity, low, high)
     others = [p for p in declared.parameters.values() if p is not switch]
@@ -279,11 +275,12 @@ def _candidates_of(
     ]
 
 
-def _nominal_of(plant: Plant, name: str, joint: int) -> float:
+def _nominal_of(plant: Plant, quantity: str, joint: int) -> float:
+    """What the nominal model has of a quantity that an effect may take away, see :attr:`Effect.takes_from`."""
     model, dof = plant.model, plant.wiring.dof[joint]
-    if name == "coulomb_friction":
+    if quantity == "frictionloss":
         return float(model.dof_frictionloss[dof])
-    if name == "viscous_friction":
+    if quantity == "damping":
         return float(np.max(model.dof_damping[dof]))
     return float(-model.actuator_biasprm[plant.wiring.actuators[joint], 2])
 
@@ -363,8 +360,8 @@ def _stated_terms(plant: Plant, name: str) -> list[Term]:
         if size is not None:
             index = 0 if group is None else names.index(group[0])
             low, high = parameter.bounds[0 if targets.slide(declared.targets, index) else 1]
-            if name in ("coulomb_friction", "viscous_friction", "servo_damping"):
-                low = max(low, -_nominal_of(plant, name, index))
+            if declared.takes_from is not None:
+                low = max(low, -_nominal_of(plant, declared.takes_from, index))
             out.append(Term(name, group, parameter.name, parameter.identity, size, False, low, high))
     return out
 
@@ -385,7 +382,8 @@ def _default_terms(plant: Plant) -> tuple[Term, ...]:
             size = nuisance.deviation[0 if targets.slide(declared.targets, index) else 1]
             base = parameter.identity
             if nuisance.relative == "damping":
-                size *= _nominal_of(plant, nuisance.effect, index)
+                assert declared.takes_from is not None
+                size *= _nominal_of(plant, declared.takes_from, index)
             elif nuisance.relative == "tool":
                 size *= float(plant.model.body_mass[plant.wiring.tool])
             elif nuisance.relative == "inertia":
