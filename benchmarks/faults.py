@@ -45,6 +45,8 @@ NOT_AHEAD = ("OpenGL", "mujoco.egl", "mujoco.osmesa", "__main__", "joblib.extern
 #: Commands that run in processes of their own, and the share of their time that passes before they begin to work:
 #: in a fork, a second diagnosis ends within a library (libc++).
 FRESH, LOADING = ("diagnose-all",), 0.25
+#: Pages that may tell times; the numbers in them are those of JSON files, which are compared.
+TIMED = ".html"
 #: Seconds between two looks at a folder, and at a process; longest wait after a change before the kill.
 LOOK, GLANCE, AFTER = 0.002, 0.02, 0.01
 #: Most kills before a run is let through.
@@ -143,7 +145,7 @@ class References:
         name, command: that is run.
         old, new: digests of the files before and after.
         kept: copy of the old folder; None: there was none.
-        loose: pages in which two undisturbed runs have other times: of these the numbers are not compared.
+        loose: pages, which tell how long something took: of these the numbers are not compared.
         seconds: of a run.
         changes: in the folder and beside it in a run.
         new_pages: of the drive that the new files take; what they are more than the old ones, where these stay.
@@ -208,7 +210,7 @@ def refer(lab: Lab, name: str, command: Command) -> References:
         plain.append(digests(lab.out, numbers=False))
     if twice[0].keys() != twice[1].keys() or not twice[0]:
         raise WrongError(f"two undisturbed runs write other files: {lab.said.read_text()[-500:]}")
-    loose = {one for one in twice[0] if twice[0][one] != twice[1][one]}
+    loose = {one for one in twice[0] if twice[0][one] != twice[1][one] or one.endswith(TIMED)}
     unlike = [one for one in loose if plain[0][one] != plain[1][one]]
     if unlike:
         raise WrongError(f"two undisturbed runs write other bits: {unlike}")

@@ -10,6 +10,7 @@ All of them appear in ``--out`` at once, with the summary. Until then what is fi
 from __future__ import annotations
 
 import argparse
+import errno
 import hashlib
 import importlib.util
 import io
@@ -224,7 +225,11 @@ def _models(file: Path, content: bytes) -> set[Path]:
 
 
 def diagnose(task: Task) -> Outcome:
-    """Diagnose one folder, unless that was finished before the last run was stopped."""
+    """Diagnose one folder, unless that was finished before the last run was stopped.
+
+    Raises:
+        OSError: the drive is full, which is no fault of this folder: the other diagnoses could not be written, either.
+    """
     inputs, file = _inputs(task), _outcome_file(Path(task.kept))
     try:
         done = json.loads(file.read_text(encoding="utf-8"))
@@ -236,6 +241,8 @@ def diagnose(task: Task) -> Outcome:
     shutil.rmtree(task.kept, ignore_errors=True)
     with atomic.gathering(Path(task.out), Path(task.kept)):
         outcome = _diagnosed(task)
+    if cli.FULL in outcome.complaint:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
     if outcome.status == 0:
         atomic.write_text(file, json.dumps({"inputs": inputs, "outcome": asdict(outcome)}))
     return outcome

@@ -122,6 +122,39 @@ def test_what_was_finished_before_a_stop_is_not_diagnosed_again_unless_its_recor
         assert sorted(path.name for path in tmp_path.iterdir()) == ["a", "b", "c", "out"]
 
 
+def test_a_drive_that_is_full_ends_all_and_leaves_the_old_diagnoses(tmp_path, capsys, monkeypatch):
+    made = []
+
+    def diagnosed(task):
+        made.append(Path(task.out).name)
+        if full and made[-1] == "b":
+            return diagnose_all.Outcome(2, f"out: {cli.FULL}: make room on it, or name another place")
+        with atomic.replacing_set(Path(task.out)) as new:
+            (new / "diagnosis.json").write_text(json.dumps(len(made)))
+        return diagnose_all.Outcome(0)
+
+    monkeypatch.setattr(diagnose_all, "_diagnosed", diagnosed)
+    for name in "ab":
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "x.csv").write_text("1")
+    words = ["diagnose-all", *(str(tmp_path / name) for name in "ab"), "--out", str(tmp_path / "out"), "--jobs", "1"]
+
+    def written():
+        return {str(path): path.read_text() for path in (tmp_path / "out").rglob("*.json")}
+
+    full = False
+    assert cli.main([*words, "--json"]) == 0
+    before = written()
+    full = True
+    assert cli.main([*words, "--json", "--seed", "1"]) == 2
+    assert cli.FULL in capsys.readouterr().err
+    assert written() == before
+    full = False
+    assert cli.main([*words, "--json", "--seed", "1"]) == 0
+    assert made == ["a", "b", "a", "b", "b"], "what was finished is kept"
+    assert written() != before
+
+
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
 def test_a_worker_ends_with_the_process_that_started_it(tmp_path):
