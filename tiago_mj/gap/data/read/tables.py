@@ -225,12 +225,16 @@ def _read_csv(path: Path) -> tuple[dict[str, Array], dict[str, str], bool, str]:
     header = dialect.header
     if not header or not any(header):
         raise RecordingError(f"{path.name}: the first line is no header: name the columns there")
+    size = path.stat().st_size
+    if size > MAX_CELLS * MAX_CELL:
+        raise RecordingError(
+            f"{path.name}: it has {size // 1_000_000} MB, and at most {MAX_CELLS} cells are read: cut it into "
+            "trials, one motion each"
+        )
     lines, cut = _count_lines(path)
     check_size(path.name, lines - dialect.rows, len(header))
-    if path.stat().st_size > max(lines * len(header) * MAX_CELL, 16 * _BLOCK):
-        raise RecordingError(
-            f"{path.name}: {path.stat().st_size // 1_000_000} MB in {lines} rows are no table of numbers: is it CSV?"
-        )
+    if size > max(lines * len(header) * MAX_CELL, 16 * _BLOCK):
+        raise RecordingError(f"{path.name}: {size // 1_000_000} MB in {lines} rows are no table of numbers: is it CSV?")
     if csv_dialect.is_number(header[0]):
         raise RecordingError(f"{path.name}: the first line holds numbers: put the columns' names there")
     # The last cell of a file that does not end in a line's end may be half a number.
