@@ -132,6 +132,8 @@ def run(arguments: argparse.Namespace) -> int:
         found = {name: asdict(one) for name, one in zip(names(arguments.folders), outcomes, strict=True)}
         text = json.dumps(found, indent=1, ensure_ascii=False) + "\n"
         _appear(place, {name: Path(task.kept) for name, task in zip(found, tasks, strict=True)}, text)
+        for file in kept.glob(f".*.{OUTCOME}"):  # first: a diagnosis of which some files are gone is not finished
+            file.unlink()
         shutil.rmtree(kept, ignore_errors=True)
     if arguments.json:
         print(text, end="")
@@ -233,7 +235,7 @@ def diagnose(task: Task) -> Outcome:
     inputs, file = _inputs(task), _outcome_file(Path(task.kept))
     try:
         done = json.loads(file.read_text(encoding="utf-8"))
-        if done["inputs"] == inputs:
+        if done["inputs"] == inputs and Path(task.kept).is_dir():
             return Outcome(**done["outcome"])
     except (OSError, ValueError, KeyError, TypeError):
         pass  # none is there
