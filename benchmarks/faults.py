@@ -383,12 +383,15 @@ def load_ahead(lab: Lab, commands: dict[str, Command]) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description="Kill every command that writes, and check what is left.")
     parser.add_argument("--kills", type=int, default=50, metavar="N", help="of each command (50)")
-    parser.add_argument("--commands", metavar="LIST", help="only some")
+    parser.add_argument("--commands", metavar="LIST", help="only some; in a file that is there the others stay")
     parser.add_argument("--minutes", type=float, default=120.0, metavar="M", help="most for all (120)")
     parser.add_argument("--seed", type=int, default=0, metavar="N")
     parser.add_argument("--out", type=Path, required=True, metavar="FILE", help="JSON")
     given = parser.parse_args()
     results: dict[str, Any] = {}
+    if given.commands is not None and given.out.exists():  # the others stay as they are
+        results = json.loads(given.out.read_text())["results"]
+    made_on = machine()  # before the run: the files may change meanwhile
     with tempfile.TemporaryDirectory() as root:
         lab = Lab(Path(root) / "lab", Path(root) / "work")
         lab.root.mkdir()
@@ -402,6 +405,7 @@ def main() -> None:
             of = refer(lab, name, command)
             until = time.monotonic() + (deadline - time.monotonic()) / (len(commands) - number)
             results[name] = {
+                "commit": made_on["commit"],
                 "seconds_undisturbed": round(of.seconds, 2),
                 "compared_without_numbers": sorted(of.loose),
                 "killed": kills(lab, of, given.kills, rng, until),
@@ -411,7 +415,7 @@ def main() -> None:
             }
             print(name, json.dumps(results[name]), flush=True)
             words = f"python benchmarks/faults.py --kills {given.kills} --seed {given.seed} --out FILE"
-            data = {"command": words, "machine": machine(), "results": results}
+            data = {"command": words, "machine": made_on, "results": results}
             given.out.write_text(json.dumps(data, indent=1) + "\n")
     parts = [part for of_one in results.values() for part in of_one.values() if isinstance(part, dict)]
     if any(part.get("wrong") for part in parts):

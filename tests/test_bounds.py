@@ -126,6 +126,14 @@ def test_a_csv_that_is_larger_than_any_table_is_refused_before_it_is_read(tmp_pa
     assert "10000000 MB" in refusal(RecordingError, recording, path)
 
 
+@pytest.mark.parametrize("to", ["nowhere", "a.csv"], ids=["nowhere", "itself"])
+def test_a_recording_that_is_a_link_to_nothing_is_named(to, tmp_path):
+    path = tmp_path / "a.csv"
+    path.symlink_to(to)
+    (tmp_path / "b.csv").write_text("time,position.elbow,command.elbow\n0,0,0\n1,0,0\n")
+    assert refusal(RecordingError, recording, tmp_path).startswith("a.csv: it cannot be read (")
+
+
 @pytest.mark.skipif(sys.platform != "linux", reason="elsewhere such names cannot be")
 def test_a_file_whose_name_is_no_text_is_named(tmp_path):
     path = tmp_path / os.fsdecode(b"\xff.csv")
@@ -209,6 +217,19 @@ def test_an_array_that_claims_more_than_it_holds_is_refused(part, content, agent
     agent.save(path)
     rewritten(path, lambda parts: {**parts, part: content})
     assert "is no agent that can be read" in refusal(ValueError, load_agent, path)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="there are no such pipes and devices")
+@pytest.mark.parametrize("kind", ["pipe", "zeros", "folder"])
+def test_an_agent_that_is_no_file_is_refused_at_once(kind, tmp_path):
+    path = tmp_path / "agent.npz"
+    if kind == "pipe":
+        os.mkfifo(path)
+    elif kind == "zeros":
+        path.symlink_to("/dev/zero")
+    else:
+        path.mkdir()
+    assert "it is a folder, a pipe or a device" in refusal(ValueError, load_agent, path)
 
 
 @pytest.mark.parametrize(
@@ -372,6 +393,16 @@ def test_a_model_that_does_not_compile_in_time_is_given_up(tmp_path, monkeypatch
     path = tmp_path / "model.xml"
     path.write_text('<mujoco><asset><mesh name="m" file="m.stl"/></asset></mujoco>')
     assert "it takes more than 3 s to compile" in refusal(ValueError, load_model, path, "model")
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="there are no such pipes")
+def test_a_model_that_is_a_pipe_is_refused_at_once(tmp_path):
+    for name, read, error in (
+        ("model.xml", lambda path: load_model(path, "model"), ValueError),
+        ("robot.urdf", lambda path: convert(path, tmp_path / "out.xml"), ConversionError),
+    ):
+        os.mkfifo(tmp_path / name)
+        assert "is a pipe" in refusal(error, read, tmp_path / name)
 
 
 def test_a_model_with_a_mesh_compiles_as_without_bounds(tmp_path):

@@ -72,7 +72,14 @@ def read_table(path: Path, sidecar: Mapping[str, Any], sidecar_file: str) -> Tab
     Raises:
         RecordingError: it is empty, cut off, too long, or not of its format.
     """
-    if path.stat().st_size == 0:
+    try:
+        size = path.stat().st_size
+    except OSError as fault:  # such as a link to a file that was not fetched (git annex)
+        reason = (fault.strerror or str(fault)).lower()
+        raise RecordingError(
+            f"{path.name}: it cannot be read ({reason}): fetch the file itself, or leave it out"
+        ) from fault
+    if size == 0:
         raise RecordingError(f"{path.name}: the file is empty: record again or leave it out")
     columns, text, cut, said = _read_csv(path) if path.suffix.lower() in TEXT else (*_read_parquet(path), False, "")
     findings = (Finding("unit_scale", path.name, "", said, repaired=True),) if said else ()
