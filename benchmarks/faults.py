@@ -45,6 +45,8 @@ NOT_AHEAD = ("OpenGL", "mujoco.egl", "mujoco.osmesa", "__main__", "joblib.extern
 #: Commands that run in processes of their own, and the share of their time that passes before they begin to work:
 #: in a fork, a second diagnosis ends within a library (libc++).
 FRESH, LOADING = ("diagnose-all",), 0.25
+#: Pages that may tell times; the numbers in them are those of JSON files, which are compared.
+TIMED = ".html"
 #: Seconds between two looks at a folder, and at a process; longest wait after a change before the kill.
 LOOK, GLANCE, AFTER = 0.002, 0.02, 0.01
 #: Most kills before a run is let through.
@@ -143,7 +145,7 @@ class References:
         name, command: that is run.
         old, new: digests of the files before and after.
         kept: copy of the old folder; None: there was none.
-        loose: pages in which two undisturbed runs have other times: of these the numbers are not compared.
+        loose: pages, which tell how long something took: of these the numbers are not compared.
         seconds: of a run.
         changes: in the folder and beside it in a run.
         new_pages: of the drive that the new files take; what they are more than the old ones, where these stay.
@@ -208,7 +210,7 @@ def refer(lab: Lab, name: str, command: Command) -> References:
         plain.append(digests(lab.out, numbers=False))
     if twice[0].keys() != twice[1].keys() or not twice[0]:
         raise WrongError(f"two undisturbed runs write other files: {lab.said.read_text()[-500:]}")
-    loose = {one for one in twice[0] if twice[0][one] != twice[1][one]}
+    loose = {one for one in twice[0] if twice[0][one] != twice[1][one] or one.endswith(TIMED)}
     unlike = [one for one in loose if plain[0][one] != plain[1][one]]
     if unlike:
         raise WrongError(f"two undisturbed runs write other bits: {unlike}")
@@ -381,12 +383,15 @@ def load_ahead(lab: Lab, commands: dict[str, Command]) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description="Kill every command that writes, and check what is left.")
     parser.add_argument("--kills", type=int, default=50, metavar="N", help="of each command (50)")
-    parser.add_argument("--commands", metavar="LIST", help="only some")
+    parser.add_argument("--commands", metavar="LIST", help="only some; in a file that is there the others stay")
     parser.add_argument("--minutes", type=float, default=120.0, metavar="M", help="most for all (120)")
     parser.add_argument("--seed", type=int, default=0, metavar="N")
     parser.add_argument("--out", type=Path, required=True, metavar="FILE", help="JSON")
     given = parser.parse_args()
     results: dict[str, Any] = {}
+    if given.commands is not None and given.out.exists():  # the others stay as they are
+        results = json.loads(given.out.read_text())["results"]
+    made_on = machine()  # before the run: the files may change meanwhile
     with tempfile.TemporaryDirectory() as root:
         lab = Lab(Path(root) / "lab", Path(root) / "work")
         lab.root.mkdir()
@@ -400,6 +405,7 @@ def main() -> None:
             of = refer(lab, name, command)
             until = time.monotonic() + (deadline - time.monotonic()) / (len(commands) - number)
             results[name] = {
+                "commit": made_on["commit"],
                 "seconds_undisturbed": round(of.seconds, 2),
                 "compared_without_numbers": sorted(of.loose),
                 "killed": kills(lab, of, given.kills, rng, until),
@@ -409,7 +415,7 @@ def main() -> None:
             }
             print(name, json.dumps(results[name]), flush=True)
             words = f"python benchmarks/faults.py --kills {given.kills} --seed {given.seed} --out FILE"
-            data = {"command": words, "machine": machine(), "results": results}
+            data = {"command": words, "machine": made_on, "results": results}
             given.out.write_text(json.dumps(data, indent=1) + "\n")
     parts = [part for of_one in results.values() for part in of_one.values() if isinstance(part, dict)]
     if any(part.get("wrong") for part in parts):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import stat
 import subprocess
 import sys
 
@@ -120,6 +121,46 @@ def test_links_and_modes_in_the_folder_stay_as_they_are(tmp_path):
     write(folder, "second")
     assert folder.stat().st_mode & 0o777 == 0o750
     assert os.readlink(folder / "link") == NAMES[0]
+
+
+@pytest.fixture
+def of_another(tmp_path):
+    """A folder, with one in it, of another user and group, who have no names here."""
+    if not hasattr(os, "geteuid") or os.geteuid() != 0:
+        pytest.skip("only root gives files away")
+    folder = tmp_path / "out"
+    write(folder, "first")
+    (folder / "sub").mkdir()
+    (folder / "sub" / "mine.txt").write_text("mine")
+    for path in (folder, folder / "sub"):
+        os.chown(path, 54321, 54322)
+    return folder
+
+
+def test_a_folder_of_another_user_and_group_stays_theirs(of_another):
+    write(of_another, "second")
+    assert {(path.stat().st_uid, path.stat().st_gid) for path in (of_another, of_another / "sub")} == {(54321, 54322)}
+    assert (of_another / NAMES[0]).read_text() == "second"
+    assert (of_another / "sub" / "mine.txt").read_text() == "mine"
+
+
+def test_a_folder_that_could_not_stay_its_owners_is_not_exchanged(of_another, monkeypatch):
+    def refuse(*_):
+        raise PermissionError
+
+    monkeypatch.setattr(os, "chown", refuse)
+    before = of_another.stat()
+    write(of_another, "second")
+    assert os.path.samestat(before, of_another.stat())
+    assert (of_another / NAMES[0]).read_text() == "second"
+    assert [path.name for path in of_another.parent.iterdir()] == ["out"]
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere groups are handed on without the bit")
+def test_a_new_folder_hands_its_group_on_where_the_one_around_it_does(tmp_path):
+    tmp_path.chmod(0o2755)
+    write(tmp_path / "out", "first")
+    assert (tmp_path / "out").stat().st_mode & stat.S_ISGID
 
 
 def test_what_is_gathered_comes_elsewhere(tmp_path):

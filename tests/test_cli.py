@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import errno
 import json
 import pickle
 import subprocess
@@ -150,7 +151,7 @@ def test_an_unknown_environment_is_answered_with_those_there_are(capsys):
             "did you mean 'servo'",
         ),
         (("rollout", "--env", "GripperTactile-v0", "--policy", "pi", "--film", "a.avi"), ".mp4, .gif, .png"),
-        (("rollout", "--env", "GripperTactile-v0", "--policy", "pid"), "give pi, pi-tuned"),
+        (("rollout", "--env", "GripperTactile-v0", "--policy", "pid"), "give pi, pi-tuned, "),
         (("rollout", "--env", "TIAGoPALGripper-v0", "--policy", "pi"), "use an environment with such a goal"),
         (("rollout", "--env", "TIAGoPushTactile-v0", "--policy", "pi"), "use an environment with such a goal"),
         (("demo", "--data", "no/such/folder"), "no/such/folder"),
@@ -161,6 +162,22 @@ def test_an_unknown_environment_is_answered_with_those_there_are(capsys):
 def test_bad_input_gets_one_line_that_says_how_to_mend_it(words, said, capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert said in complaint(capsys, *words)
+
+
+@pytest.mark.parametrize(
+    ("fault", "said"),
+    [
+        (OSError(errno.ENOSPC, "No space left on device"), "the drive is full: make room on it, or name another place"),
+        (OSError(errno.EACCES, "Permission denied", "a/b.csv"), "a/b.csv: permission denied"),
+    ],
+)
+def test_what_the_system_refuses_is_said_in_words(fault, said, capsys, monkeypatch):
+    def run(arguments):
+        raise fault
+
+    monkeypatch.setattr(command, "run", run)
+    line = complaint(capsys, "rollout", "--env", "GripperTactile-v0", "--policy", "pi")
+    assert line == f"tiago-mj rollout: {said}\n"
 
 
 def test_an_error_shows_where_it_came_from_when_asked(monkeypatch):

@@ -1,6 +1,9 @@
 """The lock file, which installs with hashes, and the constraints are of the same packages."""
 
+import os
 import re
+import shutil
+import subprocess
 from pathlib import Path
 
 import pytest
@@ -42,3 +45,16 @@ def test_every_locked_package_is_pinned(pinned, locked):
 def test_the_lock_names_no_host_and_no_path():
     text = (ROOT / "requirements.lock").read_text()
     assert not re.search(r"://|file:| @ |--(extra-)?index-url|--find-links|\s/", text)
+
+
+@pytest.mark.skipif(shutil.which("bash") is None, reason="the check is a shell script")
+def test_the_audit_says_what_it_needs_and_does_not_pass_for_a_finding(tmp_path):
+    python = tmp_path / "python"
+    python.write_text("#!/bin/sh\nexit 1\n")  # as where the modules are missing
+    python.chmod(0o755)
+    path = f"{tmp_path}{os.pathsep}{os.environ['PATH']}"
+    words = [str(ROOT / ".ci" / "audit"), str(tmp_path / "sbom.json")]
+    done = subprocess.run(words, env={**os.environ, "PATH": path}, capture_output=True, text=True, check=False)
+    assert done.returncode == 2  # 1: something is known against a package
+    assert "needs the extra supply" in done.stderr
+    assert done.stderr.count("\n") == 1

@@ -53,8 +53,10 @@ def opened(path: Path | BinaryIO, most: int = MOST, *, stored: bool = False) -> 
 
     Raises:
         OSError: it cannot be opened.
-        ValueError: it is larger, packed, or damaged.
+        ValueError: it is no file, larger, packed, or damaged.
     """
+    if isinstance(path, Path) and path.exists() and not path.is_file():
+        raise ValueError("it is a folder, a pipe or a device")
     with path.open("rb") if isinstance(path, Path) else nullcontext(path) as file:
         try:
             with zipfile.ZipFile(file) as archive:

@@ -17,7 +17,7 @@ from collections.abc import Collection, Iterator
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from tiago_mj import held
 
@@ -103,7 +103,7 @@ def _umask() -> int:
 def _put(new: Path, folder: Path, parts: Collection[str]) -> None:
     """Put what is in ``new`` into ``folder``."""
     if not folder.exists():
-        new.chmod(0o777 & ~_umask())
+        new.chmod((new.stat().st_mode & stat.S_ISGID) | (0o777 & ~_umask()))  # S_ISGID: files get the folder's group
         try:
             new.rename(folder)
             return
@@ -144,6 +144,8 @@ def _remove(path: Path) -> None:
 
 #: Linux: exchange two names in one step (``renameat2``, linux/fs.h), relative to the working folder (linux/fcntl.h).
 _EXCHANGE, _HERE = 2, -100
+#: None: not Linux, or an older C library.
+_RENAME: Final[Any] = getattr(ctypes.CDLL(None, use_errno=True), "renameat2", None) if sys.platform == "linux" else None
 
 
 def _exchanged(new: Path, old: Path, gone: Collection[str]) -> bool:
@@ -151,14 +153,13 @@ def _exchanged(new: Path, old: Path, gone: Collection[str]) -> bool:
 
     Not where somebody works in the old one: the folder would vanish under a shell, a notebook or a server.
     """
-    if sys.platform != "linux" or _somebody_works_in(old):
+    if _RENAME is None or _somebody_works_in(old):
         return False
     taken = _Taken(new, old, frozenset(gone))
     try:
         taken.take()
-        libc = ctypes.CDLL(None, use_errno=True)
-        done: int = libc.renameat2(_HERE, os.fsencode(new), _HERE, os.fsencode(old), _EXCHANGE)
-    except (OSError, AttributeError):  # something that cannot be linked, or an older C library
+        done: int = _RENAME(_HERE, os.fsencode(new), _HERE, os.fsencode(old), _EXCHANGE)
+    except OSError:  # something that cannot be linked, or an owner that cannot be kept
         done = -1
     if done != 0:
         taken.give_back()
@@ -193,12 +194,17 @@ class _Taken:
         """Link everything.
 
         Raises:
-            OSError: something cannot be linked, or there is too much of it.
+            OSError: something cannot be linked, or there is too much, or a folder's owner or group cannot be kept.
         """
         shutil.copymode(self._old, self._new)
-        with suppress(OSError):  # a folder of a group stays that group's
-            os.chown(self._new, -1, self._old.stat().st_gid)
+        self._take_owner(Path())
         self._take(Path())
+
+    def _take_owner(self, below: Path) -> None:
+        """Give a new folder the owner and the group of the old one: who could write there goes on to."""
+        was, now = (self._old / below).stat(), (self._new / below).stat()
+        if (was.st_uid, was.st_gid) != (now.st_uid, now.st_gid):
+            os.chown(self._new / below, was.st_uid, was.st_gid)
 
     def _take(self, below: Path) -> None:
         device = self._old.stat().st_dev
@@ -217,6 +223,7 @@ class _Taken:
                 if target.is_symlink() or not target.is_dir():
                     raise OSError(errno.EISDIR, "a folder is where a file is to be")
                 shutil.copystat(entry.path, target)
+                self._take_owner(path)
                 self._take(path)
             elif os.path.lexists(target):
                 if target.is_dir() and not target.is_symlink():

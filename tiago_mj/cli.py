@@ -7,6 +7,7 @@ It is imported only when it is asked for.
 from __future__ import annotations
 
 import argparse
+import errno
 import importlib
 import os
 import sys
@@ -41,6 +42,8 @@ COMMANDS: Final[Mapping[str, tuple[str, str]]] = MappingProxyType(
     }
 )
 
+#: How a complaint of a drive without room begins, whatever the command.
+FULL: Final = "the drive is full"
 #: Set to see where an error came from.
 TRACEBACK: Final = "TIAGO_MJ_TRACEBACK"
 
@@ -94,8 +97,22 @@ def main(argv: Sequence[str] | None = None) -> int:
     except Exception as fault:
         if os.environ.get(TRACEBACK) or not isinstance(fault, _foreseen()):
             raise
-        print(f"tiago-mj {arguments.command}: {one_line(fault)}", file=sys.stderr)
+        print(f"tiago-mj {arguments.command}: {one_line(_told(fault, arguments))}", file=sys.stderr)
         return 2
+
+
+def _told(fault: Exception, arguments: argparse.Namespace) -> str:
+    """What a user is told of it: of the system's own errors which file and what to do, not their number."""
+    from tiago_mj.quoting import unquoted
+
+    if not isinstance(fault, OSError) or fault.errno is None:
+        return str(fault)
+    out = getattr(arguments, "out", None)
+    if fault.errno in (errno.ENOSPC, errno.EDQUOT):
+        where = f"{unquoted(out)}: " if out is not None else ""
+        return f"{where}{FULL}: make room on it, or name another place"
+    reason = (fault.strerror or str(fault)).lower()
+    return f"{unquoted(os.fsdecode(fault.filename))}: {reason}" if fault.filename else reason
 
 
 def _foreseen() -> tuple[type[BaseException], ...]:

@@ -10,6 +10,7 @@ All of them appear in ``--out`` at once, with the summary. Until then what is fi
 from __future__ import annotations
 
 import argparse
+import errno
 import hashlib
 import importlib.util
 import io
@@ -131,6 +132,8 @@ def run(arguments: argparse.Namespace) -> int:
         found = {name: asdict(one) for name, one in zip(names(arguments.folders), outcomes, strict=True)}
         text = json.dumps(found, indent=1, ensure_ascii=False) + "\n"
         _appear(place, {name: Path(task.kept) for name, task in zip(found, tasks, strict=True)}, text)
+        for file in kept.glob(f".*.{OUTCOME}"):  # first: a diagnosis of which some files are gone is not finished
+            file.unlink()
         shutil.rmtree(kept, ignore_errors=True)
     if arguments.json:
         print(text, end="")
@@ -224,11 +227,15 @@ def _models(file: Path, content: bytes) -> set[Path]:
 
 
 def diagnose(task: Task) -> Outcome:
-    """Diagnose one folder, unless that was finished before the last run was stopped."""
+    """Diagnose one folder, unless that was finished before the last run was stopped.
+
+    Raises:
+        OSError: the drive is full, which is no fault of this folder: the other diagnoses could not be written, either.
+    """
     inputs, file = _inputs(task), _outcome_file(Path(task.kept))
     try:
         done = json.loads(file.read_text(encoding="utf-8"))
-        if done["inputs"] == inputs:
+        if done["inputs"] == inputs and Path(task.kept).is_dir():
             return Outcome(**done["outcome"])
     except (OSError, ValueError, KeyError, TypeError):
         pass  # none is there
@@ -236,6 +243,8 @@ def diagnose(task: Task) -> Outcome:
     shutil.rmtree(task.kept, ignore_errors=True)
     with atomic.gathering(Path(task.out), Path(task.kept)):
         outcome = _diagnosed(task)
+    if cli.FULL in outcome.complaint:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
     if outcome.status == 0:
         atomic.write_text(file, json.dumps({"inputs": inputs, "outcome": asdict(outcome)}))
     return outcome

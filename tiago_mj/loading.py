@@ -110,6 +110,8 @@ def _failing(lead: str, mend: str, error: type[Exception]) -> Fail:
 
 
 def _text(path: Path | Traversable, fail: Fail) -> str:
+    if isinstance(path, Path) and is_pipe(path):
+        fail("it is a pipe, no file")
     try:
         with path.open("rb") as file:
             content = file.read(MAX_BYTES + 1)
@@ -121,6 +123,15 @@ def _text(path: Path | Traversable, fail: Fail) -> str:
     except (OSError, ValueError) as fault:  # ValueError: a null character in the path
         fail(getattr(fault, "strerror", None) or str(fault))
     fail(f"more than {MAX_BYTES // 1_000_000} MB")
+
+
+def is_pipe(path: Path) -> bool:
+    """Whether it is a pipe, which is waited for in vain where somebody packed it into a folder; a shell's own, <(...),
+    lie below /dev."""
+    try:
+        return path.is_fifo() and path.parts[:2] != ("/", "dev")
+    except (OSError, ValueError):
+        return False
 
 
 def _guarded(parse: Callable[[], Any], fail: Fail) -> Any:

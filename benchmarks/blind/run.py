@@ -21,9 +21,10 @@ from benchmarks.blind.cases import Case
 from benchmarks.blind.dictionary import PLAIN
 from benchmarks.blind.store import Store
 from tiago_mj import atomic
+from tiago_mj.cli import FULL
 
 #: Of drives: what they say where nothing can be written any more.
-UNWRITTEN = tuple(os.strerror(number) for number in (errno.ENOSPC, errno.EDQUOT, errno.EROFS))
+UNWRITTEN = (FULL, *(os.strerror(number).lower() for number in (errno.ENOSPC, errno.EDQUOT, errno.EROFS)))
 #: PR_SET_PDEATHSIG of linux/prctl.h.
 _END_WITH_PARENT = 1
 
@@ -122,7 +123,7 @@ def diagnose(
         else:
             shutil.rmtree(partial, ignore_errors=True)
             last = words.strip().splitlines()[-1] if words.strip() else ""
-            if any(reason in last for reason in UNWRITTEN):  # no answer of the diagnosis: it is asked again
+            if any(reason in last.lower() for reason in UNWRITTEN):  # no answer of the diagnosis: it is asked again
                 raise OSError(f"case {k:03d} cannot be written: {last}")
             atomic.write_text(store.failure(k), f"exit status {status}\n{words}")
             outcome = f"failed with exit status {status}: {last}"

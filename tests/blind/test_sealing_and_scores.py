@@ -226,6 +226,17 @@ def test_no_case_is_diagnosed_before_the_seal_and_no_label_opened_before_the_las
     assert (tmp_path / "labels.json").exists()
 
 
+@pytest.mark.parametrize("said", [f"case/.diagnosis: {cli.FULL}: make room on it", "a.html: read-only file system"])
+def test_a_drive_that_takes_nothing_is_no_answer_of_the_diagnosis(said: str, tmp_path: Path) -> None:
+    fake_case(tmp_path, 0)
+    store, planned = Store(tmp_path), plan.plan(1, 1, settings=("gripper",), only=("one",))
+    with pytest.raises(OSError, match="case 000 cannot be written"):
+        run.diagnose(
+            planned, store, run.Diagnoser(), say=lambda _: None, call=lambda _: (2, f"tiago-mj diagnose: {said}")
+        )
+    assert not store.answered(0), "it is asked again"
+
+
 def test_diagnoses_side_by_side_answer_every_case_once(tmp_path: Path) -> None:
     for number in range(5):
         fake_case(tmp_path, number)

@@ -374,3 +374,16 @@ def test_the_goal_is_drawn_where_it_is_and_drawing_does_not_disturb_the_simulati
 def test_all_six_are_registered_and_none_of_them_is_flat():
     assert set(IDS) <= set(tiago_mj.ENVIRONMENTS)
     assert all(tiago_mj.ENVIRONMENTS[name].relative is None for name in IDS)
+
+
+def test_an_arm_that_presses_on_a_load_cell_whose_curve_is_bent_observes_within_its_space():
+    bent = {"force_nonlinearity": {"quadratic": 1.0}}
+    env = gymnasium.make("tiago_mj/TIAGoPickAndPlaceTactile-v0", effects=bent)
+    rng = np.random.default_rng(3)
+    given = rng.uniform(-1, 1, (60, 10)).astype(np.float32)[40:]
+    given[:, -2:] = -np.abs(given[:, -2:])
+    env.reset(seed=2)
+    seen = [env.step(action)[0] for action in given]
+    assert all(observation in env.observation_space for observation in seen)
+    assert max(observation["observation"][-2:].max() for observation in seen) > 500  # 23 of a straight curve
+    env.close()

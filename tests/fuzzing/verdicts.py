@@ -54,6 +54,8 @@ class Watch:
         if event in _NEVER:
             if event in ("subprocess.Popen", "os.kill") and _within("tiago_mj.apart"):
                 return  # what reads in a process of its own, bounded by the system
+            if event in ("os.link", "os.chown") and _within("tiago_mj.atomic") and self._is_below(arguments):
+                return  # how a folder is exchanged whole: links to the files that stay, and the old folder's group
             self.seen.append(f"{event} {str(arguments)[:200]}")
         elif event == "exec" and not _of_code(arguments[0]):
             self.seen.append(f"exec {arguments[0]!r}"[:200])
@@ -65,6 +67,11 @@ class Watch:
             path = str(arguments[0])
             if not path.startswith((str(folder), "/tmp/")) and path.startswith("/"):
                 self.seen.append(f"{event} {path}"[:200])
+
+    def _is_below(self, arguments: tuple[Any, ...]) -> bool:
+        """Whether every path among these is below the folder."""
+        paths = [Path(one) for one in arguments if isinstance(one, (str, Path))]
+        return bool(paths) and all(self.folder is not None and one.is_relative_to(self.folder) for one in paths)
 
 
 #: Libraries that write code of their own. That of rosbags is made of names which its grammar has checked.

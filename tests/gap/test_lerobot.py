@@ -218,6 +218,14 @@ def test_a_damaged_dataset_ends_in_one_line_that_says_where(tmp_path, capsys, ho
     assert said in refused(capsys, source, "--model", model(tmp_path))
 
 
+def test_a_list_of_episodes_that_is_one_endless_line_is_not_read_to_its_end(tmp_path, capsys):
+    source = dataset(tmp_path / "cubes", version="v2.1")
+    with (source / "meta" / "episodes.jsonl").open("r+b") as file:
+        file.write(b" ")
+        file.truncate(10**12)  # zeros that take no room on the drive
+    assert "meta/episodes is not the format's" in refused(capsys, source, "--model", model(tmp_path))
+
+
 def test_a_model_that_does_not_fit_ends_in_one_line(tmp_path, capsys):
     source = dataset(tmp_path / "cubes")
     urdf = tmp_path / "arm.urdf"

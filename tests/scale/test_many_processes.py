@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import subprocess
 import sys
 import time
@@ -120,6 +121,67 @@ def test_what_was_finished_before_a_stop_is_not_diagnosed_again_unless_its_recor
         made.clear()
         assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["a", "b", "diagnoses.json"]
         assert sorted(path.name for path in tmp_path.iterdir()) == ["a", "b", "c", "out"]
+
+
+@pytest.mark.parametrize("gone", [False, True], ids=["a file", "the folder"])
+def test_a_run_that_is_stopped_while_it_clears_up_is_made_again(gone, tmp_path, monkeypatch):
+    def diagnosed(task):
+        with atomic.replacing_set(Path(task.out)) as new:
+            (new / "diagnosis.json").write_text("{}")
+            (new / "report.html").write_text("whole")
+        return diagnose_all.Outcome(0)
+
+    def stopped(path, **options):
+        if Path(path).name.endswith(".unfinished"):
+            (Path(path) / "a" / "report.html").unlink()
+            if gone:
+                remove(Path(path) / "a")
+            raise KeyboardInterrupt
+        remove(path, **options)
+
+    monkeypatch.setattr(diagnose_all, "_diagnosed", diagnosed)
+    remove = shutil.rmtree
+    (tmp_path / "a").mkdir()
+    words = ["diagnose-all", str(tmp_path / "a"), "--out", str(tmp_path / "out"), "--jobs", "1", "--json"]
+    monkeypatch.setattr(diagnose_all.shutil, "rmtree", stopped)
+    assert cli.main(words) == 130
+    monkeypatch.setattr(diagnose_all.shutil, "rmtree", remove)
+    assert cli.main(words) == 0
+    assert sorted(path.name for path in (tmp_path / "out" / "a").iterdir()) == ["diagnosis.json", "report.html"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a", "out"]
+
+
+def test_a_drive_that_is_full_ends_all_and_leaves_the_old_diagnoses(tmp_path, capsys, monkeypatch):
+    made = []
+
+    def diagnosed(task):
+        made.append(Path(task.out).name)
+        if full and made[-1] == "b":
+            return diagnose_all.Outcome(2, f"out: {cli.FULL}: make room on it, or name another place")
+        with atomic.replacing_set(Path(task.out)) as new:
+            (new / "diagnosis.json").write_text(json.dumps(len(made)))
+        return diagnose_all.Outcome(0)
+
+    monkeypatch.setattr(diagnose_all, "_diagnosed", diagnosed)
+    for name in "ab":
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "x.csv").write_text("1")
+    words = ["diagnose-all", *(str(tmp_path / name) for name in "ab"), "--out", str(tmp_path / "out"), "--jobs", "1"]
+
+    def written():
+        return {str(path): path.read_text() for path in (tmp_path / "out").rglob("*.json")}
+
+    full = False
+    assert cli.main([*words, "--json"]) == 0
+    before = written()
+    full = True
+    assert cli.main([*words, "--json", "--seed", "1"]) == 2
+    assert cli.FULL in capsys.readouterr().err
+    assert written() == before
+    full = False
+    assert cli.main([*words, "--json", "--seed", "1"]) == 0
+    assert made == ["a", "b", "a", "b", "b"], "what was finished is kept"
+    assert written() != before
 
 
 @pytest.mark.slow

@@ -8,6 +8,7 @@ module says how far the model is from the robot, not why.
 from __future__ import annotations
 
 import hashlib
+import warnings
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -127,7 +128,9 @@ def load(folder: Path) -> Recording:
 def _read(path: Path) -> Array:
     columns = 1 + len(JOINTS)
     try:
-        table = np.loadtxt(path, delimiter=",", skiprows=1, ndmin=2)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # a table without rows is refused below
+            table = np.loadtxt(path, delimiter=",", skiprows=1, ndmin=2)
     except ValueError as fault:
         raise ValueError(f"{path} is not a table of numbers with one heading line: {fault}") from fault
     if table.shape[0] < 100 or table.shape[1] != columns:

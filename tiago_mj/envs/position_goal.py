@@ -121,7 +121,9 @@ class PositionGoal(RobotEnv):
     def _observation_bound(self) -> Array:
         parts = [self._joint_bound(), *self._seen_bound()]
         if self.force_type != "none":
-            parts.append(np.full(2, self.load_cell.units(FORCE_BOUND)))
+            # An arm presses with some 500 N, and the load cell's curve may be bent: x + x² (force_nonlinearity).
+            reading = self.load_cell.units(FORCE_BOUND)
+            parts.append(np.full(2, reading + reading**2))
         return np.concatenate(parts)
 
     def _goal_bound(self) -> Array:

@@ -7,6 +7,8 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
+from tiago_mj.loading import is_pipe
+
 #: Bytes in which an XML file's first element is sought.
 _BEGINNING = 1_000_000
 CHECKOUT = Path(__file__).resolve().parents[2] / "models"
@@ -29,8 +31,10 @@ def refuse_urdf(path: Path) -> None:
     """Refuse a URDF, or what makes one, where an MJCF is wanted; MuJoCo would load it without servos and limits.
 
     Raises:
-        ValueError: says which command makes an MJCF of it.
+        ValueError: says which command makes an MJCF of it, or that it is a pipe.
     """
+    if is_pipe(path):
+        raise ValueError(f"{path} is a pipe: name a file")
     if path.suffix.lower() == ".xacro":
         urdf = path.stem if path.stem.endswith(".urdf") else f"{path.stem}.urdf"
         raise ValueError(f"{path} is xacro, not MJCF: run xacro {path} > {urdf}, then tiago-mj convert {urdf}")

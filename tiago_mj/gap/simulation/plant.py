@@ -26,7 +26,7 @@ from tiago_mj.gap.data.nominal_priors import grids, known_to
 from tiago_mj.gap.data.recording import RecordingError, Sidecar, Trial
 from tiago_mj.loading import is_file
 from tiago_mj.models import names, scene
-from tiago_mj.models.bounded import load_model
+from tiago_mj.models.bounded import check_speed, load_model
 from tiago_mj.models.objects import SHAPES, GraspObject
 from tiago_mj.quoting import quoted
 from tiago_mj.sensing.load_cell import LoadCell
@@ -348,6 +348,7 @@ def _plain(trials: Sequence[Trial], path: Path) -> Plant:
     if not is_file(path):
         raise RecordingError(f"no model file {quoted(str(path))}: give --model FILE.xml")
     model = load_model(path, f"{path.name} does not compile", RecordingError)
+    check_speed(model, path.name, RecordingError)
     commands = list(trials[0].commands)
     measured = dict.fromkeys(name for trial in trials for name in (*trial.positions, *trial.velocities))
     by_command = {}

@@ -83,6 +83,9 @@ def load(shape: Shape, path: Path) -> Any:
     if not _is_whole(mesh):
         raise ConversionError(shape.where, f"mesh {path} holds no triangles", "export it again, best as STL")
     scale = np.array(shape.size) * _metres_per_unit(mesh, path)
+    if np.abs(scale).max() > LARGEST:
+        what = f"mesh {path} is scaled by {np.abs(scale).max():g}"
+        raise ConversionError(shape.where, what, "give a scale such as 0.001")
     if not np.allclose(scale, 1.0):
         mesh.apply_transform(np.diag([*scale, 1.0]))
     return mesh

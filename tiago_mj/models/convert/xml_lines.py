@@ -7,6 +7,7 @@ from typing import Final
 from xml.etree import ElementTree as ET
 from xml.parsers import expat
 
+from tiago_mj.loading import is_pipe
 from tiago_mj.models.convert.errors import ConversionError
 
 Lines = dict[ET.Element, int]
@@ -23,6 +24,8 @@ def parse(path: Path) -> tuple[ET.Element, Lines]:
     Raises:
         ConversionError: the file cannot be read, is not well-formed, or declares a document type.
     """
+    if is_pipe(path):
+        raise ConversionError(str(path), "is a pipe", "give the path of a URDF file")
     try:
         with path.open("rb") as file:
             text = file.read(BYTES + 1)

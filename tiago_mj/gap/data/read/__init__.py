@@ -110,6 +110,10 @@ def _defaults(content: Mapping[str, Any], given: Mapping[str, Any] | None) -> di
 
 
 def _load(path: Path, content: Mapping[str, Any]) -> Table:
+    try:
+        str(path).encode()
+    except UnicodeEncodeError as fault:  # of another system, or unpacked as another encoding
+        raise RecordingError(f"{unquoted(path)}: this name is no UTF-8 text: rename the file or its folder") from fault
     beside = path.with_name(path.name + ".json") if path.is_dir() else path.with_suffix(".json")
     sidecar = load_sidecar(beside) if beside.is_file() else {}
     if path.is_dir() or path.suffix.lower() in BAGS:

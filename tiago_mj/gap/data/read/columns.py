@@ -78,6 +78,7 @@ def trial_from_table(
             stated[target.column] = unit
         if scale != 1.0:
             values = values * scale
+            check_values(values, column, file)
         if kind == "time":
             time, declared = values, unit is not None
         elif kind == TORQUE:

@@ -33,7 +33,9 @@ from tiago_mj.schema import Closed, SchemaError, checked
 FACTS: Final = ("robot", "rate_hz", "interface", "servo", "sensing", "object")
 #: Kinds of which there is no joint, actuator or sensor to be named.
 NAMELESS: Final = ("time", TORQUE)
-_SCALE: Final = "give a number other than 0, such as -1"
+#: Factor between what a column holds and its unit, or one over it; nanometres in a column of kilometres have 1e12.
+MOST_SCALE: Final = 1e12
+_SCALE: Final = "give a number other than 0, such as -1, and no larger than 1e12"
 
 
 class _Entry(Closed):
@@ -99,8 +101,8 @@ def _target(column: str, entry: Any, file: str) -> Target:
         raise RecordingError(f"{where}: kind {quoted(kind)} is unknown: use {', '.join((*NAMELESS, *KINDS))}")
     if kind not in NAMELESS and not said.name:
         raise RecordingError(f"{where}: name is missing: give the joint's, actuator's or sensor's")
-    if said.scale == 0:
-        raise RecordingError(f"{where}: scale is 0: {_SCALE}")
+    if not 1 / MOST_SCALE <= abs(said.scale) <= MOST_SCALE:
+        raise RecordingError(f"{where}: scale is {said.scale:g}: {_SCALE}")
     if unit is not None:
         try:
             factor(kind, unit)

@@ -72,7 +72,14 @@ def read_table(path: Path, sidecar: Mapping[str, Any], sidecar_file: str) -> Tab
     Raises:
         RecordingError: it is empty, cut off, too long, or not of its format.
     """
-    if path.stat().st_size == 0:
+    try:
+        size = path.stat().st_size
+    except OSError as fault:  # such as a link to a file that was not fetched (git annex)
+        reason = (fault.strerror or str(fault)).lower()
+        raise RecordingError(
+            f"{path.name}: it cannot be read ({reason}): fetch the file itself, or leave it out"
+        ) from fault
+    if size == 0:
         raise RecordingError(f"{path.name}: the file is empty: record again or leave it out")
     columns, text, cut, said = _read_csv(path) if path.suffix.lower() in TEXT else (*_read_parquet(path), False, "")
     findings = (Finding("unit_scale", path.name, "", said, repaired=True),) if said else ()
@@ -225,12 +232,16 @@ def _read_csv(path: Path) -> tuple[dict[str, Array], dict[str, str], bool, str]:
     header = dialect.header
     if not header or not any(header):
         raise RecordingError(f"{path.name}: the first line is no header: name the columns there")
+    size = path.stat().st_size
+    if size > MAX_CELLS * MAX_CELL:
+        raise RecordingError(
+            f"{path.name}: it has {size // 1_000_000} MB, and at most {MAX_CELLS} cells are read: cut it into "
+            "trials, one motion each"
+        )
     lines, cut = _count_lines(path)
     check_size(path.name, lines - dialect.rows, len(header))
-    if path.stat().st_size > max(lines * len(header) * MAX_CELL, 16 * _BLOCK):
-        raise RecordingError(
-            f"{path.name}: {path.stat().st_size // 1_000_000} MB in {lines} rows are no table of numbers: is it CSV?"
-        )
+    if size > max(lines * len(header) * MAX_CELL, 16 * _BLOCK):
+        raise RecordingError(f"{path.name}: {size // 1_000_000} MB in {lines} rows are no table of numbers: is it CSV?")
     if csv_dialect.is_number(header[0]):
         raise RecordingError(f"{path.name}: the first line holds numbers: put the columns' names there")
     # The last cell of a file that does not end in a line's end may be half a number.

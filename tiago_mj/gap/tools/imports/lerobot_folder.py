@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import partial
 from itertools import islice
 from pathlib import Path
 from typing import Any, Final
@@ -19,6 +20,8 @@ from tiago_mj.quoting import is_one_of, quoted, unquoted
 
 STATE: Final = "observation.state"
 ACTION: Final = "action"
+#: Characters of a line of ``episodes.jsonl``, which has an episode's number, length and task.
+LONGEST_LINE: Final = 1_000_000
 _ROW: Final = ("episode_index", "frame_index", "timestamp")
 #: Stamps that are the row's number over the rate, to this share of a period, are taken so: float32 rounds them.
 NOMINAL: Final = 1e-2
@@ -204,8 +207,9 @@ def _listed(path: Path) -> tuple[dict[int, int], dict[int, str]]:
             name = f"meta/episodes/{file.parent.name}/{file.name}"
             entries += read_parquet(file, name, ("episode_index", "length"), ("tasks",)).to_pylist()
         if not entries and old.is_file():
-            with old.open(encoding="utf-8") as lines:
-                entries = [parse_json(line, "a line is no JSON") for line in islice(lines, MAX_ROWS) if line.strip()]
+            with old.open(encoding="utf-8") as stream:
+                lines = islice(iter(partial(stream.readline, LONGEST_LINE), ""), MAX_ROWS)
+                entries = [parse_json(line, "a line is no JSON") for line in lines if line.strip()]
         lengths = {int(entry["episode_index"]): int(entry["length"]) for entry in entries}
         said = {int(entry["episode_index"]): entry.get("tasks") for entry in entries}
     except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as fault:

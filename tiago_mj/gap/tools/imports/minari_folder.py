@@ -139,7 +139,10 @@ def _hdf5(dataset: Dataset) -> Iterator[tuple[int, dict[str, Any], int | None]]:
                         _walk(part, group[part], arrays)
                 seed = group.attrs.get("seed")
                 yield index, arrays, None if seed is None else int(seed)
-    except (OSError, KeyError, RuntimeError, TypeError, MemoryError) as fault:
+    except RecordingError:
+        raise
+    # ValueError: names of groups that are no UTF-8
+    except (OSError, KeyError, RuntimeError, TypeError, ValueError, MemoryError) as fault:
         raise RecordingError(
             f"{_FILE}: not a whole HDF5 file ({' '.join(str(fault).split())[:120]}): it was cut off or is of another "
             "format; copy it again"
