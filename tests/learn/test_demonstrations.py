@@ -1,5 +1,7 @@
 """Demonstrations are replayed like the agent's own episodes, and the actor follows those that the critic prefers."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -53,6 +55,28 @@ def test_examples_are_what_the_controller_meant_not_the_noise():
     assert np.abs(found.intended).max() <= 1.0
     other = demonstrations.played(chosen, 2, seed=1)
     assert not np.array_equal(found.observations["desired_goal"], other.observations["desired_goal"])
+
+
+@pytest.mark.parametrize(("keep", "pulls"), [(0.0, (8.0, 4.0, 0.0)), (0.25, (8.0, 5.0, 2.0)), (1.0, (8.0, 8.0, 8.0))])
+def test_the_pull_falls_to_the_share_that_is_kept(keep, pulls):
+    chosen = settings(weight=8.0, updates=0, keep=keep)
+    model = model_of(chosen)
+    build.demonstrate(model, chosen, 0, stored=False)
+    assert [model.examples.weight(left) for left in (1.0, 0.5, 0.0)] == pytest.approx(list(pulls))
+
+
+def test_observations_of_demonstrations_are_normalised_from_the_start():
+    chosen = settings()
+    chosen = replace(chosen, hyperparameters=chosen.hyperparameters | {"normalize": {"norm_reward": False}})
+    model = model_of(chosen)
+    build.demonstrate(model, chosen, 0, stored=False)
+    statistics = model.get_vec_normalize_env().obs_rms
+    found = demonstrations.played(chosen, 2, seed=0).observations
+    for name, one in statistics.items():
+        rows = found[name].reshape(-1, found[name].shape[-1])
+        np.testing.assert_allclose(one.mean, rows.mean(axis=0), rtol=1e-3, atol=1e-5)
+    seen, _ = model.examples.drawn(model.get_vec_normalize_env())
+    assert 0.7 < float(seen["desired_goal"].std(dim=0).mean()) < 1.3
 
 
 def test_the_pull_is_the_gradient_of_the_squared_difference():

@@ -107,7 +107,8 @@ def make_model(settings: Settings, env: Any, seed: int, *, fast: bool = True, fu
     shown = given.get("demonstrations")
     if shown and not hasattr(model, "examples"):
         raise ValueError(f"demonstrations are of td3 and her-td3: leave them out of the hyperparameters for {algo}")
-    for key in (*(("leak",) if getattr(model, "leak", 0.0) else ()), *(("demonstrations",) if shown else ())):
+    used = [key for key in ("leak", "action_cost", "value_range") if getattr(model, key, None)]
+    for key in (*used, *(("demonstrations",) if shown else ())):
         from tiago_mj.learn.updates import plain
 
         if not plain(model):
@@ -133,9 +134,11 @@ def demonstrate(model: Any, settings: Settings, seed: int, *, stored: bool) -> N
     from tiago_mj.learn import demonstrations
 
     found = demonstrations.played(settings, model.env.num_envs, seed)
-    model.examples = demonstrations.Examples(found, asked["weight"])
+    model.examples = demonstrations.Examples(found, asked["weight"], asked.get("keep", 0.0))
     if not stored:
         demonstrations.store(found, model.replay_buffer)
+        if (normalised := model.get_vec_normalize_env()) is not None:
+            demonstrations.show(found, normalised)
         model.imitate(asked["updates"])
 
 

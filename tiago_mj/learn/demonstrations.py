@@ -95,19 +95,38 @@ def store(found: Demonstrations, buffer: Any) -> None:
         )
 
 
+def show(found: Demonstrations, normalised: Any) -> None:
+    """Let a ``VecNormalize`` count their observations as seen.
+
+    What the actor imitates is normalised as what it observes afterwards is: statistics that only began with the first
+    step would change all that it has learned until then.
+    """
+    if not (normalised.norm_obs and normalised.training):
+        return
+    seen, statistics = found.observations, normalised.obs_rms
+    pairs = [(seen[name], one) for name, one in statistics.items()] if isinstance(seen, dict) else [(seen, statistics)]
+    for part, one in pairs:
+        one.update(part.reshape(-1, part.shape[-1]))
+
+
 class Examples:
     """Demonstrated actions that the actor is compared with.
 
     Args:
         found: demonstrations.
-        weight: of the mean squared difference, in units of the critic's mean value; it falls to 0 over the training.
+        weight: of the mean squared difference, in units of the critic's mean value, at the beginning.
+        keep: share of the weight to which it falls over the training.
         batch: how many are compared with at each update of the actor.
     """
 
-    def __init__(self, found: Demonstrations, weight: float, batch: int = 256) -> None:
-        self.weight, self._batch = weight, batch
+    def __init__(self, found: Demonstrations, weight: float, keep: float = 0.0, batch: int = 256) -> None:
+        self._weight, self._keep, self._batch = weight, keep, batch
         self._seen = _each(found.observations, lambda part: part.reshape(-1, *part.shape[2:]).astype(np.float32))
         self._actions = found.intended.reshape(-1, found.intended.shape[-1])
+
+    def weight(self, left: float) -> float:
+        """Of the mean squared difference when a share of the training is left, 1 to 0."""
+        return self._weight * (self._keep + (1.0 - self._keep) * left)
 
     def drawn(self, normalised: Any = None) -> tuple[Any, Any]:
         """Some of them: observations as the networks take them, and actions, (batch, n) tensors.
