@@ -155,6 +155,10 @@ class _Demonstrations(Closed):
     )
     weight: float = Field(default=1.0, ge=0, le=1e6, description="give a number, 0 or more")
     keep: _Share = Field(default=0.0, description="give a share of the weight, 0 to 1")
+    rounds: Annotated[int, Field(ge=0, le=1000), BeforeValidator(_whole)] = Field(
+        default=0, description="give a whole number, 0 or more"
+    )
+    round_episodes: _Whole = Field(default=50, description=_WHOLE)
 
 
 class _Entry(Closed):
