@@ -1,5 +1,7 @@
 """Demonstrations are replayed like the agent's own episodes, and the actor follows those that the critic prefers."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -23,6 +25,8 @@ def settings(env="TIAGoReach-v0", algo="her-td3", **asked):
         "batch_size": 16,
         "train_freq": [5, "step"],
         "gradient_steps": 2,
+        "normalize": False,
+        "leak": 0.0,
         "demonstrations": shown,
     }
     return Settings(f"tiago_mj/{env}", algo, 300, {"max_episode_steps": STEPS}, None, given, checkpoint_every=150,
@@ -55,6 +59,28 @@ def test_examples_are_what_the_controller_meant_not_the_noise():
     assert not np.array_equal(found.observations["desired_goal"], other.observations["desired_goal"])
 
 
+@pytest.mark.parametrize(("keep", "pulls"), [(0.0, (8.0, 4.0, 0.0)), (0.25, (8.0, 5.0, 2.0)), (1.0, (8.0, 8.0, 8.0))])
+def test_the_pull_falls_to_the_share_that_is_kept(keep, pulls):
+    chosen = settings(weight=8.0, updates=0, keep=keep)
+    model = model_of(chosen)
+    build.demonstrate(model, chosen, 0, stored=False)
+    assert [model.examples.weight(left) for left in (1.0, 0.5, 0.0)] == pytest.approx(list(pulls))
+
+
+def test_observations_of_demonstrations_are_normalised_from_the_start():
+    chosen = settings()
+    chosen = replace(chosen, hyperparameters=chosen.hyperparameters | {"normalize": {"norm_reward": False}})
+    model = model_of(chosen)
+    build.demonstrate(model, chosen, 0, stored=False)
+    statistics = model.get_vec_normalize_env().obs_rms
+    found = demonstrations.played(chosen, 2, seed=0).observations
+    for name, one in statistics.items():
+        rows = found[name].reshape(-1, found[name].shape[-1])
+        np.testing.assert_allclose(one.mean, rows.mean(axis=0), rtol=1e-3, atol=1e-5)
+    seen, _ = model.examples.drawn(model.get_vec_normalize_env())
+    assert 0.7 < float(seen["desired_goal"].std(dim=0).mean()) < 1.3
+
+
 def test_the_pull_is_the_gradient_of_the_squared_difference():
     chosen = settings(updates=0)
     model = model_of(chosen)
@@ -79,8 +105,9 @@ def test_the_actor_imitates_before_the_first_step():
     assert after < 0.5 * before
 
 
-def test_a_training_that_goes_on_has_the_same_demonstrations(tmp_path, monkeypatch):
-    chosen = settings()
+@pytest.mark.parametrize("rounds", [0, 1])
+def test_a_training_that_goes_on_has_the_same_demonstrations(tmp_path, monkeypatch, rounds):
+    chosen = settings(rounds=rounds, round_episodes=2)
     whole = train_seed(Task(chosen, 0, str(tmp_path / "whole")))
     from tiago_mj.learn import callbacks
 
@@ -104,6 +131,47 @@ def test_a_training_that_goes_on_has_the_same_demonstrations(tmp_path, monkeypat
     first, second = (np.load(tmp_path / name / "last.npz") for name in ("whole", "two"))
     for key in first.files:
         np.testing.assert_array_equal(first[key], second[key])
+
+
+def test_in_further_rounds_the_actor_acts_and_the_controller_says_what_it_would_have_done():
+    chosen = settings(noise=0.0, rounds=2, round_episodes=2)
+    still = np.zeros(10, dtype=np.float32)
+    found = demonstrations.played(chosen, 2, seed=0, turn=1, actor=lambda observation: still)
+    assert found.actions.shape[:2] == (STEPS, 2)
+    assert (found.actions == 0).all()
+    hand = found.observations["achieved_goal"]
+    assert np.abs(hand - hand[0]).max() < 0.02, "nobody moved"
+    assert np.abs(found.intended[..., :8]).max(axis=-1).min() > 0.1, "at every step it would have moved"
+    first = demonstrations.played(chosen, 2, seed=0)
+    assert not np.array_equal(first.observations["desired_goal"][0], found.observations["desired_goal"][0])
+
+
+def test_further_rounds_are_replayed_and_imitated():
+    chosen = settings(rounds=2, round_episodes=2, updates=4)
+    model = model_of(chosen)
+    build.demonstrate(model, chosen, 0, stored=False)
+    assert model.replay_buffer.pos * model.replay_buffer.n_envs == (4 + 2 + 2) * STEPS
+    assert model.replay_buffer.buffer_size * model.replay_buffer.n_envs >= 300 + (4 + 2 + 2) * STEPS
+    torch.manual_seed(0)
+    goals = {tuple(goal) for goal in model.examples.drawn()[0]["desired_goal"].tolist()}
+    assert len(goals) == 8, "256 draws of the goals of eight episodes"
+
+
+def test_examples_of_another_task_or_none_are_refused(tmp_path):
+    chosen = settings(rounds=1, round_episodes=2, updates=0)
+    model = model_of(chosen)
+    build.demonstrate(model, chosen, 0, stored=False, folder=tmp_path)
+    build.demonstrate(model, chosen, 0, stored=True, folder=tmp_path)
+    path = tmp_path / demonstrations.FILE
+    with np.load(path) as kept:
+        numbers = dict(kept)
+    for name, value in (("actions", numbers["actions"][:, :3]), ("seen_observation", numbers["actions"])):
+        np.savez(path, **numbers | {name: value})
+        with pytest.raises(ValueError, match=r"examples.npz holds no examples that can be read: they are of another"):
+            build.demonstrate(model, chosen, 0, stored=True, folder=tmp_path)
+    path.write_bytes(b"no archive")
+    with pytest.raises(ValueError, match=r"examples.npz holds no examples that can be read"):
+        build.demonstrate(model, chosen, 0, stored=True, folder=tmp_path)
 
 
 def test_controllers_of_other_tasks_and_other_algorithms_are_refused():

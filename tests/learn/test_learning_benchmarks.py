@@ -70,3 +70,22 @@ def test_settings_that_are_not_trained_on_lie_outside_of_what_the_steady_task_dr
         assert name == "as trained" or options
         for key, (low, high) in options.items():
             assert high <= drawn[key][0] or low >= drawn[key][1], name
+
+
+def test_a_task_is_played_as_it_is_registered_beside_the_controllers_that_know_it():
+    from tiago_mj.rollout.options import make_env
+
+    every = importlib.import_module("every_robot")
+    found = {}
+    for name in ("TIAGoTactile-v0", "TIAGoPush-v0", "GripperCloseGoal-v0"):
+        env = make_env(f"tiago_mj/{name}", {})
+        found[name] = every.controllers_of(env)
+        if name == "TIAGoTactile-v0":
+            alone = every.gripper(env, {"object_offset": 0.0})
+            assert alone.spec.id == "tiago_mj/GripperTactile-v0"
+            assert len(every.bounds_of(alone, [7])) == 1, "the whole robot has no bound of its own"
+            alone.close()
+        env.close()
+    assert found == {
+        "TIAGoTactile-v0": ("pi", "pi-tuned"), "TIAGoPush-v0": ("scripted",), "GripperCloseGoal-v0": ()
+    }  # fmt: skip

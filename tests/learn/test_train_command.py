@@ -80,7 +80,8 @@ def test_the_folder_holds_agents_curves_and_a_card(trained):
     assert "| object_offset | 0.0 |" in page
     assert "| steps | 1200 |" in page
     assert "--seeds 2 --steps 1200 --hyperparameters FILE --env-option 'max_episode_steps=40' " in page
-    assert "--evaluate-every 400 --out DIR" in page
+    assert "--evaluate-every 400 --evaluation-episodes 3 --checkpoint-every 400 --out DIR" in page
+    assert card["seeds"][0]["processor_seconds"] > 0
     curve = json.loads((trained / "curves.json").read_text())
     for part in (curve["training"], curve["evaluation"]):
         assert len(part["steps"]) == len(part["median"]) == curves.POINTS

@@ -8,12 +8,13 @@ import pytest
 torch = pytest.importorskip("torch", reason="needs the extra 'train'")
 from stable_baselines3 import TD3, HerReplayBuffer  # noqa: E402
 from stable_baselines3.common.logger import Logger  # noqa: E402
+from stable_baselines3.common.type_aliases import ReplayBufferSamples  # noqa: E402
 
 from tiago_mj.learn.build import make_env, make_model  # noqa: E402
 from tiago_mj.learn.perceptron import stacked  # noqa: E402
 from tiago_mj.learn.replay import HindsightBuffer  # noqa: E402
 from tiago_mj.learn.settings import Settings  # noqa: E402
-from tiago_mj.learn.updates import FastTD3  # noqa: E402
+from tiago_mj.learn.updates import Descent, FastTD3  # noqa: E402
 from tiago_mj.learn.zoo_form import read_hyperparameters  # noqa: E402
 
 #: Float32 rounding (6e-8) grows through some hundred Adam steps, whose size is 1e-3 whatever the gradient's.
@@ -137,7 +138,54 @@ def test_an_actor_at_the_end_of_its_range_comes_back_if_its_tanh_leaks(leak, com
     assert (action < 0).all() if comes_back else (action == 1).all()
 
 
-def test_a_leak_is_for_networks_whose_updates_are_ours():
-    other = settings("td3", "GripperTactile-v0", leak=0.1, policy_kwargs={"net_arch": [8], "activation_fn": "Tanh"})
-    with pytest.raises(ValueError, match="leak is of networks with ReLU"):
+@pytest.mark.parametrize(("action_cost", "rests"), [(1.0, True), (0.0, False)])
+def test_an_actor_that_pays_for_its_actions_rests_where_they_earn_nothing(action_cost, rests):
+    changes = {"policy_kwargs": {"net_arch": [16]}, "gamma": 0.0, "learning_rate": 0.01, "action_cost": action_cost}
+    chosen = settings("td3", "GripperTactile-v0", **changes)
+    model = make_model(chosen, make_env(chosen, 1), 0)
+    seen, generator = model.observation_space.shape, np.random.default_rng(0)
+    for _ in range(200):
+        action = generator.uniform(-1, 1, (1, 2)).astype(np.float32)
+        model.replay_buffer.add(np.zeros((1, *seen)), np.zeros((1, *seen)), action, np.zeros(1), np.ones(1), [{}])
+    with torch.no_grad():
+        model.actor.mu[-2].bias.fill_(1.0)
+    model.set_logger(Logger(folder=None, output_formats=[]))
+    model.train(600, 32)
+    action, _ = model.predict(np.zeros(seen, dtype=np.float32), deterministic=True)
+    assert (np.abs(action).max() < 0.05) == rests
+
+
+def test_what_an_action_costs_is_in_the_actors_gradient():
+    chosen = settings("td3", "GripperTactile-v0", policy_kwargs={"net_arch": [8]}, action_cost=0.7)
+    model = make_model(chosen, make_env(chosen, 1), 0)
+    seen = torch.randn(5, *model.observation_space.shape)
+    descent = Descent(model)
+    with torch.no_grad():
+        descent._update_actor(seen)
+    action = model.actor(seen)
+    judged = model.critic.q1_forward(seen, action)
+    loss = 0.7 * (action**2).mean() - judged.mean()
+    expected = torch.autograd.grad(loss, list(model.actor.mu.parameters()))
+    ours = descent._actor_gradient.flat
+    torch.testing.assert_close(ours, torch.cat([part.reshape(-1) for part in expected]), rtol=1e-4, atol=1e-7)
+    assert descent.actor_loss == pytest.approx(loss.item(), rel=1e-5)
+
+
+@pytest.mark.parametrize(("value_range", "taught"), [(None, (-1.6, -0.2)), ([-1.5, -0.4], (-1.5, -0.4))])
+def test_critics_are_taught_no_value_beyond_the_range(value_range, taught):
+    chosen = settings("td3", "GripperTactile-v0", gamma=0.0, value_range=value_range)
+    model = make_model(chosen, make_env(chosen, 1), 0)
+    rewards = torch.tensor([[-1.6], [-1.0], [-0.2]])
+    seen = torch.zeros(3, *model.observation_space.shape)
+    batch = ReplayBufferSamples(seen, torch.zeros(3, 2), seen, torch.zeros(3, 1), rewards)
+    with torch.no_grad():
+        wanted = Descent(model)._wanted(batch, seen).flatten().tolist()
+    assert wanted == pytest.approx([taught[0], -1.0, taught[1]])
+
+
+@pytest.mark.parametrize(("key", "value"), [("leak", 0.1), ("action_cost", 0.1), ("value_range", [-20, 0])])
+def test_what_only_our_updates_know_is_for_their_networks(key, value):
+    changes = {key: value, "policy_kwargs": {"net_arch": [8], "activation_fn": "Tanh"}}
+    other = settings("td3", "GripperTactile-v0", **changes)
+    with pytest.raises(ValueError, match=f"{key} is of networks with ReLU"):
         make_model(other, make_env(other, 1), 0)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any, Final
 
 import gymnasium
@@ -107,7 +108,8 @@ def make_model(settings: Settings, env: Any, seed: int, *, fast: bool = True, fu
     shown = given.get("demonstrations")
     if shown and not hasattr(model, "examples"):
         raise ValueError(f"demonstrations are of td3 and her-td3: leave them out of the hyperparameters for {algo}")
-    for key in (*(("leak",) if getattr(model, "leak", 0.0) else ()), *(("demonstrations",) if shown else ())):
+    used = [key for key in ("leak", "action_cost", "value_range") if getattr(model, key, None)]
+    for key in (*used, *(("demonstrations",) if shown else ())):
         from tiago_mj.learn.updates import plain
 
         if not plain(model):
@@ -115,7 +117,7 @@ def make_model(settings: Settings, env: Any, seed: int, *, fast: bool = True, fu
     return model
 
 
-def demonstrate(model: Any, settings: Settings, seed: int, *, stored: bool) -> None:
+def demonstrate(model: Any, settings: Settings, seed: int, *, stored: bool, folder: Path | None = None) -> None:
     """Give a model the demonstrations that its hyperparameters ask for, if they do.
 
     Args:
@@ -123,20 +125,34 @@ def demonstrate(model: Any, settings: Settings, seed: int, *, stored: bool) -> N
         settings: of the training.
         seed: of the training.
         stored: whether the replay buffer has them already, as that of a checkpoint does.
+        folder: of the seed; examples of further rounds are kept there for whoever goes on.
 
     Raises:
-        ValueError: there is no such controller for this environment; one line.
+        ValueError: there is no such controller for this environment, or kept examples are damaged; one line.
     """
     asked = settings.hyperparameters.get("demonstrations")
     if not asked:
         return
     from tiago_mj.learn import demonstrations
+    from tiago_mj.learn.export import agent_of
 
+    rounds = int(asked.get("rounds", 0))
     found = demonstrations.played(settings, model.env.num_envs, seed)
-    model.examples = demonstrations.Examples(found, asked["weight"])
-    if not stored:
+    model.examples = demonstrations.Examples(found, asked["weight"], asked.get("keep", 0.0))
+    if stored:
+        if rounds and folder is not None:
+            model.examples.restore(folder / demonstrations.FILE)
+        return
+    for turn in range(rounds + 1):
+        if turn:
+            found = demonstrations.played(settings, model.env.num_envs, seed, turn=turn, actor=agent_of(model))
+            model.examples.add(found)
         demonstrations.store(found, model.replay_buffer)
+        if (normalised := model.get_vec_normalize_env()) is not None:
+            demonstrations.show(found, normalised)
         model.imitate(asked["updates"])
+    if rounds and folder is not None:
+        model.examples.save(folder / demonstrations.FILE)
 
 
 def _wrapped(env: Any, given: Mapping[str, Any]) -> Any:
@@ -181,7 +197,9 @@ def _rollout(settings: Settings, envs: int) -> dict[str, Any]:
         updates = max(1, round(settings.updates_per_step * collected))
     most = envs * (math.ceil((settings.steps + collected) / envs) + 1)  # what can ever be stored
     if shown := given.get("demonstrations"):
-        most += envs * -(-int(shown["episodes"]) // envs) * settings.episode_steps
+        from tiago_mj.learn.demonstrations import episodes_in_all
+
+        most += episodes_in_all(shown, envs) * settings.episode_steps
     return {
         "train_freq": (count, unit),
         "gradient_steps": int(updates),

@@ -99,8 +99,10 @@ def command(settings: Settings, seeds: int) -> str:
         words.append("--effects FILE")
     if settings.randomise is not None:
         words.append("--randomise FILE")
-    if settings.evaluate_every != Settings.evaluate_every:  # among the evaluated policies the best is chosen
-        words.append(f"--evaluate-every {settings.evaluate_every}")
+    for name in ("evaluate_every", "evaluation_episodes", "checkpoint_every"):
+        # The best of the evaluated policies is chosen, and at a checkpoint all environments begin new episodes.
+        if (number := getattr(settings, name)) != getattr(Settings, name):
+            words.append(f"--{name.replace('_', '-')} {number}")
     return " ".join([*words, "--out DIR"])
 
 

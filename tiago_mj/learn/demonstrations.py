@@ -4,21 +4,30 @@ An agent that has never touched an object cannot learn what touching is worth. T
 own are, with hindsight where there is hindsight. Before its first step the actor imitates the controller and the
 critics learn what that earns; from then on the actor is pulled towards the controller's actions, less and less (TD3
 with behaviour cloning, Fujimoto and Gu 2021, arXiv 2106.06860, equation 3, whose 1 / 2.5 is a weight of 0.4 here).
+
+An actor that only imitates goes astray where the controller never was. So there may be further rounds before the first
+step, in which the actor acts and the controller says what it would have done there (DAgger, Ross, Gordon and Bagnell
+2011, arXiv 1011.0686).
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tiago_mj import arrays, atomic
 from tiago_mj.learn.settings import Settings
 
-#: Seed of the first demonstrated episode of seed 0; evaluations have other ones.
+#: Seed of the first demonstrated episode of seed 0; evaluations have other ones. Every further round adds ROUND.
 FIRST_SEED: Final = 2_000_000
+ROUND: Final = 1_000_000
+#: Of a seed's folder: what the actor is compared with where rounds cannot be played again.
+FILE: Final = "examples.npz"
 
 
 @dataclass(frozen=True)
@@ -28,7 +37,7 @@ class Demonstrations:
     Attributes:
         observations, next_observations: of the environments.
         actions: that were executed, noise included.
-        intended: the controller's, without noise.
+        intended: the controller's, without noise; in further rounds what it would have done.
         rewards: of the steps.
         ended: whether an episode was over with the step.
     """
@@ -41,13 +50,17 @@ class Demonstrations:
     ended: NDArray[np.bool_]
 
 
-def played(settings: Settings, count: int, seed: int) -> Demonstrations:
-    """Episodes of the controller that the hyperparameters name.
+def played(
+    settings: Settings, count: int, seed: int, *, turn: int = 0, actor: Callable[[Any], Any] | None = None
+) -> Demonstrations:
+    """Episodes of the controller that the hyperparameters name, or of an actor whose actions it corrects.
 
     Args:
         settings: of the training.
         count: environments that are played side by side.
         seed: of the training; another seed has other episodes.
+        turn: 0, or which of the further rounds this is.
+        actor: who acts; None: the controller.
 
     Raises:
         ValueError: there is no such controller for this environment; one line.
@@ -59,15 +72,16 @@ def played(settings: Settings, count: int, seed: int) -> Demonstrations:
     options = {"visual": False, **settings.env_options}
     if settings.effects is not None:
         options["effects"] = settings.effects
-    rounds = episodes_each(asked, count)
+    each = episodes_each(asked, count, turn)
     columns = []
     for k in range(count):
         env = make_env(settings.env, options)
         try:
             policy = make_policy(asked["policy"], env, seed=0, trust=False)
-            seeds = range(FIRST_SEED + (seed * count + k) * rounds, FIRST_SEED + (seed * count + k + 1) * rounds)
-            rng = np.random.default_rng([seed, k])
-            columns.append([row for one in seeds for row in _episode(env, policy, one, asked["noise"], rng)])
+            first = FIRST_SEED + turn * ROUND + (seed * count + k) * each
+            rng = np.random.default_rng([seed, k, turn] if turn else [seed, k])
+            episodes = (_episode(env, policy, first + n, asked["noise"], rng, actor) for n in range(each))
+            columns.append([row for rows in episodes for row in rows])
         finally:
             env.close()
     shortest = min(len(column) for column in columns)
@@ -76,9 +90,14 @@ def played(settings: Settings, count: int, seed: int) -> Demonstrations:
     return Demonstrations(*(_stacked(part) for part in parts))
 
 
-def episodes_each(asked: Mapping[str, Any], count: int) -> int:
+def episodes_each(asked: Mapping[str, Any], count: int, turn: int = 0) -> int:
     """Episodes of each of ``count`` environments that make as many as were asked for."""
-    return -(-int(asked["episodes"]) // count)
+    return -(-int(asked["round_episodes" if turn else "episodes"]) // count)
+
+
+def episodes_in_all(asked: Mapping[str, Any], count: int) -> int:
+    """Episodes of all rounds and environments together."""
+    return count * sum(episodes_each(asked, count, turn) for turn in range(int(asked.get("rounds", 0)) + 1))
 
 
 def store(found: Demonstrations, buffer: Any) -> None:
@@ -95,19 +114,74 @@ def store(found: Demonstrations, buffer: Any) -> None:
         )
 
 
+def show(found: Demonstrations, normalised: Any) -> None:
+    """Let a ``VecNormalize`` count their observations as seen.
+
+    What the actor imitates is normalised as what it observes afterwards is: statistics that only began with the first
+    step would change all that it has learned until then.
+    """
+    if not (normalised.norm_obs and normalised.training):
+        return
+    seen, statistics = found.observations, normalised.obs_rms
+    pairs = [(seen[name], one) for name, one in statistics.items()] if isinstance(seen, dict) else [(seen, statistics)]
+    for part, one in pairs:
+        one.update(part.reshape(-1, part.shape[-1]))
+
+
 class Examples:
     """Demonstrated actions that the actor is compared with.
 
     Args:
         found: demonstrations.
-        weight: of the mean squared difference, in units of the critic's mean value; it falls to 0 over the training.
+        weight: of the mean squared difference, in units of the critic's mean value, at the beginning.
+        keep: share of the weight to which it falls over the training.
         batch: how many are compared with at each update of the actor.
     """
 
-    def __init__(self, found: Demonstrations, weight: float, batch: int = 256) -> None:
-        self.weight, self._batch = weight, batch
+    def __init__(self, found: Demonstrations, weight: float, keep: float = 0.0, batch: int = 256) -> None:
+        self._weight, self._keep, self._batch = weight, keep, batch
         self._seen = _each(found.observations, lambda part: part.reshape(-1, *part.shape[2:]).astype(np.float32))
         self._actions = found.intended.reshape(-1, found.intended.shape[-1])
+
+    def add(self, found: Demonstrations) -> None:
+        """Compare the actor with these as well."""
+        seen = _each(found.observations, lambda part: part.reshape(-1, *part.shape[2:]).astype(np.float32))
+        if isinstance(seen, dict):
+            self._seen = {name: np.concatenate([self._seen[name], part]) for name, part in seen.items()}
+        else:
+            self._seen = np.concatenate([self._seen, seen])
+        self._actions = np.concatenate([self._actions, found.intended.reshape(-1, found.intended.shape[-1])])
+
+    def save(self, path: Path) -> None:
+        """Write what the actor is compared with."""
+        seen = self._seen if isinstance(self._seen, dict) else {"": self._seen}
+        parts = {f"seen_{name}": part for name, part in seen.items()}
+        with atomic.replacing(path) as temporary, temporary.open("wb") as file:
+            np.savez_compressed(file, allow_pickle=False, actions=self._actions, **parts)
+
+    def restore(self, path: Path) -> None:
+        """Take what :meth:`save` wrote for the same training.
+
+        Raises:
+            ValueError: the file is damaged or of another training; one line.
+        """
+        try:
+            found = arrays.read_npz(path)
+            actions = found.pop("actions")
+            seen: Any = {name.removeprefix("seen_"): part for name, part in found.items()}
+            here = self._seen if isinstance(self._seen, dict) else {"": self._seen}
+            same = seen.keys() == here.keys() and actions.shape[1:] == self._actions.shape[1:]
+            if not same or any(part.shape != (len(actions), *here[name].shape[1:]) for name, part in seen.items()):
+                raise ValueError("they are of another task")
+            if not all(np.isfinite(part).all() for part in (actions, *seen.values())):
+                raise ValueError("there are numbers that are not finite")
+        except (OSError, *arrays.FAULTS) as fault:
+            raise ValueError(f"{path.name} holds no examples that can be read: {arrays.reason(fault)}") from fault
+        self._seen, self._actions = (seen if isinstance(self._seen, dict) else seen[""]), actions
+
+    def weight(self, left: float) -> float:
+        """Of the mean squared difference when a share of the training is left, 1 to 0."""
+        return self._weight * (self._keep + (1.0 - self._keep) * left)
 
     def drawn(self, normalised: Any = None) -> tuple[Any, Any]:
         """Some of them: observations as the networks take them, and actions, (batch, n) tensors.
@@ -124,14 +198,17 @@ class Examples:
         return _each(seen, torch.as_tensor), torch.as_tensor(self._actions[rows])
 
 
-def _episode(env: Any, policy: Any, seed: int, noise: float, rng: np.random.Generator) -> list[tuple[Any, ...]]:
+def _episode(
+    env: Any, policy: Any, seed: int, noise: float, rng: np.random.Generator, actor: Callable[[Any], Any] | None
+) -> list[tuple[Any, ...]]:
     """One episode, step by step: the fields of :class:`Demonstrations`."""
     observation, info = env.reset(seed=seed)
     policy.reset()
     rows, over = [], False
     while not over:
         intended = np.asarray(policy(observation, info), dtype=np.float32)
-        drawn = intended + noise * rng.standard_normal(intended.shape)
+        acted = intended if actor is None else actor(observation)
+        drawn = acted + noise * rng.standard_normal(intended.shape)
         action = np.clip(drawn, env.action_space.low, env.action_space.high).astype(np.float32)
         following, reward, terminated, truncated, info = env.step(action)
         over = bool(terminated or truncated)

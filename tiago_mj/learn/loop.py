@@ -37,9 +37,9 @@ def train_seed(task: Task) -> dict[str, Any]:
     """Train a seed to its end, on one thread.
 
     Returns:
-        ``seed``, ``steps``, ``seconds`` of this session and ``steps_per_second`` in it (None where it had nothing to
-        do), ``best_mean`` (of 20 training episodes) at ``best_steps``, and the last evaluation's ``mean_return``,
-        ``sd_return``, ``success_rate``.
+        ``seed``, ``steps``, ``seconds`` of this session, ``processor_seconds`` that it took of all cores, and
+        ``steps_per_second`` in it (None where it had nothing to do), ``best_mean`` (of 20 training episodes) at
+        ``best_steps``, and the last evaluation's ``mean_return``, ``sd_return``, ``success_rate``.
 
     Raises:
         ValueError: the checkpoint is damaged, or another process is training in the folder; one line.
@@ -79,9 +79,9 @@ def _train(task: Task, folder: Path) -> dict[str, Any]:
         finished = found.finished
         if not finished:
             begin_episodes(model, task.seed)
-    begun, before = time.monotonic(), model.num_timesteps
+    begun, busy, before = time.monotonic(), time.process_time(), model.num_timesteps
     if not finished:
-        demonstrate(model, settings, task.seed, stored=before > 0)
+        demonstrate(model, settings, task.seed, stored=before > 0, folder=folder)
         progress = Progress(folder, settings.steps, episodes, alive)
         model.learn(
             settings.steps - before,
@@ -103,6 +103,7 @@ def _train(task: Task, folder: Path) -> dict[str, Any]:
         "seed": task.seed,
         "steps": steps,
         "seconds": None if finished else round(seconds, 1),
+        "processor_seconds": None if finished else round(time.process_time() - busy, 1),
         "steps_per_second": None if finished else round((steps - before) / seconds, 1),
         "best_mean": None if episodes.best.agent is None else round(episodes.best.mean, 4),
         "best_steps": steps if episodes.best.agent is None else episodes.best.steps,

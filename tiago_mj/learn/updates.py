@@ -36,12 +36,18 @@ class FastTD3(TD3):  # type: ignore[misc]
         leak: least slope that the actor's tanh is given where the critic pulls an action inwards. At an action of ±1
             the slope is 0, so that an actor that went there early would never come back, and little noise explores
             nothing else.
+        action_cost: what the actor pays for the mean square of its actions, in units of reward. Where the critic is
+            flat, as within a goal that was reached, nothing else keeps a robot from drifting out again.
+        value_range: lowest and highest value that the critics are taught. Where rewards are 0 or -1, no value is above
+            0, but critics that err to the good side where nothing was tried send a robot there. None: any.
         examples: demonstrated actions that the actor is pulled towards; None: there are none.
     """
 
     hold = 1
     hold_share = 0.0
     leak = 0.0
+    action_cost = 0.0
+    value_range: Sequence[float] | None = None
     examples: Examples | None = None
 
     def imitate(self, updates: int) -> None:
@@ -81,7 +87,8 @@ class FastTD3(TD3):  # type: ignore[misc]
 
     def train(self, gradient_steps: int, batch_size: int = 100) -> None:
         """Do a number of updates of the critics, and of actor and targets at every ``policy_delay``-th of them."""
-        if (gradient_steps < FEWEST and not self.leak and self.examples is None) or not plain(self):
+        ours = self.leak or self.action_cost or self.value_range is not None or self.examples is not None
+        if (gradient_steps < FEWEST and not ours) or not plain(self):
             super().train(gradient_steps, batch_size)
             return
         self.policy.set_training_mode(True)
@@ -107,6 +114,8 @@ class Descent:
 
     def __init__(self, model: TD3) -> None:
         self._model, self._leak = model, float(getattr(model, "leak", 0.0))
+        self._action_cost = float(getattr(model, "action_cost", 0.0))
+        self._value_range = getattr(model, "value_range", None)
         self._actor_numbers = [list(model.actor.mu.parameters())]
         self._critic_numbers = [list(network.parameters()) for network in model.critic.q_networks]
         actor_targets = [list(model.actor_target.mu.parameters())]
@@ -152,7 +161,8 @@ class Descent:
         for target in self._critic_targets[1:]:
             lowest = torch.minimum(lowest, target.forward(given)[-1])
         discount = model.gamma if batch.discounts is None else batch.discounts
-        return batch.rewards + (1 - batch.dones) * discount * lowest
+        wanted = batch.rewards + (1 - batch.dones) * discount * lowest
+        return wanted if self._value_range is None else wanted.clamp_(*self._value_range)
 
     def _update_actor(self, seen: Tensor) -> None:
         model, critic = self._model, self._critics[0]
@@ -162,12 +172,15 @@ class Descent:
         self.actor_loss = -float(judged[-1].mean())
         first = critic.backward(judged, torch.full_like(judged[-1], -1 / len(seen)), None)
         by_action = torch.mm(first, critic.weights[0][:, seen.shape[1] :])
+        if self._action_cost:
+            by_action.add_(action, alpha=2 * self._action_cost / action.numel())
+            self.actor_loss += self._action_cost * float(torch.mean(action * action))
         slope = 1 - action * action
         if self._leak:
             slope = torch.where(by_action * action > 0, slope.clamp_min(self._leak), slope)
         self._actor.backward(values, by_action * slope, self._actor_gradient)
         if model.examples is not None:
-            pull = model.examples.weight * model._current_progress_remaining * float(judged[-1].abs().mean())
+            pull = model.examples.weight(model._current_progress_remaining) * float(judged[-1].abs().mean())
             self._actor_gradient.flat.add_(self._towards(model.examples), alpha=pull)
         self._actor_adam.step()
 

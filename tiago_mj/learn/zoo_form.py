@@ -1,8 +1,8 @@
 """Hyperparameters in rl-zoo3's YAML form: one entry an environment, read and checked before anything starts.
 
-An entry has rl-zoo3's own keys (:data:`OWN_KEYS`; ``hold``, ``hold_share``, ``leak`` and ``demonstrations`` are ours)
-and arguments of the algorithm's class. What rl-zoo3 would run as Python, such as ``policy_kwargs: "dict(net_arch=[400,
-300])"``, is read as the literal that it is; nothing is evaluated.
+An entry has rl-zoo3's own keys (:data:`OWN_KEYS`; ``hold``, ``hold_share``, ``leak``, ``action_cost``,
+``value_range`` and ``demonstrations`` are ours) and arguments of the algorithm's class. What rl-zoo3 would run as
+Python, such as ``policy_kwargs: "dict(net_arch=[400, 300])"``, is read as the literal that it is; nothing is evaluated.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ ALGORITHMS: Final[Mapping[str, str]] = {
     "her-td3": "TD3",
 }
 #: Of :class:`tiago_mj.learn.updates.FastTD3`, beyond rl-zoo3's.
-FAST_KEYS: Final = ("hold", "hold_share", "leak")
+FAST_KEYS: Final = ("hold", "hold_share", "leak", "action_cost", "value_range")
 #: Keys of an entry that are not the class's arguments.
 OWN_KEYS: Final = (
     "n_timesteps", "n_envs", "policy", "env_kwargs", "normalize", "noise_type", "noise_std", "demonstrations",
@@ -97,6 +97,14 @@ def _deviation(value: Any) -> Any:
     return number
 
 
+def _interval(value: Any) -> Any:
+    if value is not None and not (
+        isinstance(value, list) and len(value) == 2 and all(map(is_number, value)) and value[0] < value[1]
+    ):
+        raise ValueError
+    return value
+
+
 def _train_freq(value: Any) -> Any:
     pair = value if isinstance(value, list) else [value, "step"]
     if len(pair) != 2 or not is_one_of(pair[1], ("step", "episode")):
@@ -146,6 +154,11 @@ class _Demonstrations(Closed):
         default=2000, description="give a whole number, 0 or more"
     )
     weight: float = Field(default=1.0, ge=0, le=1e6, description="give a number, 0 or more")
+    keep: _Share = Field(default=0.0, description="give a share of the weight, 0 to 1")
+    rounds: Annotated[int, Field(ge=0, le=1000), BeforeValidator(_whole)] = Field(
+        default=0, description="give a whole number, 0 or more"
+    )
+    round_episodes: _Whole = Field(default=50, description=_WHOLE)
 
 
 class _Entry(Closed):
@@ -154,6 +167,10 @@ class _Entry(Closed):
     hold: _Whole = Field(default=1, description=_WHOLE)
     hold_share: _Share = Field(default=0.0, description="give a share of the environments, 0 to 1")
     leak: _Share = Field(default=0.0, description="give a slope, 0 to 1")
+    action_cost: float = Field(default=0.0, ge=0, le=1e6, description="give a number, 0 or more")
+    value_range: Annotated[list[float] | None, BeforeValidator(_interval)] = Field(
+        default=None, description="give [LOWEST, HIGHEST]"
+    )
     demonstrations: Annotated[_Demonstrations | None, BeforeValidator(_mapping)] = Field(
         default=None, description=_MAPPING
     )
