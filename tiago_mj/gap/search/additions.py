@@ -46,8 +46,8 @@ MIN_PREDICTED_GAIN_NATS: Final = MIN_EVIDENCE_GAIN_NATS
 MIN_GAIN_BESIDE_ADEQUATE_NATS: Final = 15.0
 
 
-def singles(screened: Sequence[Screened], moved: Sequence[Label]) -> list[Screened]:
-    """Effects to be fitted alone, best first.
+def singles(screened: Sequence[Screened], moved: Sequence[Label], count: int = MAX_SINGLES) -> list[Screened]:
+    """So many effects to be fitted alone, best first.
 
     The best of every effect, then of every effect and target; no more than half of them of one class, so that rivals
     get their chance. Beyond these the effects, by label, that change what the nominal model's numbers were moved for:
@@ -65,12 +65,12 @@ def singles(screened: Sequence[Screened], moved: Sequence[Label]) -> list[Screen
         gap_class = EFFECTS[s.candidate.effect].gap_class
         if s.gain < least and len(out) >= MIN_SINGLES:
             continue
-        if s.candidate.label in seen or classes.get(gap_class, 0) >= MAX_SINGLES // 2:
+        if s.candidate.label in seen or classes.get(gap_class, 0) >= count // 2:
             continue
         seen.add(s.candidate.label)
         classes[gap_class] = classes.get(gap_class, 0) + 1
         out.append(s)
-        if len(out) == MAX_SINGLES:
+        if len(out) == count:
             break
     further = (next((s for s in screened if s.candidate.label == label), None) for label in moved if label not in seen)
     return [*out, *(s for s in further if s is not None)]

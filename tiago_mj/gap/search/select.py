@@ -254,7 +254,7 @@ def _search(asked: Question, so_far: PartialResult, out_of_time: Callable[[], bo
 
     tell(state)
     for size in range(1, MAX_EFFECTS + 1):
-        if over() or not _is_warranted(state, size):
+        if (size > 1 and over()) or not _is_warranted(state, size):
             break
         tick(ROUNDS[size], additions.MAX_SINGLES)
         found = _with_singles(state, tell) if size == 1 else _with_further_effect(state, size, tell)
@@ -329,9 +329,11 @@ def _with_singles(state: State, tell: Callable[[State], None]) -> State:
     """The search with the single effects that the first pass found promising."""
     few, here = state.few, state.here
     moved = starts.effects_of_far_nuisances(state.everywhere, state.at, {c.label for c in state.pool})
-    begin = [starts.start_of_screened(s, few, here.nuisance) for s in additions.singles(state.promising, moved)]
+    hurried = few.out_of_time()  # the first few are fitted all the same: else there would be no answer
+    chosen = additions.singles(state.promising, moved, additions.MIN_SINGLES if hurried else additions.MAX_SINGLES)
+    begin = [starts.start_of_screened(s, few, here.nuisance) for s in chosen]
     on_few = few.fit_all([starts.start_at(here), *begin])
-    other = step_error.better_step_correction(few, ranking.by_evidence(on_few))
+    other = None if hurried else step_error.better_step_correction(few, ranking.by_evidence(on_few))
     if other is not None:
         state = replace(state, few=replace(few, predict=other), everywhere=replace(state.everywhere, predict=other))
         state = replace(state, fits=tuple(state.everywhere.fit_all([starts.restart(state.nominal)])))
