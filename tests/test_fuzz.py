@@ -172,7 +172,11 @@ def test_every_kind_of_file_has_mutations_of_its_own():
 # Properties of what all readers share ------------------------------------------------------------------------------
 
 PLAIN = st.recursive(
-    st.none() | st.booleans() | st.integers(-loading.MAX_WHOLE, loading.MAX_WHOLE) | st.floats(allow_nan=False) | st.text(max_size=9),
+    st.none()
+    | st.booleans()
+    | st.integers(-loading.MAX_WHOLE, loading.MAX_WHOLE)
+    | st.floats(allow_nan=False)
+    | st.text(max_size=9),
     lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=5), inner, max_size=4),
     max_leaves=12,
 )
