@@ -6,15 +6,33 @@ MuJoCo calls one handler for the whole process (``mju_user_warning``), from whic
 from __future__ import annotations
 
 import re
+import warnings
 from collections import Counter
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Final
 
 import mujoco
 
 #: Warnings of one kind differ by what follows: a degree of freedom, a time, a size.
 DETAIL: Final = re.compile(r"( at DOF \d+|[.,:;]? Time = [-+\d.einfa]+|\d+)")
+#: Kinds that :func:`told_once` has told in this process.
+_TOLD: Final[set[str]] = set()
+
+
+def told_once() -> None:
+    """Have MuJoCo's warnings told as Python's, one of each kind in a process, and no log file written; unless somebody
+    handles them already."""
+    if mujoco.get_mju_user_warning() is None:
+        mujoco.set_mju_user_warning(_tell_once)
+
+
+def _tell_once(text: str) -> None:
+    said = kind(text)
+    if said not in _TOLD:
+        _TOLD.add(said)
+        with suppress(Warning):  # where warnings are errors: MuJoCo's C code cannot pass one on
+            warnings.warn(f"MuJoCo: {said}", RuntimeWarning, stacklevel=2)
 
 
 @contextmanager

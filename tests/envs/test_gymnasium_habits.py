@@ -226,3 +226,37 @@ def test_importing_it_and_making_an_environment_prints_nothing():
 def test_notices_of_other_packages_are_left_to_them():
     notifications = pytest.importorskip("farama_notifications").notifications
     assert "gymnasium_robotics" in notifications
+
+
+DIVERGING = """
+import gymnasium, numpy as np, tiago_mj
+env = gymnasium.make({id!r}, **{options})
+env.reset(seed=0)
+seen = env.step(env.action_space.sample())[0]
+env.unwrapped.data.qvel[:] = 1e12
+after, reward, terminated, truncated, info = env.step(env.action_space.sample())
+assert truncated and not terminated and np.isfinite(reward)
+both = [(seen, after)] if isinstance(seen, np.ndarray) else [(seen[k], after[k]) for k in seen]
+assert all(np.array_equal(a, b) for a, b in both)
+copied = __import__("copy").deepcopy(env)
+for one in (env, copied):
+    try:
+        one.step(one.action_space.sample())
+    except gymnasium.error.ResetNeeded as fault:
+        assert "diverged" in str(fault)
+    else:
+        raise AssertionError("it went on")
+    one.reset(seed=0)
+    assert not one.step(one.action_space.sample())[3]
+"""
+
+
+@pytest.mark.parametrize("id", [FLAT, GOAL])
+@pytest.mark.parametrize("options", [{}, {"effects": {"coulomb_friction": {"force": 1.0}}}], ids=["plain", "effects"])
+def test_a_simulation_that_diverges_ends_its_episode_and_writes_no_log(tmp_path, id, options):
+    program = [sys.executable, "-c", DIVERGING.format(id=id, options=options)]
+    done = subprocess.run(program, cwd=tmp_path, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
+    assert list(tmp_path.iterdir()) == []
+    assert done.stderr.count("MuJoCo: Nan, Inf or huge value") == 1
+    assert "the simulation has diverged: its episode is truncated" in done.stderr

@@ -95,3 +95,22 @@ def test_it_ends_without_a_trace(number):
     assert (out, err) == ("", "")
     with socket.socket() as free, pytest.raises(ConnectionRefusedError):
         free.connect(("127.0.0.1", port))
+
+
+SIGNALLED = """
+import os, random, signal, threading
+from tiago_mj.view.server import wait
+rng = random.Random(0)
+for _ in range(200):
+    threading.Timer(rng.uniform(0, 2e-3), os.kill, (os.getpid(), signal.SIGTERM)).start()
+    wait(lambda: None, 0.0)
+"""
+
+
+def test_it_ends_whenever_it_is_told():
+    """An Event's lock, held where the signal came, kept one in some hundred from ending."""
+    program = subprocess.Popen([sys.executable, "-c", SIGNALLED])
+    try:
+        assert program.wait(timeout=60) == 0
+    finally:
+        program.kill()

@@ -6,11 +6,12 @@ where it places things, ``_object_position``.
 
 from __future__ import annotations
 
+import warnings
 from abc import abstractmethod
 from typing import Any, SupportsFloat
 
 import numpy as np
-from gymnasium import spaces
+from gymnasium import error, spaces
 from numpy.typing import NDArray
 
 from tiago_mj.envs import checks
@@ -31,8 +32,8 @@ _NOTHING = np.array(0.0)
 class RobotEnv(RobotSimulation):
     """What is seen, asked and rewarded, on the simulation and with its arguments: :class:`RobotSimulation`."""
 
-    #: Whether an episode has begun, and whether the environment was closed.
-    _begun = _closed = False
+    #: Whether an episode has begun, whether its simulation has diverged, and whether the environment was closed.
+    _begun = _gone = _closed = False
     _goal: Array
 
     # Hooks of a task -----------------------------------------------------------------------------------------------
@@ -68,7 +69,7 @@ class RobotEnv(RobotSimulation):
 
     def _reset_sim(self) -> bool:
         done = super()._reset_sim()
-        self._begun = True
+        self._begun, self._gone = True, False
         return done
 
     def _get_obs(self) -> dict[str, Array]:
@@ -105,19 +106,24 @@ class RobotEnv(RobotSimulation):
             action: (n_actions,), clipped to [-1, 1].
 
         Returns:
-            Observation, reward, terminated (never), truncated (never: a wrapper limits time), info (see the task).
+            Observation, reward, terminated (never), truncated (the simulation has diverged: all else is then of the
+            state before this step, and a warning tells; time is limited by a wrapper), info (see the task).
 
         Raises:
             ValueError: the action has another shape, is not numeric or not finite. The simulation is unchanged.
-            gymnasium.error.ResetNeeded: no episode has begun.
+            gymnasium.error.ResetNeeded: no episode has begun, or it has diverged.
             gymnasium.error.ClosedEnvironmentError: the environment was closed.
         """
-        if not self._begun:
+        if not self._begun or self._gone:
             checks.begun(self._begun, self._closed, "step")
-        command = checks.action_in_range(action, self.joints)
+            raise error.ResetNeeded("this episode's simulation has diverged: call reset() first")
+        command, before = checks.action_in_range(action, self.joints), self.state
         self._set_action(command)
         self._mujoco_step(command)
         self._read()
+        if self.diverged:  # MuJoCo has begun anew: what it shows is of no episode
+            self.state, self._gone = State(*(part.copy() for part in before)), True
+            warnings.warn("the simulation has diverged: its episode is truncated", RuntimeWarning, stacklevel=2)
         self._step_callback()
         if self.render_mode == "human":
             self.render()
@@ -128,7 +134,7 @@ class RobotEnv(RobotSimulation):
             observation,
             float(sum(info["reward_terms"].values())),
             bool(self.compute_terminated(achieved, goal, info)),
-            bool(self.compute_truncated(achieved, goal, info)),
+            self._gone or bool(self.compute_truncated(achieved, goal, info)),
             info,
         )
 

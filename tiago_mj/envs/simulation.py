@@ -19,6 +19,7 @@ from gymnasium import spaces
 from gymnasium_robotics.envs.robot_env import MujocoRobotEnv
 from numpy.typing import NDArray
 
+from tiago_mj import mujoco_log
 from tiago_mj.envs import checks, copies
 from tiago_mj.envs.choices import ObjectChoice, check_fits
 from tiago_mj.envs.drive import CONTROLS, Drive
@@ -43,6 +44,8 @@ Array = NDArray[np.float64]
 MAX_TIMESTEP: Final = 1 / 480
 #: The same for ``servo="ideal"``, whose stiffness is bound by the step: it then lags by 4 steps, half a control period.
 IDEAL_MAX_TIMESTEP: Final = 1 / 1920
+#: Warnings with which MuJoCo gives a simulation up and resets it (manual, "Simulation", "Diagnostics").
+UNSTABLE: Final = slice(int(mujoco.mjtWarning.mjWARN_BADQPOS), int(mujoco.mjtWarning.mjWARN_BADQACC) + 1)
 #: What ``n_substeps`` may be set to.
 MOST_SUBSTEPS: Final = 10_000
 #: Commanded finger speed [m/s]: the 2021 project's. Its URDF says 0.05, and 0.02 is what the real robot was run at.
@@ -196,6 +199,7 @@ class RobotSimulation(MujocoRobotEnv, ABC):  # type: ignore[misc]
 
     def _initialize_simulation(self) -> None:
         self.model = scene.build(self._scene)
+        mujoco_log.told_once()
         self.data = mujoco.MjData(self.model)
         self.model.vis.global_.offwidth = self.width
         self.model.vis.global_.offheight = self.height
@@ -356,6 +360,11 @@ class RobotSimulation(MujocoRobotEnv, ABC):  # type: ignore[misc]
             mujoco.mj_step(self.model, self.data, nstep=self.n_substeps)
         else:
             self._chain.advance(self.command[None])
+
+    @property
+    def diverged(self) -> bool:
+        """Whether MuJoCo has given this episode's simulation up."""
+        return bool(np.count_nonzero(self.data.warning.number[UNSTABLE]))
 
     def __getstate__(self) -> dict[str, Any]:
         """All that ``copy.deepcopy`` and ``pickle`` keep, in mid-episode too; a renderer's window or context is not."""

@@ -12,6 +12,7 @@ from gymnasium.utils import seeding
 from numpy.typing import NDArray
 
 from tiago_mj.envs.robot_env import RobotEnv
+from tiago_mj.envs.simulation import UNSTABLE
 from tiago_mj.envs.start import contact_of
 from tiago_mj.envs.state import State
 from tiago_mj.models.objects import GraspObject
@@ -25,8 +26,6 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Rows = NDArray[np.intp]
 
-#: Warnings with which MuJoCo gives a simulation up and resets it (manual, "Simulation", "Diagnostics").
-_UNSTABLE: Final = slice(int(mujoco.mjtWarning.mjWARN_BADQPOS), int(mujoco.mjtWarning.mjWARN_BADQACC) + 1)
 #: Fields of the batch that are read and written in every step.
 BOUND: Final = ("qpos", "qvel", "act", "ctrl", "sensordata")
 
@@ -157,7 +156,7 @@ class Simulations:
         return diverged
 
     def _diverged(self, failed: list[int], rows: Rows | None) -> Rows:
-        counters, state = self.batch.warning[:, _UNSTABLE, 1], self.batch.state
+        counters, state = self.batch.warning[:, UNSTABLE, 1], self.batch.state
         if not failed and not np.count_nonzero(counters) and math.isfinite(np.add.reduce(state, axis=None)):
             return self._every[:0]
         given_up = counters.any(axis=1) | ~np.isfinite(state).all(axis=1)

@@ -7,7 +7,6 @@ import io
 import logging
 import signal
 import socket
-import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -71,16 +70,16 @@ def in_use(port: int) -> str:
 
 def wait(tick: Callable[[], None], period: float) -> None:
     """Call again and again, every so many seconds, until the program is told to end (SIGINT, SIGTERM)."""
-    told = threading.Event()
+    told: list[int] = []  # no Event: its lock may be held where the handler would take it, in this very thread
     before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
     for number in before:
-        signal.signal(number, lambda *_: told.set())
+        signal.signal(number, lambda got, _: told.append(got))
     try:
         due = time.monotonic()
-        while not told.is_set():
+        while not told:
             tick()
             due = max(due + period, time.monotonic())
-            told.wait(max(due - time.monotonic(), 0.0))
+            time.sleep(max(due - time.monotonic(), 0.0))
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
