@@ -13,7 +13,7 @@ from benchmarks.experiments.kept_cases import Kept
 from benchmarks.experiments.opened import Opened, judge, open_case, with_scatter
 from tiago_mj.gap.inference.fit import Fitted, Fitter, Start
 from tiago_mj.gap.inference.hypotheses import Candidate
-from tiago_mj.gap.search import select
+from tiago_mj.gap.search import beginning
 
 #: Rungs that are begun again: what a search may name, and the best of the truth.
 WANTED = ("nominal", "truth", "from_truth", "from_name", "part", "answer")
@@ -39,7 +39,7 @@ class Again:
         assert nominal.nuisance is not None
         at = Fitted((), np.zeros(0), np.zeros(0), nominal.nuisance, 0.0, 0.0)
         plain = replace(self.by, iterations=0).fit_all([nominal])[0]
-        return with_scatter(self.by, at) if plain.misfit < select.HOPELESS_NOMINAL_MISFIT else self.by
+        return with_scatter(self.by, at) if plain.misfit < beginning.HOPELESS_NOMINAL_MISFIT else self.by
 
 
 def again(kept: Kept) -> Again:

@@ -27,7 +27,7 @@ from tiago_mj.gap.inference.likelihood import NUISANCE_BOUND
 from tiago_mj.gap.inference.noise_model import Data
 from tiago_mj.gap.inference.points import Point
 from tiago_mj.gap.inference.predictor import Predictor, predictor
-from tiago_mj.gap.search.select import SENSITIVITY_DEVIATION, SENSITIVITY_DRAWS
+from tiago_mj.gap.search.beginning import SENSITIVITY_DEVIATION, SENSITIVITY_DRAWS
 from tiago_mj.gap.simulation import sizes
 from tiago_mj.gap.simulation.plant import Plant, plant_of
 from tiago_mj.gap.simulation.session import split

@@ -17,9 +17,9 @@ from tiago_mj.gap.decision import verdict
 from tiago_mj.gap.inference.fit import Fitted, Fitter, Start
 from tiago_mj.gap.inference.hypotheses import Candidate, Label
 from tiago_mj.gap.inference.points import Point
-from tiago_mj.gap.search import ranking, select, starts
+from tiago_mj.gap.search import beginning, ranking, select, starts, state
 from tiago_mj.gap.search.screen import worst_predicted
-from tiago_mj.gap.search.select import Ranked
+from tiago_mj.gap.search.state import Question, Ranked
 
 Array = NDArray[np.float64]
 
@@ -40,7 +40,7 @@ def searched(opened: Opened, labels: Collection[Label], **limits: Any) -> Ranked
     data, base = opened.part()
     pool = [c for c in opened.pool if c.label in labels]
     with _everything_shown():
-        asked = select.Question(
+        asked = Question(
             opened.predict,
             data,
             opened.trials,
@@ -85,7 +85,7 @@ def compared(opened: Opened, ranked: Ranked, wanted: Collection[frozenset[Label]
     fits = [plain(f, ranked.known) for f in ranked.fits]
     fits = [f for f in fits if len(f.nuisance) == by.size]
     nominal = max((f for f in fits if not f.parts), key=lambda f: f.evidence)
-    if nominal.misfit < select.HOPELESS_NOMINAL_MISFIT:
+    if nominal.misfit < beginning.HOPELESS_NOMINAL_MISFIT:
         by = with_scatter(by, nominal)
     best: dict[frozenset[Label], Fitted] = {}
     for fit in sorted(fits, key=lambda f: -f.evidence):
@@ -98,7 +98,7 @@ def compared(opened: Opened, ranked: Ranked, wanted: Collection[frozenset[Label]
 def _fitted_trials(opened: Opened, ranked: Ranked) -> list[int]:
     """Trials that the search fitted, chosen as it chooses them."""
     data, base = opened.part()
-    count = min(max(select.FIT_STEPS // max(opened.steps, 1), select.FIT_TRIALS), len(opened.trials))
+    count = min(max(state.FIT_STEPS // max(opened.steps, 1), state.FIT_TRIALS), len(opened.trials))
     return [opened.trials[k] for k in worst_predicted(base, data, count)]
 
 

@@ -12,8 +12,9 @@ from tiago_mj.gap.inference.fit import Fitted, Fitter, Point, Start
 from tiago_mj.gap.inference.predictor import Predictor
 from tiago_mj.gap.inference.whitening import Whitening
 from tiago_mj.gap.search import additions, ranking, rounds, select, starts
+from tiago_mj.gap.search.beginning import acting_on_misfit
 from tiago_mj.gap.search.screen import Screened, _with_refined_peak
-from tiago_mj.gap.search.select import _acting_on_misfit
+from tiago_mj.gap.search.state import Question
 from tiago_mj.gap.simulation import replay
 
 
@@ -84,7 +85,7 @@ def test_a_joint_without_a_gap_of_its_own_has_no_effect_of_its_own(grasps):
     value[0, 200:, 1] += 3.0
     data = replace(made_up(value), channels=(f"position.{right}", f"position.{left}"), block=20)
     pool = hypotheses.candidates(plant, ["coulomb_friction", "force_gain"])
-    kept = {c.label for c in _acting_on_misfit(pool, data, base)}
+    kept = {c.label for c in acting_on_misfit(pool, data, base)}
     assert ("coulomb_friction", (left,)) in kept
     assert ("coulomb_friction", (right,)) not in kept
     assert ("coulomb_friction", None) in kept
@@ -328,7 +329,7 @@ def test_a_second_effect_is_sought_as_if_samples_told_what_they_tell_beside_both
     pool = hypotheses.candidates(plant, ["force_nonlinearity", "force_drift", "force_crosstalk"])
     predict = Predictor(plant, on, data)
     base = predict.all_trials([()], range(2))[0]
-    found = select.select(select.Question(predict, data, range(2), pool, (), base))
+    found = select.select(Question(predict, data, range(2), pool, (), base))
     named = {(part.effect, part.target) for part in found.fits[0].parts}
     assert (
         named == {("force_nonlinearity", None), ("force_drift", ("right",))} if rate else {("force_nonlinearity", None)}

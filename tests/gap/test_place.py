@@ -19,7 +19,7 @@ from tiago_mj.gap.inference.fit import Fitted
 from tiago_mj.gap.inference.hypotheses import candidates, terms
 from tiago_mj.gap.inference.predictor import predictor
 from tiago_mj.gap.report.repaired import entry
-from tiago_mj.gap.search.select import Ranked
+from tiago_mj.gap.search.state import Ranked
 from tiago_mj.gap.simulation import replay
 from tiago_mj.gap.simulation.plant import Plant
 

@@ -96,7 +96,7 @@ class Told:
         self._progress, self._stage, self._reached = progress, "", -1
 
     def __call__(self, stage: str, total: int, done: int = 0) -> None:
-        """See :class:`tiago_mj.gap.search.select.Tick`."""
+        """See :class:`tiago_mj.gap.search.state.Tick`."""
         order = list(STAGES)
         place = order.index(stage) if stage in order else len(order)
         if place < self._reached:

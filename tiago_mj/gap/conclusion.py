@@ -21,7 +21,7 @@ from tiago_mj.gap.inference import noise_model
 from tiago_mj.gap.inference.noise_model import Data
 from tiago_mj.gap.inference.predictor import Predictor
 from tiago_mj.gap.result import Diagnosis, Explanation, Shrink
-from tiago_mj.gap.search.select import Ranked, Tick
+from tiago_mj.gap.search.state import Ranked, Tick
 from tiago_mj.gap.simulation import phases
 from tiago_mj.gap.simulation.replay import Signals
 from tiago_mj.gap.simulation.session import FITTED, Session

@@ -21,7 +21,7 @@ from tiago_mj.gap.inference.predictor import predictor
 from tiago_mj.gap.report.repaired import with_model
 from tiago_mj.gap.result import Diagnosis
 from tiago_mj.gap.search import select
-from tiago_mj.gap.search.select import Tick
+from tiago_mj.gap.search.state import Question, Tick
 from tiago_mj.gap.simulation import replay, sizes
 from tiago_mj.gap.simulation.along_a_motion import along_a_motion, efforts_along
 from tiago_mj.gap.simulation.session import FITTED, Session
@@ -112,7 +112,7 @@ def _diagnosed(trials: Sequence[Trial], asked: Request) -> Diagnosis:
     reserve = time.monotonic() - replaying
 
     ranked = select.select(
-        select.Question(
+        Question(
             predict,
             noise_model.select_trials(proposed.data, fitted_on),
             fitted_on,

@@ -18,7 +18,7 @@ from tiago_mj.gap.detectors.readings import Tone
 from tiago_mj.gap.inference.fit import Fitted
 from tiago_mj.gap.inference.noise_model import Data
 from tiago_mj.gap.result import Explanation, Named, Overlay, Value
-from tiago_mj.gap.search.select import Ranked
+from tiago_mj.gap.search.state import Ranked
 from tiago_mj.gap.simulation.plant import Plant
 
 Array = NDArray[np.float64]

@@ -21,7 +21,7 @@ from tiago_mj.gap.inference.fit import Fitted, Fitter, Point
 from tiago_mj.gap.inference.hypotheses import Candidate, terms
 from tiago_mj.gap.inference.noise_model import Data
 from tiago_mj.gap.inference.whitening import Normal, Whitening
-from tiago_mj.gap.search.select import Ranked
+from tiago_mj.gap.search.state import Ranked
 from tiago_mj.gap.simulation.plant import Plant
 
 Array = NDArray[np.float64]

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from tiago_mj.effects import EFFECTS
 from tiago_mj.gap.inference.fit import Fitted
 from tiago_mj.gap.result import Evidence
-from tiago_mj.gap.search.select import Ranked
+from tiago_mj.gap.search.state import Ranked
 
 Array = NDArray[np.float64]
 

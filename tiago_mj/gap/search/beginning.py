@@ -1,0 +1,134 @@
+"""Where a search begins: the nominal model at its best, and a first pass over all effects beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tiago_mj.gap.detectors.set_points import ServoMotion
+from tiago_mj.gap.inference import likelihood, noise_model
+from tiago_mj.gap.inference.fit import NUISANCE_STEP, Fitted, Fitter, Point, Start
+from tiago_mj.gap.inference.hypotheses import Candidate
+from tiago_mj.gap.inference.noise_model import Data
+from tiago_mj.gap.inference.whitening import Whitening
+from tiago_mj.gap.search import lost_commands, ranking, starts
+from tiago_mj.gap.search.screen import screen, worst_predicted
+from tiago_mj.gap.search.state import Question, State
+
+Array = NDArray[np.float64]
+
+#: Further fits of the nominal model, each with the nuisances' responses around the one before, as long as one brings
+#: this much [nats].
+MAX_NOMINAL_ROUNDS: Final = 3
+MIN_ROUND_GAIN_NATS: Final = 1.0
+#: Size of random nuisance moves that change nothing physical [deviations], and number of draws: their predictions show
+#: the simulator's own sensitivity. Chosen by hand; no ablation.
+SENSITIVITY_DEVIATION: Final = 1e-5
+SENSITIVITY_DRAWS: Final = 6
+#: Misfit above which the nominal model lacks an effect whatever its nuisances: they are then left at 0. Chosen by hand;
+#: no ablation.
+HOPELESS_NOMINAL_MISFIT: Final = 20.0
+#: A nuisance whose move by one deviation changes the log-likelihood by less than this is not fitted [nats]. Chosen by
+#: hand; no ablation.
+NEAR_ZERO_RESPONSE_NATS: Final = 0.005
+#: Effects on one joint or cell are not tried where the mean squares of its channels, by samples and over blocks, are
+#: below these. Chosen by hand; no ablation.
+NOISE_ONLY_DISCREPANCY: Final = (1.3, 2.0)
+#: Effects whose largest tried magnitude changes predictions by less than this (rms, in units of floor and tolerance)
+#: are reported as not excited. Chosen by hand; no ablation.
+MIN_VISIBILITY: Final = 0.05
+
+
+def fitter(asked: Question, over: Callable[[], bool]) -> tuple[Fitter, NDArray[np.bool_]]:
+    """What fits to the trials that the nominal model predicts worst, with the nuisances that these tell something of;
+    and which of those that trials share these are."""
+    weight = ranking.sample_weight(asked.data, asked.base)
+    chosen = worst_predicted(asked.base, asked.data, asked.fitted_trials)
+    data, base = noise_model.select_trials(asked.data, chosen), asked.base[chosen]
+    trials = tuple(asked.trials[k] for k in chosen)
+    terms = tuple(sorted(asked.terms, key=lambda term: term.per_trial))
+    responses = np.zeros((0, *base.shape))
+    if terms:
+        moved = asked.predict.all_trials([(term.entry(NUISANCE_STEP),) for term in terms], trials)
+        responses = (moved - base) / NUISANCE_STEP
+    white = likelihood.whiten(data, likelihood.mean_visible_change(data, responses), weight)
+    sensitive = (white**2).sum(axis=(1, 2, 3)) > 2 * NEAR_ZERO_RESPONSE_NATS
+    shared = sensitive[[not term.per_trial for term in terms]]
+    terms = tuple(term for term, tells in zip(terms, sensitive, strict=True) if tells)
+    given = tuple(k.candidate.entry(k.value) for k in asked.known)
+    fitter = Fitter(asked.predict, trials, data, weight, terms, responses[sensitive], given, out_of_time=over)
+    return fitter, shared
+
+
+def with_nominal(everywhere: Fitter, count: int) -> State:
+    """The nominal model at its best, and so many trials of the first pass, in which it fails most."""
+    everywhere, nominal = _fit_nominal(everywhere)
+    at = nominal.nuisance if nominal.misfit < HOPELESS_NOMINAL_MISFIT else np.zeros(everywhere.size)
+    base = everywhere.predictions([Point((), np.zeros(0), at)], keep=True)[0]
+    first = worst_predicted(base, everywhere.data, count)
+    few, here = everywhere.part(first), Point((), np.zeros(0), everywhere.of(first, at))
+    return State(few, everywhere, (nominal,), at, here)
+
+
+def screened(
+    state: State, pool: Sequence[Candidate], motion: ServoMotion | None, how_far: Callable[[int, int], None]
+) -> State:
+    """The same after the first pass over the pool."""
+    losing = tuple(c for c in pool if c.effect == lost_commands.EFFECT) if motion is not None else ()
+    tried = screen(state.few, [c for c in pool if c not in losing], state.here, how_far)
+    visible = {s.candidate.effect for s in (*tried.on_all, *tried.dropped) if s.visible > MIN_VISIBILITY}
+    names = dict.fromkeys(c.effect for c in pool)
+    unseen = tuple(name for name in names if name not in visible | {c.effect for c in losing})
+    promising = tuple(s for s in tried.on_all if s.candidate.effect not in unseen)
+    seen = tuple(s.candidate for s in (*promising, *tried.dropped) if s.candidate.effect not in unseen)
+    return replace(state, promising=promising, pool=seen, unseen=unseen, losing=losing)
+
+
+def _fit_nominal(fitter: Fitter) -> tuple[Fitter, Fitted]:
+    """The nominal model at its best, and the fitter with the nuisances' responses around it.
+
+    The nominal model must not look worse than it is: its fit goes on as long as it gets better. Where it stays far off,
+    something else is wrong with it, and its numbers are left where they were.
+    """
+    (best,) = fitter.fit_all([Start((), np.zeros(0))])
+    prediction = fitter.predictions([starts.point_of(best)])[0]
+    for _ in range(MAX_NOMINAL_ROUNDS):
+        if best.misfit > HOPELESS_NOMINAL_MISFIT or fitter.out_of_time():
+            break
+        fitter = replace(fitter, weight=np.maximum(ranking.sample_weight(fitter.data, prediction), fitter.weight))
+        fitter = fitter.linearized_at(starts.point_of(best))
+        (refitted,) = fitter.fit_all([starts.restart(best)])
+        refitted_prediction, on = (
+            fitter.predictions([starts.point_of(refitted)])[0],
+            Whitening(fitter.data, fitter.weight),
+        )
+        gained = on.cost(prediction, best.nuisance) - on.cost(refitted_prediction, refitted.nuisance)
+        best, prediction = refitted, refitted_prediction
+        if gained < MIN_ROUND_GAIN_NATS:
+            break
+    return (_with_scatter(fitter, best) if best.misfit < HOPELESS_NOMINAL_MISFIT else fitter), best
+
+
+def _with_scatter(fitter: Fitter, fit: Fitted) -> Fitter:
+    """The fitter with a tolerance for the scatter of predictions under negligible moves of the nuisances."""
+    rng = np.random.default_rng(fitter.predict.seed)
+    moved = fit.nuisance + SENSITIVITY_DEVIATION * rng.standard_normal((SENSITIVITY_DRAWS, fitter.size))
+    apart = fitter.predictions([starts.point_of(fit), *(Point(fit.parts, fit.values, one) for one in moved)])
+    return replace(fitter, data=noise_model.with_scatter(fitter.data, apart))
+
+
+def acting_on_misfit(pool: Sequence[Candidate], data: Data, base: Array) -> list[Candidate]:
+    """Without candidates of one joint or cell where the nominal model predicts all of its channels."""
+    known = np.isfinite(data.value).sum(axis=(0, 1))
+    square = (likelihood.scaled(data, likelihood.residual(data, base)) ** 2).sum(axis=(0, 1)) / np.maximum(known, 1)
+    quiet = (square < NOISE_ONLY_DISCREPANCY[0]) & (
+        likelihood.lasting(data, data.value - base) < NOISE_ONLY_DISCREPANCY[1]
+    )
+    of: dict[str, list[bool]] = {}
+    for channel, still in zip(data.channels, quiet, strict=True):
+        of.setdefault(channel.partition(".")[2], []).append(bool(still))
+    return [c for c in pool if c.target is None or not all(all(of.get(name, [False])) for name in c.target)]

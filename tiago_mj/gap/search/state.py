@@ -1,0 +1,156 @@
+"""What a search is asked, where it stands, and what it answers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tiago_mj.gap.detectors.readings import Known
+from tiago_mj.gap.detectors.set_points import ServoMotion
+from tiago_mj.gap.inference.fit import Fitted, Fitter, Point
+from tiago_mj.gap.inference.hypotheses import Candidate, Term
+from tiago_mj.gap.inference.noise_model import Data
+from tiago_mj.gap.inference.predictor import Predictor
+from tiago_mj.gap.search import ranking
+from tiago_mj.gap.search.screen import Screened
+
+Array = NDArray[np.float64]
+
+#: Physics steps of all trials that are fitted, and of those of the first pass; no fewer than so many trials: ten
+#: grasps of a second and a quarter are all fitted, of ten-second ones those in which the nominal model fails most.
+FIT_STEPS: Final = 8_000
+FIRST_STEPS: Final = 4_000
+FIT_TRIALS: Final = 3
+FIRST_TRIALS: Final = 1
+#: Trials of the first pass at most.
+SCREEN_TRIALS: Final = 3
+#: Physics steps that a search takes at most, in units of those of all fitted trials: fits then end where they are.
+#: Of 18 cases of the blind check (seed 14) right answers took 150 to 690, one 1130; three without any 1120 to 1930.
+BUDGET: Final = 900
+
+
+class Tick(Protocol):
+    """Told how far a diagnosis is."""
+
+    def __call__(self, stage: str, total: int, done: int = 0) -> None:
+        """A stage of so many steps (begins, or) has done some of them."""
+
+
+@dataclass(frozen=True)
+class Question:
+    """What a search explains, and with what.
+
+    Attributes:
+        predict: simulations.
+        data: measured, of the trials.
+        trials: their indices.
+        pool: candidates.
+        terms: nuisance parameters.
+        base: nominal predictions, (ntrials, T, C).
+        known: effects that are measured on the readings alone: they are part of every explanation.
+        motion: what the servos' motion says; None: there is nothing to be read from it.
+        steps: physics steps of one trial; 0: not known, and no limit to them.
+    """
+
+    predict: Predictor
+    data: Data
+    trials: Sequence[int]
+    pool: Sequence[Candidate]
+    terms: Sequence[Term]
+    base: Array
+    known: Sequence[Known] = ()
+    motion: ServoMotion | None = None
+    steps: int = 0
+
+    @property
+    def fitted_trials(self) -> int:
+        """How many trials are fitted to."""
+        return min(max(FIT_STEPS // max(self.steps, 1), FIT_TRIALS), len(self.trials))
+
+    @property
+    def first_trials(self) -> int:
+        """How many trials the first pass looks at, at most."""
+        return min(max(FIRST_STEPS // max(self.steps, 1), FIRST_TRIALS), SCREEN_TRIALS)
+
+    @property
+    def budget(self) -> float:
+        """Physics steps of the whole search."""
+        return BUDGET * self.fitted_trials * self.steps if self.steps else np.inf
+
+
+@dataclass(frozen=True)
+class State:
+    """Where a search stands; every stage makes a new one.
+
+    Attributes:
+        few: fits to the trials of the first pass.
+        everywhere: fits to all trials.
+        fits: explanations of all trials, the nominal model among them.
+        at: nuisances of the nominal model on all trials, beside which effects are sought.
+        here: the nominal model in the first pass.
+        promising: effects after the first pass, best first; none before it.
+        pool: candidates that are visible, those too that gained little on the first trial.
+        unseen: effects that no magnitude makes visible in these recordings.
+        losing: candidates that lose commands: which were lost is decoded, not drawn.
+    """
+
+    few: Fitter
+    everywhere: Fitter
+    fits: tuple[Fitted, ...]
+    at: Array
+    here: Point
+    promising: tuple[Screened, ...] = ()
+    pool: tuple[Candidate, ...] = ()
+    unseen: tuple[str, ...] = ()
+    losing: tuple[Candidate, ...] = ()
+
+    @property
+    def best(self) -> Fitted:
+        """The likeliest explanation."""
+        return ranking.by_evidence(self.fits)[0]
+
+    @property
+    def nominal(self) -> Fitted:
+        """The nominal model at its best."""
+        return ranking.best_nominal(self.fits)
+
+    def with_weight(self, weight: Array) -> State:
+        """With other sample weights, (C,); what was fitted before keeps its evidence."""
+        few, everywhere = replace(self.few, weight=weight), replace(self.everywhere, weight=weight)
+        return replace(self, few=few, everywhere=everywhere)
+
+    def with_fits(self, fits: Sequence[Fitted]) -> State:
+        """With further explanations; of fits of the same effects the likeliest stays."""
+        return replace(self, fits=tuple(ranking.unique_by_labels([*self.fits, *fits])))
+
+
+@dataclass(frozen=True)
+class Ranked:
+    """Explanations with the evidence for them, best first.
+
+    Attributes:
+        fits: explanations; ``known`` effects are the last parts of each, and nuisances of all trials the first of its
+            nuisances, those too that tell nothing.
+        not_excited: effects that no magnitude makes visible in these recordings.
+        known: number of effects that are measured on the readings alone: they are part of every explanation.
+        pool: number of different effects that were considered.
+        complete: False when time ran out.
+        weight: square root of what a sample of each channel counts for, (C,).
+        predict: simulations, in which those commands are lost that were.
+        excluded: indices of excluded trials: their motion departs from what the best explanation predicts.
+        ended: what ended the search before its end, apart from the time: a fault, or the user.
+    """
+
+    fits: tuple[Fitted, ...]
+    not_excited: tuple[str, ...]
+    known: int
+    pool: int
+    complete: bool
+    weight: Array
+    predict: Predictor
+    excluded: tuple[int, ...] = ()
+    ended: BaseException | None = None
