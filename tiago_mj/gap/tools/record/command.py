@@ -18,7 +18,7 @@ from tiago_mj.gap.tools.record.environment import Plan, record
 from tiago_mj.gap.tools.record.plain import record_model
 from tiago_mj.loading import is_file, parse_json
 from tiago_mj.progress import Progress
-from tiago_mj.quoting import quoted
+from tiago_mj.quoting import one_line, quoted
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -89,10 +89,11 @@ def run(arguments: argparse.Namespace) -> int:
         said = {"robot": robot, "recordings": [str(path) for path in paths]}
         print(json.dumps({**said, "minari": None if written is None else str(written)}, indent=1))
         return 0
-    print(f"{len(paths)} recording{'s' if len(paths) > 1 else ''} of {robot} in {arguments.out}: {paths[0].name} ...")
+    where = one_line(arguments.out)
+    print(f"{len(paths)} recording{'s' if len(paths) > 1 else ''} of {robot} in {where}: {paths[0].name} ...")
     if written is not None:
-        print(f"Minari dataset {arguments.minari} in {written}")
-    print(f"next: tiago-mj diagnose {arguments.out} --out DIR")
+        print(f"Minari dataset {one_line(arguments.minari)} in {one_line(written)}")
+    print(f"next: tiago-mj diagnose {where} --out DIR")
     return 0
 
 
