@@ -84,8 +84,12 @@ def _train(
     arguments: argparse.Namespace, settings: Settings, folders: Sequence[Path], left: int, rate: float
 ) -> tuple[dict[str, Any], list[dict[str, Any]]]:
     """Train what is left of all seeds and write the card; its data, and what came of each seed."""
-    starter = os.getpid() if arguments.backend == "local" else None
-    tasks = [Task(settings, seed, str(folder), arguments.tensorboard, starter) for seed, folder in enumerate(folders)]
+    # On a cluster Ray ends the processes, and the lock of a seed whose machine is lost outlives them.
+    starter, patience = (os.getpid(), None) if arguments.backend == "local" else (None, held.LEASE)
+    tasks = [
+        Task(settings, seed, str(folder), arguments.tensorboard, starter, patience)
+        for seed, folder in enumerate(folders)
+    ]
     jobs = arguments.jobs
     if jobs is None:  # more processes than processors share them evenly; waves of processes leave some idle at the end
         jobs = min(arguments.seeds, 2 * (os.cpu_count() or 1)) if arguments.backend == "local" else 0
