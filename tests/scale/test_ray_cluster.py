@@ -84,6 +84,11 @@ def test_a_rollout_and_a_fault_are_on_a_cluster_what_they_are_here(cluster, caps
     assert "the Ray cluster has 4 processors" in capsys.readouterr().err
 
 
+def test_files_have_the_names_on_a_cluster_that_they_have_here(cluster, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert scale.run_all(scale_bench.place, range(8), jobs=0, backend="ray") == [str(tmp_path)] * 8
+
+
 def test_every_result_arrives_once_though_a_node_is_killed_in_the_middle(cluster, tmp_path, capfd):
     tasks = [scale_bench.Slow(number, str(tmp_path), 0.3) for number in range(TASKS)]
     killed = []
