@@ -101,8 +101,9 @@ def run_all(
             raise ValueError(f"--jobs is {jobs}, but the Ray cluster has {processors} processors: give fewer, or 0")
         extra.load("ray.util.joblib", PURPOSE, "scale").register_ray()
         logging.getLogger("ray.util.multiprocessing.pool").setLevel(logging.ERROR)  # warns of joblib's own arguments
+        jobs = min(jobs or processors, max(len(tasks), 2))  # no idle ones on a large cluster; joblib runs one here
         with joblib.parallel_config(backend="ray", ray_remote_args=dict(ACTORS)):
-            return _parallel(joblib, _Call(function, folder=os.getcwd()), tasks, jobs or processors, ray.exceptions.RayError, done)
+            return _parallel(joblib, _Call(function, folder=os.getcwd()), tasks, jobs, ray.exceptions.RayError, done)
 
 
 def _parallel(

@@ -89,6 +89,18 @@ def test_files_have_the_names_on_a_cluster_that_they_have_here(cluster, tmp_path
     assert scale.run_all(scale_bench.place, range(8), jobs=0, backend="ray") == [str(tmp_path)] * 8
 
 
+def test_no_process_is_started_for_nothing(cluster, monkeypatch):
+    started = []
+
+    def parallel(joblib, function, tasks, jobs, *_):
+        started.append(jobs)
+
+    monkeypatch.setattr(scale, "_parallel", parallel)
+    for tasks, jobs in (([1, 2, 3], 0), ([1], 0), (range(20), 0), (range(20), 2)):
+        scale.run_all(scale_bench.square, tasks, jobs=jobs, backend="ray")
+    assert started == [3, 2, 4, 2]
+
+
 def test_every_result_arrives_once_though_a_node_is_killed_in_the_middle(cluster, tmp_path, capfd):
     tasks = [scale_bench.Slow(number, str(tmp_path), 0.3) for number in range(TASKS)]
     killed = []
