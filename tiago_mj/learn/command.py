@@ -63,7 +63,8 @@ def run(arguments: argparse.Namespace) -> int:
     out = arguments.out.resolve()
     folders = [out / f"seed-{seed}" for seed in range(arguments.seeds)]
     left = sum(max(settings.steps - progress.steps(folder), 0) for folder in folders)
-    rate = _try_out(settings, measure=not arguments.quiet and left >= duration.SHORT)
+    here = arguments.backend == "local"  # what this machine can do says nothing of a cluster
+    rate = _try_out(settings, measure=here and not arguments.quiet and left >= duration.SHORT)
     claim(out, settings)
     with held.alone(out, "training"):
         claim(out, settings)  # another process may have been quicker
