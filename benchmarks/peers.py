@@ -128,10 +128,10 @@ def main() -> None:
     for label, row in results.items():
         times = f"{row['times']:7.2f} x {row['beside']}" if row["times"] else ""
         print(f"{label:52}{row['steps_per_second']:10.0f} /s {row['times_real_time']:8.1f} x real time {times}")
-    save_samples(given.name, {k: [1 / sample["steps_per_second"] for sample in v] for k, v in rows.items()})
     command = "python benchmarks/peers.py" + (" --tiago-rl PATH" if given.tiago_rl else "")
     found = {"packages": PACKAGES, "processors": processors, "rows": results}
     print("saved", save(given.name, found, f"{command} --rounds {given.rounds} --seconds {given.seconds:g}").name)
+    save_samples(given.name, {k: [1 / sample["steps_per_second"] for sample in v] for k, v in rows.items()})
 
 
 def summary(one: Contender, rows: dict[str, list[dict[str, float]]]) -> dict[str, Any]:

@@ -85,8 +85,8 @@ def main() -> None:
                 f"  {row['threads']} threads {row['num_envs']:5} simulations {row['steps_per_second']:9.0f} /s, "
                 f"{row['share_of_limit']:.0%} of the limit"
             )
-    save_samples(given.name, samples)
     print("saved", save(given.name, results).name)
+    save_samples(given.name, samples)
 
 
 if __name__ == "__main__":

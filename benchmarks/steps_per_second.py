@@ -100,8 +100,8 @@ def main() -> None:
                 f"vector {row['vector_steps_per_second']:8.0f} /s  share of the limit "
                 f"{row['vector_share_of_limit']:.0%}  reset {row['reset_ms']:.2f} ms"
             )
-    save_samples(given.name, samples)
     print("saved", save(given.name, results).name)
+    save_samples(given.name, samples)
 
 
 if __name__ == "__main__":

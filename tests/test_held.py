@@ -9,6 +9,7 @@ import signal
 import sys
 import threading
 import time
+from contextlib import ExitStack
 
 import pytest
 
@@ -65,6 +66,15 @@ def test_a_second_process_in_a_folder_is_refused_in_one_line(tmp_path, monkeypat
         pass
     with held.alone(tmp_path / "out", "training"):
         pass
+
+
+def test_who_expects_the_lock_of_a_lost_machine_waits_longer(tmp_path, monkeypatch):
+    monkeypatch.setattr(held, "PATIENCE", 0.0)
+    with ExitStack() as other:
+        other.enter_context(held.alone(tmp_path / "out", "training"))
+        threading.Timer(0.5, other.close).start()
+        with held.alone(tmp_path / "out", "training", patience=30.0):
+            pass
 
 
 def test_who_waited_for_a_folder_that_was_then_removed_makes_it_anew(tmp_path):

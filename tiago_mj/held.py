@@ -27,6 +27,8 @@ MARK: Final = ".tiago_mj-"
 REPEATED: Final = 40
 #: Seconds to wait for a process that is about to end.
 PATIENCE: Final = 15.0
+#: Seconds to wait for the lock of a machine that is lost: a file server keeps it for a lease, 90 s with Linux' NFS.
+LEASE: Final = 180.0
 LOCK: Final = "lock"
 
 
@@ -104,12 +106,13 @@ def locked(path: Path) -> Iterator[None]:
 
 
 @contextmanager
-def alone(folder: Path, doing: str) -> Iterator[None]:
+def alone(folder: Path, doing: str, patience: float | None = None) -> Iterator[None]:
     """Let one process at a time work in a folder, which is made where it is missing.
 
     Args:
         folder: of the work; its file ``lock`` is locked.
         doing: what the process does, for the complaint: ``"training"``.
+        patience: seconds to wait for another process; None: :data:`PATIENCE`.
 
     Raises:
         ValueError: another process works there, and goes on doing so.
@@ -118,7 +121,7 @@ def alone(folder: Path, doing: str) -> Iterator[None]:
         folder.mkdir(parents=True, exist_ok=True)
         yield
         return
-    until = time.monotonic() + PATIENCE
+    until = time.monotonic() + (PATIENCE if patience is None else patience)
     while True:
         folder.mkdir(parents=True, exist_ok=True)
         handle = os.open(folder / LOCK, os.O_RDWR | os.O_CREAT, 0o666)

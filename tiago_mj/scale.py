@@ -17,7 +17,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor
-from contextlib import contextmanager, redirect_stdout
+from contextlib import contextmanager, redirect_stdout, suppress
 from dataclasses import dataclass
 from functools import cache
 from typing import Any, Final, TypeVar
@@ -101,8 +101,9 @@ def run_all(
             raise ValueError(f"--jobs is {jobs}, but the Ray cluster has {processors} processors: give fewer, or 0")
         extra.load("ray.util.joblib", PURPOSE, "scale").register_ray()
         logging.getLogger("ray.util.multiprocessing.pool").setLevel(logging.ERROR)  # warns of joblib's own arguments
+        jobs = min(jobs or processors, max(len(tasks), 2))  # no idle ones on a large cluster; joblib runs one here
         with joblib.parallel_config(backend="ray", ray_remote_args=dict(ACTORS)):
-            return _parallel(joblib, _Call(function), tasks, jobs or processors, ray.exceptions.RayError, done)
+            return _parallel(joblib, _Call(function, folder=os.getcwd()), tasks, jobs, ray.exceptions.RayError, done)
 
 
 def _parallel(
@@ -139,10 +140,13 @@ class _Call:
     Attributes:
         function: that is called.
         starter: process that started the other one, which ends with it; None: another program sees to that.
+        folder: in which the other one works, where it is there: Ray's work where Ray was started, and do not find
+            files by the names that this process knows them by; None: it works in the right one.
     """
 
     function: Callable[[Any], Any]
     starter: int | None = None
+    folder: str | None = None
 
     def __call__(self, task: Any) -> tuple[Any, dict[str, int]]:
         """The result, and MuJoCo's warnings by kind."""
@@ -153,16 +157,19 @@ class _Call:
         return result, dict(warned)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _recalled, (pickle.dumps(self.function), self.starter)
+        return _recalled, (pickle.dumps(self.function), self.starter, self.folder)
 
 
-def _recalled(pickled: bytes, starter: int | None) -> _Call:
+def _recalled(pickled: bytes, starter: int | None, folder: str | None) -> _Call:
     from tiago_mj import headless
 
     headless.hush_unmade_viewers()
     if starter is not None:
         _end_with(starter)
-    return _Call(pickle.loads(pickled), starter)
+    if folder is not None:
+        with suppress(OSError):
+            os.chdir(folder)
+    return _Call(pickle.loads(pickled), starter, folder)
 
 
 @cache

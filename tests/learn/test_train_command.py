@@ -377,6 +377,19 @@ def test_a_training_that_takes_long_says_so_beforehand(small, tmp_path, capsys, 
     assert 5 < rate < 50_000
 
 
+def test_the_speed_here_is_not_told_as_that_of_a_cluster(small, tmp_path, capsys, monkeypatch):
+    from tiago_mj.learn import duration
+
+    pytest.importorskip("ray", reason="needs the extra 'scale'")
+    monkeypatch.setattr(duration, "SHORT", 80)
+    monkeypatch.setenv("RAY_ADDRESS", "127.0.0.1:1")
+    told = [word for word in words(tmp_path / "run", small, "--steps", "80", "--backend", "ray") if word != "--quiet"]
+    assert cli.main(told) == 2
+    said = capsys.readouterr().err
+    assert "no Ray cluster answers" in said
+    assert "steps/s" not in said
+
+
 def test_the_estimate_counts_processes_and_what_is_done_already(monkeypatch):
     from tiago_mj.learn import duration
 

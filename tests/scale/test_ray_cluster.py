@@ -4,23 +4,43 @@ import json
 import os
 import signal
 import socket
+import subprocess
+import sys
 import threading
 import time
 from collections import Counter
+from contextlib import ExitStack
+from pathlib import Path
 
+import numpy as np
 import pytest
 import scale_bench
 
 ray = pytest.importorskip("ray", reason="needs the extra 'scale'")
 pytest.importorskip("joblib", reason="needs the extra 'scale'")
 
-from tiago_mj import cli, scale  # noqa: E402
+from tiago_mj import cli, held, scale  # noqa: E402
 
 #: The head notices after about 5 s instead of 15 s that a node is gone.
 SOON = {"health_check_period_ms": 1000, "health_check_failure_threshold": 5}
 MEMORY = 80 * 2**20  # about the least that Ray takes
 TASKS = 24
 ROLLOUT = ("rollout", "--env", "GripperTactile-v0", "--policy", "pi", "--episodes", "6", "--json")
+#: Seconds that the locks of the killed seeds are held on: longer than for a process that is about to end.
+LEASE = 2 * held.PATIENCE
+#: Seeds that are small, but long enough to be killed between two of some ten checkpoints.
+SEEDS, STEPS, EVERY = 5, 2400, 200
+SMALL = """
+GripperTactileSteady-v0:
+  batch_size: 16
+  policy_kwargs: "dict(net_arch=[16, 8])"
+  train_freq: [1, episode]
+  gradient_steps: 30
+  learning_starts: 50
+  hold: 7
+  noise_type: normal
+  noise_std: 0.1
+"""
 
 
 @pytest.fixture(scope="module")
@@ -64,6 +84,23 @@ def test_a_rollout_and_a_fault_are_on_a_cluster_what_they_are_here(cluster, caps
     assert "the Ray cluster has 4 processors" in capsys.readouterr().err
 
 
+def test_files_have_the_names_on_a_cluster_that_they_have_here(cluster, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert scale.run_all(scale_bench.place, range(8), jobs=0, backend="ray") == [str(tmp_path)] * 8
+
+
+def test_no_process_is_started_for_nothing(cluster, monkeypatch):
+    started = []
+
+    def parallel(joblib, function, tasks, jobs, *_):
+        started.append(jobs)
+
+    monkeypatch.setattr(scale, "_parallel", parallel)
+    for tasks, jobs in (([1, 2, 3], 0), ([1], 0), (range(20), 0), (range(20), 2)):
+        scale.run_all(scale_bench.square, tasks, jobs=jobs, backend="ray")
+    assert started == [3, 2, 4, 2]
+
+
 def test_every_result_arrives_once_though_a_node_is_killed_in_the_middle(cluster, tmp_path, capfd):
     tasks = [scale_bench.Slow(number, str(tmp_path), 0.3) for number in range(TASKS)]
     killed = []
@@ -89,6 +126,90 @@ def test_every_result_arrives_once_though_a_node_is_killed_in_the_middle(cluster
     again = [number for number, count in Counter(number for number, *_ in began(tmp_path)).items() if count > 1]
     assert again, "what the killed node had begun was begun again"
     assert not ray.is_initialized(), "the connection is left"
+
+
+def parent(process):
+    """Number of the process that started another one; 0: that is over."""
+    try:
+        return int(Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[1])
+    except OSError:
+        return 0
+
+
+def said(folder):
+    """What a seed said last of its steps, and its process."""
+    try:
+        facts = json.loads((folder / "progress.json").read_text())
+    except FileNotFoundError:
+        return 0, None
+    return facts["steps"], facts["process"]
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
+def test_seeds_go_on_from_their_checkpoints_on_another_node_when_theirs_is_killed(cluster, tmp_path):
+    pytest.importorskip("stable_baselines3", reason="needs the extra 'train'")
+    from tiago_mj.learn.agent_file import load_agent
+
+    small = tmp_path / "small.yml"
+    small.write_text(SMALL)
+    words = [
+        sys.executable, "-m", "tiago_mj.cli", "train", "--env", "GripperTactileSteady-v0", "--hyperparameters",
+        str(small), "--seeds", str(SEEDS), "--steps", str(STEPS), "--env-option", "max_episode_steps=40",
+        "--evaluate-every", "800", "--evaluation-episodes", "2", "--checkpoint-every", str(EVERY), "--quiet", "--json",
+    ]  # fmt: skip
+    out, whole = tmp_path / "killed", tmp_path / "whole"
+    folders = [out / f"seed-{seed}" for seed in range(SEEDS)]
+    raylet = cluster.other.all_processes["raylet"][0].process.pid
+    running = subprocess.Popen(
+        [*words, "--out", str(out), "--backend", "ray"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    try:
+        until = time.monotonic() + 240
+        began, lost = set(), {}
+        while len(began) < 4 or not lost or not all((folder / "checkpoint.zip").exists() for folder in lost):
+            assert running.poll() is None, running.communicate()
+            assert time.monotonic() < until, "no seed of the other node came to a checkpoint"
+            time.sleep(0.05)
+            processes = {folder: process for folder in folders if (process := said(folder)[1]) is not None}
+            began = set(processes.values())
+            lost = {folder: process for folder, process in processes.items() if parent(process) == raylet}
+        for process in lost.values():  # a machine without power: nothing of it goes on
+            os.kill(process, signal.SIGKILL)
+        assert not any((folder / "model.zip").exists() for folder in lost), "they must not have been over"
+        with ExitStack() as server:  # on a shared folder the machine's locks outlive it
+            for folder in lost:
+                server.enter_context(held.alone(folder, "training"))
+            node, cluster.other = cluster.other, None
+            cluster.remove_node(node, allow_graceful=False)
+            time.sleep(LEASE)
+            assert running.poll() is None, running.communicate()
+        again = {}
+        while len(again) < len(lost):
+            assert running.poll() is None, running.communicate()
+            time.sleep(0.05)
+            for folder, before in lost.items():
+                steps, process = said(folder)
+                if process != before:
+                    again.setdefault(folder, steps)
+        assert all(EVERY < steps < STEPS for steps in again.values()), "from a checkpoint, not from the beginning"
+        result, complaint = running.communicate(timeout=300)
+    finally:
+        running.kill()
+    assert running.returncode == 0, complaint
+    seeds = json.loads(result)["seeds"]
+    assert [seed["seed"] for seed in seeds] == list(range(SEEDS))
+    assert [seed["steps"] for seed in seeds] == [STEPS] * SEEDS
+    assert cli.main([*words[3:], "--out", str(whole)]) == 0
+    for folder in folders:
+        same = whole / folder.name
+        for name in ("episodes.csv", "evaluations.csv"):
+            assert (folder / name).read_text() == (same / name).read_text()
+        for name in ("best.npz", "evaluated.npz", "last.npz"):
+            ours, theirs = (load_agent(path / name).arrays() for path in (folder, same))
+            assert ours.keys() == theirs.keys()
+            for key, value in theirs.items():
+                np.testing.assert_array_equal(ours[key], value, err_msg=f"{folder.name} {name}: {key}")
 
 
 @pytest.mark.parametrize("address", ["closed port", "nonsense"])

@@ -63,7 +63,8 @@ def run(arguments: argparse.Namespace) -> int:
     out = arguments.out.resolve()
     folders = [out / f"seed-{seed}" for seed in range(arguments.seeds)]
     left = sum(max(settings.steps - progress.steps(folder), 0) for folder in folders)
-    rate = _try_out(settings, measure=not arguments.quiet and left >= duration.SHORT)
+    here = arguments.backend == "local"  # what this machine can do says nothing of a cluster
+    rate = _try_out(settings, measure=here and not arguments.quiet and left >= duration.SHORT)
     claim(out, settings)
     with held.alone(out, "training"):
         claim(out, settings)  # another process may have been quicker
@@ -84,8 +85,12 @@ def _train(
     arguments: argparse.Namespace, settings: Settings, folders: Sequence[Path], left: int, rate: float
 ) -> tuple[dict[str, Any], list[dict[str, Any]]]:
     """Train what is left of all seeds and write the card; its data, and what came of each seed."""
-    starter = os.getpid() if arguments.backend == "local" else None
-    tasks = [Task(settings, seed, str(folder), arguments.tensorboard, starter) for seed, folder in enumerate(folders)]
+    # On a cluster Ray ends the processes, and the lock of a seed whose machine is lost outlives them.
+    starter, patience = (os.getpid(), None) if arguments.backend == "local" else (None, held.LEASE)
+    tasks = [
+        Task(settings, seed, str(folder), arguments.tensorboard, starter, patience)
+        for seed, folder in enumerate(folders)
+    ]
     jobs = arguments.jobs
     if jobs is None:  # more processes than processors share them evenly; waves of processes leave some idle at the end
         jobs = min(arguments.seeds, 2 * (os.cpu_count() or 1)) if arguments.backend == "local" else 0

@@ -24,6 +24,7 @@ class Task:
         folder: of this seed.
         tensorboard: whether to log for it.
         starter: process that started this; the training stops when it is gone. None: nothing stops it.
+        patience: seconds to wait for another process that is training this seed; None: for one that is about to end.
     """
 
     settings: Settings
@@ -31,6 +32,7 @@ class Task:
     folder: str
     tensorboard: bool = False
     starter: int | None = None
+    patience: float | None = None
 
 
 def train_seed(task: Task) -> dict[str, Any]:
@@ -48,7 +50,7 @@ def train_seed(task: Task) -> dict[str, Any]:
 
     torch.set_num_threads(1)
     folder = Path(task.folder)
-    with held.alone(folder, "training"):
+    with held.alone(folder, "training", task.patience):
         return _train(task, folder)
 
 
