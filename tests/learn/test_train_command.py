@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from small_training import hyperparameters
 
 pytest.importorskip("stable_baselines3", reason="needs the extra 'train'")
 
@@ -21,19 +22,7 @@ from tiago_mj import cli
 from tiago_mj.learn import curves
 from tiago_mj.learn.agent_file import load_agent
 
-SMALL = """
-GripperTactile-v0:
-  n_timesteps: 1200
-  batch_size: 16
-  policy_kwargs: "dict(net_arch=[16, 8])"
-  train_freq: [1, episode]
-  gradient_steps: 30
-  learning_starts: 50
-  hold: 7
-  noise_type: normal
-  noise_std: 0.1
-  env_kwargs: {object_offset: 0.0}
-"""
+SMALL = hyperparameters("GripperTactile-v0", n_timesteps=1200, env_kwargs="{object_offset: 0.0}")
 
 
 @pytest.fixture(scope="module")

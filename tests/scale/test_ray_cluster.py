@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import scale_bench
+from small_training import hyperparameters
 
 ray = pytest.importorskip("ray", reason="needs the extra 'scale'")
 pytest.importorskip("joblib", reason="needs the extra 'scale'")
@@ -30,17 +31,7 @@ ROLLOUT = ("rollout", "--env", "GripperTactile-v0", "--policy", "pi", "--episode
 LEASE = 2 * held.PATIENCE
 #: Seeds that are small, but long enough to be killed between two of some ten checkpoints.
 SEEDS, STEPS, EVERY = 5, 2400, 200
-SMALL = """
-GripperTactileSteady-v0:
-  batch_size: 16
-  policy_kwargs: "dict(net_arch=[16, 8])"
-  train_freq: [1, episode]
-  gradient_steps: 30
-  learning_starts: 50
-  hold: 7
-  noise_type: normal
-  noise_std: 0.1
-"""
+SMALL = hyperparameters("GripperTactileSteady-v0")
 
 
 @pytest.fixture(scope="module")
