@@ -155,9 +155,8 @@ class Scripted(ABC):
         seen = observation["observation"]
         hand = seen[2 * self._joints : 2 * self._joints + 3]
         velocity, fingers = self._plan(hand, seen, observation["desired_goal"])
-        speed = float(np.linalg.norm(velocity))
         action = np.zeros(self._joints, dtype=np.float32)
-        action[self._arm] = self._rates(seen[: self._joints], velocity * min(1.0, SPEED / max(speed, 1e-9)))
+        action[self._arm] = self._rates(seen[: self._joints], _limited(velocity))
         action[self._fingers] = fingers
         return action
 
@@ -179,11 +178,15 @@ class ReachExpert(Scripted):
 
 
 class _TableExpert(Scripted):
-    """What pushing and picking share: the sizes of fingertips and object, the heights to work at, a phase."""
+    """What pushing and picking share: the sizes of fingertips and object, the heights to work at, the way there.
+
+    Nothing is remembered within an episode: what to do next follows from what is seen, and one thing goes over into
+    the next by a ramp. So a network that sees the same can imitate it (tiago_mj.learn.dagger).
+    """
 
     #: Height of the fingertips over the table while they work, and over the object while they travel [m].
     LOW, OVER = 0.01, 0.025
-    #: Horizontal distance at which the hand goes down [m].
+    #: Horizontal distance at which the hand is down; twice as far off it is up [m].
     NEAR = 0.015
 
     def __init__(self, core: Any) -> None:
@@ -192,25 +195,22 @@ class _TableExpert(Scripted):
         super().__init__(core)
 
     def reset(self) -> None:
-        """Forget the episode before, and look at the object of this one."""
+        """Look at the object of this episode."""
         size = self._model.geom_aabb[self._model.geom(names.OBJECT_GEOM).id, 3:]
-        self._half_width, height = float(size[0]), 2 * float(size[2])
+        self._half_width, self._half_height = float(size[0]), float(size[2])
         self._work = scene.TABLE_TOP + self.LOW + self._tip[2]
-        self._travel = scene.TABLE_TOP + height + self.OVER + self._tip[2]
-        self._phase = "over"
 
     def _object(self, seen: Array) -> Array:
         first = 2 * self._joints + 3
         return seen[first : first + 3]
 
-    def _over(self, hand: Array, place: Array) -> Array:
-        """Velocity towards a place on the table (2,), high enough to clear the object, and down close to it."""
-        away = float(np.linalg.norm(place - hand[:2]))
-        height = self._travel if away > self.NEAR else self._work
-        velocity = GAIN * (np.append(place, height) - hand)
-        if hand[2] < self._travel - self.OVER and away > self.NEAR:
-            velocity[:2] = 0.0  # first up
-        return velocity
+    def _approach(self, hand: Array, place: Array, work: float) -> Array:
+        """Velocity towards a place on the table (2,), high enough to clear the object, and down to ``work`` there."""
+        away = _ramp(float(np.linalg.norm(place - hand[:2])), self.NEAR, 2 * self.NEAR)
+        clear = work - self.LOW + 2 * self._half_height
+        velocity = GAIN * (np.append(place, work + away * (clear + self.OVER - work)) - hand)
+        velocity[:2] *= max(1.0 - away, _ramp(hand[2], clear - 0.01, clear + 0.005))  # first up
+        return _limited(velocity)
 
 
 class PushExpert(_TableExpert):
@@ -220,61 +220,54 @@ class PushExpert(_TableExpert):
     GAP = 0.015
     #: Fastest push [m/s]: the object slides no farther than v² / 2 µg = 2 mm by itself.
     PUSH = 0.2
-    #: Distance from the goal at which pushing ends [m].
-    CLOSE = 0.01
+    #: Distance from the goal at which the hand rests; twice as far off it goes at full speed [m].
+    CLOSE = 0.02
 
     def _plan(self, hand: Array, seen: Array, goal: Array) -> tuple[Array, float]:
-        place = self._object(seen)[:2]
+        place, wide = self._object(seen)[:2], self._half_width
         left = goal[:2] - place
         distance = float(np.linalg.norm(left))
         ahead = left / max(distance, 1e-9)
         across = np.array([-ahead[1], ahead[0]])
         behind, beside = (place - hand[:2]) @ ahead, (place - hand[:2]) @ across
-        if self._phase == "push":
-            if distance < self.CLOSE:
-                return np.zeros(3), 0.0
-            if behind < self._half_width / 2 or abs(beside) > self._half_width:
-                self._phase = "over"
-        if self._phase == "over":
-            # Far enough that fingertips and object clear each other whichever way the object is turned.
-            clear = self._tip[:2] @ np.abs(ahead) + np.sqrt(2) * self._half_width + self.GAP
-            spot = place - clear * ahead
-            if np.linalg.norm(spot - hand[:2]) < self.NEAR and hand[2] < self._work + 0.01:
-                self._phase = "push"
-            else:
-                return self._over(hand, spot), 0.0
+        # Whether the hand is in the lane behind the object, and down: there it pushes.
+        lane = _ramp(behind, wide / 2, wide) * (1.0 - _ramp(abs(beside), 0.7 * wide, 1.3 * wide))
+        lane *= 1.0 - _ramp(hand[2], self._work + 0.008, self._work + 0.02)
         speed = min(self.PUSH, GAIN * distance)
-        velocity = speed * ahead + GAIN * beside * across
-        return np.append(velocity, GAIN * (self._work - hand[2])), 0.0
+        push = np.append(speed * ahead + GAIN * beside * across, GAIN * (self._work - hand[2]))
+        # Far enough that fingertips and object clear each other whichever way the object is turned.
+        clear = self._tip[:2] @ np.abs(ahead) + np.sqrt(2) * wide + self.GAP
+        velocity = lane * push + (1.0 - lane) * self._approach(hand, place - clear * ahead, self._work)
+        return velocity * _ramp(distance, self.CLOSE, 2 * self.CLOSE), 0.0
 
 
 class PickAndPlaceExpert(_TableExpert):
-    """Over the object with open fingers, down, close until both fingers stand, and carry it to the goal."""
+    """Over the object with open fingers, down, close around it, and carry it to the goal once the grip is firm."""
 
-    #: A finger slower than this stands [m/s]; both have to for this long [s], in which the grip becomes firm.
-    STANDS, FIRM = 0.002, 0.2
-
-    def reset(self) -> None:
-        """Forget the episode before, and look at the object of this one."""
-        super().reset()
-        self._standing = 0.0
+    #: The mean finger position less half the object's width at which it is carried, and at which nothing is yet [m].
+    FIRM, LOOSE = -0.0014, -0.0006
 
     def _plan(self, hand: Array, seen: Array, goal: Array) -> tuple[Array, float]:
         place = self._object(seen)
-        if self._phase == "over":
-            spot = place[:2]
-            self._work = max(scene.TABLE_TOP + self.LOW + self._tip[2], place[2])
-            if np.linalg.norm(spot - hand[:2]) < self.NEAR and hand[2] < self._work + 0.005:
-                self._phase = "close"
-            else:
-                return self._over(hand, spot), 1.0
-        if self._phase == "close":
-            speeds = np.abs(seen[self._joints : 2 * self._joints][self._fingers])
-            self._standing += self._dt * float((speeds < self.STANDS).all())
-            if self._standing >= self.FIRM:
-                self._phase = "carry"
-            return np.zeros(3), -1.0
-        return GAIN * (goal - place), -1.0
+        # As high over the bottom of the object as over the table, or in its middle where the fingertips reach that.
+        work = float(place[2]) + max(self.LOW + self._tip[2] - self._half_height, 0.0)
+        away = float(np.linalg.norm(place[:2] - hand[:2]))
+        around = 1.0 - _ramp(away, self.NEAR, 1.5 * self.NEAR)
+        around *= 1.0 - _ramp(abs(hand[2] - work), 0.008, 0.016)
+        fingers = float(seen[: self._joints][self._fingers].mean()) - self._half_width
+        held = around * (1.0 - _ramp(fingers, self.FIRM, self.LOOSE))
+        over = self._approach(hand, place[:2], work)
+        return held * _limited(GAIN * (goal - place)) + (1.0 - held) * over, 1.0 - 2.0 * around
+
+
+def _ramp(value: float, low: float, high: float) -> float:
+    """0 below ``low``, 1 above ``high``, linear in between."""
+    return min(max((value - low) / (high - low), 0.0), 1.0)
+
+
+def _limited(velocity: Array) -> Array:
+    """A velocity (3,) [m/s], at most :data:`SPEED` fast."""
+    return velocity * min(1.0, SPEED / max(float(np.linalg.norm(velocity)), 1e-9))
 
 
 def _fingertips(model: mujoco.MjModel, qpos: Array) -> Array:
