@@ -105,9 +105,8 @@ def test_the_actor_imitates_before_the_first_step():
     assert after < 0.5 * before
 
 
-@pytest.mark.parametrize("rounds", [0, 1])
-def test_a_training_that_goes_on_has_the_same_demonstrations(tmp_path, monkeypatch, rounds):
-    chosen = settings(rounds=rounds, round_episodes=2)
+def test_a_training_that_goes_on_has_the_same_demonstrations(tmp_path, monkeypatch):
+    chosen = settings()
     whole = train_seed(Task(chosen, 0, str(tmp_path / "whole")))
     from tiago_mj.learn import callbacks
 
@@ -131,47 +130,6 @@ def test_a_training_that_goes_on_has_the_same_demonstrations(tmp_path, monkeypat
     first, second = (np.load(tmp_path / name / "last.npz") for name in ("whole", "two"))
     for key in first.files:
         np.testing.assert_array_equal(first[key], second[key])
-
-
-def test_in_further_rounds_the_actor_acts_and_the_controller_says_what_it_would_have_done():
-    chosen = settings(noise=0.0, rounds=2, round_episodes=2)
-    still = np.zeros(10, dtype=np.float32)
-    found = demonstrations.played(chosen, 2, seed=0, turn=1, actor=lambda observation: still)
-    assert found.actions.shape[:2] == (STEPS, 2)
-    assert (found.actions == 0).all()
-    hand = found.observations["achieved_goal"]
-    assert np.abs(hand - hand[0]).max() < 0.02, "nobody moved"
-    assert np.abs(found.intended[..., :8]).max(axis=-1).min() > 0.1, "at every step it would have moved"
-    first = demonstrations.played(chosen, 2, seed=0)
-    assert not np.array_equal(first.observations["desired_goal"][0], found.observations["desired_goal"][0])
-
-
-def test_further_rounds_are_replayed_and_imitated():
-    chosen = settings(rounds=2, round_episodes=2, updates=4)
-    model = model_of(chosen)
-    build.demonstrate(model, chosen, 0, stored=False)
-    assert model.replay_buffer.pos * model.replay_buffer.n_envs == (4 + 2 + 2) * STEPS
-    assert model.replay_buffer.buffer_size * model.replay_buffer.n_envs >= 300 + (4 + 2 + 2) * STEPS
-    torch.manual_seed(0)
-    goals = {tuple(goal) for goal in model.examples.drawn()[0]["desired_goal"].tolist()}
-    assert len(goals) == 8, "256 draws of the goals of eight episodes"
-
-
-def test_examples_of_another_task_or_none_are_refused(tmp_path):
-    chosen = settings(rounds=1, round_episodes=2, updates=0)
-    model = model_of(chosen)
-    build.demonstrate(model, chosen, 0, stored=False, folder=tmp_path)
-    build.demonstrate(model, chosen, 0, stored=True, folder=tmp_path)
-    path = tmp_path / demonstrations.FILE
-    with np.load(path) as kept:
-        numbers = dict(kept)
-    for name, value in (("actions", numbers["actions"][:, :3]), ("seen_observation", numbers["actions"])):
-        np.savez(path, **numbers | {name: value})
-        with pytest.raises(ValueError, match=r"examples.npz holds no examples that can be read: they are of another"):
-            build.demonstrate(model, chosen, 0, stored=True, folder=tmp_path)
-    path.write_bytes(b"no archive")
-    with pytest.raises(ValueError, match=r"examples.npz holds no examples that can be read"):
-        build.demonstrate(model, chosen, 0, stored=True, folder=tmp_path)
 
 
 def test_controllers_of_other_tasks_and_other_algorithms_are_refused():

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any, Final
 
 import gymnasium
@@ -17,6 +16,7 @@ from tiago_mj.learn.zoo_form import FAST_KEYS, OWN_KEYS, sb3_class
 OPTIMISERS: Final[Mapping[str, Mapping[str, Any]]] = {
     "td3": {"fused": True},
     "her-td3": {"fused": True},
+    "dagger": {"fused": True},
     "ddpg": {"fused": True},
     "sac": {"fused": True},
     "ppo": {"fused": True, "eps": 1e-5},
@@ -41,6 +41,16 @@ def make_env(settings: Settings, count: int) -> Any:
     except TypeError as fault:
         reason = " ".join(str(fault).split()).partition("() ")[2] or str(fault)
         raise ValueError(f"{settings.env} with --env-option: {reason}") from fault
+
+
+def make_one_env(settings: Settings) -> Any:
+    """One scalar environment of a training, for a controller to look at or to play in."""
+    from tiago_mj.rollout.options import make_env as make
+
+    options = {"visual": False, **settings.env_options}
+    if settings.effects is not None:
+        options["effects"] = settings.effects
+    return make(settings.env, options)
 
 
 def _randomised(settings: Settings, ranges: Mapping[str, Any], count: int, options: dict[str, Any]) -> Any:
@@ -81,6 +91,10 @@ def make_model(settings: Settings, env: Any, seed: int, *, fast: bool = True, fu
         from tiago_mj.learn.updates import FastTD3
 
         kind = FastTD3
+    elif algo == "dagger":
+        from tiago_mj.learn.dagger import Dagger
+
+        kind = Dagger
     arguments = {k: _value(k, v) for k, v in given.items() if k not in OWN_KEYS}
     arguments["policy_kwargs"] = _policy_arguments(algo, given["policy_kwargs"], fused)
     if "train_freq" in arguments:
@@ -100,6 +114,12 @@ def make_model(settings: Settings, env: Any, seed: int, *, fast: bool = True, fu
     except (TypeError, AssertionError, KeyError) as fault:
         reason = " ".join(str(fault).split())
         raise ValueError(f"{algo} cannot be made of these hyperparameters: {reason}") from fault
+    if algo == "dagger":
+        from tiago_mj.learn.dagger import expert_of
+
+        model.expert = expert_of(given.get("expert", "scripted"), make_one_env(settings))
+    elif "expert" in given:
+        raise ValueError(f"expert is of dagger: leave it out of the hyperparameters for {algo}")
     for key in FAST_KEYS:
         if key in given:
             if not hasattr(model, key):
@@ -117,7 +137,7 @@ def make_model(settings: Settings, env: Any, seed: int, *, fast: bool = True, fu
     return model
 
 
-def demonstrate(model: Any, settings: Settings, seed: int, *, stored: bool, folder: Path | None = None) -> None:
+def demonstrate(model: Any, settings: Settings, seed: int, *, stored: bool) -> None:
     """Give a model the demonstrations that its hyperparameters ask for, if they do.
 
     Args:
@@ -125,34 +145,23 @@ def demonstrate(model: Any, settings: Settings, seed: int, *, stored: bool, fold
         settings: of the training.
         seed: of the training.
         stored: whether the replay buffer has them already, as that of a checkpoint does.
-        folder: of the seed; examples of further rounds are kept there for whoever goes on.
 
     Raises:
-        ValueError: there is no such controller for this environment, or kept examples are damaged; one line.
+        ValueError: there is no such controller for this environment; one line.
     """
     asked = settings.hyperparameters.get("demonstrations")
     if not asked:
         return
     from tiago_mj.learn import demonstrations
-    from tiago_mj.learn.export import agent_of
 
-    rounds = int(asked.get("rounds", 0))
     found = demonstrations.played(settings, model.env.num_envs, seed)
     model.examples = demonstrations.Examples(found, asked["weight"], asked.get("keep", 0.0))
     if stored:
-        if rounds and folder is not None:
-            model.examples.restore(folder / demonstrations.FILE)
         return
-    for turn in range(rounds + 1):
-        if turn:
-            found = demonstrations.played(settings, model.env.num_envs, seed, turn=turn, actor=agent_of(model))
-            model.examples.add(found)
-        demonstrations.store(found, model.replay_buffer)
-        if (normalised := model.get_vec_normalize_env()) is not None:
-            demonstrations.show(found, normalised)
-        model.imitate(asked["updates"])
-    if rounds and folder is not None:
-        model.examples.save(folder / demonstrations.FILE)
+    demonstrations.store(found, model.replay_buffer)
+    if (normalised := model.get_vec_normalize_env()) is not None:
+        demonstrations.show(found, normalised)
+    model.imitate(asked["updates"])
 
 
 def _wrapped(env: Any, given: Mapping[str, Any]) -> Any:
@@ -197,9 +206,9 @@ def _rollout(settings: Settings, envs: int) -> dict[str, Any]:
         updates = max(1, round(settings.updates_per_step * collected))
     most = envs * (math.ceil((settings.steps + collected) / envs) + 1)  # what can ever be stored
     if shown := given.get("demonstrations"):
-        from tiago_mj.learn.demonstrations import episodes_in_all
+        from tiago_mj.learn.demonstrations import episodes_each
 
-        most += episodes_in_all(shown, envs) * settings.episode_steps
+        most += envs * episodes_each(shown, envs) * settings.episode_steps
     return {
         "train_freq": (count, unit),
         "gradient_steps": int(updates),

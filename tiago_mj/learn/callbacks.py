@@ -80,7 +80,8 @@ class Episodes(BaseCallback):  # type: ignore[misc]
         self._last: deque[float] = deque(maxlen=BEST_OF)
 
     def _on_step(self) -> bool:
-        if not self.locals["dones"].any():
+        acts = getattr(self.model, "acts", True)  # what a controller plays first says nothing of the policy
+        if not (acts and self.locals["dones"].any()):
             return True
         for done, info in zip(self.locals["dones"], self.locals["infos"], strict=True):
             if done:

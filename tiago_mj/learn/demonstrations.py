@@ -4,30 +4,21 @@ An agent that has never touched an object cannot learn what touching is worth. T
 own are, with hindsight where there is hindsight. Before its first step the actor imitates the controller and the
 critics learn what that earns; from then on the actor is pulled towards the controller's actions, less and less (TD3
 with behaviour cloning, Fujimoto and Gu 2021, arXiv 2106.06860, equation 3, whose 1 / 2.5 is a weight of 0.4 here).
-
-An actor that only imitates goes astray where the controller never was. So there may be further rounds before the first
-step, in which the actor acts and the controller says what it would have done there (DAgger, Ross, Gordon and Bagnell
-2011, arXiv 1011.0686).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tiago_mj import arrays, atomic
 from tiago_mj.learn.settings import Settings
 
-#: Seed of the first demonstrated episode of seed 0; evaluations have other ones. Every further round adds ROUND.
+#: Seed of the first demonstrated episode of seed 0; evaluations have other ones.
 FIRST_SEED: Final = 2_000_000
-ROUND: Final = 1_000_000
-#: Of a seed's folder: what the actor is compared with where rounds cannot be played again.
-FILE: Final = "examples.npz"
 
 
 @dataclass(frozen=True)
@@ -37,7 +28,7 @@ class Demonstrations:
     Attributes:
         observations, next_observations: of the environments.
         actions: that were executed, noise included.
-        intended: the controller's, without noise; in further rounds what it would have done.
+        intended: the controller's, without noise.
         rewards: of the steps.
         ended: whether an episode was over with the step.
     """
@@ -50,37 +41,30 @@ class Demonstrations:
     ended: NDArray[np.bool_]
 
 
-def played(
-    settings: Settings, count: int, seed: int, *, turn: int = 0, actor: Callable[[Any], Any] | None = None
-) -> Demonstrations:
-    """Episodes of the controller that the hyperparameters name, or of an actor whose actions it corrects.
+def played(settings: Settings, count: int, seed: int) -> Demonstrations:
+    """Episodes of the controller that the hyperparameters name.
 
     Args:
         settings: of the training.
         count: environments that are played side by side.
         seed: of the training; another seed has other episodes.
-        turn: 0, or which of the further rounds this is.
-        actor: who acts; None: the controller.
 
     Raises:
         ValueError: there is no such controller for this environment; one line.
     """
-    from tiago_mj.rollout.options import make_env
+    from tiago_mj.learn.build import make_one_env
     from tiago_mj.rollout.policies import make_policy
 
     asked: Mapping[str, Any] = settings.hyperparameters["demonstrations"]
-    options = {"visual": False, **settings.env_options}
-    if settings.effects is not None:
-        options["effects"] = settings.effects
-    each = episodes_each(asked, count, turn)
+    each = episodes_each(asked, count)
     columns = []
     for k in range(count):
-        env = make_env(settings.env, options)
+        env = make_one_env(settings)
         try:
             policy = make_policy(asked["policy"], env, seed=0, trust=False)
-            first = FIRST_SEED + turn * ROUND + (seed * count + k) * each
-            rng = np.random.default_rng([seed, k, turn] if turn else [seed, k])
-            episodes = (_episode(env, policy, first + n, asked["noise"], rng, actor) for n in range(each))
+            first = FIRST_SEED + (seed * count + k) * each
+            rng = np.random.default_rng([seed, k])
+            episodes = (_episode(env, policy, first + n, asked["noise"], rng) for n in range(each))
             columns.append([row for rows in episodes for row in rows])
         finally:
             env.close()
@@ -90,14 +74,9 @@ def played(
     return Demonstrations(*(_stacked(part) for part in parts))
 
 
-def episodes_each(asked: Mapping[str, Any], count: int, turn: int = 0) -> int:
+def episodes_each(asked: Mapping[str, Any], count: int) -> int:
     """Episodes of each of ``count`` environments that make as many as were asked for."""
-    return -(-int(asked["round_episodes" if turn else "episodes"]) // count)
-
-
-def episodes_in_all(asked: Mapping[str, Any], count: int) -> int:
-    """Episodes of all rounds and environments together."""
-    return count * sum(episodes_each(asked, count, turn) for turn in range(int(asked.get("rounds", 0)) + 1))
+    return -(-int(asked["episodes"]) // count)
 
 
 def store(found: Demonstrations, buffer: Any) -> None:
@@ -143,42 +122,6 @@ class Examples:
         self._seen = _each(found.observations, lambda part: part.reshape(-1, *part.shape[2:]).astype(np.float32))
         self._actions = found.intended.reshape(-1, found.intended.shape[-1])
 
-    def add(self, found: Demonstrations) -> None:
-        """Compare the actor with these as well."""
-        seen = _each(found.observations, lambda part: part.reshape(-1, *part.shape[2:]).astype(np.float32))
-        if isinstance(seen, dict):
-            self._seen = {name: np.concatenate([self._seen[name], part]) for name, part in seen.items()}
-        else:
-            self._seen = np.concatenate([self._seen, seen])
-        self._actions = np.concatenate([self._actions, found.intended.reshape(-1, found.intended.shape[-1])])
-
-    def save(self, path: Path) -> None:
-        """Write what the actor is compared with."""
-        seen = self._seen if isinstance(self._seen, dict) else {"": self._seen}
-        parts = {f"seen_{name}": part for name, part in seen.items()}
-        with atomic.replacing(path) as temporary, temporary.open("wb") as file:
-            np.savez_compressed(file, allow_pickle=False, actions=self._actions, **parts)
-
-    def restore(self, path: Path) -> None:
-        """Take what :meth:`save` wrote for the same training.
-
-        Raises:
-            ValueError: the file is damaged or of another training; one line.
-        """
-        try:
-            found = arrays.read_npz(path)
-            actions = found.pop("actions")
-            seen: Any = {name.removeprefix("seen_"): part for name, part in found.items()}
-            here = self._seen if isinstance(self._seen, dict) else {"": self._seen}
-            same = seen.keys() == here.keys() and actions.shape[1:] == self._actions.shape[1:]
-            if not same or any(part.shape != (len(actions), *here[name].shape[1:]) for name, part in seen.items()):
-                raise ValueError("they are of another task")
-            if not all(np.isfinite(part).all() for part in (actions, *seen.values())):
-                raise ValueError("there are numbers that are not finite")
-        except (OSError, *arrays.FAULTS) as fault:
-            raise ValueError(f"{path.name} holds no examples that can be read: {arrays.reason(fault)}") from fault
-        self._seen, self._actions = (seen if isinstance(self._seen, dict) else seen[""]), actions
-
     def weight(self, left: float) -> float:
         """Of the mean squared difference when a share of the training is left, 1 to 0."""
         return self._weight * (self._keep + (1.0 - self._keep) * left)
@@ -198,17 +141,14 @@ class Examples:
         return _each(seen, torch.as_tensor), torch.as_tensor(self._actions[rows])
 
 
-def _episode(
-    env: Any, policy: Any, seed: int, noise: float, rng: np.random.Generator, actor: Callable[[Any], Any] | None
-) -> list[tuple[Any, ...]]:
+def _episode(env: Any, policy: Any, seed: int, noise: float, rng: np.random.Generator) -> list[tuple[Any, ...]]:
     """One episode, step by step: the fields of :class:`Demonstrations`."""
     observation, info = env.reset(seed=seed)
     policy.reset()
     rows, over = [], False
     while not over:
         intended = np.asarray(policy(observation, info), dtype=np.float32)
-        acted = intended if actor is None else actor(observation)
-        drawn = acted + noise * rng.standard_normal(intended.shape)
+        drawn = intended + noise * rng.standard_normal(intended.shape)
         action = np.clip(drawn, env.action_space.low, env.action_space.high).astype(np.float32)
         following, reward, terminated, truncated, info = env.step(action)
         over = bool(terminated or truncated)

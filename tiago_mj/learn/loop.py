@@ -83,7 +83,7 @@ def _train(task: Task, folder: Path) -> dict[str, Any]:
             begin_episodes(model, task.seed)
     begun, busy, before = time.monotonic(), time.process_time(), model.num_timesteps
     if not finished:
-        demonstrate(model, settings, task.seed, stored=before > 0, folder=folder)
+        demonstrate(model, settings, task.seed, stored=before > 0)
         progress = Progress(folder, settings.steps, episodes, alive)
         model.learn(
             settings.steps - before,

@@ -1,7 +1,7 @@
 """Hyperparameters in rl-zoo3's YAML form: one entry an environment, read and checked before anything starts.
 
 An entry has rl-zoo3's own keys (:data:`OWN_KEYS`; ``hold``, ``hold_share``, ``leak``, ``action_cost``,
-``value_range`` and ``demonstrations`` are ours) and arguments of the algorithm's class. What rl-zoo3 would run as
+``value_range``, ``demonstrations`` and ``expert`` are ours) and arguments of the algorithm's class. What rl-zoo3 would run as
 Python, such as ``policy_kwargs: "dict(net_arch=[400, 300])"``, is read as the literal that it is; nothing is evaluated.
 """
 
@@ -33,13 +33,14 @@ ALGORITHMS: Final[Mapping[str, str]] = {
     "ppo": "PPO",
     "a2c": "A2C",
     "her-td3": "TD3",
+    "dagger": "TD3",
 }
 #: Of :class:`tiago_mj.learn.updates.FastTD3`, beyond rl-zoo3's.
 FAST_KEYS: Final = ("hold", "hold_share", "leak", "action_cost", "value_range")
 #: Keys of an entry that are not the class's arguments.
 OWN_KEYS: Final = (
     "n_timesteps", "n_envs", "policy", "env_kwargs", "normalize", "noise_type", "noise_std", "demonstrations",
-    *FAST_KEYS,
+    "expert", *FAST_KEYS,
 )  # fmt: skip
 #: rl-zoo3's keys that name Python to be run, or change what the policy is given in ways that agents cannot record.
 REFUSED: Final = ("env_wrapper", "vec_env_wrapper", "callback", "frame_stack", "monitor_kwargs")
@@ -155,10 +156,6 @@ class _Demonstrations(Closed):
     )
     weight: float = Field(default=1.0, ge=0, le=1e6, description="give a number, 0 or more")
     keep: _Share = Field(default=0.0, description="give a share of the weight, 0 to 1")
-    rounds: Annotated[int, Field(ge=0, le=1000), BeforeValidator(_whole)] = Field(
-        default=0, description="give a whole number, 0 or more"
-    )
-    round_episodes: _Whole = Field(default=50, description=_WHOLE)
 
 
 class _Entry(Closed):
@@ -174,6 +171,7 @@ class _Entry(Closed):
     demonstrations: Annotated[_Demonstrations | None, BeforeValidator(_mapping)] = Field(
         default=None, description=_MAPPING
     )
+    expert: str = Field(default="scripted", description="give the name of a controller: scripted, or an agent's")
     policy: Literal["MlpPolicy", "MultiInputPolicy"] = Field(
         default="MlpPolicy", description="use 'MlpPolicy' or 'MultiInputPolicy'"
     )
