@@ -239,7 +239,7 @@ def entry(text):
 @pytest.mark.parametrize(
     ("more", "yaml", "said"),
     [
-        (("--algo", "dqn"), None, "algorithm 'dqn' is unknown: use one of td3, ddpg, sac, ppo, a2c, her-td3"),
+        (("--algo", "dqn"), None, "algorithm 'dqn' is unknown: use one of td3, ddpg, sac, ppo, a2c, her-td3, dagger"),
         (("--algo", "her-td3"), None, "her-td3 relabels goals"),
         (("--env-option", "servo"), None, "is no key=value"),
         (("--env-option", "servos=ideal"), None, "did you mean 'servo'"),

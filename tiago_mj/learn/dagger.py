@@ -1,13 +1,14 @@
 """Imitation with corrections: the agent acts, and a controller says at every step what it would have done there.
 
 An actor that only imitates what a controller did goes astray where the controller never was. So the controller acts
-first, and afterwards the actor itself; the controller's actions for all that was seen are what the actor learns (DAgger,
-Ross, Gordon and Bagnell 2011, arXiv 1011.0686). No reward is used. The replay buffer is what the paper calls the
-aggregated data set: it holds the controller's actions, not those that were executed.
+first, and afterwards the actor itself; the controller's actions for all that was seen are what the actor learns
+(DAgger, Ross, Gordon and Bagnell 2011, arXiv 1011.0686). No reward is used. The replay buffer is what the paper calls
+the aggregated data set: it holds the controller's actions, not those that were executed.
 """
 
 from __future__ import annotations
 
+from operator import itemgetter
 from typing import Any
 
 import gymnasium
@@ -19,6 +20,7 @@ from torch.nn.functional import mse_loss
 from tiago_mj.control.scripted import Scripted
 from tiago_mj.envs.flat import core_of
 from tiago_mj.learn.agent_file import Agent
+from tiago_mj.learn.demonstrations import each_part
 from tiago_mj.rollout.episode import Policy
 from tiago_mj.rollout.policies import make_policy
 
@@ -45,11 +47,11 @@ class Dagger(TD3):  # type: ignore[misc]
             batch = self.replay_buffer.sample(batch_size, env=self._vec_normalize_env)
             loss = mse_loss(self.actor(batch.observations), batch.actions)
             self.actor.optimizer.zero_grad(set_to_none=True)
-            loss.backward()
+            loss.backward()  # type: ignore[no-untyped-call]
             self.actor.optimizer.step()
         self._n_updates += gradient_steps
         self.logger.record("train/n_updates", self._n_updates, exclude="tensorboard")
-        self.logger.record("train/actor_loss", float(loss))  # of the last update
+        self.logger.record("train/actor_loss", loss.item())  # of the last update
 
     def _sample_action(self, learning_starts: int, action_noise: Any = None, n_envs: int = 1) -> tuple[Any, Any]:
         """What is executed, and what is stored: the controller's."""
@@ -62,9 +64,7 @@ class Dagger(TD3):  # type: ignore[misc]
     def _corrections(self, count: int) -> NDArray[np.float32]:
         """The controller's actions for what is seen, (environments, n)."""
         seen = self._last_obs if self._vec_normalize_env is None else self._last_original_obs
-        rows = [
-            {key: part[k] for key, part in seen.items()} if isinstance(seen, dict) else seen[k] for k in range(count)
-        ]
+        rows = [each_part(seen, itemgetter(k)) for k in range(count)]
         return np.clip([self.expert(row, {}) for row in rows], -1.0, 1.0).astype(np.float32)
 
 

@@ -8,7 +8,7 @@ with behaviour cloning, Fujimoto and Gu 2021, arXiv 2106.06860, equation 3, whos
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -119,7 +119,7 @@ class Examples:
 
     def __init__(self, found: Demonstrations, weight: float, keep: float = 0.0, batch: int = 256) -> None:
         self._weight, self._keep, self._batch = weight, keep, batch
-        self._seen = _each(found.observations, lambda part: part.reshape(-1, *part.shape[2:]).astype(np.float32))
+        self._seen = each_part(found.observations, lambda part: part.reshape(-1, *part.shape[2:]).astype(np.float32))
         self._actions = found.intended.reshape(-1, found.intended.shape[-1])
 
     def weight(self, left: float) -> float:
@@ -135,10 +135,10 @@ class Examples:
         import torch
 
         rows = torch.randint(len(self._actions), (self._batch,)).numpy()
-        seen = _each(self._seen, lambda part: part[rows])
+        seen = each_part(self._seen, lambda part: part[rows])
         if normalised is not None:
             seen = normalised.normalize_obs(seen)
-        return _each(seen, torch.as_tensor), torch.as_tensor(self._actions[rows])
+        return each_part(seen, torch.as_tensor), torch.as_tensor(self._actions[rows])
 
 
 def _episode(env: Any, policy: Any, seed: int, noise: float, rng: np.random.Generator) -> list[tuple[Any, ...]]:
@@ -165,8 +165,9 @@ def _stacked(rows: Sequence[Sequence[Any]]) -> Any:
 
 
 def _at(part: Any, t: int) -> Any:
-    return _each(part, lambda one: one[t])
+    return each_part(part, lambda one: one[t])
 
 
-def _each(part: Any, change: Any) -> Any:
+def each_part(part: Any, change: Callable[[Any], Any]) -> Any:
+    """An observation, or the parts of one, changed."""
     return {name: change(one) for name, one in part.items()} if isinstance(part, dict) else change(part)

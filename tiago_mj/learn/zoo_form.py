@@ -1,8 +1,9 @@
 """Hyperparameters in rl-zoo3's YAML form: one entry an environment, read and checked before anything starts.
 
 An entry has rl-zoo3's own keys (:data:`OWN_KEYS`; ``hold``, ``hold_share``, ``leak``, ``action_cost``,
-``value_range``, ``demonstrations`` and ``expert`` are ours) and arguments of the algorithm's class. What rl-zoo3 would run as
-Python, such as ``policy_kwargs: "dict(net_arch=[400, 300])"``, is read as the literal that it is; nothing is evaluated.
+``value_range``, ``demonstrations`` and ``expert`` are ours) and arguments of the algorithm's class. What rl-zoo3 would
+run as Python, such as ``policy_kwargs: "dict(net_arch=[400, 300])"``, is read as the literal that it is; nothing is
+evaluated.
 """
 
 from __future__ import annotations
