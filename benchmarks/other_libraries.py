@@ -6,8 +6,8 @@
 `updates`: one update on a full buffer of random transitions, processor time, choices in turns, medians of rounds; TD3
 of all, and what the libraries have beyond it. `reach`: TIAGoReach with hindsight replay and the hyperparameters that
 rl-zoo3 has for FetchReach with TQC (hyperparams/tqc.yml at 22e3ff2: networks of 64-64, batch 256, gamma 0.95,
-normalised), but 40 000 steps and a learning rate that falls to 0, as our own recipe has; eight environments and an update
-a step. Success of 200 episodes that no training used after every 5000 steps, and the processor time until then,
+normalised), but 40 000 steps and a learning rate that falls to 0, as our own recipe has; eight environments and an
+update a step. Success of 200 episodes that no training used after every 5000 steps, and the processor time until then,
 evaluations apart.
 """
 
@@ -41,7 +41,7 @@ KINDS = {
     "sbx TQC": sbx.TQC,
     "sbx CrossQ": sbx.CrossQ,
 }
-#: sb3-contrib's CrossQ takes no observations in goal form, and an update of its TQC takes several times as long as sbx's.
+#: sb3-contrib's CrossQ takes no observations in goal form, and an update of its TQC several times as long as sbx's.
 REACHING = ("sbx TD3", "sbx TQC", "sbx CrossQ")
 NETWORKS, BATCH = [400, 300], 100
 REACH, STEPS, EVERY, EPISODES = "tiago_mj/TIAGoReach-v0", 40_000, 5_000, 200
@@ -97,8 +97,8 @@ def reach(name: str, seed: int) -> dict[str, Any]:
     envs = VecNormalize(make_sb3(REACH, 8, seed=seed, threads=1, visual=False), norm_reward=False)
     critics = {"n_critics": 1} if "TQC" in name else {}
     model = KINDS[name](
-        "MultiInputPolicy", envs, buffer_size=100_000, batch_size=256, gamma=0.95, learning_rate=lambda left: 1e-3 * left,
-        learning_starts=1000, train_freq=1, gradient_steps=8, replay_buffer_class=HerReplayBuffer,
+        "MultiInputPolicy", envs, buffer_size=100_000, batch_size=256, gamma=0.95, learning_starts=1000, train_freq=1,
+        learning_rate=lambda left: 1e-3 * left, gradient_steps=8, replay_buffer_class=HerReplayBuffer,
         replay_buffer_kwargs={"n_sampled_goal": 4, "goal_selection_strategy": "future"},
         policy_kwargs={"net_arch": [64, 64], **critics}, seed=seed, device="cpu",
     )  # fmt: skip

@@ -13,6 +13,7 @@ import imageio.v3 as iio
 import numpy as np
 
 from tiago_mj import atomic
+from tiago_mj.drawing import Camera
 from tiago_mj.film import Film
 from tiago_mj.rollout.episode import play
 from tiago_mj.rollout.policies import make_policy
@@ -26,6 +27,8 @@ FILMED = {
     "dagger-pick": ("TIAGoPickAndPlace-v0", {}, 3, 60),
     "ppo-close": ("GripperCloseGoal-v0", {"goal": [0.0, 0.045]}, 3, 150),
 }
+#: What moves on the table is small from where the whole task is seen.
+CLOSER = {name: Camera((0.64, 0.0, 0.63), 0.85, 135, -30) for name in ("dagger-push", "dagger-pick")}
 #: Seed of the first episode: neither trainings nor the benchmarks' evaluations use it.
 FIRST_SEED = 30_000
 SIZE = {"width": 800, "height": 600}
@@ -35,7 +38,7 @@ def filmed(name: str) -> Path:
     """Play an agent's episodes and write its film."""
     env_id, options, episodes, shown = FILMED[name]
     env = gymnasium.make(f"tiago_mj/{env_id}", render_mode="rgb_array", **SIZE, **options)
-    film, policy = Film(env), make_policy(name, env, seed=0, trust=False)
+    film, policy = Film(env, camera=CLOSER.get(name)), make_policy(name, env, seed=0, trust=False)
     for seed in range(FIRST_SEED, FIRST_SEED + episodes):
         play(env, policy, seed=seed, watch=lambda step: film(step) if step <= shown else None)
     path = IMAGES / f"{name}.webp"
