@@ -125,3 +125,12 @@ def test_controllers_that_cannot_be_imitated_are_refused():
     chosen = Settings("tiago_mj/TIAGoReach-v0", "her-td3", 100, {}, None, given)
     with pytest.raises(ValueError, match="expert is of dagger"):
         build.make_model(chosen, build.make_env(chosen, 8), 0)
+
+
+def test_the_trial_of_a_training_collects_in_small_rounds_of_the_same_ratio():
+    from tiago_mj.learn import duration
+
+    model = trained(settings(train_freq=[STEPS, "step"], gradient_steps=60))
+    duration._shorten(model)
+    assert model.gradient_steps / model.train_freq.frequency == pytest.approx(60 / STEPS)
+    assert model.train_freq.frequency < STEPS

@@ -13,6 +13,8 @@ MEASURED: Final = 2.0
 PATIENCE: Final = 10.0
 #: Steps after which a trial run updates its networks, as training does from its own number on.
 WARM_UP: Final = 64
+#: Steps of every environment in a round of the trial, at most.
+ROUND: Final = 4
 #: Trainings of fewer environment steps in all are not worth measuring.
 SHORT: Final = 50_000
 
@@ -23,30 +25,48 @@ def steps_per_second(model: Any) -> float:
     from stable_baselines3.common.callbacks import BaseCallback
 
     class Watch(BaseCallback):  # type: ignore[misc]
-        """Measures from the first update on, and stops after a while."""
+        """Measures whole rounds of collecting and updating, from the first update on, and stops after a while."""
 
         def __init__(self) -> None:
             super().__init__()
             self.began, self.before, self.rate = time.monotonic(), 0, 0.0
             self.since: float | None = None
 
+        def _on_rollout_start(self) -> None:
+            now = time.monotonic()
+            if self.since is not None:
+                self.rate = (self.num_timesteps - self.before) / max(now - self.since, 1e-9)
+            elif self.model._n_updates > 0:
+                self.since, self.before = now, self.num_timesteps
+
         def _on_step(self) -> bool:
             now = time.monotonic()
-            if self.since is None and self.model._n_updates > 0:
-                self.since, self.before = now, self.num_timesteps
-            past = now - (self.began if self.since is None else self.since)
-            self.rate = (self.num_timesteps - self.before) / max(past, 1e-9)
-            return now - self.began < PATIENCE and (self.since is None or past < MEASURED)
+            if now - self.began >= PATIENCE and not self.rate:
+                self.rate = self.num_timesteps / (now - self.began)
+            return now - self.began < PATIENCE and not (self.rate and now - (self.since or now) >= MEASURED)
 
     threads, watch = torch.get_num_threads(), Watch()
     torch.set_num_threads(1)  # as each seed trains
     try:
         if hasattr(model, "learning_starts") and not hasattr(model.replay_buffer, "ep_length"):
             model.learning_starts = WARM_UP  # hindsight replay cannot begin before an episode is over
+        if hasattr(model, "train_freq"):
+            _shorten(model)
         model.learn(10**9, callback=watch)
     finally:
         torch.set_num_threads(threads)
     return watch.rate
+
+
+def _shorten(model: Any) -> None:
+    """Collect and update in smaller rounds of the same ratio, so that some fit into the time that is measured."""
+    from stable_baselines3.common.type_aliases import TrainFreq
+
+    model._convert_train_freq()
+    count, unit = model.train_freq
+    if unit.value == "step" and count > ROUND and model.gradient_steps > 0:
+        model.train_freq = TrainFreq(ROUND, unit)
+        model.gradient_steps = max(1, round(model.gradient_steps * ROUND / count))
 
 
 def said(rate: float, steps: int, seeds: int, jobs: int, left: int) -> str:
