@@ -60,7 +60,7 @@ class Rewriter:
     def _target(self, path: str, source: str, said: str) -> str:
         if path in MOVED:
             return MOVED[path]
-        if path.startswith("docs/") and path.endswith((".md", ".png")):
+        if path.startswith("docs/") and path.endswith((".md", ".png", ".webp")):
             return path.removeprefix("docs/")  # MkDocs says where there is no such page
         found = self.root / path
         if not found.exists():
