@@ -52,7 +52,7 @@ def measured(training: Path, episodes: int) -> dict[str, Any]:
     def row(policy: str) -> dict[str, Any]:
         played = play_policy(env, policy, name=policy, seeds=seeds)
         spread = summarise(played.metrics)
-        found: dict[str, Any] = {"success": spread["success"].mean}
+        found: dict[str, Any] = {"success": spread["success"].mean, "return": asdict(spread["reward"])}
         found["ci95"] = wilson(sum(bool(one.success) for one in played.metrics), episodes)
         if holds:
             found |= {name: asdict(spread[name]) for name in HOLDING}

@@ -19,9 +19,9 @@ from tiago_mj.rollout.episode import play
 from tiago_mj.rollout.policies import make_policy
 
 IMAGES = Path(__file__).parent / "images" / "agents"
-#: Agent: environment and its options, episodes, and steps of each that are shown (None: all).
+#: Agent: environment and its options, episodes, and how many steps of each are shown.
 FILMED = {
-    "td3-whole-robot": ("TIAGoTactile-v0", {}, 1, 100),
+    "td3-whole-robot": ("TIAGoTactile-v0", {"object_offset": 0.0}, 1, 100),
     "her-td3-reach": ("TIAGoReach-v0", {}, 4, 25),
     "dagger-push": ("TIAGoPush-v0", {}, 3, 60),
     "dagger-pick": ("TIAGoPickAndPlace-v0", {}, 3, 60),

@@ -111,7 +111,8 @@ def _rotation(now: Array, wanted: Array) -> Array:
 class Scripted(ABC):
     """The expert of one of the three tasks; :meth:`for_env` makes it.
 
-    One instance serves one environment: call :meth:`reset` after every reset of it.
+    They remember nothing within an episode. One instance serves one environment; where the object is drawn, call
+    :meth:`reset` after every reset of it.
     """
 
     #: Of the hand's orientation at the start, see :class:`ResolvedRates`.
@@ -119,7 +120,7 @@ class Scripted(ABC):
 
     def __init__(self, core: Any) -> None:
         self._rates = ResolvedRates(core, self.ROTATION_WEIGHT)
-        self._joints, self._dt = len(core.joints), core.dt
+        self._joints = len(core.joints)
         self._arm = [core.joints.index(name) for name in core.joints if name not in names.FINGERS]
         self._fingers = [core.joints.index(name) for name in names.FINGERS]
         self.reset()
@@ -143,7 +144,7 @@ class Scripted(ABC):
 
     @abstractmethod
     def reset(self) -> None:
-        """Forget the episode before."""
+        """Look at what this episode has that observations do not show."""
 
     def __call__(self, observation: dict[str, Array], info: dict[str, Any]) -> NDArray[np.float32]:
         """The action, (10,) float32 within [-1, 1].
@@ -171,7 +172,7 @@ class ReachExpert(Scripted):
     ROTATION_WEIGHT = 0.1
 
     def reset(self) -> None:
-        """It has no memory."""
+        """There is nothing."""
 
     def _plan(self, hand: Array, seen: Array, goal: Array) -> tuple[Array, float]:
         return GAIN * (goal - hand), 0.0

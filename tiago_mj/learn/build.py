@@ -109,6 +109,8 @@ def make_model(settings: Settings, env: Any, seed: int, *, fast: bool = True, fu
         first = env.num_envs * settings.episode_steps  # nothing can be relabelled before an episode is over
         arguments["learning_starts"] = max(int(arguments.get("learning_starts", 0)), first)
     policy = "MultiInputPolicy" if goal_form else given["policy"]
+    if policy == "MultiInputPolicy" and not goal_form:
+        raise ValueError(f"policy MultiInputPolicy is for observations with goals, {settings.env} has none: MlpPolicy")
     try:
         model = kind(policy, _wrapped(env, given), seed=seed, device="cpu", **arguments)
     except (TypeError, AssertionError, KeyError) as fault:
@@ -117,7 +119,16 @@ def make_model(settings: Settings, env: Any, seed: int, *, fast: bool = True, fu
     if algo == "dagger":
         from tiago_mj.learn.dagger import expert_of
 
-        model.expert = expert_of(given.get("expert", "scripted"), make_one_env(settings))
+        if settings.steps <= model.learning_starts:
+            raise ValueError(
+                f"steps is {settings.steps} and learning_starts {model.learning_starts}: nothing would be learned; give "
+                "more steps, or a smaller learning_starts"
+            )
+        one = make_one_env(settings)
+        try:
+            model.expert = expert_of(given.get("expert", "scripted"), one)
+        finally:
+            one.close()
     elif "expert" in given:
         raise ValueError(f"expert is of dagger: leave it out of the hyperparameters for {algo}")
     for key in FAST_KEYS:

@@ -78,16 +78,26 @@ class Episodes(BaseCallback):  # type: ignore[misc]
         self.log: list[tuple[int, float, bool]] = []
         self.best = Best(origin, "best")
         self._last: deque[float] = deque(maxlen=BEST_OF)
+        #: Episodes that the policy plays from their beginning: one that a controller began says nothing of it.
+        self._own: NDArray[np.bool_] | None = None
+
+    def begin(self) -> None:
+        """New episodes of all environments begin."""
+        self._own = None
 
     def _on_step(self) -> bool:
-        acts = getattr(self.model, "acts", True)  # what a controller plays first says nothing of the policy
-        if not (acts and self.locals["dones"].any()):
-            return True
-        for done, info in zip(self.locals["dones"], self.locals["infos"], strict=True):
-            if done:
+        dones, acts = self.locals["dones"], getattr(self.model, "acts", True)
+        if self._own is None:
+            self._own = np.full(len(dones), acts)
+        for k in np.flatnonzero(dones).tolist():
+            if self._own[k]:
+                info = self.locals["infos"][k]
                 total = float(info["episode"]["r"])
                 self._last.append(total)
                 self.log.append((self.num_timesteps, total, bool(info["is_success"])))
+            self._own[k] = acts
+        if not dones.any():
+            return True
         if len(self._last) == BEST_OF:
             self.best.offer(self.model, float(np.mean(self._last)))
         return True
@@ -198,6 +208,7 @@ class Checkpoints(BaseCallback):  # type: ignore[misc]
             return
         self.save(finished=False)
         begin_episodes(self.model, self._seed)
+        self._episodes.begin()
 
     def save(self, *, finished: bool) -> None:
         """Write the curves, the best policies so far, and last the checkpoint.

@@ -127,8 +127,9 @@ def markdown(data: Mapping[str, Any], name: str | None = None) -> str:
         )
     lines += [
         "",
-        f"Training episodes have exploration noise, the {settings['evaluation_episodes']} evaluation episodes at the "
-        f"end of training have none. Best seed: {data['best_seed']}." + _which(data),
+        f"{'' if settings['algo'] == 'dagger' else 'Training episodes have exploration noise. '}The "
+        f"{settings['evaluation_episodes']} evaluation episodes at the end of training have no exploration noise. "
+        f"Best seed: {data['best_seed']}." + _which(data),
         "",
         "| setting | value |",
         "|---|---|",

@@ -81,13 +81,13 @@ def expert_of(name: str, env: gymnasium.Env[Any, Any]) -> Policy:
     policy = make_policy(name, env, seed=0, trust=False)
     if not isinstance(policy, (Scripted, Agent)):
         raise ValueError(
-            f"expert {name} remembers what it has seen, and an agent that is shown single moments cannot imitate that: "
-            "use scripted, or an agent"
+            f"expert {name} cannot be imitated: it does not decide by what is seen at one moment; use scripted, or an "
+            "agent"
         )
     choice = getattr(core_of(env), "object_choice", None)
     if isinstance(policy, Scripted) and choice is not None and not choice.fixed:
         raise ValueError(
-            "expert scripted knows the object's size, which is drawn here and which no agent sees: give one object of "
-            "one size"
+            "expert scripted looks at the object once, and here it is drawn for every episode: give one object, and no "
+            "ranges of its width, mass, stiffness or damping"
         )
     return policy

@@ -64,9 +64,11 @@ def _shorten(model: Any) -> None:
 
     model._convert_train_freq()
     count, unit = model.train_freq
-    if unit.value == "step" and count > ROUND and model.gradient_steps > 0:
-        model.train_freq = TrainFreq(ROUND, unit)
-        model.gradient_steps = max(1, round(model.gradient_steps * ROUND / count))
+    updates = model.gradient_steps  # below 0: as many as there were steps
+    if unit.value == "step" and count > ROUND and updates:
+        few = ROUND if updates < 0 else min(count, max(ROUND, round(count / updates)))
+        model.train_freq = TrainFreq(few, unit)
+        model.gradient_steps = updates if updates < 0 else round(updates * few / count)
 
 
 def said(rate: float, steps: int, seeds: int, jobs: int, left: int) -> str:

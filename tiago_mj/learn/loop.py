@@ -140,7 +140,7 @@ def _logger(folder: Path, tensorboard: bool) -> Any:
 
 def _save_model(model: Any, path: Path) -> None:
     with atomic.replacing(path) as temporary, temporary.open("wb") as file:
-        model.save(file, exclude=["replay_buffer_class", "_restored"])
+        model.save(file, exclude=["replay_buffer_class", "_restored", "expert"])
 
 
 def _parent_is_there() -> Any:

@@ -53,6 +53,10 @@ _NOT_GIVEN: Final = frozenset(
         "rollout_buffer_class", "rollout_buffer_kwargs", "_init_setup_model",
     )
 )  # fmt: skip
+#: What says nothing where there are no critics.
+_OF_CRITICS: Final = frozenset(
+    ("tau", "gamma", "n_steps", "policy_delay", "target_policy_noise", "target_noise_clip", "replay_buffer_kwargs")
+)
 NOISES: Final = ("normal", "ornstein-uhlenbeck")
 ACTIVATIONS: Final = ("ReLU", "Tanh", "ELU")
 #: Characters of a mapping that is written as Python.
@@ -270,7 +274,8 @@ def class_arguments(algo: str) -> frozenset[str]:
     """Arguments of the algorithm's class that an entry may have."""
     if algo not in ALGORITHMS:
         raise ValueError(f"algorithm {quoted(algo)} is unknown: use one of {', '.join(ALGORITHMS)}")
-    return frozenset(inspect.signature(sb3_class(algo).__init__).parameters) - _NOT_GIVEN
+    known = frozenset(inspect.signature(sb3_class(algo).__init__).parameters) - _NOT_GIVEN
+    return known - _OF_CRITICS if algo == "dagger" else known
 
 
 def sb3_class(algo: str) -> Any:
