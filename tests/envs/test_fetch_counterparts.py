@@ -279,6 +279,29 @@ def test_objects_of_other_sizes_and_shapes_stand_on_the_table_and_are_carried():
     assert len(kinds) == 2
 
 
+@pytest.mark.parametrize(
+    "given",
+    [
+        {"object_stiffness": 3000.0},
+        {"object_stiffness": 40_000.0},
+        {"object": "wood"},
+        {"object": "sponge"},
+        {"finger_speed": 0.03},
+    ],
+    ids=str,
+)
+def test_whatever_the_fingers_stand_on_is_carried(given):
+    """Stiff and soft, narrow and wide, by slow fingers: how far they press into it says nothing of the grip."""
+    env = PickAndPlace(**given)
+    expert = Scripted.for_env(env)
+    for seed in range(3):
+        observation, info = env.reset(seed=seed)
+        expert.reset()
+        for _ in range(100):
+            observation, _, _, _, info = env.step(expert(observation, info))
+        assert info["is_success"], seed
+
+
 class ReachFromAbove(Reach):
     START = Push.START
 

@@ -230,7 +230,7 @@ class PushExpert(_TableExpert):
         distance = float(np.linalg.norm(left))
         ahead = left / max(distance, 1e-9)
         across = np.array([-ahead[1], ahead[0]])
-        behind, beside = (place - hand[:2]) @ ahead, (place - hand[:2]) @ across
+        behind, beside = float((place - hand[:2]) @ ahead), float((place - hand[:2]) @ across)
         # Whether the hand is in the lane behind the object, and down: there it pushes.
         lane = _ramp(behind, wide / 2, wide) * (1.0 - _ramp(abs(beside), 0.7 * wide, 1.3 * wide))
         lane *= 1.0 - _ramp(hand[2], self._work + 0.008, self._work + 0.02)
@@ -243,10 +243,11 @@ class PushExpert(_TableExpert):
 
 
 class PickAndPlaceExpert(_TableExpert):
-    """Over the object with open fingers, down, close around it, and carry it to the goal once the grip is firm."""
+    """Over the object with open fingers, down, close around it, and carry it to the goal once they stand on it."""
 
-    #: The mean finger position less half the object's width at which it is carried, and at which nothing is yet [m].
-    FIRM, LOOSE = -0.0014, -0.0006
+    #: Fingers slower than STANDS stand, and faster than CLOSES they close [m/s]: a quarter and three quarters of the
+    #: finger speed that environments have by default. Fingers that are GRIPS and more wider than the object have not reached it [m].
+    STANDS, CLOSES, GRIPS = 0.02, 0.06, 0.001
 
     def _plan(self, hand: Array, seen: Array, goal: Array) -> tuple[Array, float]:
         place = self._object(seen)
@@ -255,8 +256,9 @@ class PickAndPlaceExpert(_TableExpert):
         away = float(np.linalg.norm(place[:2] - hand[:2]))
         around = 1.0 - _ramp(away, self.NEAR, 1.5 * self.NEAR)
         around *= 1.0 - _ramp(abs(hand[2] - work), 0.008, 0.016)
-        fingers = float(seen[: self._joints][self._fingers].mean()) - self._half_width
-        held = around * (1.0 - _ramp(fingers, self.FIRM, self.LOOSE))
+        joints, speeds = seen[: self._joints], seen[self._joints : 2 * self._joints]
+        held = around * (1.0 - _ramp(float(joints[self._fingers].mean()) - self._half_width, 0.0, self.GRIPS))
+        held *= 1.0 - _ramp(float(np.abs(speeds[self._fingers]).max()), self.STANDS, self.CLOSES)
         over = self._approach(hand, place[:2], work)
         return held * _limited(GAIN * (goal - place)) + (1.0 - held) * over, 1.0 - 2.0 * around
 

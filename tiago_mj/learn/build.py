@@ -121,8 +121,8 @@ def make_model(settings: Settings, env: Any, seed: int, *, fast: bool = True, fu
 
         if settings.steps <= model.learning_starts:
             raise ValueError(
-                f"steps is {settings.steps} and learning_starts {model.learning_starts}: nothing would be learned; give "
-                "more steps, or a smaller learning_starts"
+                f"steps is {settings.steps} and learning_starts {model.learning_starts}: nothing would be learned; "
+                "give more steps, or a smaller learning_starts"
             )
         one = make_one_env(settings)
         try:
