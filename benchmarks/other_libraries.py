@@ -1,7 +1,7 @@
 """How fast the kept libraries of the same algorithms update and learn, beside ours: sb3-contrib and sbx.
 
     pip install sb3-contrib sbx-rl
-    OMP_NUM_THREADS=1 taskset -c 0 python benchmarks/other_libraries.py [updates|reach] [--seeds 1]
+    OMP_NUM_THREADS=1 taskset -c 0 python benchmarks/other_libraries.py [updates|reach] [--seeds 3]
 
 `updates`: one update on a full buffer of random transitions, processor time, choices in turns, medians of rounds; TD3
 of all, and what the libraries have beyond it. `reach`: TIAGoReach with hindsight replay and the hyperparameters that
@@ -17,13 +17,14 @@ import argparse
 import json
 import time
 from collections.abc import Callable
+from importlib.metadata import version
 from typing import Any
 
 import numpy as np
 import sb3_contrib
 import sbx
 import torch
-from machine import RESULTS, save
+from machine import RESULTS, machine, save
 from scripted_experts import wilson
 from stable_baselines3 import HerReplayBuffer
 from stable_baselines3.common.callbacks import BaseCallback
@@ -41,6 +42,8 @@ KINDS = {
     "sbx TQC": sbx.TQC,
     "sbx CrossQ": sbx.CrossQ,
 }
+PARTS = ("updates", "reach")
+LIBRARIES = ("stable-baselines3", "sb3-contrib", "sbx-rl", "jax", "torch")
 #: sb3-contrib's CrossQ takes no observations in goal form, and an update of its TQC several times as long as sbx's.
 REACHING = ("sbx TD3", "sbx TQC", "sbx CrossQ")
 NETWORKS, BATCH = [400, 300], 100
@@ -142,9 +145,9 @@ def succeeded(model: Any, envs: Any, examiner: Any) -> int:
 
 
 def main() -> None:
-    """Measure what is asked, both unless told; the other part of the result stays."""
+    """Measure what is asked, both unless told; what is measured anew takes the place of what was there."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("what", nargs="*", default=["updates", "reach"], metavar="updates|reach")
+    parser.add_argument("what", nargs="*", default=PARTS, choices=PARTS)
     parser.add_argument("--rounds", type=int, default=7)
     parser.add_argument("--seeds", type=int, default=1)
     parser.add_argument("--only", nargs="*", default=REACHING, choices=REACHING, help="algorithms that reach")
@@ -152,11 +155,17 @@ def main() -> None:
     torch.set_num_threads(1)
     path = RESULTS / f"{NAME}.json"
     results = json.loads(path.read_text())["results"] if path.exists() else {}
+    about = {"machine": machine(), "versions": {name: version(name) for name in LIBRARIES}}
     if "updates" in given.what:
-        results["updates"] = {"env": ENV, "networks": NETWORKS, "batch": BATCH, "rows": updates(given.rounds)}
+        rows = updates(given.rounds)
+        results["updates"] = {"env": ENV, "networks": NETWORKS, "batch": BATCH, "rows": rows, **about}
     if "reach" in given.what:
-        results["reach"] = [reach(name, seed) for name in given.only for seed in range(given.seeds)]
-    print("saved", save(NAME, results).name)
+        there = {(row["what"], row["seed"]): row for row in results.get("reach", [])}
+        for name in given.only:
+            for seed in range(given.seeds):
+                there[name, seed] = {**reach(name, seed), **about}
+        results["reach"] = list(there.values())
+    print("saved", save(NAME, results, command=f"python benchmarks/{NAME}.py --seeds 3").name)
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """What the scripted experts reach in the reach, push and pick-and-place tasks, and how close to anything they come.
 
-    python benchmarks/scripted_experts.py [--episodes 1000]
+    python benchmarks/scripted_experts.py [--episodes 1000] [ID ...]
 
 `success`: share of episodes that end in success, seeds 0 and up; `ci95` its Wilson interval. `random` and `still`: the
 same for random and for zero actions. `steps`: control steps until success stays (median, 95 %, most). `touched`:
@@ -12,19 +12,20 @@ limits [rad], below 0 beyond them (the pre-grasp pose, where the reach task star
 from __future__ import annotations
 
 import argparse
+import json
 from typing import Any
 
 import gymnasium
 import mujoco
 import numpy as np
-from machine import save
+from machine import RESULTS, machine, save
 
 import tiago_mj
 from tiago_mj.control.scripted import Scripted
 from tiago_mj.models import names
 from tiago_mj.models.limits import joint_limits
 
-TASKS = ("TIAGoReach", "TIAGoPush", "TIAGoPickAndPlace")
+IDS = [f"{task}{touch}-v0" for task in ("TIAGoReach", "TIAGoPush", "TIAGoPickAndPlace") for touch in ("", "Tactile")]
 
 
 def wilson(successes: int, episodes: int) -> tuple[float, float]:
@@ -108,22 +109,24 @@ def play(name: str, policy: str, episodes: int) -> dict[str, Any]:
 
 def main() -> None:
     arguments = argparse.ArgumentParser(description=__doc__)
+    arguments.add_argument("ids", nargs="*", default=IDS, help="all unless told; rows of others stay")
     arguments.add_argument("--episodes", type=int, default=1000)
-    episodes = arguments.parse_args().episodes
-    rows = []
-    for task in TASKS:
-        for name in (f"{task}-v0", f"{task}Tactile-v0"):
-            row = {"id": name, "episodes": episodes, **play(name, "expert", episodes)}
-            row["random"] = play(name, "random", episodes)["success"]
-            row["still"] = play(name, "still", episodes)["success"]
-            rows.append(row)
-            print(
-                f"{name:28} success {row['success']:.3f} ({row['ci95'][0]:.3f} to {row['ci95'][1]:.3f})"
-                f"  random {row['random']:.3f}  still {row['still']:.3f}  steps {row['steps']}"
-                f"  touched {row['touched']}  clearance {row['clearance']:.4f} m  limit {row['limit']:.3f} rad",
-                flush=True,
-            )
-    print("saved", save("scripted_experts", rows).name)
+    given = arguments.parse_args()
+    path, episodes = RESULTS / "scripted_experts.json", given.episodes
+    kept = json.loads(path.read_text())["results"] if path.exists() else []
+    rows = {row["id"]: row for row in kept}
+    for name in given.ids:
+        row = {"id": name, "episodes": episodes, **play(name, "expert", episodes)}
+        row["random"] = play(name, "random", episodes)["success"]
+        row["still"] = play(name, "still", episodes)["success"]
+        rows[name] = {**row, "machine": machine()}
+        print(
+            f"{name:28} success {row['success']:.3f} ({row['ci95'][0]:.3f} to {row['ci95'][1]:.3f})"
+            f"  random {row['random']:.3f}  still {row['still']:.3f}  steps {row['steps']}"
+            f"  touched {row['touched']}  clearance {row['clearance']:.4f} m  limit {row['limit']:.3f} rad",
+            flush=True,
+        )
+    print("saved", save("scripted_experts", [rows[name] for name in IDS if name in rows]).name)
 
 
 if __name__ == "__main__":

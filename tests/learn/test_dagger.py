@@ -13,7 +13,7 @@ from tiago_mj.learn import build  # noqa: E402
 from tiago_mj.learn.dagger import expert_of  # noqa: E402
 from tiago_mj.learn.loop import Task, train_seed  # noqa: E402
 from tiago_mj.learn.settings import Settings  # noqa: E402
-from tiago_mj.learn.zoo_form import read_hyperparameters  # noqa: E402
+from tiago_mj.learn.zoo_form import checked, read_hyperparameters  # noqa: E402
 
 STEPS, ENVS = 30, 4
 
@@ -36,9 +36,8 @@ def trained(chosen, steps=0):
 
 @pytest.mark.parametrize("env", ["TIAGoPush-v0", "TIAGoPickAndPlaceTactile-v0"])
 def test_what_is_stored_is_what_the_expert_would_do_whoever_acts(env):
-    model = trained(settings(env), 360)
+    model = trained(settings(env), 360)  # the actor acts in the last third
     buffer, expert = model.replay_buffer, Scripted.for_env(gymnasium.make(f"tiago_mj/{env}", visual=False))
-    assert model._n_updates > 0, "the last third was acted by the actor"
     for t in (0, 20, 45, 75, 89):
         for k in range(ENVS):
             seen = {name: part[t, k].astype(np.float64) for name, part in buffer.observations.items()}
@@ -62,6 +61,27 @@ def test_the_expert_acts_until_the_actor_has_learned_something():
     np.testing.assert_allclose(difference[: 2 * STEPS], 0.0, atol=1e-6)
     assert (difference[2 * STEPS :] > 1e-3).all()
     assert model.acts
+
+
+def test_noise_is_executed_and_not_stored():
+    clean, noisy = (trained(settings(noise_type="normal", noise_std=level), 120) for level in (0.0, 0.5))
+    first = [model.replay_buffer.actions[0] for model in (clean, noisy)]
+    np.testing.assert_array_equal(*first)
+    places = [model.replay_buffer.observations["observation"][20, :, :10] for model in (clean, noisy)]
+    assert np.abs(places[0] - places[1]).max() > 0.01, "the noise moved something"
+
+
+def test_flat_observations_are_imitated_too():
+    shown = ("GripperTactile-v0", "td3-2021-ideal")
+    entry = read_hyperparameters("dagger", shown[0]) | {"n_envs": ENVS, "learning_starts": 100, "expert": shown[1]}
+    entry |= {"policy_kwargs": {"net_arch": [8]}, "normalize": False, "train_freq": [1, "episode"], "batch_size": 16}
+    options = {"servo": "ideal", "object_offset": 0.0, "max_episode_steps": STEPS}
+    chosen = Settings(f"tiago_mj/{shown[0]}", "dagger", 300, options, None, entry | {"gradient_steps": -1})
+    model = trained(chosen, 300)
+    assert model.acts
+    agent = expert_of(shown[1], gymnasium.make(f"tiago_mj/{shown[0]}", servo="ideal", object_offset=0.0))
+    buffer = model.replay_buffer
+    np.testing.assert_allclose(buffer.actions[70], agent(buffer.observations[70]), atol=1e-4)
 
 
 def test_the_actor_comes_near_the_expert():
@@ -121,16 +141,47 @@ def test_controllers_that_cannot_be_imitated_are_refused():
     with pytest.raises(ValueError, match="looks at the object once, and here it is drawn"):
         expert_of("scripted", drawn)
     assert expert_of("her-td3-reach", gymnasium.make("tiago_mj/TIAGoReach-v0")).origin["algo"] == "her-td3"
+    with pytest.raises(ValueError, match="expert random cannot be imitated"):
+        expert_of("random", gymnasium.make("tiago_mj/TIAGoPush-v0"))
+    with pytest.raises(ValueError, match="control='velocity'"):
+        expert_of("scripted", gymnasium.make("tiago_mj/TIAGoPush-v0", control="position"))
     given = read_hyperparameters("her-td3", "TIAGoReach-v0") | {"expert": "scripted"}
     chosen = Settings("tiago_mj/TIAGoReach-v0", "her-td3", 100, {}, None, given)
     with pytest.raises(ValueError, match="expert is of dagger"):
         build.make_model(chosen, build.make_env(chosen, 8), 0)
 
 
-def test_the_trial_of_a_training_collects_in_small_rounds_of_the_same_ratio():
+@pytest.mark.parametrize(
+    ("env", "given", "said"),
+    [
+        ("TIAGoPush-v0", {"steps": ENVS * STEPS}, "nothing would be learned"),
+        ("GripperTactile-v0", {"policy": "MultiInputPolicy"}, "is for observations with goals"),
+        ("GripperTactile-v0", {}, "there are experts for"),
+        ("TIAGoPush-v0", {"leak": 0.1}, "leak is of td3 and her-td3"),
+        ("TIAGoPush-v0", {"demonstrations": {"policy": "scripted", "episodes": 4}}, "demonstrations are of"),
+    ],
+)
+def test_what_cannot_be_trained_is_said_in_one_line(env, given, said):
+    chosen = settings(env, **given)
+    with pytest.raises(ValueError, match=said):
+        trained(chosen)
+
+
+def test_keys_of_critics_and_of_rounds_of_demonstrations_are_unknown():
+    for algo, entry in (("dagger", {"gamma": 0.9}), ("her-td3", {"demonstrations": {"policy": "pi", "rounds": 3}})):
+        with pytest.raises(ValueError, match=r"gamma|rounds"):
+            checked(algo, entry, "here")
+
+
+@pytest.mark.parametrize(("count", "updates"), [(100, 750), (100, 1), (8, 1), (5, 40), (100, -1), (25, 100)])
+def test_the_trial_of_a_training_keeps_the_ratio_of_updates(count, updates):
     from tiago_mj.learn import duration
 
-    model = trained(settings(train_freq=[STEPS, "step"], gradient_steps=60))
+    model = trained(settings(train_freq=[count, "step"], gradient_steps=updates))
     duration._shorten(model)
-    assert model.gradient_steps / model.train_freq.frequency == pytest.approx(60 / STEPS)
-    assert model.train_freq.frequency < STEPS
+    few = model.train_freq.frequency
+    assert few <= count
+    if updates < 0:
+        assert (model.gradient_steps, few) == (-1, duration.ROUND)
+    else:
+        assert model.gradient_steps / few == pytest.approx(updates / count)

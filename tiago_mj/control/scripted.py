@@ -246,7 +246,8 @@ class PickAndPlaceExpert(_TableExpert):
     """Over the object with open fingers, down, close around it, and carry it to the goal once they stand on it."""
 
     #: Fingers slower than STANDS stand, and faster than CLOSES they close [m/s]: a quarter and three quarters of the
-    #: finger speed that environments have by default. Fingers that are GRIPS and more wider than the object have not reached it [m].
+    #: finger speed that environments have by default. Fingers that are GRIPS and more wider than the object have not
+    #: reached it [m].
     STANDS, CLOSES, GRIPS = 0.02, 0.06, 0.001
 
     def _plan(self, hand: Array, seen: Array, goal: Array) -> tuple[Array, float]:
