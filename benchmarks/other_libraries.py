@@ -29,7 +29,7 @@ from scripted_experts import wilson
 from stable_baselines3 import HerReplayBuffer
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecNormalize
-from training_speed import ENV, settings, updating
+from training_speed import ENV, settings, timed_updates, updating
 
 from tiago_mj.learn.build import make_env
 from tiago_mj.vector.sb3 import make_sb3
@@ -58,17 +58,8 @@ def library_updating(kind: Any, *, updates: int) -> Callable[[], float]:
     common = {"policy_kwargs": {"net_arch": NETWORKS}, "batch_size": BATCH, "buffer_size": 50_000, "device": "cpu"}
     model = kind("MlpPolicy", env, learning_rate=1e-3, learning_starts=0, gradient_steps=0, seed=0, **common)
     model.learn(300, log_interval=None)
-    buffer, rng = model.replay_buffer, np.random.default_rng(0)
-    for values in (buffer.observations, buffer.next_observations, buffer.actions, buffer.rewards):
-        values[:] = rng.uniform(-1, 1, values.shape)
-    buffer.full = True
-    model.train(updates, BATCH)  # compiles
-
-    def once() -> float:
-        begin = time.process_time()
-        model.train(updates, BATCH)
-        return (time.process_time() - begin) / updates
-
+    once = timed_updates(model, BATCH, updates=updates)
+    once()  # compiles
     return once
 
 

@@ -44,6 +44,11 @@ def updating(batch: int, fast: bool, fused: bool, *, updates: int) -> Timer:
     model.gradient_steps = 0
     model.learn(300, log_interval=None)
     model.train(10, batch)
+    return timed_updates(model, batch, updates=updates)
+
+
+def timed_updates(model: Any, batch: int, *, updates: int) -> Timer:
+    """A function that times one update of a model [s], whose buffer is filled with random transitions."""
     buffer, rng = model.replay_buffer, np.random.default_rng(0)
     for values in (buffer.observations, buffer.next_observations, buffer.actions, buffer.rewards):
         values[:] = rng.uniform(-1, 1, values.shape)

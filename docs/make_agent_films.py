@@ -10,7 +10,7 @@ import tiago_mj  # noqa: F401  (chooses the headless renderer before mujoco is i
 
 import gymnasium  # isort: skip
 import imageio.v3 as iio
-import numpy as np
+from make_pictures import IMAGES, antialiased
 
 from tiago_mj import atomic
 from tiago_mj.drawing import Camera
@@ -18,7 +18,7 @@ from tiago_mj.film import Film
 from tiago_mj.rollout.episode import play
 from tiago_mj.rollout.policies import make_policy
 
-IMAGES = Path(__file__).parent / "images" / "agents"
+FILMS = IMAGES / "agents"
 #: Agent: environment and its options, episodes, and how many steps of each are shown.
 FILMED = {
     "td3-whole-robot": ("TIAGoTactile-v0", {"object_offset": 0.0}, 1, 100),
@@ -41,19 +41,13 @@ def filmed(name: str) -> Path:
     film, policy = Film(env, camera=CLOSER.get(name)), make_policy(name, env, seed=0, trust=False)
     for seed in range(FIRST_SEED, FIRST_SEED + episodes):
         play(env, policy, seed=seed, watch=lambda step: film(step) if step <= shown else None)
-    path = IMAGES / f"{name}.webp"
+    path = FILMS / f"{name}.webp"
     path.parent.mkdir(exist_ok=True)
     with atomic.replacing(path) as temporary:
         frames = [antialiased(frame) for frame in film.draw()]
         iio.imwrite(temporary, frames, extension=".webp", duration=round(1000 / film.fps), loop=0, quality=60)
     env.close()
     return path
-
-
-def antialiased(frame: np.ndarray) -> np.ndarray:
-    """Half the size, each pixel the mean of four."""
-    height, width = frame.shape[0] // 2, frame.shape[1] // 2
-    return frame.reshape(height, 2, width, 2, 3).mean(axis=(1, 3)).astype(np.uint8)
 
 
 def main() -> None:

@@ -13,7 +13,6 @@ from tiago_mj.envs.position_goal import NOT_THERE_YET, OBJECT_REGION, TABLE_REGI
 from tiago_mj.envs.push import Push
 from tiago_mj.envs.reach import GOAL_REGION, Reach
 from tiago_mj.models import names, scene
-from tiago_mj.models.limits import joint_limits
 from tiago_mj.models.objects import GraspObject
 
 IDS = [f"TIAGo{task}{touch}-v0" for task in ("Reach", "Push", "PickAndPlace") for touch in ("", "Tactile")]
@@ -25,24 +24,6 @@ WITH_OBJECT = [Push, PickAndPlace]
 def core(request):
     env = request.param()
     yield env
-    env.close()
-
-
-@pytest.mark.parametrize("name", IDS)
-def test_the_expert_solves_the_registered_task_in_time(name):
-    """The share over 1000 seeds is in benchmarks/results/scripted_experts.json; each of these is one that it solves."""
-    env = gymnasium.make(f"tiago_mj/{name}")
-    expert = Scripted.for_env(env)
-    for seed in range(4):
-        observation, info = env.reset(seed=seed)
-        expert.reset()
-        truncated = False
-        while not truncated:
-            action = expert(observation, info)
-            assert action in env.action_space
-            observation, reward, _, truncated, info = env.step(action)
-        assert info["is_success"], seed
-        assert reward == 0.0
     env.close()
 
 
@@ -279,29 +260,6 @@ def test_objects_of_other_sizes_and_shapes_stand_on_the_table_and_are_carried():
     assert len(kinds) == 2
 
 
-@pytest.mark.parametrize(
-    "given",
-    [
-        {"object_stiffness": 3000.0},
-        {"object_stiffness": 40_000.0},
-        {"object": "wood"},
-        {"object": "sponge"},
-        {"finger_speed": 0.03},
-    ],
-    ids=str,
-)
-def test_whatever_the_fingers_stand_on_is_carried(given):
-    """Stiff and soft, narrow and wide, by slow fingers: how far they press into it says nothing of the grip."""
-    env = PickAndPlace(**given)
-    expert = Scripted.for_env(env)
-    for seed in range(3):
-        observation, info = env.reset(seed=seed)
-        expert.reset()
-        for _ in range(100):
-            observation, _, _, _, info = env.step(expert(observation, info))
-        assert info["is_success"], seed
-
-
 class ReachFromAbove(Reach):
     START = Push.START
 
@@ -338,46 +296,6 @@ def test_the_reach_task_without_load_cells_has_no_readings():
     _, info = Reach().reset(seed=0)
     assert info["force_raw"].shape == (0,)
     assert "object" not in {Reach().model.body(index).name for index in range(Reach().model.nbody)}
-
-
-@pytest.mark.parametrize("direction", [(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1)])
-def test_resolved_rates_stop_at_soft_limits_and_never_ask_for_more_than_full_speed(direction):
-    env = Push()
-    env.reset(seed=0)
-    rates = ResolvedRates(env)
-    limits = [joint_limits(env.model, name) for name in names.TIAGO_JOINTS[:8]]
-    low = np.array([limit.soft_lower for limit in limits])
-    high = np.array([limit.soft_upper for limit in limits])
-    for _ in range(120):
-        action = np.zeros(10)
-        action[:8] = rates(env.state.position, 0.4 * np.array(direction))
-        assert np.abs(action).max() <= 1.0
-        env.step(action)
-        q = env.state.position[:8]
-        assert (q > low - 0.02).all()  # the servos lag by 40 ms behind joints that brake
-        assert (q < high + 0.02).all()
-
-
-def test_resolved_rates_move_the_hand_as_asked_and_keep_its_orientation():
-    env = Push()
-    env.reset(seed=0)
-    rates = ResolvedRates(env)
-    start, upright = env.state.grasp_position, env.data.site(names.GRASP_SITE).xmat.copy()
-    for _ in range(25):
-        action = np.zeros(10)
-        action[:8] = rates(env.state.position, np.array([0.05, -0.1, 0.02]))
-        env.step(action)
-    # One second, less the servos' lag of 40 to 60 ms at the start.
-    np.testing.assert_allclose(env.state.grasp_position - start, 0.95 * np.array([0.05, -0.1, 0.02]), atol=0.006)
-    turned = Rotation.from_matrix(env.data.site(names.GRASP_SITE).xmat.reshape(3, 3) @ upright.reshape(3, 3).T)
-    assert turned.magnitude() < 0.05
-
-
-def test_experts_refuse_what_they_cannot_control():
-    with pytest.raises(ValueError, match="experts for TIAGoReach"):
-        Scripted.for_env(gymnasium.make("tiago_mj/GripperClose-v0"))
-    with pytest.raises(ValueError, match="control='velocity'"):
-        Scripted.for_env(Reach(control="position"))
 
 
 def test_the_goal_is_drawn_where_it_is_and_drawing_does_not_disturb_the_simulation():

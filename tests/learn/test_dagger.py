@@ -7,8 +7,6 @@ import pytest
 torch = pytest.importorskip("torch", reason="needs the extra 'train'")
 
 from tiago_mj.control.scripted import Scripted  # noqa: E402
-from tiago_mj.envs.pick_and_place import PickAndPlace  # noqa: E402
-from tiago_mj.envs.push import Push  # noqa: E402
 from tiago_mj.learn import build  # noqa: E402
 from tiago_mj.learn.dagger import expert_of  # noqa: E402
 from tiago_mj.learn.loop import Task, train_seed  # noqa: E402
@@ -118,20 +116,6 @@ def test_episodes_that_the_expert_plays_are_none_of_the_agents_and_a_stopped_tra
     for key in first.files:
         np.testing.assert_array_equal(first[key], second[key])
     assert (tmp_path / "two" / "episodes.csv").read_text() == (tmp_path / "whole" / "episodes.csv").read_text()
-
-
-@pytest.mark.parametrize("task", [Push, PickAndPlace])
-def test_the_experts_remember_nothing(task):
-    """Any moment of an episode, shown to an expert that has seen no other, gets the same action."""
-    env = task()
-    expert = Scripted.for_env(env)
-    observation, info = env.reset(seed=3)
-    expert.reset()
-    for _ in range(60):
-        action = expert(observation, info)
-        np.testing.assert_allclose(action, Scripted.for_env(env)(observation, info), atol=1e-6)
-        observation, _, _, _, info = env.step(action)
-    env.close()
 
 
 def test_controllers_that_cannot_be_imitated_are_refused():
