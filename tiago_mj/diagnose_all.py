@@ -273,8 +273,21 @@ def _diagnosed(task: Task) -> Outcome:
     return Outcome(0, verdict=written["verdict"], closed=written["shrink"]["closed"])
 
 
+def _probability(one: dict[str, Any]) -> str:
+    """Of a cause that is named and closes some of the gap, where there is one to close."""
+    from tiago_mj.gap.analysis.promises import CLOSES
+    from tiago_mj.gap.report.consistency import NAMING
+    from tiago_mj.gap.report.words import percent
+
+    verdict, closed = one["verdict"], one["closed"]
+    told = verdict["kind"] in NAMING and verdict["probability"] is not None and (closed is None or closed > CLOSES)
+    return percent(verdict["probability"]) if told else "-"
+
+
 def table(found: dict[str, dict[str, Any]]) -> str:
     """One line a folder, columns aligned."""
+    from tiago_mj.gap.report.words import percent
+
     rows: list[tuple[str, ...]] = [HEADER]
     for name, one in found.items():
         verdict = one["verdict"]
@@ -282,8 +295,8 @@ def table(found: dict[str, dict[str, Any]]) -> str:
             rows.append((name, "failed", one["complaint"], "", ""))
             continue
         effects = ", ".join(effect["name"] for effect in verdict["effects"]) or "-"
-        closed = "-" if one["closed"] is None else f"{one['closed']:.0%}"
-        rows.append((name, verdict["kind"], effects, f"{verdict['probability']:.0%}", closed))
+        closed = "-" if one["closed"] is None or not verdict["effects"] else percent(one["closed"])
+        rows.append((name, verdict["kind"], effects, _probability(one), closed))
     widths = [max(len(row[i]) for row in rows if row[1] != "failed" or i < 2) for i in range(len(HEADER))]
     return "\n".join(
         "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows

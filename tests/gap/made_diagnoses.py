@@ -92,7 +92,10 @@ def overlay(channels, rng, trial="grasp_09", repaired=True, rows=300):
 
 def closing_of(before, named, after=1.4, known=True):
     """A gap before and after; the same where nothing is named."""
-    return Closing(before, after if named else before, *((0.93, 0.88, 0.96) if named and known else (None,)))
+    if not named or before - 1 <= 0.1:
+        return Closing(before, after if named else before, None)
+    share = 1 - (max(after, 1.0) - 1) / (before - 1)
+    return Closing(before, after, share, *((share - 0.05, min(share + 0.03, 1.0)) if known else ()))
 
 
 def places_of(number, named):
@@ -123,14 +126,14 @@ def diagnosis(kind="effect", best=(COULOMB,), *, alternatives=None, channels=GRI
     """A whole answer of one kind."""
     rng = np.random.default_rng(3)
     loud = [(channels[0], "free motion"), (channels[-1], "hold"), (channels[-1], "loading")]
-    chosen = Explanation(tuple(best), 0.93 if kind == "effect" else 0.55, 41.2)
+    chosen = Explanation(tuple(best), 0.93 if kind == "effect" else 0.55, 41.2 if best else 0.0)
     others = [
         Explanation((LAG,), 0.03, 12.0),
         Explanation((GAIN, CREEP), 0.02, 9.5),
         Explanation((STIFFNESS,), 0.01, 3.1),
     ]
     tied = alternatives if alternatives is not None else [chosen] if best else []
-    ranked = [chosen, *(one for one in tied if one.effects != chosen.effects), *others, NOTHING]
+    ranked = [chosen, *(one for one in tied if one.effects != chosen.effects), *others, *([NOTHING] if best else [])]
     trials = tuple(f"grasp_{i:02d}" for i in range(10))
     named = bool(best)
     made = Diagnosis(
@@ -144,7 +147,7 @@ def diagnosis(kind="effect", best=(COULOMB,), *, alternatives=None, channels=GRI
         stage="transmission" if kind in ("effect", "ambiguous") else None,
         shrink=Shrink(
             before=58.31,
-            after=5.02 if named else None,
+            after=5.02 if named else 58.31,
             floor=1.0,
             closed=0.93 if named else None,
             low=0.88 if named else None,

@@ -38,9 +38,9 @@ def test_a_diagnosis_has_exactly_the_keys_of_its_contract_and_only_finite_number
     assert list(data["verdict"]) == ["kind", "effects", "probability", "alternatives", "remains", "not_excited"]
     assert list(data["verdict"]["remains"]) == ["flag", "where"]
     gap = ["before", "after", "floor", "closed", "low", "high"]
-    more = ["per_channel", "return", "per_phase", "per_channel_and_phase", "resampled", "accounted"]
+    more = ["per_channel", "return", "per_phase", "per_channel_and_phase", "resampled", "accounted", "accounted_before"]
     assert list(data["shrink"]) == [*gap, *more]
-    gap.remove("floor")
+    gap[gap.index("floor") :] = ["closed", "low", "high", "accounted"]
     for by in ("per_channel", "per_phase"):
         assert all(list(row) == gap for row in data["shrink"][by].values())
     assert all(list(row) == gap for rows in data["shrink"]["per_channel_and_phase"].values() for row in rows.values())

@@ -137,7 +137,7 @@ def test_before_and_after_stand_side_by_side_by_channel_and_phase_and_what_got_w
     loudest = cells[GRIPPER[0], "rest"]
     assert (loudest.before, loudest.after) == ("3000", "1.1")
     assert loudest.strong_before == 1 > loudest.strong_after
-    assert "93 % closed (88–96 %)" in loudest.hover
+    assert "over 99.9 % closed (95 to over 99.9 %)" in loudest.hover
     assert Read(page.render(given)).words.count("beforeafter") == len(shown.phases) + 1  # once by channel
 
 

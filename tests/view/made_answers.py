@@ -16,7 +16,7 @@ def answer(**changes):
         "remains": False,
         "remains_where": (),
         "not_excited": (),
-        "where": (Place(LEFT, "free motion", "bias", 600.0, 500.0, 700.0, 0.9),),
+        "where": (Place(LEFT, "free motion", "bias", 600.0, 500.0, 700.0, 1.0),),
         "stage": "transmission",
         "shrink": Shrink(None, None, 1.0, None, None, None),
         "ranking": (best,),

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 import tiago_mj
 from tiago_mj.effects import Entry
 from tiago_mj.gap.analysis import held_out, locate, outcome, place, promises, shrink
-from tiago_mj.gap.analysis.remainder import remainder
+from tiago_mj.gap.analysis.remainder import remainder, with_accounted
 from tiago_mj.gap.decision import verdict
 from tiago_mj.gap.design.next_motion import next_motion
 from tiago_mj.gap.detectors.proposals import Proposals
@@ -165,6 +165,7 @@ def _judged(
         judging or session.indices(*FITTED),
         by.fails,
         seed,
+        outcome.nominal(ranked),
     )
     judged = verdict.judge(ranked, strange=bool(proposed.tones), refuted=beaten if judging else None)
     return promises.standing(judged, [verdict.option(fit, ranked) for fit in ranked.fits], by), gains
@@ -184,24 +185,28 @@ def _tried(
     plant, test, by = session.plant, session.indices("test"), verdict.calibration()
     repair = partial(_repaired, ranked.predict.as_simulated(), ranked, left_open, data, base)
     close = partial(shrink.shrink, data, base, phase=phase, test=test, period=plant.period, seed=seed)
-    leave = partial(remainder, plant, ranked.predict, data, weight=ranked.weight, test=test)
+    leave = partial(
+        remainder, plant, ranked.predict, data, weight=ranked.weight, test=test, phase=phase, allowed=by.remains
+    )
     best = ranked.fits[judged.rivals[0]]
     repaired = repair(judged.rivals[0])
     closing = close(repaired)
     if not test:
         return Verdict(judged, repaired, closing, ())
     rest = leave(fit=best)
-    closed = closing.closed
+    closed, none = closing.closed, None
     if closed is not None and closed <= promises.CLOSES:  # where the object stood may hide it
         none = leave(fit=ranked.fits[outcome.nominal(ranked)])
         closed = max(closed, shrink.closed(none.gap, rest.gap) or 0.0)
-    aside = promises.Aside(closed, rest.gap, rest.misfit, held_out.can_close(best), comparable=False)
+    aside = promises.Aside(
+        closed, rest.gap, rest.misfit, held_out.can_close(best), comparable=False, loud=bool(rest.loud)
+    )
     kept, said = promises.aside(judged, aside, [verdict.option(fit, ranked) for fit in ranked.fits], by)
     if kept.rivals[0] != judged.rivals[0]:
         best, repaired = ranked.fits[kept.rivals[0]], repair(kept.rivals[0])
-        closing, rest = close(repaired), leave(fit=best)
+        closing, rest, none = close(repaired), leave(fit=best), None
     said += held_out.spoiled(plant, ranked.predict, data, best, session.trials, session.splits, seed)
-    return Verdict(kept, repaired, replace(closing, accounted=rest.gap), said)
+    return Verdict(kept, repaired, with_accounted(closing, rest, none), said)
 
 
 def _repaired(

@@ -18,6 +18,7 @@ from tiago_mj.gap.data.recording import Finding, Trial
 from tiago_mj.gap.detectors.proposals import proposals
 from tiago_mj.gap.inference import hypotheses, noise_model
 from tiago_mj.gap.inference.predictor import predictor
+from tiago_mj.gap.report.consistency import checked
 from tiago_mj.gap.report.repaired import with_model
 from tiago_mj.gap.result import Diagnosis
 from tiago_mj.gap.search import select
@@ -69,7 +70,7 @@ def diagnose(
     )
     with mujoco_log.counted() as warned:
         found = _diagnosed(trials, asked)
-    return replace(found, notes=(*found.notes, *mujoco_log.sentences(warned)))
+    return checked(replace(found, notes=(*found.notes, *mujoco_log.sentences(warned))))
 
 
 @dataclass(frozen=True)

@@ -73,7 +73,8 @@ class Explanation:
     Attributes:
         effects: none, one or two.
         probability: calibrated, that it is the true one, up to its classes.
-        validation_gain: drop of the validation trials' mean squared residual [in units of the floor].
+        validation_gain: drop of the validation trials' mean squared residual [in units of the floor] against the
+            nominal model with its own numbers as they were fitted, nothing added: 0 for the empty set.
         evidence: for it; None where it was judged otherwise.
     """
 
@@ -100,7 +101,8 @@ class Place:
 class Closing:
     """Gap of a part of the test trials, before and after; ``closed`` is None where there was nothing to close.
 
-    ``low`` and ``high`` are the ends of its 90 % interval; None where it is not known.
+    ``low`` and ``high`` are the ends of its 90 % interval, which holds ``closed``; None where it is not known.
+    ``accounted`` is as in :class:`Shrink`, of this part.
     """
 
     before: float
@@ -108,6 +110,7 @@ class Closing:
     closed: float | None
     low: float | None = None
     high: float | None = None
+    accounted: float | None = None
 
 
 @dataclass(frozen=True)
@@ -126,6 +129,8 @@ class Shrink:
         resampled: what the intervals are drawn over, in words.
         accounted: ``after``, were the nominal model's own numbers as they were fitted, each object where it stood, and
             the physics step infinitely short.
+        accounted_before: ``before`` likewise, with the nominal model's own numbers as they were fitted without any
+            effect; told where what is named closes nothing by itself.
     """
 
     before: float | None
@@ -140,6 +145,7 @@ class Shrink:
     per_place: Mapping[str, Mapping[str, Closing]] = field(default_factory=dict)
     resampled: str = ""
     accounted: float | None = None
+    accounted_before: float | None = None
 
 
 @dataclass(frozen=True)

@@ -39,8 +39,12 @@ def validated(
     trials: Sequence[int],
     fails: float,
     seed: int,
+    nominal: int,
 ) -> tuple[Array, NDArray[np.bool_]]:
     """What explanations gain on some trials, and which of them predict those far worse than the best.
+
+    A gain is what effects add: it is against the nominal model with its own numbers as they were fitted without them,
+    so that what these numbers gain by themselves is no effect's.
 
     Args:
         plant: the nominal simulator.
@@ -51,17 +55,20 @@ def validated(
         trials: that judge; they are better not those that were fitted.
         fails: mean square of the worst channel, in units of floor and tolerance, above which an explanation fails.
         seed: of the bootstrap.
+        nominal: index of the explanation that adds nothing, or only what the readings betray.
 
     Returns:
         Drop of the mean squared residual in units of the floor, (n,), and who is far worse, (n,).
     """
     known = [(*fit.effects(), *own_numbers(plant, fit)) for fit in fits]
-    predicted = predict.all_trials(known, trials)
+    nothing = own_numbers(plant, fits[nominal])
+    simulated = known if nothing in known else [*known, nothing]
+    every = predict.all_trials(simulated, trials)
+    predicted = every[: len(fits)]
     here = noise_model.select_trials(data, trials)
-    nominal = base[list(trials)]
-    length = shrink.block_rows(here, nominal, predicted[0])
+    length = shrink.block_rows(here, base[list(trials)], predicted[0])
     energy, samples = _blocks(here, predicted, length)
-    before, _ = _blocks(here, nominal[None], length)
+    before, _ = _blocks(here, every[[simulated.index(nothing)]], length)
     gains: Array = (before.sum() - energy.sum(axis=1)) / samples.sum()
     misfit = [_misfit(here, one) for one in predicted]
     return gains, promises.beaten(energy, samples, np.array(misfit), fails, seed)

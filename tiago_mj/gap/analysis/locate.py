@@ -112,7 +112,8 @@ def _phase(
             energy = float(sum(one @ one for one in centred))
         low, high = np.quantile(drawn, QUANTILES)
         excess = max(energy - _noise_share(band, highest) * sum(counts), 0.0)
-        found.append((band, energy / sum(counts), float(low), float(high), excess))
+        gap = energy / sum(counts)
+        found.append((band, gap, min(float(low), gap), max(float(high), gap), excess))  # few pieces may leave it out
     return found
 
 

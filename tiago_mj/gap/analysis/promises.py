@@ -51,6 +51,7 @@ class Aside:
         left: mean squared residual in units of the noise floor, with the nominal model's own numbers as they were
             fitted beside the explanation.
         misfit: mean square of the worst channel in units of floor and tolerance.
+        loud: whether a phase of the motion leaves more than noise and tolerance explain.
         can_close: whether it would close some if it were right: not what is drawn at random.
         comparable: whether ``misfit`` has all tolerances of the fits. Replays of commands have not: of 41 cases of the
             blind check (seed 14) three without an effect worth naming left so much on the trials kept aside, and none
@@ -62,6 +63,7 @@ class Aside:
     misfit: float
     can_close: bool = True
     comparable: bool = True
+    loud: bool = False
 
 
 def beaten(energy: Array, samples: Array, misfit: Array, fails: float, seed: int = 0) -> NDArray[np.bool_]:
@@ -141,7 +143,7 @@ def aside(judged: Judged, seen: Aside, options: Sequence[Option], by: Calibratio
         The verdict; where its best explanation closes nothing, the nominal model is its only one.
     """
     kind, rivals, said = judged.kind, judged.rivals, []
-    remains = judged.remains or seen.left > LEFT or seen.misfit > by.remains
+    remains = judged.remains or seen.left > LEFT or seen.misfit > by.remains or seen.loud
     named = kind in ("effect", "ambiguous") and bool(options[rivals[0]].effects)
     if named and seen.can_close and seen.closed is not None and seen.closed <= CLOSES:
         kind, remains = "unknown", True

@@ -7,8 +7,8 @@ something *remains* is judged beside them.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
@@ -20,6 +20,7 @@ from tiago_mj.gap.inference.fit import Fitted, Fitter, Point, Start
 from tiago_mj.gap.inference.hypotheses import terms
 from tiago_mj.gap.inference.noise_model import Data
 from tiago_mj.gap.inference.predictor import Predictor
+from tiago_mj.gap.result import PHASES, Closing, Shrink
 from tiago_mj.gap.search import starts
 from tiago_mj.gap.simulation.plant import Plant
 
@@ -36,14 +37,27 @@ class Remainder:
     Attributes:
         gap: mean squared residual in units of the noise floor, all channels together.
         misfit: mean square of the worst channel in units of floor and tolerance, by samples or over blocks.
+        channels, phases: ``gap`` of each channel and of each phase of the motion.
+        loud: phases that leave more than noise (:data:`LEFT`) and more than the tolerance allows: a short phase counts
+            for little in the mean over a whole trial.
     """
 
     gap: float
     misfit: float
+    channels: Mapping[str, float] = field(default_factory=dict)
+    phases: Mapping[str, float] = field(default_factory=dict)
+    loud: tuple[str, ...] = ()
 
 
 def remainder(
-    plant: Plant, predict: Predictor, data: Data, fit: Fitted, weight: Array, test: Sequence[int]
+    plant: Plant,
+    predict: Predictor,
+    data: Data,
+    fit: Fitted,
+    weight: Array,
+    test: Sequence[int],
+    phase: NDArray[np.int_],
+    allowed: float,
 ) -> Remainder:
     """What an explanation leaves on the trials that were kept aside.
 
@@ -54,6 +68,8 @@ def remainder(
         fit: the explanation, with the nominal numbers that were fitted beside it.
         weight: square root of what a sample of each channel counts for, (C,).
         test: indices of those trials; at least one.
+        phase: of every row of all trials, (ntrials, T), as indices into ``PHASES``.
+        allowed: mean square in units of floor and tolerance above which a phase is loud.
     """
     here = noise_model.select_trials(data, test)
     known = (*fit.effects(), *own_numbers(plant, fit))
@@ -66,11 +82,44 @@ def remainder(
         (placed,) = fitter.fit_all([Start((), np.zeros(0))])
         predicted = fitter.predictions([starts.point_of(placed)])[0]
     residual = here.value - predicted
-    square = (likelihood.scaled(here, likelihood.residual(here, predicted)) ** 2).sum(axis=(0, 1))
-    measured = np.isfinite(here.value).sum(axis=(0, 1))
-    samples = float((square / np.maximum(measured, 1)).max(initial=0.0))
+    scaled = likelihood.scaled(here, likelihood.residual(here, predicted)) ** 2
+    there = np.isfinite(here.value)
+    samples = float((scaled.sum(axis=(0, 1)) / np.maximum(there.sum(axis=(0, 1)), 1)).max(initial=0.0))
     lasting = float(np.nan_to_num(likelihood.lasting(here, residual)).max(initial=0.0))
-    return Remainder(float(np.nanmean((residual / data.noise) ** 2)), max(samples, lasting))
+    square = np.where(there, (residual / data.noise) ** 2, 0.0)
+    channels = _means(square.sum(axis=(0, 1)), there.sum(axis=(0, 1)), data.channels)
+    inside = [there & (phase[list(test)][:, : there.shape[1], None] == p) for p in range(len(PHASES))]
+    counts = np.array([rows.sum() for rows in inside])
+    phases = _means(np.array([square[rows].sum() for rows in inside]), counts, PHASES)
+    misfits = _means(np.array([scaled[rows].sum() for rows in inside]), counts, PHASES)
+    loud = tuple(name for name, left in phases.items() if left > LEFT and misfits[name] > allowed)
+    return Remainder(float(np.nanmean((residual / data.noise) ** 2)), max(samples, lasting), channels, phases, loud)
+
+
+def with_accounted(shrink: Shrink, rest: Remainder, nothing: Remainder | None = None) -> Shrink:
+    """Before and after with what is left once everything that nobody claims to know is given its due.
+
+    Args:
+        shrink: before and after.
+        rest: what the explanation leaves.
+        nothing: what the nominal model leaves; None where that was not asked.
+    """
+
+    def known(parts: Mapping[str, Closing], left: Mapping[str, float]) -> dict[str, Closing]:
+        return {name: replace(one, accounted=left.get(name)) for name, one in parts.items()}
+
+    return replace(
+        shrink,
+        per_channel=known(shrink.per_channel, rest.channels),
+        per_phase=known(shrink.per_phase, rest.phases),
+        accounted=rest.gap,
+        accounted_before=None if nothing is None else nothing.gap,
+    )
+
+
+def _means(sums: Array, counts: NDArray[np.int_], names: Sequence[str]) -> dict[str, float]:
+    """Of those that have a sample."""
+    return {name: float(total / n) for name, total, n in zip(names, sums, counts, strict=True) if n}
 
 
 def own_numbers(plant: Plant, fit: Fitted) -> tuple[Entry, ...]:

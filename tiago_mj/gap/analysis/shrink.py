@@ -94,6 +94,13 @@ def closed(before: float, after: float) -> float | None:
     return 1 - (max(after, 1.0) - 1) / (before - 1)
 
 
+def interval(drawn: Sequence[float], share: float) -> tuple[float, float]:
+    """90 % interval of a share of which these were drawn; it holds the share itself, which the quantiles of few blocks,
+    or of draws that had no gap to close, may leave out."""
+    low, high = (float(q) for q in np.quantile(drawn, QUANTILES))
+    return min(low, share), max(high, share)
+
+
 def _said(trials: int, seconds: float) -> str:
     if trials >= ENOUGH:
         return f"{trials} test trials"
@@ -187,7 +194,7 @@ def _closing(total: Array, drawn: Array) -> Closing | None:
         enough = drawn[drawn[:, 2] > 0]
         shares = [s for b, a, n in enough if (s := closed(b / n, a / n)) is not None]
         if shares:
-            low, high = (float(q) for q in np.quantile(shares, QUANTILES))
+            low, high = interval(shares, share)
     return Closing(before, after, share, low, high)
 
 

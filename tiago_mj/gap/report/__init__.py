@@ -7,6 +7,7 @@ from typing import Final
 
 from tiago_mj import atomic
 from tiago_mj.gap.report import calibration, html, json
+from tiago_mj.gap.report.consistency import checked
 from tiago_mj.gap.result import Diagnosis
 
 #: The user's own model with what was found.
@@ -28,6 +29,7 @@ def write(diagnosis: Diagnosis, folder: Path, seen: html.Seen | None = None) -> 
         folder: of the files.
         seen: pictures of the robots; None: the report has none.
     """
+    diagnosis = checked(diagnosis)
     page = html.render(diagnosis, seen)
     with atomic.replacing_set(folder, parts=PARTS) as new:
         json.write(diagnosis, new / "diagnosis.json")

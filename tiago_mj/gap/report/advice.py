@@ -13,6 +13,7 @@ from typing import Final
 from tiago_mj.effects import EFFECTS, describe
 from tiago_mj.effects.declare import STAGES
 from tiago_mj.gap.report import verdict, words
+from tiago_mj.gap.report.consistency import closes
 from tiago_mj.gap.result import Diagnosis, Explanation, Named, Place
 from tiago_mj.models import names
 
@@ -97,6 +98,8 @@ def advice(diagnosis: Diagnosis) -> tuple[Step, ...]:
         known = _look(diagnosis, (diagnosis.best,), "Look at what is known already")
         return (_look_by_stage(diagnosis), _record_more(diagnosis), *known, _declare())
     look = _look(diagnosis, (diagnosis.best,), "Look on the robot, if you would rather mend it")
+    if closes(diagnosis.shrink) is False:  # what predicts no better is nothing to train in
+        return (*look, _record_more(diagnosis))
     return (*_simulate(diagnosis, "Use"), *look)
 
 
@@ -143,7 +146,7 @@ def _look(diagnosis: Diagnosis, explanations: Sequence[Explanation], title: str)
 def _simulate(diagnosis: Diagnosis, use: str) -> tuple[Step, ...]:
     if not diagnosis.best.effects:
         return ()
-    which = "the repaired simulator" if diagnosis.kind == "effect" else "the likelier repair"
+    which = "the repaired simulator" if diagnosis.kind == "effect" else f"the {verdict.first(diagnosis)} repair"
     model = diagnosis.repaired
     if model is None and _is_model(diagnosis):
         return ()

@@ -19,6 +19,7 @@ from markupsafe import Markup, escape
 from tiago_mj import atomic, extra, pages
 from tiago_mj.gap.data.lint.summary import summary
 from tiago_mj.gap.report import advice, overlays, shrinking, tables, verdict, words
+from tiago_mj.gap.report.consistency import checked, has_probability
 from tiago_mj.gap.result import PHASES, Diagnosis
 
 KIND_NAMES: Final = {
@@ -49,6 +50,7 @@ class Seen(Protocol):
 
 def render(diagnosis: Diagnosis, seen: Seen | None = None) -> str:
     """The page, with pictures of the robots where there are some."""
+    diagnosis = checked(diagnosis)
     environment = pages.environment("tiago_mj.gap.report")
     environment.filters.update(
         number=words.number,
@@ -71,7 +73,11 @@ def render(diagnosis: Diagnosis, seen: Seen | None = None) -> str:
         headline=verdict.headline(diagnosis),
         remainder=verdict.remainder(diagnosis),
         on_model=verdict.on_model(diagnosis),
-        sure=verdict.sure(diagnosis.best) if diagnosis.best.effects else "",
+        sure=verdict.sure(diagnosis),
+        told=has_probability(diagnosis),
+        ranked_told=has_probability(diagnosis) or diagnosis.kind == "no_gap",
+        likelier=verdict.first(diagnosis),
+        nothing_more=verdict.nothing_more(diagnosis),
         best=[tables.shown(effect) for effect in diagnosis.best.effects],
         heat=tables.heat(diagnosis.where, shares=diagnosis.kind != "no_gap"),
         heat_remains=tables.heat(diagnosis.remains_where) if diagnosis.remains else None,
@@ -87,7 +93,7 @@ def render(diagnosis: Diagnosis, seen: Seen | None = None) -> str:
         not_excited=tables.not_excited(diagnosis),
         lint=summary(diagnosis.findings),
         advice=advice.advice(diagnosis),
-        ceiling=verdict.ceiling(diagnosis.best) if diagnosis.best.effects else "",
+        ceiling=verdict.ceiling(diagnosis.best) if has_probability(diagnosis) else "",
         why_ceiling=verdict.why_ceiling(),
         overlays=drawn,
         figures=pages.shown({row["id"]: row["figure"] for trial in drawn for row in trial["rows"]}),

@@ -56,6 +56,7 @@ def as_data(diagnosis: Diagnosis) -> dict[str, Any]:
             },
             "resampled": shrink.resampled,
             "accounted": shrink.accounted,
+            "accounted_before": shrink.accounted_before,
         },
         "ranking": [
             {
@@ -131,7 +132,7 @@ def _parameters(effect: Named) -> dict[str, Any]:
 
 
 def _closing(c: Closing) -> dict[str, Any]:
-    return {key: getattr(c, key) for key in ("before", "after", "closed", "low", "high")}
+    return {key: getattr(c, key) for key in ("before", "after", "closed", "low", "high", "accounted")}
 
 
 def _closings(given: Mapping[str, Closing]) -> dict[str, Any]:

@@ -62,6 +62,7 @@ class _Closing(_Part):
     closed: float | None
     low: float | None = None
     high: float | None = None
+    accounted: float | None = None
 
 
 class _Evidence(_Part):
@@ -134,7 +135,8 @@ class _Shrink(_Part):
     per_phase: dict[str, _Closing] = Field(default={})
     per_place: dict[str, dict[str, _Closing]] = Field(default={}, alias="per_channel_and_phase")
     resampled: str = ""
-    accounted: _Known = math.nan
+    accounted: float | None = None
+    accounted_before: float | None = None
 
 
 class _Finding(_Part):

@@ -121,7 +121,7 @@ def _pair(name: str, phase: str, c: Closing, most: float) -> Pair:
         _strength(c.before, most),
         _strength(c.after, most),
         worse(c) and c.after > 1,
-        f"{hover} ({between} %)" if between else hover,
+        f"{hover} ({between})" if between else hover,
     )
 
 

@@ -9,7 +9,8 @@ from typing import Any, Final
 from tiago_mj.effects import EFFECTS
 from tiago_mj.effects.declare import STAGES
 from tiago_mj.gap.report import words
-from tiago_mj.gap.result import BANDS, PHASES, Diagnosis, Explanation, Named, Place, Value
+from tiago_mj.gap.report.consistency import has_probability, identity
+from tiago_mj.gap.result import BANDS, PHASES, Diagnosis, Named, Place, Value
 
 #: Words for the stages of the signal chain, in its order.
 STAGE_NAMES: Final = {
@@ -77,7 +78,14 @@ def _cell(place: Place | None, most: float, by_share: bool) -> Cell | None:
     if not by_share:
         strength *= 0.5 if most < 5 else 1.0  # near the floor nothing deserves a loud colour
         return Cell(_narrow(place.gap), hover, strength)
-    return Cell("" if value < 0.005 else f"{100 * value:.0f}", hover, strength)
+    return Cell("" if value < 0.005 else _hundred(value), hover, strength)
+
+
+def _hundred(share: float) -> str:
+    """Per cent in a narrow cell that has no sign, whole, and rounded to no more than :func:`words.percent` says."""
+    if share < 0.995:
+        return f"{100 * share:.0f}"
+    return words.percent(share).removesuffix(" %").replace("over ", ">")
 
 
 def _narrow(gap: float) -> str:
@@ -89,7 +97,8 @@ def _narrow(gap: float) -> str:
 
 def interval(place: Place) -> str:
     """A gap with its interval: ``12.3 (8.1–17)``."""
-    return f"{words.number(place.gap)} ({words.number(place.low, 2)}–{words.number(place.high, 2)})"
+    low, high = words.number(place.low), words.number(place.high)
+    return words.number(place.gap) if low == high else f"{words.number(place.gap)} ({low}–{high})"
 
 
 @dataclass(frozen=True)
@@ -137,7 +146,8 @@ def _whisker(effect: str, key: str, given: Value) -> Whisker:
 
 @dataclass(frozen=True)
 class Ranked:
-    """A row of the ranking; ``again``: its probability is that of its class, which a row above has already."""
+    """A row of the ranking; ``again``: its probability is that of its class, which a row above has already.
+    ``probability`` is empty where the page gives none."""
 
     effects: tuple[dict[str, Any], ...]
     probability: str
@@ -154,16 +164,17 @@ def ranking(diagnosis: Diagnosis) -> list[Ranked]:
     best = identity(diagnosis.best)
     tied = {identity(one) for one in diagnosis.alternatives}
     most = max((_finite(one.validation_gain) for one in diagnosis.ranking), default=0.0)
+    told = has_probability(diagnosis) or diagnosis.kind == "no_gap"
     rows: list[Ranked] = []
     before: set[frozenset[str]] = set()
     for one in diagnosis.ranking:
         classes = frozenset(EFFECTS[e.name].gap_class if e.name in EFFECTS else e.name for e in one.effects)
-        again = classes in before
+        again = told and classes in before
         before.add(classes)
         rows.append(
             Ranked(
                 effects=tuple(shown(effect) for effect in one.effects),
-                probability="same class" if again else words.percent(one.probability),
+                probability="same class" if again else words.percent(one.probability) if told else "",
                 width=round(100 * min(max(_finite(one.probability), 0.0), 1.0), 1),
                 gain=words.number(one.validation_gain),
                 gain_width=round(100 * max(_finite(one.validation_gain), 0.0) / most, 1) if most > 0 else 0.0,
@@ -187,11 +198,6 @@ def shown(effect: Named) -> dict[str, Any]:
         "parameters": values,
         "whiskers": whiskers(effect),
     }
-
-
-def identity(one: Explanation) -> tuple[tuple[str, str | tuple[str, ...]], ...]:
-    """What an explanation names, without its numbers."""
-    return tuple((effect.name, effect.target) for effect in one.effects)
 
 
 def not_excited(diagnosis: Diagnosis) -> list[tuple[str, list[tuple[str, str]]]]:

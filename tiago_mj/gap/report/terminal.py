@@ -10,6 +10,7 @@ from typing import Any
 from tiago_mj import extra
 from tiago_mj.gap.data.lint.summary import summary
 from tiago_mj.gap.report import shrinking, tables, verdict, words
+from tiago_mj.gap.report.consistency import checked
 from tiago_mj.gap.result import Diagnosis
 
 #: Lines of each list, and of the channels before and after.
@@ -24,6 +25,7 @@ def show(diagnosis: Diagnosis, written: Mapping[str, Path] | None = None, *, con
         written: files by name (``report.html``, ``calibration.yaml``), for the last lines.
         console: a ``rich.console.Console``; standard output if None.
     """
+    diagnosis = checked(diagnosis)
     rich_text = extra.load("rich.text", "the terminal's answer")
     console = console or extra.load("rich.console", "the terminal's answer").Console(highlight=False)
     for style, line in lines(diagnosis, written or {}):
@@ -77,7 +79,9 @@ def _which(d: Diagnosis) -> list[tuple[str, str]]:
     if d.kind == "no_gap" or not d.ranking:
         return []
     shown = [("bold", "Which")]
-    for row, one in list(zip(tables.ranking(d), d.ranking, strict=True))[:MOST]:
+    rows = tables.ranking(d)[:MOST]
+    wide = max(len("same" if row.again else row.probability) for row in rows)
+    for row, one in zip(rows, d.ranking, strict=False):
         mark = "*" if row.chosen else "~" if row.tied else " "
         values = [
             ", ".join(
@@ -86,7 +90,7 @@ def _which(d: Diagnosis) -> list[tuple[str, str]]:
             for e in one.effects
         ]
         chance = "same" if row.again else row.probability
-        shown.append(("", f"{mark} {chance:>6}  {' + '.join(values) or 'nominal simulator'}"))
+        shown.append(("", f"{mark} {chance:>{wide}}{'  ' if wide else ''}{' + '.join(values) or 'nominal simulator'}"))
     if any(row.tied and not row.chosen for row in tables.ranking(d)[:MOST]):
         shown.append(("dim", "  * best   ~ cannot be told from it"))
     if any(row.again for row in tables.ranking(d)[:MOST]):
@@ -99,9 +103,8 @@ def _how_far(d: Diagnosis) -> list[tuple[str, str]]:
     if shrink.before is None or d.kind == "no_gap":
         return []
     after = f" → {words.number(shrink.after)}" if shrink.after is not None and d.best.effects else ""
-    between = words.interval_percent(shrink.low, shrink.high)
-    between = f" ({between})" if between else ""
-    closed = f": {words.percent(shrink.closed)}{between} closed" if shrink.closed is not None else ""
+    told = shrink.closed is not None and d.best.effects
+    closed = f": {words.percent_within(shrink.closed, shrink.low, shrink.high)} closed" if told else ""
     gap = f"{words.number(shrink.before)}{after}, noise floor {words.number(shrink.floor)}{closed}"
     shown = [("bold", "How far"), ("", f"  gap on test trials {gap}")]
     if d.best.effects:

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import math
 
+from tiago_mj.gap.analysis.outcome import STRANGE
+from tiago_mj.gap.analysis.promises import CLOSES
 from tiago_mj.gap.decision.verdict import calibration, measured_on
-from tiago_mj.gap.report.words import begin, channel, clauses, interval_percent, labels, listed, number, percent, title
+from tiago_mj.gap.report.consistency import NAMING, can_close, closed_accounted, closes, has_probability, loudest
+from tiago_mj.gap.report.words import begin, channel, clauses, labels, listed, number, percent, percent_within, title
 from tiago_mj.gap.result import Diagnosis, Explanation, Place
 
 #: Alternatives up to this number are spelled out in the first sentence; of more, only the effects' names are given.
@@ -14,8 +17,6 @@ SPELLED = 2
 NOISE = 2.0
 #: From this share of the highest probability on it is that ceiling, not a rival, that keeps an answer from being surer.
 NEARLY = 0.98
-#: A larger share than this of the gap has to close before a report says that it does.
-CLOSES = 0.02
 
 
 def headline(diagnosis: Diagnosis) -> str:
@@ -29,7 +30,7 @@ def headline(diagnosis: Diagnosis) -> str:
     if kind == "unknown":
         return _unknown(diagnosis)
     if kind == "ambiguous":
-        return begin(f"{_either(diagnosis)}{closing(diagnosis, 'adding the likelier one')}.")
+        return begin(f"{_either(diagnosis)}{closing(diagnosis, f'adding the {first(diagnosis)} one')}.")
     if not best.effects:
         return begin(f"there is a gap, and no effect is named{closing(diagnosis, 'the fitted parameters')}.")
     them = {1: "adding it", 2: "adding both"}.get(len(best.effects), "adding all of them")
@@ -40,7 +41,7 @@ def remainder(diagnosis: Diagnosis) -> str:
     """What is left after the best explanation, as a sentence; empty where nothing is."""
     if not diagnosis.remains:
         return within(diagnosis)
-    place = main_place(diagnosis.remains_where)
+    place = main_place(diagnosis.remains_where) or _loud_place(diagnosis)
     what = "A gap above the noise is left after that" if diagnosis.best.effects else "All of the gap remains"
     return f"{what}, most of it in {place}." if place else f"{what}."
 
@@ -48,12 +49,44 @@ def remainder(diagnosis: Diagnosis) -> str:
 def within(diagnosis: Diagnosis) -> str:
     """What is left and yet no gap: of the simulator's own numbers and its step; empty where noise alone is left."""
     after, accounted = diagnosis.shrink.after, diagnosis.shrink.accounted
-    if diagnosis.kind == "no_gap" or after is None or accounted is None or after < NOISE:
+    if diagnosis.kind == "no_gap":
         return ""
-    return (
-        f"What is left, {number(after)} times the noise, is no further effect: with the simulator's own numbers moved "
-        f"within what they are known to, and without the error of its step, {number(accounted)} is left."
-    )
+    if after is not None and accounted is not None and after >= NOISE:
+        return (
+            f"What is left, {number(after)} times the noise, is no further effect: with the simulator's own numbers "
+            f"moved within what they are known to, and without the error of its step, {number(accounted)} is left."
+        )
+    return _loud(diagnosis)
+
+
+def nothing_more(diagnosis: Diagnosis) -> str:
+    """That nothing is said to remain, beside the largest gap that the tables still show."""
+    said = within(diagnosis) if diagnosis.kind != "no_gap" else _loud(diagnosis)
+    return said or "Nothing beyond what noise and the uncertainty of nominal parameters explain."
+
+
+def _loud(diagnosis: Diagnosis) -> str:
+    """Where most is left of what does not count as remaining, and why it does not; empty: noise alone is left."""
+    place = _loud_place(diagnosis)
+    loud = loudest(diagnosis.shrink)
+    if loud is None or not diagnosis.shrink.per_channel:
+        return ""
+    gap, accounted = loud[2].after, loud[2].accounted
+    if accounted is not None and accounted < gap:
+        left = f"with the simulator's own numbers moved within what they are known to it is {number(accounted)}"
+    else:
+        left = "two right simulators may differ by as much there"
+    return f"Most is left in {place}, {number(gap)} times the noise; that is no further effect: {left}."
+
+
+def _loud_place(diagnosis: Diagnosis) -> str:
+    """Channel and phase that leave most, in words; empty: noise alone is left."""
+    loud = loudest(diagnosis.shrink)
+    if loud is None:
+        return ""
+    name, phase, _ = loud
+    what = channel(name) if name else "all channels"
+    return f"{what} during {phase}" if phase else what
 
 
 def closing(diagnosis: Diagnosis, subject: str) -> str:
@@ -61,12 +94,17 @@ def closing(diagnosis: Diagnosis, subject: str) -> str:
     shrink = diagnosis.shrink
     if shrink.closed is None or not math.isfinite(shrink.closed):
         if diagnosis.splits.get("test"):
+            if diagnosis.best.effects and not can_close(diagnosis):
+                return "; it shows in the readings themselves, of which no share of the gap can tell"
             return "; on the recordings that were kept aside there was no gap to close"
         return "; no recording was kept aside, so how much of the gap this closes is not known"
-    if shrink.closed < CLOSES:
-        return f"; yet {subject} does not close the gap on recordings that were kept aside"
-    between = interval_percent(shrink.low, shrink.high)
-    closed = f"{percent(shrink.closed)} ({between} %)" if between else percent(shrink.closed)
+    if not closes(shrink):
+        said = f"; yet {subject} does not close the gap on recordings that were kept aside ({percent(shrink.closed)})"
+        hidden = closed_accounted(shrink)
+        if hidden is None or hidden <= CLOSES:
+            return said
+        return f"{said}, where the simulator's own numbers hide it: with those as fitted it closes {percent(hidden)}"
+    closed = percent_within(shrink.closed, shrink.low, shrink.high)
     return f"; {subject} closes {closed} of the gap on recordings that were kept aside"
 
 
@@ -123,12 +161,35 @@ def main_place(places: tuple[Place, ...]) -> str:
     return f"{channel(name)} during {phase} ({percent(share)} of it)"
 
 
-def sure(explanation: Explanation) -> str:
-    """What a probability means."""
+def sure(diagnosis: Diagnosis) -> str:
+    """What the probability of the best explanation means, or why none is given; empty: the search found none."""
+    shrink, probability = diagnosis.shrink, diagnosis.best.probability
+    if has_probability(diagnosis):
+        return (
+            f"Probability {percent(probability)}: of a hundred answers given with this probability, about "
+            f"{min(100 * probability, 99):.0f} name the true effect or one of its class."
+        )
+    if not math.isfinite(probability) or not diagnosis.best.effects:
+        return ""
+    if diagnosis.kind not in NAMING:
+        return "No probability is given: it would be that of one of the library's effects, and none of them is named."
+    if closes(shrink) is False:
+        return (
+            "No probability is given: what is named explains the recordings to which it was fitted, and closes nothing "
+            "by itself on those kept aside."
+        )
     return (
-        f"Probability {percent(explanation.probability)}: of a hundred answers given with this probability, about "
-        f"{100 * explanation.probability:.0f} name the true effect or one of its class."
+        "No probability is given: what is named explains the recordings to which it was fitted, and may close nothing "
+        f"on those kept aside ({percent_within(shrink.closed, shrink.low, shrink.high)})."
     )
+
+
+def first(diagnosis: Diagnosis) -> str:
+    """What the best of several explanations is called: the likelier only if it is."""
+    best = diagnosis.best.probability
+    if not has_probability(diagnosis) or any(one.probability > best for one in diagnosis.alternatives):
+        return "first"
+    return "likelier"
 
 
 def ceiling(explanation: Explanation) -> str:
@@ -169,7 +230,24 @@ def _unknown(diagnosis: Diagnosis) -> str:
             "another cause, which is not in the library, is likelier."
         )
     if diagnosis.best.effects:
+        s = "s" if len(diagnosis.best.effects) == 1 else ""
+        if can_close(diagnosis) and closes(diagnosis.shrink) is False:
+            return begin(
+                f"{labels(diagnosis.best)} explain{s} the recordings that were fitted, and close{s} nothing of the gap "
+                f"on those that were kept aside ({percent(diagnosis.shrink.closed)}): no cause is named."
+            )
+        if not diagnosis.remains:
+            return begin(f"{clauses(diagnosis.best)}, {_why_not(diagnosis)}.")
         what = f"{clauses(diagnosis.best)}, but that is not all: the rest of the gap is explained by no known effect"
+    elif any(STRANGE in note for note in diagnosis.notes):
+        what = "the readings show what no known effect does"
     else:
         what = "there is a gap that no known effect explains"
     return begin(f"{what}{f'; most of it lies in {place}' if place else ''}.")
+
+
+def _why_not(diagnosis: Diagnosis) -> str:
+    """Why what leaves no gap is not named, as the end of a sentence."""
+    if any(STRANGE in note for note in diagnosis.notes):
+        return "but the readings show something besides that no known effect does"
+    return "or so it seems: no explanation is likely enough to be named, though this one leaves no gap"

@@ -29,13 +29,29 @@ QUANTITIES: Final = {"position": "position", "velocity": "velocity", "effort": "
 LISTED: Final = 3
 
 
+#: Shares from which on, and up to which, a reader is told no nearer number.
+NEARLY_ALL, NEARLY_NOTHING = 0.9995, 0.0005
+
+
 def percent(share: float | None) -> str:
-    """A share in whole per cent; with a decimal below ten."""
+    """A share in per cent: whole, with a decimal below ten and from 99.5 on. One rule for every column and interval:
+    what is :data:`NEARLY_ALL` is "over 99.9 %", all of it too, so that no column holds both that and "100 %"."""
     if share is None or not math.isfinite(share):
         return "–"
-    if 0.995 <= share < 1:  # nearly all is not all
-        return f"{100 * math.floor(1000 * share) / 1000:.1f} %" if share < 0.999 else "over 99.9 %"
-    return f"{fixed(100 * share, 1 if 0 < abs(share) < 0.0995 else 0)} %"
+    return f"{_hundredths(share)} %"
+
+
+def _hundredths(share: float, decimals: int = 0) -> str:
+    """A share in per cent without the sign, with at least so many decimals."""
+    if NEARLY_ALL <= share <= 1:
+        return "over 99.9"
+    if 1 < share < 1.005:
+        return "over 100"
+    if abs(share) < NEARLY_NOTHING:
+        return "under 0.1" if share > 0 else "0"
+    if 0.995 <= share < 1:  # nearly all is not all: never rounded up
+        return f"{math.floor(1000 * share + 1e-9) / 10:.1f}"
+    return fixed(100 * share, max(decimals, 1 if abs(share) < 0.0995 else 0))
 
 
 def span(low: float | None, high: float | None, decimals: int) -> str:
@@ -46,8 +62,23 @@ def span(low: float | None, high: float | None, decimals: int) -> str:
 
 
 def interval_percent(low: float | None, high: float | None) -> str:
-    """An interval of shares in whole per cent."""
-    return span(None if low is None else 100 * low, None if high is None else 100 * high, 0)
+    """An interval of shares, ``88–96 %``, its ends as :func:`percent` has them: with a decimal where they would print
+    equal without, and one value where they print equal still. Nothing where it is not known."""
+    if low is None or high is None or not (math.isfinite(low) and math.isfinite(high)):
+        return ""
+    ends = _hundredths(low), _hundredths(high)
+    if ends[0] == ends[1]:
+        ends = _hundredths(low, 1), _hundredths(high, 1)
+    if ends[0] == ends[1]:
+        return f"{ends[0]} %"
+    plain = all(end[0].isdigit() for end in ends)
+    return f"{ends[0]}{'–' if plain else ' to '}{ends[1]} %"
+
+
+def percent_within(share: float | None, low: float | None, high: float | None) -> str:
+    """A share with its interval: ``93 % (88–96 %)``; without it where that says no more."""
+    said, between = percent(share), interval_percent(low, high)
+    return f"{said} ({between})" if between and between != said else said
 
 
 def amount(given: Value, *, share: bool = False, flip: bool = False) -> str:
@@ -71,6 +102,8 @@ def amount(given: Value, *, share: bool = False, flip: bool = False) -> str:
         assert high is not None
         decimals = min(6, max(0, -math.floor(math.log10(abs(high - low) / 2))))
         text, between = fixed(value, decimals), span(low, high, decimals)
+        if fixed(low, decimals) == fixed(high, decimals):  # narrower than any reader's digits
+            text, between = bare(number(value)), ""
     return " ".join(piece for piece in (text, unit, between and f"({between})") if piece)
 
 

@@ -144,14 +144,14 @@ def _named(
     parameters = {
         term.parameter: Value(
             term.identity + strength,
-            None if low is None else term.identity + low,
-            None if high is None else term.identity + high,
+            None if low is None else term.identity + min(low, strength),
+            None if high is None else term.identity + max(high, strength),
             term.unit,
         )
     }
     for name, value in term.shape:
         ends = forms.get(index, {}).get(name)
-        shortest, longest = ends or (None, None)
+        shortest, longest = (min(ends[0], value), max(ends[1], value)) if ends else (None, None)
         parameters[name] = Value(value, shortest, longest, dict(term.shape_units)[name])
     return Named(term.effect, term.target, parameters)
 

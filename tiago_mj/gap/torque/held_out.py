@@ -9,12 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tiago_mj.gap.analysis import promises
+from tiago_mj.gap.analysis.remainder import Remainder, with_accounted
 from tiago_mj.gap.data.travel import ENDS, SMALL
 from tiago_mj.gap.result import Shrink
 from tiago_mj.gap.torque.evidence import TOLERANCE, Evidence
 from tiago_mj.gap.torque.intervals import segments
 from tiago_mj.gap.torque.pool import misfit, own_numbers, residual
 from tiago_mj.gap.torque.search import Scored
+from tiago_mj.gap.torque.tables import channel_name
 
 Array = NDArray[np.float64]
 
@@ -37,8 +39,8 @@ def validated(
         seed: of the bootstrap.
 
     Returns:
-        Drop of the mean squared residual [squared noise] against the nominal model as it is, (n,), and which are far
-        worse than the best, (n,): none without validation blocks.
+        Drop of the mean squared residual [squared noise] against the nominal model with its own numbers as they were
+        fitted without any effect, (n,), and which are far worse than the best, (n,): none without validation blocks.
     """
     e = evidence
     blocks = e.blocks.validation or e.blocks.train
@@ -48,8 +50,7 @@ def validated(
         return np.zeros(len(scored)), np.zeros(len(scored), dtype=bool)
     there = [int(np.searchsorted(e.rows.blocks, b)) for b in e.blocks.train if b in e.rows.blocks]
     samples = _summed(used.astype(float), piece)
-    e.refresh(null.strengths, ())
-    nominal = _summed(np.where(used, ((e.measured - e.predicted(null.strengths)) / e.floor.noise) ** 2, 0.0), piece)
+    nominal = _summed(np.where(used, (_left(e, null, there) / e.floor.noise) ** 2, 0.0), piece)
     energies, misfits = [], []
     for one in scored:
         left = _left(e, one, there)
@@ -68,6 +69,18 @@ def aside(evidence: Evidence, fitted: Scored, shrink: Shrink) -> promises.Aside:
     used = e.moving & np.isin(e.blocks.of, e.blocks.test)[:, None]
     left = residual(e, fitted)
     return promises.Aside(shrink.closed, float(np.mean((left / e.floor.noise)[used] ** 2)), misfit(e, left, used))
+
+
+def accounted(evidence: Evidence, fitted: Scored, shrink: Shrink) -> Shrink:
+    """Before and after with what is left on the test blocks, the nominal model's own numbers as they were fitted."""
+    e = evidence
+    used = e.moving & np.isin(e.blocks.of, e.blocks.test)[:, None]
+    if not used.any():
+        return shrink
+    square = np.where(used, (residual(e, fitted) / e.floor.noise) ** 2, 0.0)
+    counts = used.sum(axis=0)
+    channels = {channel_name(e, c): float(square[:, c].sum() / n) for c, n in enumerate(counts) if n}
+    return with_accounted(shrink, Remainder(float(square.sum() / counts.sum()), 0.0, channels))
 
 
 def spoiled(evidence: Evidence, fitted: Scored, seed: int) -> tuple[str, ...]:

@@ -91,6 +91,7 @@ def judge(search: Search, seed: int) -> Verdict:
         judged, said = promises.aside(judged, held_out.aside(e, candidates[before].fitted, closing), options, by)
         if judged.rivals[0] != before:
             closing = tables.shrink(e, null, null, seed)
+        closing = held_out.accounted(e, candidates[judged.rivals[0]].fitted, closing)
         said += held_out.spoiled(e, candidates[judged.rivals[0]].fitted, seed)
     fitted = candidates[judged.rivals[0]].fitted
     remains = _remains(e, fitted) & (judged.kind != "no_gap")

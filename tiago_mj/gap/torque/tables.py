@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from tiago_mj.gap.analysis import locate
 from tiago_mj.gap.analysis.shrink import closed as closed_share
+from tiago_mj.gap.analysis.shrink import interval
 from tiago_mj.gap.result import PHASES, Closing, Overlay, Place, Shrink
 from tiago_mj.gap.torque.evidence import Evidence
 from tiago_mj.gap.torque.intervals import SEGMENT, segments
@@ -104,8 +105,8 @@ def shrink(evidence: Evidence, null: Scored, best: Scored, seed: int) -> Shrink:
     ratios = [closed_share(x / n, y / n) for x, y, n in totals if n > 0]
     known = [r for r in ratios if r is not None]
     closed = closed_share(b, a) if best.terms else None
-    low, high = np.quantile(known, [0.05, 0.95]) if closed is not None and known else (None, None)
-    return Shrink(b, a, 1.0, closed, None if low is None else float(low), None if high is None else float(high), per)
+    low, high = interval(known, closed) if closed is not None and known else (None, None)
+    return Shrink(b, a, 1.0, closed, low, high, per)
 
 
 def overlays(evidence: Evidence, null: Scored, best: Scored) -> tuple[Overlay, ...]:
