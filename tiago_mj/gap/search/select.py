@@ -60,7 +60,7 @@ def select(
     asked: Question,
     *,
     out_of_time: Callable[[], bool] = lambda: False,
-    tick: Tick = lambda stage, total, done=0: None,
+    tick: Tick = lambda stage, total, done=0, *, gap=None: None,
 ) -> Ranked:
     """Rank explanations of the trials; where something ends the search, those that were found until then.
 
@@ -90,7 +90,7 @@ def _search(asked: Question, so_far: PartialResult, out_of_time: Callable[[], bo
     tick("fitting the nominal model", beginning.MAX_NOMINAL_ROUNDS)
     everywhere, shared = beginning.fitter(asked, over)
     state = beginning.with_nominal(everywhere, asked.first_trials)
-    tick("screening", len(pool))
+    tick("screening", len(pool), gap=_leaves_a_gap(state))
     state = beginning.screened(state, pool, asked.motion, lambda *how_far: tick("screening", *how_far))
 
     def ranked(state: State) -> Ranked:
@@ -109,20 +109,31 @@ def _search(asked: Question, so_far: PartialResult, out_of_time: Callable[[], bo
     def tell(state: State) -> None:
         so_far.ranked = ranked(state)
 
+    def fitted(state: State) -> None:
+        tell(state)
+        tick("refitting", rounds.MAX_ROUNDS, gap=_leaves_a_gap(state))
+
     tell(state)
     for size in range(1, MAX_EFFECTS + 1):
         if (size > 1 and over()) or not _is_warranted(state, size):
             break
-        tick(ROUNDS[size], additions.MAX_SINGLES)
-        found = _with_singles(state, tell) if size == 1 else _with_further_effect(state, size, tell)
+        tick(ROUNDS[size], additions.MAX_SINGLES, gap=_leaves_a_gap(state))
+        found = _with_singles(state, fitted) if size == 1 else _with_further_effect(state, size, fitted)
         if found is None:
             break
         state = _departing_left_out(found)
         tell(state)
         if size == 1 and not over():
+            tick("lost commands", 1)
             state = _with_lost_commands(state, asked.motion)
             tell(state)
     return ranked(state)
+
+
+def _leaves_a_gap(state: State) -> bool:
+    """Whether the best explanation leaves more than it should, so that the search is expected to go on."""
+    best = state.best
+    return not ranking.is_adequate(best, ranking.ADEQUATE_WITH_EFFECTS if best.parts else ranking.ADEQUATE_DISCREPANCY)
 
 
 def _is_warranted(state: State, size: int) -> bool:
