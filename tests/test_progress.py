@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import itertools
 import threading
 import time
 
@@ -217,6 +218,6 @@ def test_a_log_is_not_silent_for_longer_than_half_a_minute(monkeypatch):
 
         monkeypatch.setattr(told._over, "wait", wait)
         told._lines()
-    apart = [b - a for a, b in zip(lines, lines[1:], strict=False)]
+    apart = [b - a for a, b in itertools.pairwise(lines)]
     assert max(apart) <= 32.0
     assert apart[-1] > 25.0

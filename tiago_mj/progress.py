@@ -36,8 +36,8 @@ YOUNG: Final = 1.0
 class Estimate:
     """Share done and time left of work whose amount turns out while it is done.
 
-    The share never falls. With every piece of work d it grows by d / (d + left) of what it lacks: where the expectations
-    were right that is the share of the whole, and where more turns up than was expected it grows more slowly.
+    The share never falls. With every piece of work d it grows by d / (d + left) of what it lacks: where the
+    expectations were right that is the share of the whole; where more turns up than was expected it grows more slowly.
     """
 
     def __init__(self) -> None:
@@ -47,7 +47,7 @@ class Estimate:
         self._left: float | None = None
 
     def worked(self, done: float, left: float | None, now: float) -> None:
-        """So much is done in all at an instant [s], and so much expected to be left, in the same unit; None: unknown."""
+        """So much is done in all at an instant [s], and so much expected to be left, in the same unit (None: unknown)."""
         if self._began is None:
             self._began = self._at = (now, done)
         new = max(done - self._at[1], 0.0)
