@@ -47,12 +47,12 @@ class Estimate:
         self._left: float | None = None
 
     def worked(self, done: float, left: float | None, now: float) -> None:
-        """So much is done in all at an instant [s], and so much expected to be left, in the same unit (None: unknown)."""
+        """So much is done in all at an instant [s], so much expected to be left, in the same unit (None: unknown)."""
         if self._began is None:
             self._began = self._at = (now, done)
         new = max(done - self._at[1], 0.0)
         if left is not None and new > 0.0:
-            self.share += (1.0 - self.share) * new / (new + max(left, 0.0))
+            self.share = min(self.share + (1.0 - self.share) * (new / (new + max(left, 0.0))), 1.0)
         self._at, self._left = (now, max(done, self._at[1])), left
 
     def seconds_left(self, now: float) -> float | None:
