@@ -1,7 +1,7 @@
 """How far a long command is: its stage, the share done, the time left, on standard error.
 
 On a terminal one line lives as long as the work does (rich, where it is installed); elsewhere, in a log, a plain line
-comes every few seconds, also while a stage does not advance. What is over at once says nothing.
+comes every few seconds, and ever more rarely while there is nothing new to say. What is over at once says nothing.
 
     with Progress("diagnose", quiet=arguments.json) as progress:
         progress.stage("screening", total=60)
