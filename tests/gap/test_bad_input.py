@@ -131,6 +131,16 @@ REFUSED = {
     "unknown unit": (said(units={"position": "furlong"}), "unit 'furlong' of a position is unknown"),
     "a start in millimetres": (said(initial={"position": {RIGHT: 45.0}}), "is 45, the first row has 0.045"),
     "unknown actuator": (renamed((f"command.{RIGHT}", "command.thumb")), "no actuator 'thumb'"),
+    "one more joint": (
+        lambda t, s: (t.assign(**{"position.thumb": t[f"position.{RIGHT}"]}), s),
+        "no joint 'thumb', it has",
+    ),
+    "a mistyped joint": (
+        renamed((f"velocity.{RIGHT}", "velocity.gripper_rihgt_finger_joint")),
+        f"no joint 'gripper_rihgt_finger_joint': did you mean {RIGHT!r}?",
+    ),
+    "a mistyped load cell": (renamed(("force.right", "force.rigth")), "no load cell 'rigth': did you mean 'right'?"),
+    "a mistyped kind": (renamed(("force.right", "forces.right")), "did you mean 'force.right'?"),
     "unknown joints": (
         lambda t, s: (t.rename(columns=lambda c: re.sub(r"^(pos|vel|eff)(.*)gripper_", r"\1\2hand_", c)), s),
         "no joint 'hand_right_finger_joint'",
@@ -198,7 +208,7 @@ def test_a_model_without_the_named_joint_is_refused_by_name(diagnosed, tmp_path)
     model.write_text("<mujoco><worldbody><body><joint name='hinge'/><geom size='.1'/></body></worldbody></mujoco>")
     status, line, _ = diagnosed(None, "--model", str(model))
     assert (status, line.count("\n")) == (2, 1)
-    assert "has no joint 'gripper_right_finger_joint': it has hinge" in line
+    assert "has no joint 'gripper_right_finger_joint', it has hinge" in line
 
 
 def found(diagnosis):
@@ -217,7 +227,6 @@ def test_a_lone_recording_that_was_cut_off_gets_a_verdict_without_a_closed_share
 def test_channels_that_cannot_be_believed_are_said_and_left_out(diagnosed):
     def change(table, facts):
         table["force.left"] = 0.25  # a cable came off
-        table["position.thumb"] = table[f"position.{RIGHT}"]  # of a joint that the robot does not have
         table[f"velocity.{LEFT}"] = np.nan
         table.loc[1::2, "force.right"] = np.nan  # a slower sensor
         return table, {**facts, "object": {**facts["object"], "shape": "mug"}}
@@ -226,9 +235,9 @@ def test_channels_that_cannot_be_believed_are_said_and_left_out(diagnosed):
     assert (status, line) == (0, "")
     lint = found(diagnosis)
     assert ("dead_channel", "force.left") in lint
-    assert {("contradiction", "position.thumb"), ("empty", f"velocity.{LEFT}"), ("contradiction", "")} <= lint
+    assert {("empty", f"velocity.{LEFT}"), ("contradiction", "")} <= lint
     compared = {row["channel"] for row in diagnosis["where"]}
-    assert not compared & {"force.left", "position.thumb", f"velocity.{LEFT}"}
+    assert not compared & {"force.left", f"velocity.{LEFT}"}
 
 
 @pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="Linux says how much memory a process took")

@@ -128,6 +128,13 @@ def test_a_map_file_names_other_topics_and_what_the_sidecar_would_say(tmp_path):
     assert set(trial.positions) == {RIGHT, LEFT, "wheel_left_joint"}
     assert set(trial.commands) == {LEFT}
     assert not trial.forces
+    assert set(trial.sidecar.source) == {"bag"}
+    map_file.write_text(
+        "robot: arm.xml\ninterface: velocity\ntopics:\n  /arm/state: {kind: joint_state, joints: [elbwo]}\n"
+        f"  /finger_left_controller/command: {{kind: command, names: [{LEFT}]}}\n"
+    )
+    with pytest.raises(RecordingError, match="topic /arm/state has no joint 'elbwo', which the map file names"):
+        read_recordings([write_bag(tmp_path / "again", "sqlite3", messages)], map_file=map_file)
 
 
 def test_a_sidecar_beside_a_bag_counts_more_than_the_map(tmp_path):

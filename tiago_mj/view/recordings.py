@@ -72,7 +72,7 @@ def library(
         ValueError: the folder holds no diagnosis, or its effects do not fit this robot; one line.
     """
     said = {"robot": str(model)} if model is not None else {"robot": env} if env else {}
-    read = read_recordings(paths, map_file=map_file, defaults=said)
+    read = read_recordings(paths, map_file=map_file, defaults=said, robot=said.get("robot"))
     diagnosis, entries = None, read_effects(effects)
     if folder is not None:
         if not folder.is_dir():

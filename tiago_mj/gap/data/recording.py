@@ -151,6 +151,7 @@ class Trial:
         source: name of the file, without its folder.
         extras: columns ``extra.NAME``, in whatever unit: kept, never used.
         units: in which channels came that were converted while reading, by column's name.
+        left_out: columns that the map file maps to null, whether they are there or not.
     """
 
     name: str
@@ -164,6 +165,7 @@ class Trial:
     source: str
     extras: Mapping[str, Array] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
+    left_out: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True)

@@ -22,10 +22,13 @@ from tiago_mj.effects.chain import Wiring
 from tiago_mj.effects.spec import Entry, arrays
 from tiago_mj.effects.wiring import wire
 from tiago_mj.gap.data.grid import grid_step
+from tiago_mj.gap.data.lint.names import check_names
 from tiago_mj.gap.data.nominal_priors import grids, known_to
 from tiago_mj.gap.data.recording import RecordingError, Sidecar, Trial
+from tiago_mj.gap.data.robot import MODELS, Robot
 from tiago_mj.loading import is_file
 from tiago_mj.models import names, scene
+from tiago_mj.models.actuators import driven_joint, replayed_interfaces
 from tiago_mj.models.bounded import check_speed, load_model
 from tiago_mj.models.objects import SHAPES, GraspObject
 from tiago_mj.quoting import quoted
@@ -51,12 +54,14 @@ class Start:
         qvel: (nv,).
         set_point: per actuator, (nactuators,) [m, rad].
         item: the object, or None.
+        idle: of every input of the model, (nu,), what it is where nothing is commanded; None: 0.
     """
 
     qpos: Array
     qvel: Array
     set_point: Array
     item: GraspObject | None
+    idle: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -148,7 +153,7 @@ def plant_of(
             f"{trials[0].source}: nothing says which robot this is: give --env ID or --model FILE.xml, or 'robot' in "
             "the sidecar"
         )
-    file = model is not None or robot.endswith((".xml", ".urdf", ".xacro"))
+    file = model is not None or robot.endswith(MODELS)
     plant = _plain(trials, Path(robot)) if file else _environment(trials, robot)
     for entry in given:
         arrays(EFFECTS[entry.name], [[entry]], plant.wiring.targets)
@@ -334,11 +339,26 @@ def _held(model: mujoco.MjModel, wiring: Wiring, trial: Trial, start: Start) -> 
 
     def acceleration(points: Array) -> float:
         data.qpos[:], data.qvel[:] = start.qpos, start.qvel
+        data.ctrl[:] = 0.0 if start.idle is None else start.idle
         data.ctrl[wiring.ctrl] = points
         mujoco.mj_forward(model, data)
         return float(np.abs(data.qacc).max())
 
     return replace(start, set_point=first) if acceleration(first) < acceleration(start.set_point) else start
+
+
+def _idle(model: mujoco.MjModel, wiring: Wiring, qpos: Array) -> Array:
+    """Inputs of actuators that nothing commands, (nu,): a plain position servo holds its joint where it starts, another
+    actuator has the first keyframe's input. Of the others it is 0 until their first command."""
+    idle = np.array(model.key_ctrl[0]) if model.nkey else np.zeros(model.nu)
+    for actuator in range(model.nu):
+        address = int(model.actuator_ctrladr[actuator])
+        if actuator in wiring.actuators:
+            idle[address] = 0.0
+        elif driven_joint(model, actuator) and replayed_interfaces(model, actuator)[:1] == ("position",):
+            joint = int(model.actuator_trnid[actuator, 0])
+            idle[address] = model.actuator_gear[actuator, 0] * qpos[model.jnt_qposadr[joint]]
+    return idle
 
 
 # Plain models --------------------------------------------------------------------------------------------------------
@@ -349,21 +369,24 @@ def _plain(trials: Sequence[Trial], path: Path) -> Plant:
         raise RecordingError(f"no model file {quoted(str(path))}: give --model FILE.xml")
     model = load_model(path, f"{path.name} does not compile", RecordingError)
     check_speed(model, path.name, RecordingError)
-    commands = list(trials[0].commands)
+    robot = Robot.of_model(model)
+    for finding in check_names(trials, robot.joints, robot.actuators, ()):
+        if finding.refuses:
+            raise RecordingError(f"{finding} ({finding.code})")
+    commands = dict.fromkeys(name for trial in trials for name in trial.commands)
     measured = dict.fromkeys(name for trial in trials for name in (*trial.positions, *trial.velocities))
-    by_command = {}
-    for name in commands:
-        index = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_ACTUATOR, name)
-        if index >= 0:
-            by_command[name] = model.joint(int(model.actuator_trnid[index, 0])).name
-    joints = tuple(dict.fromkeys([*measured, *by_command.values()]))
+    by_command = [model.joint(int(model.actuator_trnid[model.actuator(name).id, 0])).name for name in commands]
+    joints = tuple(dict.fromkeys([*(name for name in measured if name in robot.joints), *by_command]))
     interface = trials[0].sidecar.interface or "position"
     try:
         wiring = wire(model, joints=joints, actuators=tuple(commands), interface=interface)
     except ValueError as fault:
         raise RecordingError(f"{trials[0].source}: {fault}") from fault
     base = np.array(model.key_qpos[0] if model.nkey else model.qpos0)
-    starts = {t.name: _held(model, wiring, t, _initial(model, wiring, t, base.copy(), None)) for t in trials}
+    starts = {}
+    for trial in trials:
+        start = _initial(model, wiring, trial, base.copy(), None)
+        starts[trial.name] = _held(model, wiring, trial, replace(start, idle=_idle(model, wiring, start.qpos)))
     rate = trials[0].sidecar.rate_hz
     period = 1 / rate if rate else float(np.median(np.diff(trials[0].time)))
     return Plant(

@@ -239,6 +239,8 @@ def _batch(
     _set_objects(plant, host, starts)
     host.state("qpos")[:] = [start.qpos for start in starts]
     host.state("qvel")[:] = [start.qvel for start in starts]
+    if starts[0].idle is not None:
+        host.state("ctrl")[:] = [start.idle for start in starts]
     stateful = wiring.act >= 0
     if stateful.any():
         points = np.array([start.set_point for start in starts])

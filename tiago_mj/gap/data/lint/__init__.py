@@ -15,9 +15,11 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from tiago_mj.gap.data.lint import clocks, consistency, exchange, facts, ranges, sensors
-from tiago_mj.gap.data.lint.ranges import JointRanges, check_names
+from tiago_mj.gap.data.lint.names import check_commands, check_names
+from tiago_mj.gap.data.lint.ranges import JointRanges
 from tiago_mj.gap.data.lint.summary import Found, summary
 from tiago_mj.gap.data.recording import CODES, KINDS, Finding, RecordingError, Trial, channels, sampled
+from tiago_mj.gap.data.robot import Robot
 
 if TYPE_CHECKING:
     from tiago_mj.gap.simulation.plant import Plant
@@ -64,7 +66,9 @@ def inspect(trials: Sequence[Trial], joint_ranges: JointRanges | None = None) ->
 def inspect_all(trials: Sequence[Trial], plant: Plant) -> tuple[Finding, ...]:
     """The same with the robot that is to replay the trials: names that it has, and what its joints can do."""
     known = [plant.model.joint(j).name for j in range(plant.model.njnt)]
-    names = check_names(trials, known, plant.actuators, plant.sensors)
+    names = [*check_names(trials, known, plant.actuators, plant.sensors)]
+    if plant.environment is None:  # an environment commands what it says, and holds the rest
+        names += check_commands(trials, Robot.of_model(plant.model))
     joints = _driven(plant)
     actuators = {f"command.{joint}": f"command.{actuator}" for actuator, joint in joints.items()}
     by_joint = [

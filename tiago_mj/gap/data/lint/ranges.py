@@ -1,4 +1,4 @@
-"""A recording against its robot: names that the model has, and values that its joints can take."""
+"""A recording against its robot: values that its joints can take."""
 
 from __future__ import annotations
 
@@ -61,41 +61,6 @@ class JointRanges:
             if limits.velocity:
                 velocity[name] = limits.velocity
         return cls(position, velocity, slides)
-
-
-def check_names(
-    trials: Sequence[Trial], joints: Sequence[str], actuators: Sequence[str], sensors: Sequence[str]
-) -> Iterator[Finding]:
-    """Columns of joints, actuators and sensors that the model does not have.
-
-    A command that cannot be replayed refuses its recording, as does one of whose joints none is the model's; what is
-    measured beyond the model is left out.
-
-    Args:
-        trials: as read.
-        joints, actuators, sensors: names in the model.
-    """
-    for trial in trials:
-        measured = {**trial.positions, **trial.velocities, **trial.efforts}
-        nothing = bool(measured) and not set(measured) & set(joints)
-        for kind, there, known, what in (
-            ("command", trial.commands, actuators, "actuator"),
-            ("position", trial.positions, joints, "joint"),
-            ("velocity", trial.velocities, joints, "joint"),
-            ("effort", trial.efforts, joints, "joint"),
-            ("force", trial.forces, sensors, "load cell"),
-        ):
-            for name in (name for name in there if name not in known):
-                refuses = kind == "command" or (nothing and kind != "force")
-                yield Finding(
-                    "contradiction",
-                    trial.source,
-                    f"{kind}.{name}",
-                    f"the model has no {what} {name!r}, it has {', '.join(known) or 'none'}: "
-                    + ("map the column (--map), or to null to leave it out" if refuses else "left out of use"),
-                    refuses=refuses,
-                    discredits=not refuses,
-                )
 
 
 def check(trials: Sequence[Trial], ranges: JointRanges) -> Iterator[Finding]:

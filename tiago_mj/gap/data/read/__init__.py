@@ -10,10 +10,11 @@ from typing import Any, Final
 
 import numpy as np
 
-from tiago_mj.gap.data.read.columns import trial_from_table
+from tiago_mj.gap.data.read.columns import check_mapped, trial_from_table
 from tiago_mj.gap.data.read.mapping import FACTS, column_map, load_map
 from tiago_mj.gap.data.read.tables import TEXT, Table, read_table
 from tiago_mj.gap.data.recording import KINDS, Finding, ReadResult, RecordingError, Trial, channel, channels
+from tiago_mj.gap.data.robot import MODELS, Robot, robot_of
 from tiago_mj.gap.data.sidecar import load_sidecar
 from tiago_mj.loading import is_file
 from tiago_mj.quoting import quoted, unquoted
@@ -28,6 +29,7 @@ def read_recordings(
     map_file: Path | None = None,
     defaults: Mapping[str, Any] | None = None,
     replayed: bool = True,
+    robot: str | None = None,
 ) -> ReadResult:
     """Read recordings; nothing is guessed silently.
 
@@ -38,6 +40,8 @@ def read_recordings(
         defaults: sidecar fields from the command line (``robot``, ``interface``, ``sensing`` ...), for what sidecars
             lack.
         replayed: whether a recording without commands and efforts is refused, as nothing can be replayed.
+        robot: environment id or model file that is simulated whatever the sidecars say; None: what they say. A model
+            file tells which actuator the command of a joint is for, and what commands are where nothing else says it.
 
     Returns:
         Trials in the order of the paths, and what was found and repaired. Two recordings with the same samples are
@@ -51,17 +55,26 @@ def read_recordings(
     trials: list[Trial] = []
     findings: list[Finding] = []
     files: list[Path] = []
-    for path in find_recordings(paths):
-        parts, found = trial_from_table(_load(path, content), columns, _defaults(content, defaults), replayed)
+    lacking = _defaults(content, defaults)
+    tables = [(path, _load(path, content)) for path in find_recordings(paths)]
+    if map_file is not None and (mapped := _mapped(tables, content)):
+        check_mapped(columns, mapped, Path(map_file).name)
+    robots: dict[str, Robot | None] = {}
+    while tables:  # what a trial does not keep of its table is not kept until the last one is read
+        path, table = tables.pop(0)
+        file = robot or _robot(path, table, lacking)
+        if file not in robots:
+            robots[file] = robot_of(file)
+        parts, found = trial_from_table(table, columns, lacking, replayed, robots[file])
         trials += [_model_found(trial, path) for trial in parts]
         files += [path] * len(parts)
         findings += found
     trials = _unique_names(trials, files)
     kept, copies = _without_copies(trials)
     findings += copies
-    robots = sorted({trial.sidecar.robot for trial in kept})
-    if len(robots) > 1:
-        several = ", ".join(map(unquoted, robots))
+    recorded = sorted({trial.sidecar.robot for trial in kept})
+    if len(recorded) > 1:
+        several = ", ".join(map(unquoted, recorded))
         raise RecordingError(f"the recordings are of several robots ({several}): give those of one at a time")
     return ReadResult(tuple(kept), tuple(findings))
 
@@ -109,6 +122,21 @@ def _defaults(content: Mapping[str, Any], given: Mapping[str, Any] | None) -> di
     return {**facts, **{key: value for key, value in (given or {}).items() if value is not None}}
 
 
+def _mapped(tables: Sequence[tuple[Path, Table]], content: Mapping[str, Any]) -> list[Table]:
+    """Tables that a map file's columns are of: of a map with topics, too, those of bags are the topics'."""
+    bags = {path for path, _ in tables if path.is_dir() or path.suffix.lower() in BAGS}
+    return [table for path, table in tables if path not in bags or "topics" not in content]
+
+
+def _robot(path: Path, table: Table, defaults: Mapping[str, Any]) -> str:
+    """What a recording says that it is of, a file from the recording's folder; "" where nothing says it."""
+    said = next((facts["robot"] for facts in (table.sidecar, defaults, table.facts) if facts.get("robot")), "")
+    if not isinstance(said, str):
+        return ""
+    beside = path.parent / said
+    return str(beside) if said.endswith(MODELS) and is_file(beside) else said
+
+
 def _load(path: Path, content: Mapping[str, Any]) -> Table:
     try:
         str(path).encode()
@@ -126,7 +154,7 @@ def _load(path: Path, content: Mapping[str, Any]) -> Table:
 def _model_found(trial: Trial, path: Path) -> Trial:
     """An MJCF that the sidecar names lies where the sidecar says, seen from the recording's folder."""
     model = path.parent / trial.sidecar.robot
-    if not trial.sidecar.robot.endswith((".xml", ".urdf")) or not is_file(model):
+    if not trial.sidecar.robot.endswith(MODELS) or not is_file(model):
         return trial
     return replace(trial, sidecar=replace(trial.sidecar, robot=str(model.resolve())))
 

@@ -116,7 +116,7 @@ def read_bag(path: Path, content: Mapping[str, Any], sidecar: Mapping[str, Any],
         raise RecordingError(f"{path.name}: not a ROS bag that can be read ({reason}): {_AGAIN}") from None
     streams: Streams = {name: (arrays[f"{k}.stamps"], arrays[f"{k}.values"]) for k, name in enumerate(said["names"])}
     findings = [Finding(**finding) for finding in said["findings"]]
-    facts = said["facts"]
+    facts = {**said["facts"], "source": {"bag": path.name}}  # who named its joints: the robot
     if not streams:
         raise RecordingError(f"{path.name}: the recording is empty, its topics hold no message: record again")
     stamps = np.unique(np.concatenate([stream for stream, _ in streams.values()]))
@@ -193,6 +193,7 @@ def _read(path: Path, topics: Sequence[Topic] | None) -> tuple[Streams, list[Fin
     streams: Streams = {}
     findings: list[Finding] = []
     facts: Mapping[str, Any] = {}
+    of_map = topics is not None
     with highlevel.AnyReader([path], default_typestore=store) as reader:
         there = {connection.topic: connection.msgtype for connection in reader.connections}
         check_size(path.name, reader.message_count, 1)
@@ -211,7 +212,19 @@ def _read(path: Path, topics: Sequence[Topic] | None) -> tuple[Streams, list[Fin
         for topic in topics:
             if topic.name in there:
                 findings += _stream(path.name, topic, _of(reader, topic.name), streams)
+                if of_map and topic.kind == "joint_state":
+                    _check_joints(path.name, topic, streams)
     return streams, findings, facts
+
+
+def _check_joints(file: str, topic: Topic, streams: Streams) -> None:
+    """Refuse a joint that a map file names and the messages do not."""
+    there = dict.fromkeys(name.partition(".")[2] for name in streams)
+    for joint in () if topic.optional else topic.names:
+        if joint not in there:
+            raise RecordingError(
+                f"{file}: topic {topic.name} has no joint {quoted(joint)}, which the map file names: mend or delete it"
+            )
 
 
 def _driven(file: str, reader: Any, topics: ros2_control.Topics) -> tuple[Streams, list[Finding], Mapping[str, Any]]:

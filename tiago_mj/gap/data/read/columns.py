@@ -3,29 +3,40 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from difflib import get_close_matches
 from pathlib import PurePath
 from typing import Any, Final
 
 import numpy as np
 
 from tiago_mj.gap.data.read.clock import check_clock, repair_clock
+from tiago_mj.gap.data.read.commands import by_actuator, interface_of_model
 from tiago_mj.gap.data.read.mapping import Target
 from tiago_mj.gap.data.read.tables import Table
 from tiago_mj.gap.data.read.torque import TORQUE, says_torque, without_torque_off
 from tiago_mj.gap.data.read.units import factor
 from tiago_mj.gap.data.recording import KINDS, Array, Finding, RecordingError, Sidecar, Trial
+from tiago_mj.gap.data.robot import Robot, nearest
 from tiago_mj.gap.data.sidecar import parse_sidecar
 from tiago_mj.gap.data.usable import check_values
 from tiago_mj.quoting import quoted
 
+#: Columns that are listed in a message.
+LISTED: Final = 6
+#: How alike a mistyped kind is to one of the contract's, as difflib measures it: ``positon``, ``commands``.
+SLIP: Final = 0.85
 #: A column of stamps that has its unit in its name, taken where there is no column ``time``.
 _STAMPS: Final = re.compile(r"^(?:time|timestamp|stamp|t)[ _]?[\[(]?(s|ms|us|µs|ns)[\])]?$", re.IGNORECASE)
 
 
 def trial_from_table(
-    table: Table, columns: Mapping[str, Target], defaults: Mapping[str, Any], replayed: bool = True
+    table: Table,
+    columns: Mapping[str, Target],
+    defaults: Mapping[str, Any],
+    replayed: bool = True,
+    robot: Robot | None = None,
 ) -> tuple[list[Trial], list[Finding]]:
     """A trial, or the parts of it that are left where its torque was off, and what was found while making it.
 
@@ -34,6 +45,8 @@ def trial_from_table(
         columns: of the map file; a column that is not there goes by its own name.
         defaults: what the sidecar lacks.
         replayed: whether commands or efforts must be there.
+        robot: that was recorded, where its model is at hand: it knows commands by the names of their joints, too, and
+            what they are where nothing else says it.
 
     Raises:
         RecordingError: the table cannot be used; one line says why.
@@ -92,6 +105,12 @@ def trial_from_table(
         raise RecordingError(f"{file}: column time is missing (there are {there}): name it 'time' or map it with --map")
     check_clock(time, file)
     time, repairs = repair_clock(time, sidecar.rate_hz, file, declared=declared)
+    if robot is not None:
+        channels["command"], renamed = by_actuator(channels["command"], robot, file)
+        findings += renamed
+        if sidecar.interface is None and (said := interface_of_model(channels["command"], robot, file)) is not None:
+            sidecar = replace(sidecar, interface=said[0])
+            findings.append(said[1])
     _check_enough(channels, sidecar, file, table.sidecar_file, replayed)
     stem = PurePath(file).stem
     name = sidecar.trial or stem
@@ -103,6 +122,7 @@ def trial_from_table(
         sidecar=replace(sidecar, trial=name, units=None),
         source=file,
         units=stated,
+        left_out=frozenset(column for column, target in columns.items() if target.column is None),
         **{KINDS[kind]: found for kind, found in channels.items()},
     )
     trials, cuts = without_torque_off(trial, torque)
@@ -137,6 +157,11 @@ def _targets(table: Table, columns: Mapping[str, Target]) -> tuple[dict[str, Tar
             targets[column] = Target(f"{TORQUE}.{column}")
         elif column == stamps:
             targets[column] = Target("time", stamps_unit)
+        elif meant := _meant(column, table, columns):
+            raise RecordingError(
+                f"{file}: column {quoted(column)}: did you mean {meant!r}? Mend the name, or map the column (--map), "
+                "to null to leave it out"
+            )
         else:
             findings.append(
                 Finding(
@@ -147,6 +172,38 @@ def _targets(table: Table, columns: Mapping[str, Target]) -> tuple[dict[str, Tar
                 )
             )
     return targets, findings
+
+
+def check_mapped(columns: Mapping[str, Target], tables: Sequence[Table], file: str) -> None:
+    """Refuse a map file that names a column which no recording has; one that is mapped to null may be absent.
+
+    Args:
+        columns: of the map file.
+        tables: all of the recordings.
+        file: name of the map file.
+
+    Raises:
+        RecordingError: says which column, and which one may be meant.
+    """
+    there = dict.fromkeys(column for table in tables for column in (*table.columns, *table.text))
+    for column, target in columns.items():
+        if target.column is None or column in there:
+            continue
+        unmapped = [name for name in there if name not in columns]
+        meant = nearest(column, unmapped)
+        listed = f"{', '.join(unmapped[:LISTED])}{' ...' if len(unmapped) > LISTED else ''}"
+        mend = f"did you mean {meant!r}?" if meant else f"the map leaves over {listed or 'none of theirs'}"
+        raise RecordingError(f"map file {file}: column {quoted(column)}: no recording has it; {mend}")
+
+
+def _meant(column: str, table: Table, columns: Mapping[str, Target]) -> str | None:
+    """What a column is a slip of: one of the map file's that this table lacks, or a kind of the contract's."""
+    there = {*table.columns, *table.text}
+    known = there | {target.column for name, target in columns.items() if name in there}
+    lacking = [name for name, target in columns.items() if name not in there and target.column not in (None, *known)]
+    kind, _, name = column.partition(".")
+    near = next(iter(get_close_matches(kind, list(KINDS), 1, SLIP)), None) if name else None
+    return f"{near}.{name}" if near else nearest(column, lacking)
 
 
 def _named_stamps(table: Table, columns: Mapping[str, Target]) -> tuple[str | None, str | None]:

@@ -7,7 +7,8 @@ YAML, column -> kind and name, optionally unit and scale (``-1`` flips a sign):
       q_right: {kind: position, name: gripper_right_finger_joint, unit: mm}
       tau_right: effort.gripper_right_finger_joint        # the short form
       estop: {kind: torque_on}                             # 0 where the motors are off: those rows are left out
-      battery: null                                        # left out
+      battery: null                                        # left out; it may be absent
+      command.wrist: null                                  # nothing commands this actuator, and its joint may move
 
 A file may hold ``columns`` (for CSV and Parquet) and ``topics`` (for bags) at once, and what sidecars lack: ``robot``,
 ``interface``, ``rate_hz``, ``servo``, ``sensing``, ``object``.

@@ -40,22 +40,25 @@ def run(arguments: argparse.Namespace) -> int:
     extra.load("pandas", "reading recordings")
     if not arguments.json:
         extra.load("rich", "the table")
-    from tiago_mj.effects import read_effects
-    from tiago_mj.gap.data import lint
     from tiago_mj.gap.data.read import read_recordings
-    from tiago_mj.gap.design.preflight.along import preflight_along
-    from tiago_mj.gap.design.preflight.excitation import preflight
-    from tiago_mj.gap.simulation.along_a_motion import along_a_motion
-    from tiago_mj.gap.simulation.plant import plant_of
 
     try:
         robot = arguments.env or (str(arguments.model) if arguments.model else None)
         defaults = {"robot": robot} if robot else {}
-        read = read_recordings(arguments.recordings, map_file=arguments.map, defaults=defaults)
+        read = read_recordings(arguments.recordings, map_file=arguments.map, defaults=defaults, robot=robot)
+        # What cannot be used is said before the rest is loaded, which takes a second.
+        from tiago_mj.effects import read_effects
+        from tiago_mj.gap.data import lint
+        from tiago_mj.gap.simulation.plant import plant_of
+
         given = read_effects(arguments.effects)
         plant = plant_of(read.trials, env=arguments.env, model=arguments.model, given=given)
         findings = (*read.findings, *lint.inspect_all(read.trials, plant))
         lint.refuse(read.trials, findings)
+        from tiago_mj.gap.design.preflight.along import preflight_along
+        from tiago_mj.gap.design.preflight.excitation import preflight
+        from tiago_mj.gap.simulation.along_a_motion import along_a_motion
+
         usable = lint.believed(read.trials, findings)
         with told("preflight", "trying what these recordings would show", quiet=arguments.json):
             if along_a_motion(plant, read.trials):

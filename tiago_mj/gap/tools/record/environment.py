@@ -155,7 +155,15 @@ def record(
                 raw={"arguments": dict(plan.arguments)},
                 **facts,
             )
-            yield Trial(name=name, time=time, sidecar=sidecar, source=f"{name}.parquet", units={}, **channels)
+            yield Trial(
+                name=name,
+                time=time,
+                sidecar=sidecar,
+                source=f"{name}.parquet",
+                units={},
+                left_out=frozenset(),
+                **channels,
+            )
     finally:
         env.close()
         nominal.close()

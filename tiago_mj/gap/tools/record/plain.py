@@ -19,6 +19,7 @@ from tiago_mj.gap.data.usable import RATE as A_RATE
 from tiago_mj.gap.data.usable import is_rate
 from tiago_mj.gap.motions.play import Motion, random_motion
 from tiago_mj.models import bounded
+from tiago_mj.models.actuators import actuator_interface
 from tiago_mj.quoting import quoted
 
 #: Control rate where neither the motion nor the command line says one [Hz].
@@ -55,14 +56,6 @@ def interface_of(model: mujoco.MjModel) -> str:
         listed = ", ".join(f"{name} {kind}" for kind, name in kinds.items())
         raise ValueError(f"the model's actuators take commands of several kinds ({listed}): give a model with one")
     return next(iter(kinds))
-
-
-def actuator_interface(model: mujoco.MjModel, actuator: int) -> str:
-    """What one actuator takes, from its bias: a position servo has a stiffness, a velocity servo only a damping."""
-    stiffness, damping = -model.actuator_biasprm[actuator, 1], -model.actuator_biasprm[actuator, 2]
-    if stiffness > 0:
-        return "velocity" if model.actuator_dyntype[actuator] == mujoco.mjtDyn.mjDYN_INTEGRATOR else "position"
-    return "velocity" if damping > 0 else "effort"
 
 
 def scalar_joints(model: mujoco.MjModel) -> tuple[str, ...]:
