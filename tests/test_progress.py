@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import io
+import itertools
 import threading
 import time
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from tiago_mj import progress
-from tiago_mj.progress import Progress
+from tiago_mj.progress import Estimate, Progress
 
 
 class Clock:
@@ -30,15 +33,56 @@ def test_a_line_tells_stage_share_and_time_left(monkeypatch):
         assert told.said() == "diagnose: screening 34 of 154, 22 %, about 25 s left"
 
 
-def test_with_weights_share_and_time_left_are_of_the_whole(monkeypatch):
+def test_share_and_time_left_are_of_the_whole_where_it_is_known(monkeypatch):
     clock = Clock(monkeypatch)
-    with Progress("diagnose", quiet=True, weights={"screening": 3.0, "fitting": 6.0, "writing": 1.0}) as told:
-        told.stage("screening", total=10)
-        told.advance(5)
-        assert "5 of 10, 15 %" in told.said()
+    with Progress("diagnose", quiet=True) as told:
+        told.stage("screening", part=True)
+        told.worked(0.0, 100.0)
         clock.now += 36.0
-        told.stage("fitting")
+        told.stage("fitting", part=True)
+        told.worked(30.0, 70.0)
         assert told.said() == "diagnose: fitting, 30 %, about 84 s left"
+        told.stage("drawing", total=2)
+        assert told.said() == "diagnose: drawing 0 of 2, 0 %, 36 s so far"
+
+
+def test_where_more_turns_up_the_share_grows_more_slowly_and_the_time_left_is_that_of_what_is_left():
+    told = Estimate()
+    told.worked(0.0, 100.0, 0.0)
+    told.worked(50.0, 50.0, 50.0)
+    assert told.share == pytest.approx(0.5)
+    told.worked(50.0, 150.0, 50.0)
+    assert told.share == pytest.approx(0.5)
+    assert told.seconds_left(50.0) == pytest.approx(150.0)
+    told.worked(125.0, 75.0, 125.0)
+    assert told.share == pytest.approx(0.75)  # half of what was left is done
+    told.worked(200.0, 0.0, 200.0)
+    assert told.share == 1.0
+    assert told.seconds_left(200.0) == 0.0
+
+
+def test_time_passes_while_nothing_is_heard_and_what_is_late_is_never_about_to_end():
+    told = Estimate()
+    told.worked(0.0, 100.0, 0.0)
+    told.worked(50.0, 50.0, 10.0)
+    left = [told.seconds_left(10.0 + late) for late in (0.0, 1.0, 10.0, 100.0)]
+    assert left == pytest.approx([10.0, 9.09, 5.0, 0.909], rel=1e-3)
+
+
+@given(
+    st.lists(
+        st.tuples(st.floats(0, 1e9), st.none() | st.floats(0, 1e12), st.floats(0, 1e4), st.floats(0, 1e4)), max_size=40
+    )
+)
+def test_the_share_never_falls_and_the_time_left_is_finite_whatever_is_told(ticks):
+    told, now, done, before = Estimate(), 0.0, 0.0, 0.0
+    for more, left, passed, late in ticks:
+        now, done = now + passed, done + more
+        told.worked(done, left, now)
+        assert before <= told.share <= 1.0
+        before = told.share
+        rest = told.seconds_left(now + late)
+        assert rest is None or 0.0 <= rest < float("inf")
 
 
 def test_no_more_time_is_left_than_the_budget_has(monkeypatch):
@@ -136,15 +180,44 @@ def test_a_stage_that_is_over_at_once_does_not_flicker_on_a_screen(monkeypatch):
         assert "writing" in told.settled()
 
 
-def test_a_diagnosis_never_goes_back_to_a_stage_before():
+def test_a_stage_of_a_diagnosis_that_comes_again_is_told_and_the_share_goes_on(monkeypatch):
     from tiago_mj.gap.command import STAGES, Told
 
-    with Progress("diagnose", quiet=True, weights=dict(STAGES.values())) as shown:
-        told, lines = Told(shown), []
-        for stage in ("replaying", "screening", "fitting", "screening", "refitting", "pairs", "refitting", "pairs"):
-            told(stage, 3)
-            lines.append(shown.said().split(": ")[1].partition(",")[0])
-    shares = [list(dict(STAGES.values())).index(line.removesuffix(" 0 of 3")) for line in lines]
-    assert shares == sorted(shares)
-    assert lines[3] == lines[2]
-    assert lines[6] == lines[5] == lines[7]
+    clock = Clock(monkeypatch)
+    with Progress("diagnose", quiet=True) as shown:
+        told, done, lines = Told(shown), 0, []
+        for stage in ("replaying", "screening", "pairs", "refitting", "pairs", "refitting"):
+            for _ in range(3):
+                told(stage, done, 100.0)
+                clock.now, done = clock.now + 1.0, done + 10
+            assert STAGES[stage] in shown.said()
+            lines.append(shown.now()[0])
+    assert lines == sorted(lines)
+    assert len(set(lines)) == len(lines)
+
+
+def test_a_line_of_a_log_that_says_nothing_new_comes_ever_more_rarely():
+    log = io.StringIO()
+    with Progress("diagnose", every=0.02, stream=log) as told:
+        told.stage("pairs")
+        time.sleep(1.3)
+    assert 3 <= log.getvalue().count("\n") <= 8  # after 1, 2, 4, 8, 16 and 32 times so long
+
+
+def test_a_log_is_not_silent_for_longer_than_half_a_minute(monkeypatch):
+    log, waits = io.StringIO(), iter([False] * 100 + [True])
+    with Progress("diagnose", quiet=True, stream=log) as told:
+        told.stage("pairs")
+        clock, lines = Clock(monkeypatch), []
+
+        def wait(seconds):
+            clock.now += seconds
+            if log.getvalue().count("\n") > len(lines):
+                lines.append(clock.now)
+            return next(waits)
+
+        monkeypatch.setattr(told._over, "wait", wait)
+        told._lines()
+    apart = [b - a for a, b in itertools.pairwise(lines)]
+    assert max(apart) <= 32.0
+    assert apart[-1] > 25.0

@@ -1,7 +1,7 @@
 """How far a long command is: its stage, the share done, the time left, on standard error.
 
 On a terminal one line lives as long as the work does (rich, where it is installed); elsewhere, in a log, a plain line
-comes every few seconds, also while a stage does not advance. What is over at once says nothing.
+comes every few seconds, and ever more rarely while there is nothing new to say. What is over at once says nothing.
 
     with Progress("diagnose", quiet=arguments.json) as progress:
         progress.stage("screening", total=60)
@@ -13,7 +13,7 @@ from __future__ import annotations
 import sys
 import threading
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from types import TracebackType
 from typing import Any, Final, TextIO
@@ -21,12 +21,52 @@ from typing import Any, Final, TextIO
 #: Seconds until the first line of a log, and between two: a little less than the five that nobody waits in silence.
 FIRST: Final = 2.0
 EVERY: Final = 4.5
+#: Seconds between two lines at most while there is nothing to say but that time has passed: the wait doubles up to it.
+LONGEST: Final = 27.0
+#: Share of work whose amount is an expectation, at most: it is over when it is over.
+ALMOST: Final = 0.99
 #: Seconds between two pictures of the line on a terminal.
 LOOK: Final = 0.25
 #: A stage shorter than this [s] is not shown on a terminal, where it would be gone before anybody has read it.
 SETTLED: Final = 0.6
 #: A stage so young [s] has no speed yet, from which to tell the time left.
 YOUNG: Final = 1.0
+
+
+class Estimate:
+    """Share done and time left of work whose amount turns out while it is done.
+
+    The share never falls. With every piece of work d it grows by d / (d + left) of what it lacks: where the
+    expectations were right that is the share of the whole; where more turns up than was expected it grows more slowly.
+    """
+
+    def __init__(self) -> None:
+        self.share = 0.0
+        self._began: tuple[float, float] | None = None
+        self._at = (0.0, 0.0)
+        self._left: float | None = None
+
+    def worked(self, done: float, left: float | None, now: float) -> None:
+        """So much is done in all at an instant [s], so much expected to be left, in the same unit (None: unknown)."""
+        if self._began is None:
+            self._began = self._at = (now, done)
+        new = max(done - self._at[1], 0.0)
+        if left is not None and new > 0.0:
+            self.share = min(self.share + (1.0 - self.share) * (new / (new + max(left, 0.0))), 1.0)
+        self._at, self._left = (now, max(done, self._at[1])), left
+
+    def seconds_left(self, now: float) -> float | None:
+        """Seconds left at an instant, at the speed until the last piece of work; None: not known.
+
+        While nothing is heard they pass, but never to the end: what is late is later the longer it takes.
+        """
+        if self._began is None or self._left is None:
+            return None
+        took, did = self._at[0] - self._began[0], self._at[1] - self._began[1]
+        if took < YOUNG or did <= 0.0:
+            return None
+        left = max(self._left, 0.0) * took / did
+        return left * left / (left + max(now - self._at[0], 0.0)) if left > 0.0 else 0.0
 
 
 class Progress:
@@ -37,7 +77,6 @@ class Progress:
         name: str = "",
         *,
         quiet: bool = False,
-        weights: Mapping[str, float] | None = None,
         budget: float | None = None,
         every: float = EVERY,
         console: Any = None,
@@ -48,15 +87,13 @@ class Progress:
         Args:
             name: what the lines begin with, such as ``"diagnose"``.
             quiet: show nothing, as a command does that prints JSON.
-            weights: stages in their order, and how long each takes next to the others; share and time left are then
-                those of the whole, otherwise those of the stage. A stage that is left out counts as done.
             budget: seconds after which the work ends in any case.
             every: seconds between two lines of a log.
             console: a ``rich.console.Console`` to show the line on; one of ``stream`` if None.
             stream: where lines are written; standard error as it is now if None.
         """
         self._name, self._quiet, self._every, self._budget = name, quiet, every, budget
-        self._weights = dict(weights or {})
+        self._whole: Estimate | None = None
         self._stream = stream or sys.stderr
         self._console = None if quiet else console or _terminal(self._stream)
         self._lock = threading.Lock()
@@ -83,12 +120,14 @@ class Progress:
         if self._shower is not None:
             self._shower.join()
 
-    def stage(self, name: str, total: int | None = None, *, done: int = 0) -> None:
+    def stage(self, name: str, total: int | None = None, *, done: int = 0, part: bool = False) -> None:
         """Begin a stage of so many steps (None: not known); the one before counts as done.
 
-        ``done`` of its steps were done by an earlier run, and tell nothing of the speed of this one.
+        ``done`` of its steps were done by an earlier run, and tell nothing of the speed of this one. ``part``: it is
+        part of what :meth:`worked` tells of, whose share and time left go on.
         """
         with self._lock:
+            self._whole = self._whole if part else None
             self._stage, self._total, self._done, self._note = name, total, done, ""
             self._share_before = self._share() or 0.0 if done else 0.0
             self._stage_began = time.monotonic()
@@ -113,6 +152,28 @@ class Progress:
             self._check_begun()
             self._done, self._note = done, note
 
+    def worked(self, done: float, left: float | None) -> None:
+        """So much is done of all stages together, and so much expected to be left, in the same unit; None: not known.
+
+        Share and time left are then those of the whole, for as long as stages are parts of it.
+
+        Raises:
+            RuntimeError: no stage has begun.
+        """
+        with self._lock:
+            self._check_begun()
+            self._whole = self._whole or Estimate()
+            self._whole.worked(done, left, time.monotonic())
+
+    def now(self) -> tuple[float | None, float | None]:
+        """The share done, of the whole where it is known (:meth:`worked`), else of the stage; and the seconds left.
+
+        None: not known.
+        """
+        with self._lock:
+            share = self._share()
+            return share, self._left(share, time.monotonic())
+
     def said(self) -> str:
         """The line as it is now: ``diagnose: screening 34 of 154, 22 %, about 25 s left``."""
         with self._lock:
@@ -123,7 +184,7 @@ class Progress:
             share = self._share()
             left = self._left(share, now)
             if share is not None:
-                told.append(f"{100 * share:.0f} %")
+                told.append(_percent(share))
             told.append(f"{seconds(now - self._began)} so far" if left is None else f"about {seconds(left)} left")
             if self._note:
                 told.append(self._note)
@@ -144,32 +205,43 @@ class Progress:
             raise RuntimeError("progress before its first stage: call stage(name, total) first")
 
     def _share(self) -> float | None:
-        """Share done, of the whole where stages have weights, else of the stage; None: not known."""
-        within = min(self._done / self._total, 1.0) if self._total else None
-        if self._stage not in self._weights:
-            return None if self._weights else within
-        order = list(self._weights)
-        before = sum(self._weights[name] for name in order[: order.index(self._stage)])
-        return (before + (within or 0.0) * self._weights[self._stage]) / sum(self._weights.values())
+        """Share done, of the whole where it is known, else of the stage; None: not known."""
+        if self._whole is not None:
+            return min(self._whole.share, ALMOST) if self._whole.share else None
+        return min(self._done / self._total, 1.0) if self._total else None
 
     def _left(self, share: float | None, now: float) -> float | None:
         """Seconds left, at the speed until now; None: not known."""
-        past = now - (self._began if self._weights else self._stage_began)
-        new = (share or 0.0) - self._share_before
-        left = past * (1.0 - (share or 0.0)) / new if new > 0.0 and past >= YOUNG else None
+        if self._whole is not None:
+            left = self._whole.seconds_left(now)
+        else:
+            past, new = now - self._stage_began, (share or 0.0) - self._share_before
+            left = past * (1.0 - (share or 0.0)) / new if new > 0.0 and past >= YOUNG else None
         if self._budget is not None:
             rest = max(self._budget - (now - self._began), 0.0)
             left = rest if left is None else min(left, rest)
         return left
 
     def _lines(self) -> None:
-        wait = min(FIRST, self._every)
+        wait, silent, patience, before = min(FIRST, self._every), 0.0, self._every, None
         while not self._over.wait(wait):
+            silent, wait = silent + wait, self._every
+            told = self._news()
+            if told == before and silent < patience:
+                continue
+            patience = 2.0 * (patience if told == before else self._every)
+            patience = min(patience, max(LONGEST, self._every))
+            before, silent = told, 0.0
             try:
                 print(self.said(), file=self._stream, flush=True)
             except (OSError, ValueError):  # nobody reads any more, which is no reason to stop the work
                 return
-            wait = self._every
+
+    def _news(self) -> tuple[str, str, str]:
+        """What of the line is no mere time: stage, note, and the share, or else the steps."""
+        with self._lock:
+            share = self._share()
+            return self._stage, self._note, str(self._done) if share is None else _percent(share)
 
     def _live(self) -> None:
         from rich.live import Live
@@ -190,6 +262,10 @@ def told(name: str, stage: str, total: int | None = None, *, quiet: bool = False
     with Progress(name, quiet=quiet) as progress:
         progress.stage(stage, total)
         yield progress
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.0f} %"
 
 
 def seconds(amount: float) -> str:

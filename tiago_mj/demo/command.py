@@ -19,6 +19,7 @@ from tiago_mj.demo import arm_torque, hidden, page, report
 from tiago_mj.demo.grasp import Grasp, grasp, strip
 from tiago_mj.demo.whole import whole
 from tiago_mj.film import Frame, write_frames
+from tiago_mj.gap.command import Told
 from tiago_mj.progress import Progress
 from tiago_mj.sensing import ta11_curve
 
@@ -111,11 +112,8 @@ def _make(arguments: argparse.Namespace, out: Path, progress: Progress, began: f
 def _answer(seed: int, folder: Path, progress: Progress) -> tuple[hidden.Answer | None, str]:
     """What was hidden and found; or None, and why not."""
 
-    def tick(stage: str, total: int, done: int = 0) -> None:
-        progress.stage(f"diagnosing: {stage}")
-
     try:
-        return hidden.find(seed, folder, tick), ""
+        return hidden.find(seed, folder, Told(progress, "diagnosing: ")), ""
     except ModuleNotFoundError as fault:
         return None, str(fault)
 

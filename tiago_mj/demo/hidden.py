@@ -92,7 +92,7 @@ def find(seed: int, folder: Path, tick: Callable[..., None]) -> Answer:
     Args:
         seed: of what is hidden, and of the grasps.
         folder: for ``report.html`` and its numbers.
-        tick: told what begins, as :func:`tiago_mj.gap.pipeline.diagnose` does.
+        tick: told how far it is, as :func:`tiago_mj.gap.pipeline.diagnose` does.
 
     Raises:
         ModuleNotFoundError: the extra ``gap`` is not installed; says how to.

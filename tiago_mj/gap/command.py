@@ -70,44 +70,38 @@ def considered(without: str) -> tuple[str, ...] | None:
     return tuple(name for name in EFFECTS if name not in left_out) if left_out else None
 
 
-#: Stages of a diagnosis in their order: what each does, in words, and its share of the time where all of them come (of
-#: two hinges, an arm and a grasp).
+#: Stages of a diagnosis, in words.
 STAGES: Final = {
-    "replaying": ("replaying the recordings", 4),
-    "fitting the nominal model": ("fitting the nominal model", 6),
-    "screening": ("trying effects at several magnitudes", 18),
-    "fitting": ("fitting the most promising", 12),
-    "refitting": ("fitting to all recordings", 25),
-    "pairs": ("adding a second effect to the best", 25),
-    "triples": ("adding a third effect to the best", 6),
-    "next motion": ("choosing the motion to record next", 3),
-    "writing": ("writing", 1),
-    "playing the policy": ("playing the policy", 1),
+    "replaying": "replaying the recordings",
+    "fitting the nominal model": "fitting the nominal model",
+    "screening": "trying effects at several magnitudes",
+    "fitting": "fitting the most promising",
+    "weighing": "fitting the best of them to all recordings",
+    "refitting": "fitting all around the best",
+    "lost commands": "looking for commands that were lost",
+    "pairs": "adding a second effect to the best",
+    "triples": "adding a third effect to the best",
+    "next motion": "choosing the motion to record next",
+    "comparing torques": "comparing torques along the motion",
+    "narrowing the band": "comparing the slower part of the motion",
+    "explaining": "explaining the torques",
+    "rivals": "explaining them without each effect in turn",
 }
 
 
 class Told:
-    """Progress of a diagnosis, as its stages are called.
+    """Progress of a diagnosis, as it tells of it; see :class:`tiago_mj.gap.ahead.Listener`."""
 
-    The line never goes back: what is done again later belongs to the stage that asked for it.
-    """
+    def __init__(self, progress: Progress, before: str = "") -> None:
+        """``before``: words before the name of every stage."""
+        self._progress, self._before, self._stage = progress, before, ""
 
-    def __init__(self, progress: Progress) -> None:
-        self._progress, self._stage, self._reached = progress, "", -1
-
-    def __call__(self, stage: str, total: int, done: int = 0) -> None:
-        """See :class:`tiago_mj.gap.search.state.Tick`."""
-        order = list(STAGES)
-        place = order.index(stage) if stage in order else len(order)
-        if place < self._reached:
-            return
-        self._reached = place
+    def __call__(self, stage: str, done: float, left: float | None) -> None:
+        """A stage begins, or goes on."""
         if stage != self._stage:
-            counted = total if stage == "screening" else None
             self._stage = stage
-            self._progress.stage(STAGES.get(stage, (stage, 0))[0], counted)
-        if done:
-            self._progress.at(done)
+            self._progress.stage(self._before + STAGES.get(stage, stage), part=True)
+        self._progress.worked(done, left)
 
 
 def check_length(trials: Sequence[Trial], plant: Plant) -> None:
@@ -165,8 +159,7 @@ def run(arguments: argparse.Namespace) -> int:
 
         usable = lint.believed(read.trials, findings)
         # One thread of linear algebra: the order of its sums must not depend on the machine.
-        weights = dict(STAGES.values())
-        shown = Progress("diagnose", quiet=arguments.json, weights=weights, budget=arguments.time_budget)
+        shown = Progress("diagnose", quiet=arguments.json, budget=arguments.time_budget)
         with threadpool_limits(1), shown as progress:
             diagnosis = diagnose(
                 read.trials,

@@ -12,6 +12,7 @@ import numpy as np
 import tiago_mj
 from tiago_mj import mujoco_log
 from tiago_mj.effects import Entry
+from tiago_mj.gap.ahead import Ahead, AheadInTime, Listener
 from tiago_mj.gap.analysis import task
 from tiago_mj.gap.conclusion import concluded
 from tiago_mj.gap.data.recording import Finding, Trial
@@ -22,7 +23,7 @@ from tiago_mj.gap.report.consistency import checked
 from tiago_mj.gap.report.repaired import with_model
 from tiago_mj.gap.result import Diagnosis
 from tiago_mj.gap.search import select
-from tiago_mj.gap.search.state import Question, Tick
+from tiago_mj.gap.search.state import Question
 from tiago_mj.gap.simulation import replay, sizes
 from tiago_mj.gap.simulation.along_a_motion import along_a_motion, efforts_along
 from tiago_mj.gap.simulation.session import FITTED, Session
@@ -44,7 +45,7 @@ def diagnose(
     budget: float | None = None,
     policy: str | None = None,
     trust: bool = False,
-    tick: Tick = lambda stage, total, done=0: None,
+    tick: Listener = lambda stage, done, left: None,
 ) -> Diagnosis:
     """Diagnose recordings of commands and what was measured.
 
@@ -60,13 +61,13 @@ def diagnose(
         budget: seconds after which the best verdict so far is given.
         policy: ``pi`` or a file, whose return the nominal and the repaired simulator predict; None: not asked.
         trust: load that file although loading runs what it holds.
-        tick: told what begins.
+        tick: told how far it is.
 
     Raises:
         RecordingError: the recordings hold nothing that can be compared; one line.
     """
     asked = Request(
-        tuple(findings), usable, env, model, names, tuple(given), seed, threads, budget, policy, trust, tick
+        tuple(findings), usable, env, model, names, tuple(given), seed, threads, budget, policy, trust, Ahead(tick)
     )
     with mujoco_log.counted() as warned:
         found = _diagnosed(trials, asked)
@@ -88,7 +89,7 @@ class Request:
     budget: float | None
     policy: str | None
     trust: bool
-    tick: Tick
+    tick: Ahead
 
 
 def _diagnosed(trials: Sequence[Trial], asked: Request) -> Diagnosis:
@@ -98,12 +99,12 @@ def _diagnosed(trials: Sequence[Trial], asked: Request) -> Diagnosis:
     plant = session.plant
     question = _question(session, asked)
     if along_a_motion(plant, session.trials):
-        tick("inverse dynamics", 1)
         return task.told(with_model(_along_the_motion(session, asked), plant), question)
 
     tick("replaying", len(session.trials))
     replaying = time.monotonic()
     predict, nominal = predictor(plant, session.trials, asked.usable, threads=asked.threads, seed=asked.seed)
+    predict = replace(predict, simulated=tick.worked)
     base = predict.all_trials([()], range(len(session.trials)), keep=True)[0]
     fastest = np.abs(nominal.velocity).max(axis=(0, 1))
     pool = hypotheses.candidates(plant, asked.names, fastest, sizes.sizes(plant, session.trials, nominal))
@@ -112,18 +113,20 @@ def _diagnosed(trials: Sequence[Trial], asked: Request) -> Diagnosis:
     # What follows the search simulates about as much as what came before it.
     reserve = time.monotonic() - replaying
 
+    searched = Question(
+        predict,
+        noise_model.select_trials(proposed.data, fitted_on),
+        fitted_on,
+        proposed.pool,
+        hypotheses.terms(plant),
+        base[fitted_on],
+        proposed.known,
+        proposed.servo_motion,
+        replay.physics_steps(plant, predict.on),
+    )
+    tick.measured_in(searched.fitted_trials * searched.steps, searched.budget)
     ranked = select.select(
-        Question(
-            predict,
-            noise_model.select_trials(proposed.data, fitted_on),
-            fitted_on,
-            proposed.pool,
-            hypotheses.terms(plant),
-            base[fitted_on],
-            proposed.known,
-            proposed.servo_motion,
-            replay.physics_steps(plant, predict.on),
-        ),
+        searched,
         out_of_time=lambda: asked.budget is not None and time.monotonic() - begun > asked.budget - reserve,
         tick=tick,
     )
@@ -157,4 +160,5 @@ def _along_the_motion(session: Session, asked: Request) -> Diagnosis:
         version=tiago_mj.__version__,
         names=asked.names,
         given=plant.given,
+        tick=AheadInTime(asked.tick.listener),
     )

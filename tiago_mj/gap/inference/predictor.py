@@ -8,7 +8,7 @@ is what the simulator itself does, its step's error included (:meth:`Predictor.a
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -46,6 +46,7 @@ class Predictor:
         runs: number of physics simulations made.
         tally: numbers of ``simulations``, of those that ``diverged`` and of ``physics_steps``, of this one and all that
             were made of it.
+        simulated: told the physics steps of every batch, once it is done.
     """
 
     plant: Plant
@@ -58,6 +59,7 @@ class Predictor:
     rounded: bool = False
     runs: int = 0
     tally: Counter[str] = field(default_factory=Counter)
+    simulated: Callable[[int], None] = lambda steps: None
     _kept: dict[tuple[int, Effects], tuple[Array, ...]] = field(default_factory=dict)
 
     def __call__(self, wanted: Sequence[tuple[int, Effects]], *, keep: bool = False) -> Array:
@@ -151,11 +153,9 @@ class Predictor:
             signals = replay.simulate(
                 replay.unmeasured(self.plant), self.on, [(t, e) for t, e, _ in todo], threads=self.threads, seed=seed
             )
-            self.tally.update(
-                simulations=len(todo),
-                diverged=int(signals.diverged.sum()),
-                physics_steps=len(todo) * replay.physics_steps(self.plant, self.on),
-            )
+            steps = len(todo) * replay.physics_steps(self.plant, self.on)
+            self.tally.update(simulations=len(todo), diverged=int(signals.diverged.sum()), physics_steps=steps)
+            self.simulated(steps)
             for row, key in enumerate(todo):
                 done[key] = tuple(getattr(signals, f)[row] for f in Signals.__dataclass_fields__)
                 if keep:

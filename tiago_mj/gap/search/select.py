@@ -60,7 +60,7 @@ def select(
     asked: Question,
     *,
     out_of_time: Callable[[], bool] = lambda: False,
-    tick: Tick = lambda stage, total, done=0: None,
+    tick: Tick = lambda stage, total, done=0, *, gap=None: None,
 ) -> Ranked:
     """Rank explanations of the trials; where something ends the search, those that were found until then.
 
@@ -90,7 +90,7 @@ def _search(asked: Question, so_far: PartialResult, out_of_time: Callable[[], bo
     tick("fitting the nominal model", beginning.MAX_NOMINAL_ROUNDS)
     everywhere, shared = beginning.fitter(asked, over)
     state = beginning.with_nominal(everywhere, asked.first_trials)
-    tick("screening", len(pool))
+    tick("screening", len(pool), gap=_leaves_a_gap(state.best))
     state = beginning.screened(state, pool, asked.motion, lambda *how_far: tick("screening", *how_far))
 
     def ranked(state: State) -> Ranked:
@@ -109,20 +109,30 @@ def _search(asked: Question, so_far: PartialResult, out_of_time: Callable[[], bo
     def tell(state: State) -> None:
         so_far.ranked = ranked(state)
 
+    def fitted(state: State) -> None:
+        tell(state)
+        tick("refitting", rounds.MAX_ROUNDS, gap=_leaves_a_gap(state.best))
+
     tell(state)
     for size in range(1, MAX_EFFECTS + 1):
         if (size > 1 and over()) or not _is_warranted(state, size):
             break
-        tick(ROUNDS[size], additions.MAX_SINGLES)
-        found = _with_singles(state, tell) if size == 1 else _with_further_effect(state, size, tell)
+        tick(ROUNDS[size], additions.MAX_SINGLES, gap=_leaves_a_gap(state.best))
+        found = _with_singles(state, fitted, tick) if size == 1 else _with_further_effect(state, size, fitted)
         if found is None:
             break
         state = _departing_left_out(found)
         tell(state)
         if size == 1 and not over():
+            tick("lost commands", 1, gap=_leaves_a_gap(state.best))
             state = _with_lost_commands(state, asked.motion)
             tell(state)
     return ranked(state)
+
+
+def _leaves_a_gap(best: Fitted) -> bool:
+    """Whether the best explanation leaves more than it should, so that the search is expected to go on."""
+    return not ranking.is_adequate(best, ranking.ADEQUATE_WITH_EFFECTS if best.parts else ranking.ADEQUATE_DISCREPANCY)
 
 
 def _is_warranted(state: State, size: int) -> bool:
@@ -137,7 +147,7 @@ def _is_warranted(state: State, size: int) -> bool:
     return size == 2 or (gap and len(best.parts) == size - 1)
 
 
-def _with_singles(state: State, tell: Callable[[State], None]) -> State:
+def _with_singles(state: State, tell: Callable[[State], None], tick: Tick) -> State:
     """The search with the single effects that the first pass found promising."""
     few, here = state.few, state.here
     moved = starts.effects_of_far_nuisances(state.everywhere, state.at, {c.label for c in state.pool})
@@ -152,6 +162,7 @@ def _with_singles(state: State, tell: Callable[[State], None]) -> State:
         few = state.few
         ahead = [f for f in ranking.by_evidence(on_few) if f.parts][: rounds.MAX_ON_ALL_TRIALS]
         on_few = few.fit_all([starts.restart(f) for f in (ranking.best_nominal(on_few), *ahead)])
+    tick("weighing", 1, gap=_leaves_a_gap(ranking.by_evidence(on_few)[0]))
     # Once something explains the bulk, what is left shows how correlated the residuals really are.
     reference = few.predictions([starts.point_of(ranking.by_evidence(on_few)[0])])[0]
     state = state.with_weight(np.maximum(ranking.sample_weight(few.data, reference), few.weight))

@@ -36,8 +36,9 @@ BUDGET: Final = 900
 class Tick(Protocol):
     """Told how far a diagnosis is."""
 
-    def __call__(self, stage: str, total: int, done: int = 0) -> None:
-        """A stage of so many steps (begins, or) has done some of them."""
+    def __call__(self, stage: str, total: int, done: int = 0, *, gap: bool | None = None) -> None:
+        """A stage of so many steps (begins, or) has done some of them; ``gap``: whether what explains the recordings
+        best so far leaves one."""
 
 
 @dataclass(frozen=True)

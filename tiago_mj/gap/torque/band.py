@@ -7,7 +7,7 @@ is how far the gap stands out of what remains of it when everything is in the mo
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 
 import mujoco
 import numpy as np
@@ -28,6 +28,7 @@ def clearest(
     known: Mapping[tuple[str, str | None], float],
     names: Collection[str] | None = None,
     given: Sequence[Entry] = (),
+    tick: Callable[[str], None] = lambda stage: None,
 ) -> tuple[Usable, Evidence]:
     """Channels and evidence, the cut-off lowered from the highest for as long as the gap stands out more.
 
@@ -36,13 +37,16 @@ def clearest(
         known: what the recordings say of the model's numbers.
         names: effects to consider; None for all.
         given: effects that are known already.
+        tick: told what begins.
 
     Raises:
         RecordingError: as :func:`tiago_mj.gap.torque.channels.choose` does at the highest cut-off.
         ValueError: the model lacks a joint.
     """
+    tick("comparing torques")
     found = _at(HEADROOMS[0], trials, model, joints, findings, seed, known, names, given)
     for headroom in HEADROOMS[1:]:
+        tick("narrowing the band")
         try:
             lower = _at(headroom, trials, model, joints, findings, seed, known, names, given)
         except RecordingError:

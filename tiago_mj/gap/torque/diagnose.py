@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from typing import Final
 
 import mujoco
@@ -38,6 +38,7 @@ def diagnose_inverse(
     version: str,
     names: Collection[str] | None = None,
     given: Sequence[Entry] = (),
+    tick: Callable[[str], None] = lambda stage: None,
 ) -> Diagnosis:
     """Which unmodelled effect makes a robot's joint efforts differ from what its model needs for the same motion.
 
@@ -52,6 +53,7 @@ def diagnose_inverse(
         version: of the package.
         names: effects to consider; None for the whole library.
         given: effects that are known already: part of the torque that every explanation predicts.
+        tick: told what begins, or goes on.
 
     Returns:
         The diagnosis. The noise floor is what the effort channels' noise leaves after the low-pass; "closed" is
@@ -70,11 +72,11 @@ def diagnose_inverse(
     ):
         raise RecordingError(f"{trials[0].source}: no joint moves: torque along a motion needs a motion")
     check_given(trials, given)
-    usable, evidence = clearest(trials, model, joints, findings, seed, known_to(trials), names, given)
+    usable, evidence = clearest(trials, model, joints, findings, seed, known_to(trials), names, given, tick)
     if len(evidence.blocks.names) < 2:
         files = ", ".join(dict.fromkeys(trial.source for trial in trials))
         raise RecordingError(f"{files}: the motion is too short to choose between explanations: record longer")
-    search = Search(evidence)
+    search = Search(evidence, tick)
     verdict = judge(search, seed)
     spans = intervals.strengths(evidence, verdict.best, seed)
     forms = intervals.shapes(search, verdict.best)

@@ -68,8 +68,12 @@ class Verdict:
 def judge(search: Search, seed: int) -> Verdict:
     """Search, compare and decide."""
     e, by = search.evidence, calibration()
+    search.begin("explaining")
     null = search.score(())
-    best, others = search.alternatives(search.forward())
+    first = search.forward()
+    search.begin("rivals")
+    best, others = search.alternatives(first)
+    search.begin("deciding")
     found = [best, *others]
     candidates, judged, gains = _decided(search, found, (), seed)
     leads = candidates[judged.rivals[0]]

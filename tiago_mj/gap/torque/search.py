@@ -7,7 +7,7 @@ every effect of the best explanation in turn.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -55,18 +55,24 @@ class Scored:
 
 
 class Search:
-    """Search over the terms of some evidence."""
+    """Search over the terms of some evidence; ``tick`` is told its stage at every explanation that is fitted."""
 
-    def __init__(self, evidence: Evidence) -> None:
-        self.evidence = evidence
+    def __init__(self, evidence: Evidence, tick: Callable[[str], None] = lambda stage: None) -> None:
+        self.evidence, self._tick, self._stage = evidence, tick, "explaining"
         self.price = float(np.log(max(evidence.effective.sum(), np.e)))
         self.tried: dict[tuple[int, ...], Scored] = {}
+
+    def begin(self, stage: str) -> None:
+        """Another stage of the search begins."""
+        self._stage = stage
+        self._tick(stage)
 
     def score(self, terms: Iterable[int], extra: Sequence[int] = ()) -> Scored:
         """Fit, renew what depends on the fit, and score; ``extra``: columns of structure beside the terms."""
         key = tuple(sorted(terms))
         if not extra and key in self.tried:
             return self.tried[key]
+        self._tick(self._stage)
         e, fixed = self.evidence, [*self.evidence.tolerance, *extra]
         active = [*key, *fixed]
         strengths: dict[int, float] = {}
