@@ -133,7 +133,7 @@ def line(name: str, row: Mapping[str, Any]) -> str:
         closed = "{:.0f} % ({:.0f}–{:.0f})".format(*(100 * row[key] for key in ("closed", "low", "high")))
     cells = (
         name,
-        f"`{row['verdict']}`, {100 * row['probability']:.0f} %",
+        f"`{row['verdict']}`" + ("" if row["probability"] is None else f", {100 * row['probability']:.0f} %"),
         named or "–",
         ", ".join("–" if row[key] is None else f"{row[key]:.3g}" for key in ("before", "after")),
         closed,

@@ -231,12 +231,13 @@ def test_channels_that_cannot_be_believed_are_said_and_left_out(diagnosed):
         table.loc[1::2, "force.right"] = np.nan  # a slower sensor
         return table, {**facts, "object": {**facts["object"], "shape": "mug"}}
 
-    status, line, diagnosis = diagnosed(change)
+    status, line, diagnosis = diagnosed(change, "--time-budget", "100")
     assert (status, line) == (0, "")
     lint = found(diagnosis)
     assert ("dead_channel", "force.left") in lint
     assert {("empty", f"velocity.{LEFT}"), ("contradiction", "")} <= lint
     compared = {row["channel"] for row in diagnosis["where"]}
+    assert compared
     assert not compared & {"force.left", f"velocity.{LEFT}"}
 
 

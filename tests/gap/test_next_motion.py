@@ -1,7 +1,6 @@
 """The motion that is proposed tells apart what the recordings could not, and it is safe to play."""
 
 import json
-import time
 from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
@@ -11,6 +10,7 @@ import pytest
 
 import tiago_mj  # noqa: F401  (registers the environments)
 from tiago_mj.cli import main
+from tiago_mj.deadline import Deadline, OutOfTimeError
 from tiago_mj.gap import motions
 from tiago_mj.gap.data.read import read_recordings
 from tiago_mj.gap.data.recording import channel, channels
@@ -164,4 +164,5 @@ def test_nothing_is_proposed_where_nothing_would_help(short_menu):
     assert proposed(trials, same) is None  # one class: no motion is asked to tell them apart
     tiny = {"coulomb_friction": {"force": 1e-4}, "force_dead_zone": {"width": 1e-6}}
     assert proposed(trials, tiny) is None  # neither shows in any motion
-    assert proposed(trials, until=time.monotonic() - 1) is None
+    with pytest.raises(OutOfTimeError):
+        proposed(trials, deadline=Deadline(0.0))

@@ -109,7 +109,7 @@ def test_the_lint_of_a_servo_alone_finds_the_unsigned_torque_and_the_encoders_st
 
 def test_the_wrist_of_the_small_arm_rubs(wrist):
     names = ("coulomb_friction", "viscous_friction", "command_delay")
-    found = diagnosed(wrist, names=names, budget=0.0)
+    found = diagnosed(wrist, names=names)
     assert any(EFFECTS[effect.name].gap_class == "friction" for effect in found.best.effects)
     assert found.shrink.closed > 0.5
 
@@ -124,7 +124,7 @@ def test_commands_of_another_joint_do_not_explain_the_wrist(wrist, tmp_path):
     findings = lint.inspect(torn)
     try:
         lint.refuse(torn, findings)
-        found = diagnosed(torn, names=names, budget=0.0)
+        found = diagnosed(torn, names=names)
     except RecordingError:
         return
     assert found.kind == "unknown" or (found.shrink.closed or 0.0) < 0.5
@@ -175,7 +175,7 @@ def test_a_lone_long_recording_is_diagnosed_as_several_trials(tmp_path):
     model.write_text(so101.servo("hinge"))
     size = np.where(np.arange(1500) < 1000, 0.08, 0.2)  # the last part, which is tested on, moves farther
     whole = recording(size * np.sin(np.arange(1500) / 50 * 3))
-    found = diagnose([whole], model=model, names=("coulomb_friction", "command_delay"), threads=2, budget=0.0)
+    found = diagnose([whole], model=model, names=("coulomb_friction", "command_delay"), threads=2)
     assert found.splits["test"]
     assert found.splits["train"]
     assert any("cut into" in note for note in found.notes)

@@ -85,7 +85,7 @@ def test_friction_and_a_dead_zone_are_dead_bands_of_the_same_size():
 def test_a_dead_band_is_named_with_the_measured_width():
     trials = squeezes("A-wood", every=3)
     names = ("coulomb_friction", "contact_stiffness")
-    found = diagnose(trials, names=names, threads=1, budget=0.0)  # no pairs: two effects are not asked for
+    found = diagnose(trials, names=names, threads=1)
     assert found.kind == "effect"
     (named,) = found.best.effects
     assert named.name == "coulomb_friction"

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tiago_mj import extra
+from tiago_mj.deadline import Deadline
 from tiago_mj.effects import EFFECTS
 from tiago_mj.envs.flat import core_of
 from tiago_mj.film import Film
@@ -117,7 +118,7 @@ def find(seed: int, folder: Path, tick: Callable[..., None]) -> Answer:
             findings=findings,
             usable=lint.believed(trials, findings),
             seed=seed,
-            budget=BUDGET,
+            deadline=Deadline(BUDGET),
             tick=tick,
         )
     write(found, folder)

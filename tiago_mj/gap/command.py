@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 import argparse
+import math
 import shlex
+import signal
 import sys
+import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
+from multiprocessing import current_process
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from tiago_mj import extra, outputs
+from tiago_mj.deadline import Deadline, OutOfTimeError
 from tiago_mj.gap.data.recording import RecordingError, Trial
 from tiago_mj.gap.data.trials import LONGEST, MOST_ROWS, too_long
 from tiago_mj.progress import Progress
@@ -89,6 +95,12 @@ STAGES: Final = {
 }
 
 
+#: How long writing the files and drawing the robots take, beside loading the program's parts in the same run: so it is
+#: on machines of any speed and load. And the least of it [s], where the parts were there already.
+WRITING: Final = (0.5, 0.5)
+DRAWING: Final = (1.5, 2.0)
+
+
 class Told:
     """Progress of a diagnosis, as it tells of it; see :class:`tiago_mj.gap.ahead.Listener`."""
 
@@ -120,23 +132,43 @@ def check_length(trials: Sequence[Trial], plant: Plant) -> None:
             )
 
 
-def _left(budget: float | None, since: float) -> float | None:
-    """Seconds of a budget that loading and reading have left."""
-    return None if budget is None else max(budget - (time.monotonic() - since), 0.0)
+@contextmanager
+def terminated_as_interrupted() -> Iterator[None]:
+    """SIGTERM, as a scheduler or ``timeout`` sends it, ends the work as Ctrl-C does: with an answer. Worker processes,
+    whose parents end them that way, are left alone."""
+    mine = current_process().name == "MainProcess" and threading.current_thread() is threading.main_thread()
+    if not mine or signal.getsignal(signal.SIGTERM) is not signal.SIG_DFL:
+        yield
+        return
+
+    def end(number: int, frame: object) -> None:
+        raise KeyboardInterrupt("SIGTERM")
+
+    signal.signal(signal.SIGTERM, end)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Diagnose, write, and say in short what was found."""
-    entered = time.monotonic()
+    with terminated_as_interrupted():
+        return _run(arguments, time.monotonic())
+
+
+def _run(arguments: argparse.Namespace, entered: float) -> int:
     for name, least in (("jobs", 0), ("seed", 0)):
         if getattr(arguments, name) < least:
             raise ValueError(f"--{name} is {getattr(arguments, name)}: give {least} or more")
     if arguments.time_budget is not None and not arguments.time_budget > 0:
         raise ValueError(f"--time-budget is {arguments.time_budget:g}: give a positive number of seconds")
+    deadline = Deadline(math.inf if arguments.time_budget is None else arguments.time_budget, entered)
     extra.load("pandas", "reading recordings")
     threadpool_limits = extra.load("threadpoolctl", "the same answer on every machine").threadpool_limits
     from tiago_mj.gap.data.read import read_recordings
 
+    loaded = deadline.spent()
     try:
         defaults = {"robot": arguments.env} if arguments.env else {}
         if arguments.model:
@@ -154,9 +186,12 @@ def run(arguments: argparse.Namespace) -> int:
         findings = (*read.findings, *lint.inspect_all(read.trials, plant))
         lint.refuse(read.trials, findings)
         check_length(read.trials, plant)
+        checked = deadline.spent()
         from tiago_mj.gap.pipeline import diagnose
         from tiago_mj.gap.report import json, terminal, write
 
+        loaded += deadline.spent() - checked
+        deadline = deadline.sooner(max(WRITING[0] * loaded, WRITING[1]))
         usable = lint.believed(read.trials, findings)
         # One thread of linear algebra: the order of its sums must not depend on the machine.
         shown = Progress("diagnose", quiet=arguments.json, budget=arguments.time_budget)
@@ -171,7 +206,7 @@ def run(arguments: argparse.Namespace) -> int:
                 given=given,
                 seed=arguments.seed,
                 threads=arguments.jobs,
-                budget=_left(arguments.time_budget, entered),
+                deadline=deadline,
                 policy=arguments.policy,
                 trust=arguments.trust,
                 tick=Told(progress),
@@ -180,7 +215,8 @@ def run(arguments: argparse.Namespace) -> int:
         print(f"tiago-mj diagnose: {fault}", file=sys.stderr)
         return 2
     diagnosis = replace(diagnosis, command=shlex.join(words(arguments)))
-    paths = write(diagnosis, arguments.out, _pictures(plant, read.trials, diagnosis))
+    diagnosis, seen = _pictures(plant, read.trials, diagnosis, deadline, max(DRAWING[0] * loaded, DRAWING[1]))
+    paths = write(diagnosis, arguments.out, seen)
     if arguments.json:
         print(json.text(diagnosis))
     else:
@@ -190,16 +226,28 @@ def run(arguments: argparse.Namespace) -> int:
     return 130 if isinstance(diagnosis.ended, KeyboardInterrupt) else 1
 
 
-def _pictures(plant: Plant, trials: Sequence[Trial], diagnosis: Diagnosis) -> Pictures | None:
-    """The robots to be seen; None where drawing them failed, which must not cost the answer."""
+def _pictures(
+    plant: Plant, trials: Sequence[Trial], diagnosis: Diagnosis, deadline: Deadline, needed: float
+) -> tuple[Diagnosis, Pictures | None]:
+    """The robots to be seen; None where drawing them failed, which must not cost the answer, and where there is no time
+    for it (``needed`` seconds) or the user ended it, which the diagnosis then says."""
     from tiago_mj.quoting import one_line
+
+    if deadline.over(needed) or isinstance(diagnosis.ended, KeyboardInterrupt):
+        note = "The robots are not drawn: " + (
+            "the time budget left no time for it." if diagnosis.ended is None else "the diagnosis was ended early."
+        )
+        return replace(diagnosis, notes=(*diagnosis.notes, note)), None
     from tiago_mj.view.beside import pictures
 
     try:
-        return pictures(plant, trials, diagnosis)
+        return diagnosis, pictures(plant, trials, diagnosis, deadline)
+    except (OutOfTimeError, KeyboardInterrupt):
+        note = "The robots are not drawn: there was no time for it."
+        return replace(diagnosis, notes=(*diagnosis.notes, note)), None
     except Exception as fault:
         print(f"tiago-mj diagnose: the robots could not be drawn: {one_line(fault)}", file=sys.stderr)
-        return None
+        return diagnosis, None
 
 
 def words(arguments: argparse.Namespace) -> list[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
@@ -11,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import tiago_mj
+from tiago_mj.deadline import Deadline, OutOfTimeError
 from tiago_mj.effects import Entry
 from tiago_mj.gap.analysis import held_out, locate, outcome, place, promises, shrink
 from tiago_mj.gap.analysis.remainder import remainder, with_accounted
@@ -20,7 +22,7 @@ from tiago_mj.gap.detectors.proposals import Proposals
 from tiago_mj.gap.inference import noise_model
 from tiago_mj.gap.inference.noise_model import Data
 from tiago_mj.gap.inference.predictor import Predictor
-from tiago_mj.gap.result import Diagnosis, Explanation, Shrink
+from tiago_mj.gap.result import Diagnosis, Explanation, NextMotion, Place, Shrink, Stopped, fault_of
 from tiago_mj.gap.search.state import Ranked, Tick
 from tiago_mj.gap.simulation import phases
 from tiago_mj.gap.simulation.replay import Signals
@@ -31,6 +33,10 @@ T = TypeVar("T")
 
 #: Trials drawn in the report.
 OVERLAYS: Final = 1
+#: Explanations that are tried on the validation trials, and simulations of a test trial for what is left of it, with
+#: and without the explanation: for how long that takes, on the safe side.
+SHOWN: Final = 12
+REMAINDERS: Final = 20
 
 
 @dataclass(frozen=True)
@@ -58,7 +64,7 @@ def concluded(
     *,
     seed: int,
     threads: int,
-    until: float | None,
+    deadline: Deadline,
     tick: Tick,
 ) -> Diagnosis:
     """Decide between explanations, try the verdict on the trials that were kept aside, and tell it.
@@ -70,20 +76,26 @@ def concluded(
         nominal: the nominal replay, one row a trial.
         seed: of the bootstrap.
         threads: of the simulations.
-        until: when a next motion is no longer sought [s, of :func:`time.monotonic`]; None: never.
+        deadline: of the whole diagnosis; that of the search has left time for this.
         tick: told what begins.
+
+    Raises:
+        OutOfTimeError: the deadline was over before the answer was.
     """
     plant, data = session.plant, proposed.data
     everything, fitted_on = range(len(session.trials)), session.indices(*FITTED)
     part = noise_model.select_trials(data, fitted_on)
     placed, ranked = _unless_ended(ranked, partial(place.refined, plant, ranked, part, fitted_on), None)
     ranked = placed or ranked
+    ranked = replace(ranked, predict=replace(ranked.predict, deadline=deadline))
     # Before and after are what the simulator itself does: as the environment with these effects, or the repaired model.
     simulator, left_open = ranked.predict.as_simulated(), outcome.left_open(plant, ranked)
     base = simulator.all_trials([left_open.get(outcome.nominal(ranked), ())], everything)[0]
     judged, gains = _judged(session, proposed, ranked, base, seed)
-    following = None
-    if judged.kind == "ambiguous":
+    phase = phases.phases(plant, ranked.predict.on, nominal)[:, : data.value.shape[1]]
+    found = _tried(session, data, ranked, judged, left_open, base, phase, seed)
+    chosen: tuple[NextMotion | None, str] = (None, "")
+    if judged.kind == "ambiguous" and ranked.complete:
         tick("next motion", 1)
         rivals = [ranked.fits[k] for k in judged.rivals], [judged.probability[k] for k in judged.rivals]
         choose = partial(
@@ -95,12 +107,11 @@ def concluded(
             *rivals,
             seed=seed,
             threads=threads,
-            until=until,
+            deadline=deadline,
         )
-        following, ranked = _unless_ended(ranked, choose, None)
+        chosen, ranked = _unless_ended(ranked, partial(_if_time, choose), chosen)
+    following, late = chosen
     tick("writing", 1)
-    phase = phases.phases(plant, ranked.predict.on, nominal)[:, : data.value.shape[1]]
-    found = _tried(session, data, ranked, judged, left_open, base, phase, seed)
     judged, best = found.judged, ranked.fits[found.judged.rivals[0]]
     where = locate.locate(data, base, phase, plant.period, seed)
     left = locate.locate(data, found.repaired, phase, plant.period, seed)
@@ -132,6 +143,7 @@ def concluded(
             for k in (session.indices("test") or everything)[:OVERLAYS]
         ),
         notes=found.said
+        + ((late,) if late else ())
         + outcome.notes(
             session.trials,
             proposed.tones,
@@ -139,15 +151,93 @@ def concluded(
             cut_from=session.recorded if len(session.trials) > session.recorded else 0,
             tested=bool(session.splits["test"]),
             complete=ranked.complete,
-            ended=ranked.ended,
+            ended=fault_of(ranked.ended),
             diverged=ranked.predict.tally,
             splits=session.splits,
             slides=[name for name, slides in zip(plant.joints, plant.wiring.targets.slides, strict=True) if slides],
         ),
         asides=outcome.asides(session.trials),
         given=plant.given,
-        ended=ranked.ended,
+        ended=fault_of(ranked.ended),
     )
+
+
+def unanswered(
+    session: Session, where: tuple[Place, ...], ranked: Ranked | None, ended: BaseException, seed: int
+) -> Diagnosis:
+    """The answer where the time was over, or the user ended it, before what was found could be judged.
+
+    Args:
+        session: the recordings.
+        where: the gap of the nominal model, as far as it is known.
+        ranked: what the search had found; None: nothing.
+        ended: what ended it.
+        seed: of the bootstrap.
+    """
+    best = Explanation((), math.nan, math.nan)
+    if ranked is not None:
+        unknown = np.full(len(ranked.fits), np.nan)
+        best = outcome.explanations(session.plant, ranked, unknown, unknown)[0]
+    return Diagnosis(
+        kind="effect" if best.effects else "unknown",
+        best=best,
+        alternatives=(),
+        remains=False,
+        remains_where=(),
+        not_excited=(),
+        where=where,
+        stage=locate.stage(where) if where else None,
+        shrink=Shrink(None, None, 1.0, None, None, None),
+        ranking=(best,) if ranked is not None else (),
+        findings=(),
+        next_motion=None,
+        splits=session.splits,
+        robot=session.plant.name,
+        complete=False,
+        seed=seed,
+        version=tiago_mj.__version__,
+        seconds=0.0,
+        notes=(outcome.early_end(fault_of(ended)),),
+        given=session.plant.given,
+        ended=fault_of(ended),
+    )
+
+
+def provisional(found: Diagnosis, stopped: Stopped) -> Diagnosis:
+    """The answer of a search that did not come to its end: it has no probabilities, and where nothing is named it does
+    not say that there is no gap."""
+
+    def without(one: Explanation) -> Explanation:
+        return replace(one, probability=math.nan)
+
+    named = bool(found.best.effects)
+    return replace(
+        found,
+        kind=found.kind if named else "unknown",
+        best=without(found.best),
+        alternatives=tuple(without(one) for one in found.alternatives) if named else (),
+        ranking=tuple(without(one) for one in found.ranking),
+        remains=found.remains and named,
+        remains_where=found.remains_where if named else (),
+        next_motion=None,
+        complete=False,
+        stopped=stopped,
+    )
+
+
+def simulations(session: Session) -> int:
+    """How many trials :func:`concluded` simulates at most, all explanations together."""
+    tests, judging = (len(session.indices(name)) for name in ("test", "validation"))
+    judging = judging or len(session.indices(*FITTED))
+    return 2 * len(session.trials) + SHOWN * judging + REMAINDERS * tests
+
+
+def _if_time(choose: Callable[[], NextMotion | None]) -> tuple[NextMotion | None, str]:
+    """A next motion; or else a sentence, where there was no time to choose it."""
+    try:
+        return choose(), ""
+    except OutOfTimeError:
+        return None, "The time budget left no time to choose the motion to record next."
 
 
 def _judged(
@@ -191,7 +281,7 @@ def _tried(
     best = ranked.fits[judged.rivals[0]]
     repaired = repair(judged.rivals[0])
     closing = close(repaired)
-    if not test:
+    if not test or not ranked.complete:  # what is provisional needs no more than how far it closes the gap
         return Verdict(judged, repaired, closing, ())
     rest = leave(fit=best)
     closed, none = closing.closed, None

@@ -3,28 +3,29 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
 import tiago_mj
 from tiago_mj import mujoco_log
+from tiago_mj.deadline import Deadline, OutOfTimeError
 from tiago_mj.effects import Entry
 from tiago_mj.gap.ahead import Ahead, AheadInTime, Listener
-from tiago_mj.gap.analysis import task
-from tiago_mj.gap.conclusion import concluded
+from tiago_mj.gap.analysis import locate, task
+from tiago_mj.gap.conclusion import concluded, provisional, simulations, unanswered
 from tiago_mj.gap.data.recording import Finding, Trial
 from tiago_mj.gap.detectors.proposals import proposals
 from tiago_mj.gap.inference import hypotheses, noise_model
 from tiago_mj.gap.inference.predictor import predictor
 from tiago_mj.gap.report.consistency import checked
 from tiago_mj.gap.report.repaired import with_model
-from tiago_mj.gap.result import Diagnosis
+from tiago_mj.gap.result import Diagnosis, Place, Stopped
 from tiago_mj.gap.search import select
 from tiago_mj.gap.search.state import Question
-from tiago_mj.gap.simulation import replay, sizes
+from tiago_mj.gap.simulation import phases, replay, sizes
 from tiago_mj.gap.simulation.along_a_motion import along_a_motion, efforts_along
 from tiago_mj.gap.simulation.session import FITTED, Session
 from tiago_mj.gap.simulation.session import session as session_of
@@ -42,7 +43,7 @@ def diagnose(
     given: Sequence[Entry] = (),
     seed: int = 0,
     threads: int = 0,
-    budget: float | None = None,
+    deadline: Deadline | None = None,
     policy: str | None = None,
     trust: bool = False,
     tick: Listener = lambda stage, done, left: None,
@@ -58,7 +59,7 @@ def diagnose(
         given: effects that are known already: part of the nominal simulator, and of what is found beside them.
         seed: of effects that draw at random and of the bootstrap.
         threads: of the simulations; the answer does not depend on it.
-        budget: seconds after which the best verdict so far is given.
+        deadline: by which there is an answer, what was found until then; None: there is none.
         policy: ``pi`` or a file, whose return the nominal and the repaired simulator predict; None: not asked.
         trust: load that file although loading runs what it holds.
         tick: told how far it is.
@@ -67,7 +68,18 @@ def diagnose(
         RecordingError: the recordings hold nothing that can be compared; one line.
     """
     asked = Request(
-        tuple(findings), usable, env, model, names, tuple(given), seed, threads, budget, policy, trust, Ahead(tick)
+        tuple(findings),
+        usable,
+        env,
+        model,
+        names,
+        tuple(given),
+        seed,
+        threads,
+        deadline or Deadline(),
+        policy,
+        trust,
+        Ahead(tick),
     )
     with mujoco_log.counted() as warned:
         found = _diagnosed(trials, asked)
@@ -86,35 +98,73 @@ class Request:
     given: tuple[Entry, ...]
     seed: int
     threads: int
-    budget: float | None
+    deadline: Deadline
     policy: str | None
     trust: bool
     tick: Ahead
 
 
+@dataclass
+class _SoFar:
+    """What is known while a diagnosis runs: the answer where it ends early.
+
+    Attributes:
+        where: the gap of the nominal model.
+        search: what the search has found.
+        needs: given what was done, how many seconds the whole takes at most; None where nothing tells.
+    """
+
+    where: tuple[Place, ...] = ()
+    search: select.PartialResult = field(default_factory=select.PartialResult)
+    needs: Callable[[], float | None] = lambda: None
+
+
 def _diagnosed(trials: Sequence[Trial], asked: Request) -> Diagnosis:
     """Read, replay, look at the readings, search, decide, try on the trials kept aside, tell."""
-    begun, tick = time.monotonic(), asked.tick
+    begun = time.monotonic()
     session = session_of(trials, env=asked.env, model=asked.model, given=asked.given)
-    plant = session.plant
     question = _question(session, asked)
-    if along_a_motion(plant, session.trials):
-        return task.told(with_model(_along_the_motion(session, asked), plant), question)
+    so_far = _SoFar()
+    try:
+        explain = _along_the_motion if along_a_motion(session.plant, session.trials) else _forward
+        found = explain(session, asked, so_far)
+    except (OutOfTimeError, KeyboardInterrupt) as end:
+        found = unanswered(session, so_far.where, so_far.search.ranked, end, asked.seed)
+    if not found.complete:
+        search = so_far.search
+        stopped = found.stopped or replace(
+            Stopped.by(found.ended, 0.0), tried=len(search.tried), effects=search.effects, needs=so_far.needs()
+        )
+        found = provisional(found, replace(stopped, seconds=asked.deadline.spent()))
+    found = replace(found, findings=found.findings or asked.findings, seconds=time.monotonic() - begun)
+    return task.told(with_model(found, session.plant), question, asked.deadline, asked.tick)
 
+
+def _forward(session: Session, asked: Request, so_far: _SoFar) -> Diagnosis:
+    """Replay the commands, look at the readings, search, decide, try on the trials kept aside."""
+    plant, tick, deadline = session.plant, asked.tick, asked.deadline
     tick("replaying", len(session.trials))
-    replaying = time.monotonic()
-    predict, nominal = predictor(plant, session.trials, asked.usable, threads=asked.threads, seed=asked.seed)
+    begun = deadline.spent()
+    predict, nominal = predictor(
+        plant, session.trials, asked.usable, threads=asked.threads, seed=asked.seed, deadline=deadline
+    )
     predict = replace(predict, simulated=tick.worked)
     base = predict.all_trials([()], range(len(session.trials)), keep=True)[0]
+    simulated = deadline.spent()
+    # The nominal model once as it is, once with finer steps, once as it is compared.
+    a_simulation = (simulated - begun) / (len(session.trials) * (2 + noise_model.STEP_REFINEMENT))
+    phase = phases.phases(plant, predict.on, nominal)[:, : base.shape[1]]
+    so_far.where = locate.locate(predict.data, base, phase, plant.period, asked.seed)
+    # What follows the search: so many simulations, and three such tables (where, what remains, how far it closes).
+    reserve = a_simulation * simulations(session) + 3 * (deadline.spent() - simulated)
     fastest = np.abs(nominal.velocity).max(axis=(0, 1))
     pool = hypotheses.candidates(plant, asked.names, fastest, sizes.sizes(plant, session.trials, nominal))
     fitted_on = session.indices(*FITTED)
     proposed = proposals(predict, nominal, base, pool, fitted_on)
-    # What follows the search simulates about as much as what came before it.
-    reserve = time.monotonic() - replaying
-
-    searched = Question(
-        predict,
+    searching = deadline.sooner(reserve)
+    steps = replay.physics_steps(plant, predict.on)
+    question = Question(
+        replace(predict, deadline=searching),
         noise_model.select_trials(proposed.data, fitted_on),
         fitted_on,
         proposed.pool,
@@ -122,20 +172,30 @@ def _diagnosed(trials: Sequence[Trial], asked: Request) -> Diagnosis:
         base[fitted_on],
         proposed.known,
         proposed.servo_motion,
-        replay.physics_steps(plant, predict.on),
+        steps,
     )
-    tick.measured_in(searched.fitted_trials * searched.steps, searched.budget)
+    before, already = deadline.spent(), predict.tally["physics_steps"]
+
+    def needs() -> float | None:
+        """By the search's own limit of physics steps, at its speed so far."""
+        done = predict.tally["physics_steps"] - already
+        a_step = (deadline.spent() - before) / done if done > steps else a_simulation / max(steps, 1)
+        if not np.isfinite(question.budget):
+            return None
+        return max(before + a_step * (question.budget - already) + reserve, deadline.spent())
+
+    so_far.needs = needs
+    tick.measured_in(question.fitted_trials * question.steps, question.budget)
     ranked = select.select(
-        searched,
-        out_of_time=lambda: asked.budget is not None and time.monotonic() - begun > asked.budget - reserve,
+        question,
+        so_far=so_far.search,
+        deadline=searching,
+        landing=a_simulation * select.LANDING * question.first_trials,
         tick=tick,
     )
-    until = None if asked.budget is None else begun + asked.budget
-    found = concluded(
-        session, proposed, ranked, nominal, seed=asked.seed, threads=asked.threads, until=until, tick=tick
+    return concluded(
+        session, proposed, ranked, nominal, seed=asked.seed, threads=asked.threads, deadline=deadline, tick=tick
     )
-    found = replace(found, findings=asked.findings, seconds=time.monotonic() - begun)
-    return task.told(with_model(found, plant), question, tick)
 
 
 def _question(session: Session, asked: Request) -> task.Asked | None:
@@ -146,7 +206,7 @@ def _question(session: Session, asked: Request) -> task.Asked | None:
     return task.ask(session.plant, tested, asked.policy, trust=asked.trust, seed=asked.seed)
 
 
-def _along_the_motion(session: Session, asked: Request) -> Diagnosis:
+def _along_the_motion(session: Session, asked: Request, so_far: _SoFar) -> Diagnosis:
     """Explain the efforts along the measured motion, or the commands where they are efforts."""
     plant = session.plant
     trials, joints = efforts_along(plant, session.trials)
@@ -161,4 +221,5 @@ def _along_the_motion(session: Session, asked: Request) -> Diagnosis:
         names=asked.names,
         given=plant.given,
         tick=AheadInTime(asked.tick.listener),
+        deadline=asked.deadline,
     )

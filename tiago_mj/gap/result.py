@@ -13,6 +13,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from tiago_mj.deadline import OutOfTimeError
 from tiago_mj.effects.spec import Entry
 from tiago_mj.gap.data.recording import Finding
 
@@ -72,7 +73,8 @@ class Explanation:
 
     Attributes:
         effects: none, one or two.
-        probability: calibrated, that it is the true one, up to its classes.
+        probability: calibrated, that it is the true one, up to its classes; NaN where the search did not come to its
+            end.
         validation_gain: drop of the validation trials' mean squared residual [in units of the floor] against the
             nominal model with its own numbers as they were fitted, nothing added: 0 for the empty set.
         evidence: for it; None where it was judged otherwise.
@@ -205,6 +207,37 @@ class Repaired:
     actuators: tuple[str, ...]
 
 
+def fault_of(ended: BaseException | None) -> BaseException | None:
+    """What ended a search, unless it was the time."""
+    return None if isinstance(ended, OutOfTimeError) else ended
+
+
+@dataclass(frozen=True)
+class Stopped:
+    """How far a search was that ended before its end.
+
+    Attributes:
+        why: ``budget`` (its time was spent), ``interrupted`` (by the user) or ``fault`` (of this program).
+        seconds: that it took.
+        tried: effects that were tried, at one magnitude at least.
+        effects: that there were to try; 0: that was not known yet.
+        needs: seconds that the whole search takes at most, at the speed of this one; None: not known.
+    """
+
+    why: str
+    seconds: float
+    tried: int = 0
+    effects: int = 0
+    needs: float | None = None
+
+    @classmethod
+    def by(cls, ended: BaseException | None, seconds: float) -> Stopped:
+        """By what ended the search, apart from the time; nothing else is known."""
+        if ended is None:
+            return cls("budget", seconds)
+        return cls("interrupted" if isinstance(ended, KeyboardInterrupt) else "fault", seconds)
+
+
 @dataclass(frozen=True)
 class Diagnosis:
     """The whole answer.
@@ -220,7 +253,8 @@ class Diagnosis:
         shrink, ranking, findings, next_motion: as named.
         splits: trial names by ``train``, ``validation``, ``test``.
         robot: what was simulated.
-        complete: False when a time budget ran out.
+        complete: False where the search ended before its end: all that is said is provisional, and has no probability.
+        stopped: how far it was then; None: it came to its end.
         overlays: for the pictures, not in the JSON.
         notes: sentences that a reader should know (no test trial, channels left out, what the log cannot show).
         given: effects that were known before, and are part of the nominal and of the repaired simulator.
@@ -256,6 +290,7 @@ class Diagnosis:
     given: tuple[Entry, ...] = ()
     repaired: Repaired | None = None
     ended: BaseException | None = None
+    stopped: Stopped | None = None
     command: str = ""
     physics_steps: int | None = None
     limits: Mapping[str, Mapping[str, float]] = field(default_factory=dict)

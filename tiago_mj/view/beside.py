@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from importlib.util import find_spec
 from typing import Final
 
+from tiago_mj.deadline import Deadline
 from tiago_mj.gap.data.recording import Trial
 from tiago_mj.gap.report.repaired import entry
 from tiago_mj.gap.result import Diagnosis
@@ -36,23 +37,31 @@ class Pictures:
     caption: str = ""
 
 
-def pictures(plant: Plant, trials: Sequence[Trial], diagnosis: Diagnosis) -> Pictures:
+def pictures(plant: Plant, trials: Sequence[Trial], diagnosis: Diagnosis, deadline: Deadline | None = None) -> Pictures:
     """Replay the recording that the report draws, and draw the robots.
 
     Args:
         plant: the nominal simulator.
         trials: that were diagnosed, as they were read.
         diagnosis: what was found.
+        deadline: asked while it is replayed, and before each picture; None: there is none.
+
+    Raises:
+        OutOfTimeError: the deadline is over.
     """
+    by = deadline or Deadline()
     cut = as_diagnosed(plant, trials)
     if len(cut) > len(trials):
         plant = plant_of(cut, model=plant.file, given=plant.given)
     tested = diagnosis.splits.get("test", ())
     trial = next((one for one in cut if one.name in tested), cut[0])
-    story = tell(plant, trial, [entry(effect) for effect in diagnosis.best.effects], diagnosis, seed=diagnosis.seed)
+    effects = [entry(effect) for effect in diagnosis.best.effects]
+    story = tell(plant, trial, effects, diagnosis, seed=diagnosis.seed, deadline=by)
+    by.check()
     scene = page.render(story) if find_spec("viser") is not None else None
     if scene is not None and len(scene) > MOST:
         scene = None
+    by.check()
     taken = still(story)
     if taken is None:
         return Pictures(scene)

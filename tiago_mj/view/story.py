@@ -16,12 +16,13 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from tiago_mj.deadline import Deadline
 from tiago_mj.effects import EFFECTS
 from tiago_mj.effects.spec import Entry
 from tiago_mj.gap.analysis import outcome
 from tiago_mj.gap.data.recording import Trial
 from tiago_mj.gap.inference import noise_model
-from tiago_mj.gap.report import words
+from tiago_mj.gap.report import verdict, words
 from tiago_mj.gap.report.overlays import stretches
 from tiago_mj.gap.result import PHASES, Diagnosis, Overlay
 from tiago_mj.gap.simulation import phases, replay
@@ -107,6 +108,7 @@ def tell(
     *,
     threads: int = 0,
     seed: int = 0,
+    deadline: Deadline | None = None,
 ) -> Story:
     """Replay a trial's commands, and find where the gap is.
 
@@ -115,7 +117,10 @@ def tell(
         trial: recorded.
         effects: of the repaired simulator, beside the plant's; None or empty: there is no repaired one.
         diagnosis: says what is guilty and where; without one the channel that is farthest off is lit.
-        threads, seed: of the simulations.
+        threads, seed, deadline: of the simulations.
+
+    Raises:
+        OutOfTimeError: the deadline is over.
     """
     on = replay.grid(plant, [trial])
     data = noise_model.collect(plant, [trial])
@@ -127,7 +132,7 @@ def tell(
         signals = _efforts(plant, trial, data)
     else:
         sims: list[tuple[int, tuple[Entry, ...]]] = [(0, ())] + ([(0, tuple(effects))] if effects else [])
-        simulated, qpos = replay.motions(plant, on, sims, threads=threads, seed=seed)
+        simulated, qpos = replay.motions(plant, on, sims, threads=threads, seed=seed, deadline=deadline)
         rows = len(trial.time)
         for k, role in enumerate(("nominal", "repaired")[: len(sims)]):
             there = np.isfinite(simulated.position[k, :rows]).all(axis=1) & np.isfinite(qpos[k, :rows]).all(axis=1)
@@ -224,6 +229,8 @@ def _efforts(plant: Plant, trial: Trial, data: noise_model.Data) -> Overlay:
 def _verdict(diagnosis: Diagnosis | None) -> str:
     if diagnosis is None:
         return ""
+    if not diagnosis.complete:
+        return verdict.headline(diagnosis)
     if diagnosis.kind == "no_gap" or not diagnosis.best.effects:
         return {"no_gap": "No gap was found.", "unknown": "There is a gap whose cause is not known."}.get(
             diagnosis.kind, "No effect is named."

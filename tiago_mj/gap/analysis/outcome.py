@@ -188,14 +188,19 @@ def notes(
         said.append(
             f"{diverged['diverged']} of {diverged['simulations']} simulations diverged: what they were of was dropped."
         )
-    if isinstance(ended, KeyboardInterrupt):
-        said.append("The search was interrupted: what is said is the best so far.")
-    elif ended is not None:
-        fault = f"{type(ended).__name__}: {' '.join(str(ended).split())[:200]}"
-        said.append(f"A fault of this program ended the search ({fault}): what is said is the best so far.")
-    elif not complete:
-        said.append("The time budget ran out: what is said is the best so far.")
+    if not complete:
+        said.append(early_end(ended))
     return tuple(said)
+
+
+def early_end(ended: BaseException | None) -> str:
+    """A sentence on what ended a search before its end; None: the time."""
+    if isinstance(ended, KeyboardInterrupt):
+        return "The search was interrupted: what is said is the best so far."
+    if ended is not None:
+        fault = f"{type(ended).__name__}: {' '.join(str(ended).split())[:200]}"
+        return f"A fault of this program ended the search ({fault}): what is said is the best so far."
+    return "The time budget ran out: what is said is the best so far."
 
 
 def asides(trials: Sequence[Trial]) -> tuple[str, ...]:

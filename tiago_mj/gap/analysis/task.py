@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
+from tiago_mj.deadline import Deadline, OutOfTimeError
 from tiago_mj.envs.choices import Interval, ObjectChoice
 from tiago_mj.envs.flat import core_of
 from tiago_mj.envs.hold_force import HoldForce
@@ -82,10 +83,19 @@ def ask(plant: Plant, trials: Sequence[Trial], policy: str, *, trust: bool = Fal
     return asked
 
 
-def told(diagnosis: Diagnosis, asked: Asked | None, tick: Callable[[str, int], None] | None = None) -> Diagnosis:
-    """The diagnosis with the return of the policy that was asked for; as it is where none was."""
+def told(
+    diagnosis: Diagnosis,
+    asked: Asked | None,
+    deadline: Deadline | None = None,
+    tick: Callable[[str, int], None] | None = None,
+) -> Diagnosis:
+    """The diagnosis with the return of the policy that was asked for; as it is where none was, and with a sentence on
+    it where there was no time for it."""
     if asked is None:
         return diagnosis
+    if not diagnosis.complete:
+        note = f"The return of {Path(asked.policy).name} is predicted where a search came to its end."
+        return replace(diagnosis, notes=(*diagnosis.notes, note))
     kept = set(diagnosis.splits.get("test", ()))
     tested = [trial for trial in asked.trials if trial.name in kept]
     if not tested:
@@ -94,26 +104,41 @@ def told(diagnosis: Diagnosis, asked: Asked | None, tick: Callable[[str, int], N
     if tick is not None:
         tick("playing the policy", len(tested))
     begun = time.monotonic()
-    shrink = replace(diagnosis.shrink, task=returns(asked, tested, diagnosis.best.effects))
+    try:
+        played = returns(asked, tested, diagnosis.best.effects, deadline)
+    except OutOfTimeError:
+        note = f"The time budget left no time to predict the return of {Path(asked.policy).name}."
+        return replace(diagnosis, notes=(*diagnosis.notes, note))
+    except KeyboardInterrupt as stop:
+        note = f"The return of {Path(asked.policy).name} is not predicted, as that was interrupted."
+        return replace(diagnosis, notes=(*diagnosis.notes, note), ended=stop)
+    shrink = replace(diagnosis.shrink, task=played)
     return replace(diagnosis, shrink=shrink, seconds=diagnosis.seconds + time.monotonic() - begun)
 
 
-def returns(asked: Asked, trials: Sequence[Trial], effects: Sequence[Named]) -> dict[str, Any]:
+def returns(
+    asked: Asked, trials: Sequence[Trial], effects: Sequence[Named], deadline: Deadline | None = None
+) -> dict[str, Any]:
     """Mean return over the conditions of recordings.
 
     Args:
         asked: the policy.
         trials: kept for testing.
         effects: of the repaired simulator.
+        deadline: asked before every step of a policy; None: there is none.
 
     Returns:
         ``policy``, and the means ``nominal``, ``repaired`` and ``measured``, the last None where not every one of the
         recordings was made by the policy or where they do not hold what the reward is of. With more than one trial,
         ``nominal_low``, ``nominal_high`` and so on are the ends of the 90 % interval of the mean (Student's t over
         trials). ``trials`` has the same three by name of the trial.
+
+    Raises:
+        OutOfTimeError: the deadline is over.
     """
-    nominal = _played(asked, trials, ())
-    repaired = _played(asked, trials, effects) if effects else nominal
+    by = deadline or Deadline()
+    nominal = _played(asked, trials, (), by)
+    repaired = _played(asked, trials, effects, by) if effects else nominal
     measured = [_measured(asked, trial) for trial in trials]
     by_trial = {
         trial.name: dict(zip(SIMULATORS, values, strict=True))
@@ -141,7 +166,7 @@ def _spread(values: Sequence[float]) -> float:
 # Playing -------------------------------------------------------------------------------------------------------------
 
 
-def _played(asked: Asked, trials: Sequence[Trial], effects: Sequence[Named]) -> list[float]:
+def _played(asked: Asked, trials: Sequence[Trial], effects: Sequence[Named], deadline: Deadline) -> list[float]:
     """Return of an episode per trial; trials of equal arguments share an environment and a policy."""
     made: dict[str, tuple[gymnasium.Env[Any, Any], Any]] = {}
     try:
@@ -153,18 +178,21 @@ def _played(asked: Asked, trials: Sequence[Trial], effects: Sequence[Named]) -> 
                 made[key] = env, _policy(asked, env)
             env, policy = made[key]
             _condition(core_of(env), asked, trial)
-            found.append(_episode(env, policy, trial, _seed(asked, trial, number), _steps(asked, trial)))
+            found.append(_episode(env, policy, trial, _seed(asked, trial, number), _steps(asked, trial), deadline))
         return found
     finally:
         for env, _ in made.values():
             env.close()
 
 
-def _episode(env: gymnasium.Env[Any, Any], policy: Any, trial: Trial, seed: int, steps: int) -> float:
+def _episode(
+    env: gymnasium.Env[Any, Any], policy: Any, trial: Trial, seed: int, steps: int, deadline: Deadline
+) -> float:
     observation, info = env.reset(seed=seed, options={"goal": _goal(trial)})
     policy.reset()
     total = 0.0
     for _ in range(steps):
+        deadline.check()
         observation, reward, terminated, truncated, info = env.step(policy(observation, info))
         total += float(reward)
         if terminated or truncated:

@@ -16,7 +16,6 @@ and the expected probability to resolve is Σ p_r max(0, 1 − Σ_s (1 − P(r r
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
@@ -25,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm
 
+from tiago_mj.deadline import Deadline
 from tiago_mj.effects.spec import Entry
 from tiago_mj.gap.data.recording import Trial
 from tiago_mj.gap.decision.verdict import calibration, classes_of, temperature_of
@@ -63,7 +63,7 @@ def next_motion(
     *,
     seed: int = 0,
     threads: int = 0,
-    until: float | None = None,
+    deadline: Deadline | None = None,
 ) -> NextMotion | None:
     """The motion of the menu with the best chance to resolve.
 
@@ -76,12 +76,16 @@ def next_motion(
         probability: of each, up to its classes; only their ratios matter.
         seed: of effects that draw at random.
         threads: of the simulations; the answer does not depend on it.
-        until: instant of ``time.monotonic()`` after which nothing more is begun.
+        deadline: of the choice; None: there is none.
 
     Returns:
-        The motion; None where the rivals are all of one class, no motion of the menu fits the robot, none has any
-        chance, or time ran out.
+        The motion; None where the rivals are all of one class, no motion of the menu fits the robot, or none has any
+        chance.
+
+    Raises:
+        OutOfTimeError: the deadline is over.
     """
+    by = deadline or Deadline()
     rivals, share = list(rivals[:RIVALS]), np.array(probability[:RIVALS], dtype=float)
     if len({classes_of(fit) for fit in rivals}) < 2 or plant.relative or not share.sum() > 0:
         return None
@@ -92,8 +96,8 @@ def next_motion(
     temperature = temperature_of([fit.misfit for fit in rivals], calibration())
     terms = [term for term in hypotheses.terms(plant) if not term.per_trial]
     explanations = [_entries(fit, terms) for fit in rivals]
-    menu = rehearse(plant, like, data, explanations, seed=seed, threads=threads)
-    if menu is None or not menu.harmless.any() or _late(until):
+    menu = rehearse(plant, like, data, explanations, seed=seed, threads=threads, deadline=by)
+    if menu is None or not menu.harmless.any():
         return None
     menu = menu.only(np.nonzero(menu.harmless)[0])
     # What refitting leaves is at most what there was before it.
@@ -103,8 +107,6 @@ def next_motion(
         if sum(float(menu.motions[j].time[-1]) for j in closely) < CLOSELY:
             closely.append(k)
     menu = with_numerics(menu.only(closely))
-    if _late(until):
-        return None
     distances = _remaining(menu, weight, rivals, terms)
     worths = [_worth(distance, share, temperature, rivals) for distance in distances]
     best = max(range(len(worths)), key=lambda k: worths[k])
@@ -112,10 +114,6 @@ def next_motion(
         return None
     chance = _chance(distances[best], share, temperature, rivals)
     return NextMotion(menu.files[best], _resolved(distances[best], share, temperature, rivals), chance)
-
-
-def _late(until: float | None) -> bool:
-    return until is not None and time.monotonic() > until
 
 
 def _entries(fit: Fitted, terms: Sequence[Term]) -> Effects:

@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from tiago_mj.deadline import Deadline
 from tiago_mj.effects.spec import Entry
 from tiago_mj.gap import motions
 from tiago_mj.gap.data.recording import Trial
@@ -44,7 +45,7 @@ class Rehearsal:
         nominal: channels without any effect, (K, T, C).
         predicted: under every explanation, (nexplanations, K, T, C).
         harmless: whether no servo that the motion moves comes near its limit, whichever explanation is true, (K,).
-        seed, threads: of simulations.
+        seed, threads, deadline: of simulations.
     """
 
     files: tuple[str, ...]
@@ -57,10 +58,11 @@ class Rehearsal:
     harmless: NDArray[np.bool_]
     seed: int
     threads: int
+    deadline: Deadline
 
     def predict(self, explanations: Sequence[Effects]) -> Array:
         """Channels under other explanations, (nexplanations, K, T, C)."""
-        predictor = Predictor(self.plant, self.on, self.data, self.threads, self.seed)
+        predictor = Predictor(self.plant, self.on, self.data, self.threads, self.seed, deadline=self.deadline)
         return predictor.all_trials(explanations, range(len(self.files)))
 
     def only(self, which: Iterable[int]) -> Rehearsal:
@@ -85,7 +87,14 @@ class Rehearsal:
 
 
 def rehearse(
-    plant: Plant, like: Trial, data: Data, explanations: Sequence[Effects], *, seed: int, threads: int
+    plant: Plant,
+    like: Trial,
+    data: Data,
+    explanations: Sequence[Effects],
+    *,
+    seed: int,
+    threads: int,
+    deadline: Deadline | None = None,
 ) -> Rehearsal | None:
     """Play what the menu has for the plant; None if it has nothing.
 
@@ -96,7 +105,12 @@ def rehearse(
         explanations: what may be true.
         seed: of the noise that recordings would have, and of effects that draw at random.
         threads: of the simulations.
+        deadline: of the simulations; None: there is none.
+
+    Raises:
+        OutOfTimeError: the deadline is over.
     """
+    by = deadline or Deadline()
     listed = _applicable(plant)
     if not listed:
         return None
@@ -108,14 +122,14 @@ def rehearse(
     blank = np.zeros((count, on.commands.shape[1] + 1, len(data.channels)))
     rows = noise_model.collect(plant, [_recorded(t, data, blank[k]) for k, t in enumerate(on.trials)])
     sims = [(k, effects) for effects in ((), *explanations) for k in range(count)]
-    true = replay.simulate(plant, on, sims, threads=threads, seed=seed)
+    true = replay.simulate(plant, on, sims, threads=threads, seed=seed, deadline=by)
     predicted = noise_model.predicted(rows, true).reshape(len(explanations) + 1, *blank.shape)
     noisy = predicted[0] + data.noise * np.random.default_rng(seed).standard_normal(blank.shape)
     rows = noise_model.collect(plant, [_recorded(t, data, noisy[k]) for k, t in enumerate(on.trials)])
     played = tuple(motion for _, motion in listed)
     harmless = _harmless(plant, played, true.effort.reshape(len(explanations) + 1, *blank.shape[:2], -1))
     files = tuple(file for file, _ in listed)
-    found = Rehearsal(files, played, plant, on, rows, predicted[0], predicted[1:], harmless, seed, threads)
+    found = Rehearsal(files, played, plant, on, rows, predicted[0], predicted[1:], harmless, seed, threads, by)
     drawn = [k for k, effects in enumerate(explanations) if any(entry.name in RANDOM_EFFECTS for entry in effects)]
     if drawn:  # a mean over several draws tells more than one
         found.predicted[drawn] = found.predict([explanations[k] for k in drawn])
@@ -126,7 +140,9 @@ def with_numerics(rehearsal: Rehearsal) -> Rehearsal:
     """With a tolerance of what the nominal simulator itself gets wrong by its physics step."""
     fine = replace(rehearsal.plant, max_timestep=rehearsal.plant.max_timestep / noise_model.STEP_REFINEMENT)
     each: list[tuple[int, Effects]] = [(k, ()) for k in range(len(rehearsal.files))]
-    finer = replay.simulate(fine, rehearsal.on, each, threads=rehearsal.threads, seed=rehearsal.seed)
+    finer = replay.simulate(
+        fine, rehearsal.on, each, threads=rehearsal.threads, seed=rehearsal.seed, deadline=rehearsal.deadline
+    )
     rows = noise_model.with_step_tolerance(
         rehearsal.data, rehearsal.nominal, noise_model.predicted(rehearsal.data, finer)
     )

@@ -51,12 +51,16 @@ def proposals(
         base: nominal prediction of every trial, (ntrials, T, C).
         pool: effects to consider.
         trials: indices of those that may be looked at: not those that are kept aside.
+
+    Raises:
+        OutOfTimeError: the predictor's deadline is over.
     """
     plant, on, data, some = predict.plant, predict.on, predict.data, list(trials)
     part = noise_model.select_trials(data, some)
     motion = set_points.servo_motion(plant, on, data, nominal)
     if motion is not None:
-        pool = set_points.magnitudes(plant, on, motion, pool, some)
+        pool = set_points.magnitudes(plant, on, motion, pool, some, predict.deadline)
+    predict.deadline.check()
     untouched = set_points.untouched(data, nominal, data.value.shape[1])
     share = set_points.shares(plant, motion)
     pool = ripples.with_periods(plant, part, base[some], untouched[some], share, pool)

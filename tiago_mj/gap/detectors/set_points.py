@@ -14,6 +14,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from tiago_mj.deadline import Deadline
 from tiago_mj.effects import EFFECTS
 from tiago_mj.effects.declare import overrides
 from tiago_mj.gap.inference.hypotheses import Candidate
@@ -115,7 +116,12 @@ def untouched(data: Data, nominal: Signals, rows: int) -> NDArray[np.bool_]:
 
 
 def magnitudes(
-    plant: Plant, on: Grid, motion: ServoMotion, pool: Sequence[Candidate], trials: Sequence[int]
+    plant: Plant,
+    on: Grid,
+    motion: ServoMotion,
+    pool: Sequence[Candidate],
+    trials: Sequence[int],
+    deadline: Deadline | None = None,
 ) -> tuple[Candidate, ...]:
     """The pool, in which effects on set points have the magnitudes on their grids that explain what was seen best.
 
@@ -123,7 +129,12 @@ def magnitudes(
         plant, on, motion: as of :func:`servo_motion`.
         pool: candidates.
         trials: that are looked at.
+        deadline: asked before each of them; None: there is none.
+
+    Raises:
+        OutOfTimeError: the deadline is over.
     """
+    by = deadline or Deadline()
     commands = plant.wiring.targets.command
     out = list(pool)
     for name in dict.fromkeys(c.effect for c in pool):
@@ -133,7 +144,7 @@ def magnitudes(
         if declared.stage != "command" or not overrides(declared, "set_point") or not np.isfinite(wide.identity):
             continue  # a limit is reached smoothly
         values = _dense(wide, float(np.nanmax(np.abs(motion.requested))))
-        cost = _costs(plant, on, motion, wide, values, trials)
+        cost = _costs(plant, on, motion, wide, values, trials, by)
         columns = [_columns(pool[k], commands) for k in mine]
         near = sorted({b for column in columns for b in _minima(cost[:, column].sum(axis=1))})
         around = [
@@ -141,7 +152,7 @@ def magnitudes(
             for b in near
         ]
         fine = np.unique(np.concatenate(around or [values[:1]]))
-        cost = _costs(plant, on, motion, wide, fine, trials)
+        cost = _costs(plant, on, motion, wide, fine, trials, by)
         for k, column in zip(mine, columns, strict=True):
             total = cost[:, column].sum(axis=1)
             best = fine[_minima(total)]
@@ -187,10 +198,19 @@ def _slewed(plant: Plant, on: Grid, start: Array, wanted: Array) -> Array:
     return out
 
 
-def _costs(plant: Plant, on: Grid, motion: ServoMotion, wide: Candidate, values: Array, trials: Sequence[int]) -> Array:
+def _costs(
+    plant: Plant,
+    on: Grid,
+    motion: ServoMotion,
+    wide: Candidate,
+    values: Array,
+    trials: Sequence[int],
+    deadline: Deadline,
+) -> Array:
     """Misfit of each magnitude, (nvalues, nactuators)."""
     total = np.zeros((len(values), motion.requested.shape[2]))
     for t in trials:
+        deadline.check()
         chain = only_commands(plant, [(wide.entry(float(v)),) for v in values])
         chain.now.set_point = np.broadcast_to(motion.start[t], total.shape).copy()
         for effect in chain.effects:

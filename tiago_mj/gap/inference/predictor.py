@@ -14,6 +14,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from tiago_mj.deadline import Deadline
 from tiago_mj.effects import EFFECTS
 from tiago_mj.effects.spec import Entry
 from tiago_mj.gap.data.recording import RecordingError, Trial
@@ -47,6 +48,7 @@ class Predictor:
         tally: numbers of ``simulations``, of those that ``diverged`` and of ``physics_steps``, of this one and all that
             were made of it.
         simulated: told the physics steps of every batch, once it is done.
+        deadline: asked while simulations run, which it ends (:class:`tiago_mj.deadline.OutOfTimeError`).
     """
 
     plant: Plant
@@ -60,6 +62,7 @@ class Predictor:
     runs: int = 0
     tally: Counter[str] = field(default_factory=Counter)
     simulated: Callable[[int], None] = lambda steps: None
+    deadline: Deadline = field(default_factory=Deadline)
     _kept: dict[tuple[int, Effects], tuple[Array, ...]] = field(default_factory=dict)
 
     def __call__(self, wanted: Sequence[tuple[int, Effects]], *, keep: bool = False) -> Array:
@@ -151,7 +154,12 @@ class Predictor:
             self.runs += len(todo)
             seed = self.seed + 7919 * draw
             signals = replay.simulate(
-                replay.unmeasured(self.plant), self.on, [(t, e) for t, e, _ in todo], threads=self.threads, seed=seed
+                replay.unmeasured(self.plant),
+                self.on,
+                [(t, e) for t, e, _ in todo],
+                threads=self.threads,
+                seed=seed,
+                deadline=self.deadline,
             )
             steps = len(todo) * replay.physics_steps(self.plant, self.on)
             self.tally.update(simulations=len(todo), diverged=int(signals.diverged.sum()), physics_steps=steps)
@@ -164,7 +172,13 @@ class Predictor:
 
 
 def predictor(
-    plant: Plant, trials: Sequence[Trial], usable: noise_model.Usable | None = None, *, threads: int = 0, seed: int = 0
+    plant: Plant,
+    trials: Sequence[Trial],
+    usable: noise_model.Usable | None = None,
+    *,
+    threads: int = 0,
+    seed: int = 0,
+    deadline: Deadline | None = None,
 ) -> tuple[Predictor, Signals]:
     """Everything that trials are compared with, and the nominal replay of each, one row a trial.
 
@@ -173,10 +187,13 @@ def predictor(
         trials: recorded.
         usable: channels that are trusted, of all trials or by their sources; None for all.
         threads, seed: of the simulations.
+        deadline: of the simulations, and of the predictor's; None: there is none.
 
     Raises:
         RecordingError: the recordings hold nothing that can be compared; one line.
+        OutOfTimeError: the deadline is over.
     """
+    by = deadline or Deadline()
     on = replay.grid(plant, trials)
     data = noise_model.collect(plant, trials, usable)
     if not data.channels:
@@ -185,10 +202,10 @@ def predictor(
         )
     everything: list[tuple[int, Effects]] = [(k, ()) for k in range(len(trials))]
     bare = replay.unmeasured(plant)
-    true = replay.simulate(bare, on, everything, threads=threads, seed=seed)
+    true = replay.simulate(bare, on, everything, threads=threads, seed=seed, deadline=by)
     stability.check_nominal(plant, on, true)
     fine = replace(bare, max_timestep=plant.max_timestep / noise_model.STEP_REFINEMENT)
-    finer = replay.simulate(fine, on, everything, threads=threads, seed=seed)
+    finer = replay.simulate(fine, on, everything, threads=threads, seed=seed, deadline=by)
     if finer.diverged.any():  # a step that is not fine enough tells nothing of another
         finer = true
     off = noise_model.step_errors(true, finer)
@@ -205,7 +222,7 @@ def predictor(
     same = likelihood.distance(data, as_simulated) < likelihood.distance(
         data, as_simulated - noise_model.predicted(data, off)
     )
-    return Predictor(plant, on, data, threads, seed, off, corrected=not same), nominal
+    return Predictor(plant, on, data, threads, seed, off, corrected=not same, deadline=by), nominal
 
 
 def rounds(entry: Entry) -> bool:

@@ -16,6 +16,7 @@ from tiago_mj.gap.report import verdict, words
 from tiago_mj.gap.report.consistency import closes
 from tiago_mj.gap.result import Diagnosis, Explanation, Named, Place
 from tiago_mj.models import names
+from tiago_mj.progress import seconds
 
 #: Motion of the menu that shows most of what a stage of the signal chain may have, of fingers and of the arm.
 MOTIONS: Final = {
@@ -88,6 +89,8 @@ class Step:
 def advice(diagnosis: Diagnosis) -> tuple[Step, ...]:
     """What to do now, the first thing first."""
     kind = diagnosis.kind
+    if not diagnosis.complete:
+        return (*go_on(diagnosis), *_look(diagnosis, (diagnosis.best,), "Look at what leads so far"))
     if kind == "no_gap":
         return (_use_as_it_is(diagnosis), *_not_excited(diagnosis))
     if kind == "ambiguous":
@@ -101,6 +104,47 @@ def advice(diagnosis: Diagnosis) -> tuple[Step, ...]:
     if closes(diagnosis.shrink) is False:  # what predicts no better is nothing to train in
         return (*look, _record_more(diagnosis))
     return (*_simulate(diagnosis, "Use"), *look)
+
+
+def go_on(diagnosis: Diagnosis) -> tuple[Step, ...]:
+    """How to have the whole answer where a search did not come to its end; empty where it did."""
+    stopped = diagnosis.stopped
+    if stopped is None:
+        return ()
+    if stopped.why == "fault":
+        said = "The same command ends the same way. Please report it with the sentence on the fault."
+        return (Step("Report the fault", said, command=_again(diagnosis, None)),)
+    if stopped.needs is None:
+        budget = _rounded_up(2 * stopped.seconds)
+        known = "How long the whole search takes is not known yet"
+    else:
+        budget = _rounded_up(stopped.needs)
+        known = f"The whole search takes at most about {seconds(budget)} at the speed of this one"
+    if stopped.why == "interrupted":
+        return (Step("Let the search come to its end", f"{known}.", command=_again(diagnosis, None)),)
+    said = f"{known}: give `--time-budget {budget}`, or none:"
+    return (Step("Give the search more time", said, command=_again(diagnosis, budget)),)
+
+
+def _rounded_up(amount: float) -> int:
+    """To two digits, as far as they count seconds."""
+    amount = max(amount, 1.0)
+    unit = 10 ** max(math.floor(math.log10(amount)) - 1, 0)
+    return unit * math.ceil(amount / unit)
+
+
+def _again(diagnosis: Diagnosis, budget: int | None) -> str:
+    """The command line with another budget, None: with none; empty where it is not known."""
+    try:
+        said = shlex.split(diagnosis.command)
+    except ValueError:
+        return ""
+    if not said:
+        return ""
+    if "--time-budget" in said:
+        at = said.index("--time-budget")
+        del said[at : at + 2]
+    return shlex.join([*said, *([] if budget is None else ["--time-budget", str(budget)])])
 
 
 def on_robot(diagnosis: Diagnosis, effect: Named) -> tuple[str, str]:

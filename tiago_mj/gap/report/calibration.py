@@ -20,6 +20,9 @@ HEADER = """\
 """
 
 
+PROVISIONAL = "# Provisional: the search did not come to its end.\n"
+
+
 def text(diagnosis: Diagnosis, source: Path) -> str:
     """The file's text: the best explanation's effects, none where no gap was found.
 
@@ -48,7 +51,8 @@ def text(diagnosis: Diagnosis, source: Path) -> str:
         ],
         "source": {"file": source.name, "sha256": fingerprint(source)},
     }
-    return HEADER.format(load=load) + yaml.safe_dump(data, sort_keys=False, allow_unicode=True, width=120)
+    header = HEADER.format(load=load) + ("" if diagnosis.complete else PROVISIONAL)
+    return header + yaml.safe_dump(data, sort_keys=False, allow_unicode=True, width=120)
 
 
 def write(diagnosis: Diagnosis, path: Path, source: Path) -> None:

@@ -28,6 +28,8 @@ KIND_NAMES: Final = {
     "ambiguous": "ambiguous",
     "unknown": "unknown cause",
 }
+#: In their place where the search did not come to its end.
+NOT_FINISHED: Final = "search not finished"
 #: Rows of the ranking that are shown at once, and channels whose figures are.
 RANKED, DRAWN = 10, 6
 
@@ -69,7 +71,7 @@ def render(diagnosis: Diagnosis, seen: Seen | None = None) -> str:
     script = Markup(environment.get_template("report.js").render(phase_names=PHASES))
     return environment.get_template("report.html.j2").render(
         d=diagnosis,
-        kind=KIND_NAMES.get(diagnosis.kind, diagnosis.kind),
+        kind=KIND_NAMES.get(diagnosis.kind, diagnosis.kind) if diagnosis.complete else NOT_FINISHED,
         headline=verdict.headline(diagnosis),
         remainder=verdict.remainder(diagnosis),
         on_model=verdict.on_model(diagnosis),

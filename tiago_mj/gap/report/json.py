@@ -77,6 +77,7 @@ def as_data(diagnosis: Diagnosis) -> dict[str, Any]:
         "robot": diagnosis.robot,
         "notes": list(diagnosis.notes),
         "complete": diagnosis.complete,
+        "stopped": None if diagnosis.stopped is None else asdict(diagnosis.stopped),
         "seed": diagnosis.seed,
         "version": diagnosis.version,
         "seconds": diagnosis.seconds,

@@ -21,6 +21,7 @@ from tiago_mj.gap.result import (
     NextMotion,
     Place,
     Shrink,
+    Stopped,
     Value,
 )
 from tiago_mj.loading import load_json
@@ -159,6 +160,14 @@ class _Splits(_Part):
     test: list[str]
 
 
+class _Stopped(_Part):
+    why: Literal["budget", "interrupted", "fault"]
+    seconds: float
+    tried: int = 0
+    effects: int = 0
+    needs: float | None = None
+
+
 class _Diagnosis(_Part):
     verdict: _Verdict
     where: list[_Place]
@@ -171,6 +180,7 @@ class _Diagnosis(_Part):
     robot: str = ""
     notes: list[str] = Field(default=[])
     complete: bool
+    stopped: _Stopped | None = None
     seed: int
     version: str
     seconds: float
@@ -243,6 +253,7 @@ def _diagnosis(data: _Diagnosis) -> Diagnosis:
         splits={name: tuple(trials) for name, trials in data.splits},
         robot=data.robot,
         complete=data.complete,
+        stopped=None if data.stopped is None else Stopped(**dict(data.stopped)),
         seed=data.seed,
         version=data.version,
         seconds=data.seconds,

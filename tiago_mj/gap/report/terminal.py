@@ -9,7 +9,7 @@ from typing import Any
 
 from tiago_mj import extra
 from tiago_mj.gap.data.lint.summary import summary
-from tiago_mj.gap.report import shrinking, tables, verdict, words
+from tiago_mj.gap.report import advice, shrinking, tables, verdict, words
 from tiago_mj.gap.report.consistency import checked
 from tiago_mj.gap.result import Diagnosis
 
@@ -37,11 +37,15 @@ def lines(diagnosis: Diagnosis, written: Mapping[str, Path]) -> list[tuple[str, 
     d = diagnosis
     colour = {"no_gap": "bold green", "effect": "bold green"}.get(d.kind, "bold yellow")
     shown = [(colour, verdict.headline(d))]
-    if not d.complete and d.ended is None and not any("time budget" in note for note in d.notes):
-        shown.append(("yellow", "The time budget ran out: this is the best answer so far."))
+    if not d.complete and d.stopped is None:  # of an earlier version, which did not say why
+        shown.append(("yellow", "The search did not come to its end: this is the best answer so far."))
     if d.kind != "unknown" and verdict.remainder(d):
         shown.append(("", verdict.remainder(d)))
     shown += [("yellow", note) for note in d.notes]
+    for step in advice.go_on(d):
+        shown.append(("", step.said.replace("`", "")))
+        if step.command:
+            shown.append(("", f"  {step.command}"))
     shown += _where(d) + _which(d) + _how_far(d)
     if d.not_excited:
         names = [words.title(name) for name in d.not_excited]
@@ -76,7 +80,7 @@ def _where(d: Diagnosis) -> list[tuple[str, str]]:
 
 
 def _which(d: Diagnosis) -> list[tuple[str, str]]:
-    if d.kind == "no_gap" or not d.ranking:
+    if d.kind == "no_gap" or not d.ranking or not (d.complete or d.best.effects):
         return []
     shown = [("bold", "Which")]
     rows = tables.ranking(d)[:MOST]
@@ -93,7 +97,7 @@ def _which(d: Diagnosis) -> list[tuple[str, str]]:
         shown.append(("", f"{mark} {chance:>{wide}}{'  ' if wide else ''}{' + '.join(values) or 'nominal simulator'}"))
     if any(row.tied and not row.chosen for row in tables.ranking(d)[:MOST]):
         shown.append(("dim", "  * best   ~ cannot be told from it"))
-    if any(row.again for row in tables.ranking(d)[:MOST]):
+    if d.complete and any(row.again for row in tables.ranking(d)[:MOST]):
         shown.append(("dim", "  same: of a class that is above, and in its probability"))
     return shown
 

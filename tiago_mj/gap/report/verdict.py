@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
+from typing import Final
 
 from tiago_mj.gap.analysis.outcome import STRANGE
 from tiago_mj.gap.analysis.promises import CLOSES
 from tiago_mj.gap.decision.verdict import calibration, measured_on
 from tiago_mj.gap.report.consistency import NAMING, can_close, closed_accounted, closes, has_probability, loudest
 from tiago_mj.gap.report.words import begin, channel, clauses, labels, listed, number, percent, percent_within, title
-from tiago_mj.gap.result import Diagnosis, Explanation, Place
+from tiago_mj.gap.result import Diagnosis, Explanation, Place, Stopped
+from tiago_mj.progress import seconds
 
 #: Alternatives up to this number are spelled out in the first sentence; of more, only the effects' names are given.
 SPELLED = 2
@@ -19,9 +21,16 @@ NOISE = 2.0
 NEARLY = 0.98
 
 
+#: How the headline of a search begins that did not come to its end, by :attr:`Stopped.why`.
+ENDED: Final = {"budget": "Stopped", "interrupted": "Interrupted", "fault": "Ended by a fault of this program"}
+
+
 def headline(diagnosis: Diagnosis) -> str:
-    """One sentence: what is wrong, by how much, and how far the gap shrinks with it."""
+    """One sentence: what is wrong, by how much, and how far the gap shrinks with it; of a search that did not come to
+    its end how far it was, and what leads."""
     kind, best = diagnosis.kind, diagnosis.best
+    if diagnosis.stopped is not None:
+        return _stopped(diagnosis.stopped, best)
     if kind == "no_gap":
         return (
             "No gap: the simulator predicts these recordings as well as the uncertainty of its own parameters allows, "
@@ -39,6 +48,8 @@ def headline(diagnosis: Diagnosis) -> str:
 
 def remainder(diagnosis: Diagnosis) -> str:
     """What is left after the best explanation, as a sentence; empty where nothing is."""
+    if not diagnosis.complete:
+        return ""
     if not diagnosis.remains:
         return within(diagnosis)
     place = main_place(diagnosis.remains_where) or _loud_place(diagnosis)
@@ -208,6 +219,14 @@ def why_ceiling() -> str:
         "would have been wrong however sure the evidence was: a cause that the library lacks can look exactly like one "
         f"that it has. So this share is taken off every probability, and {percent(1 - lapse)} is the most."
     )
+
+
+def _stopped(stopped: Stopped, best: Explanation) -> str:
+    known = bool(stopped.tried)
+    share = f"{'all' if stopped.tried == stopped.effects else f'{stopped.tried} of'} {stopped.effects} effects"
+    tried = f"with {share} tried" if known else "before any effect was tried"
+    leads = f"what leads so far, provisionally: {clauses(best)}" if best.effects else "nothing is named yet"
+    return f"{ENDED[stopped.why]} after {seconds(stopped.seconds)} {tried}; {leads}."
 
 
 def _either(diagnosis: Diagnosis) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -75,16 +75,22 @@ def with_nominal(everywhere: Fitter, count: int) -> State:
 
 
 def screened(
-    state: State, pool: Sequence[Candidate], motion: ServoMotion | None, how_far: Callable[[int, int], None]
+    state: State,
+    pool: Sequence[Candidate],
+    motion: ServoMotion | None,
+    how_far: Callable[[int, int], None],
+    tried: Callable[[Iterable[str]], None] = lambda names: None,
 ) -> State:
     """The same after the first pass over the pool."""
     losing = tuple(c for c in pool if c.effect == lost_commands.EFFECT) if motion is not None else ()
-    tried = screen(state.few, [c for c in pool if c not in losing], state.here, how_far)
-    visible = {s.candidate.effect for s in (*tried.on_all, *tried.dropped) if s.visible > MIN_VISIBILITY}
-    names = dict.fromkeys(c.effect for c in pool)
+    found = screen(state.few, [c for c in pool if c not in losing], state.here, how_far, tried)
+    tried(c.effect for c in losing)  # what was lost is decoded beside what is found, if it calls for that
+    visible = {s.candidate.effect for s in (*found.on_all, *found.dropped) if s.visible > MIN_VISIBILITY}
+    looked_at = {s.candidate.effect for s in (*found.on_all, *found.dropped)}
+    names = dict.fromkeys(c.effect for c in pool if c.effect in looked_at)  # of the others nothing is known
     unseen = tuple(name for name in names if name not in visible | {c.effect for c in losing})
-    promising = tuple(s for s in tried.on_all if s.candidate.effect not in unseen)
-    seen = tuple(s.candidate for s in (*promising, *tried.dropped) if s.candidate.effect not in unseen)
+    promising = tuple(s for s in found.on_all if s.candidate.effect not in unseen)
+    seen = tuple(s.candidate for s in (*promising, *found.dropped) if s.candidate.effect not in unseen)
     return replace(state, promising=promising, pool=seen, unseen=unseen, losing=losing)
 
 

@@ -7,7 +7,7 @@ Karnin, Koren & Somekh 2013). Between magnitudes, and down to none, predictions 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -76,6 +76,7 @@ def screen(
     pool: Sequence[Candidate],
     at: Point,
     how_far: Callable[[int, int], None] = lambda total, done: None,
+    tried: Callable[[Iterable[str]], None] = lambda names: None,
 ) -> FirstPass:
     """Score every candidate at every magnitude of its grid.
 
@@ -87,19 +88,20 @@ def screen(
         pool: candidates.
         at: effects and nominal numbers beside which the pool is tried.
         how_far: told between portions how many magnitudes there are, and how many were simulated.
+        tried: told which effects were simulated, at one magnitude at least.
     """
     base = fitter.predictions([at], keep=True)[0]
     if len(fitter.trials) == 1:
-        return FirstPass(tuple(_screened(fitter, pool, at, base, how_far)))
+        return FirstPass(tuple(_screened(fitter, pool, at, base, how_far, tried)))
     worst = worst_predicted(base, fitter.data, 1)
     alone, there = fitter.part(worst), replace(at, nuisance=fitter.of(worst, at.nuisance))
-    first = _screened(alone, pool, there, base[worst], how_far)
+    first = _screened(alone, pool, there, base[worst], how_far, tried)
     simulated = [s.candidate for s in first if not sensor_only(s.candidate.entry(s.candidate.high))]
     settings = list(dict.fromkeys((c.effect, c.fixed) for c in simulated))
     dropped = set(settings[int(np.ceil(KEPT_SHARE * len(settings))) :])  # what only measures otherwise costs nothing
     kept = [s.candidate for s in first if (s.candidate.effect, s.candidate.fixed) not in dropped]
     rest = [s for s in first if (s.candidate.effect, s.candidate.fixed) in dropped]
-    return FirstPass(tuple(_screened(fitter, kept, at, base, how_far)), tuple(rest))
+    return FirstPass(tuple(_screened(fitter, kept, at, base, how_far, tried)), tuple(rest))
 
 
 def misfit_by_trial(data: Data, predicted: Array) -> Array:
@@ -115,7 +117,12 @@ def worst_predicted(predicted: Array, data: Data, count: int) -> list[int]:
 
 
 def _screened(
-    fitter: Fitter, pool: Sequence[Candidate], at: Point, base: Array, how_far: Callable[[int, int], None]
+    fitter: Fitter,
+    pool: Sequence[Candidate],
+    at: Point,
+    base: Array,
+    how_far: Callable[[int, int], None],
+    tried: Callable[[Iterable[str]], None],
 ) -> list[Screened]:
     """One entry a candidate, best first; ``base`` is the prediction without them, (ntrials, T, C)."""
     on = likelihood.frame(fitter.data, fitter.weight, fitter.responses, fitter.per_trial, at.nuisance)
@@ -133,6 +140,7 @@ def _screened(
         predicted = fitter.predictions([at.with_effect(c, value) for c, value in portion], keep=True)
         for (c, value), one in zip(portion, predicted, strict=True):
             runs[(c.effect, c.fixed, value)] = one
+        tried(c.effect for c, _ in portion)
     nominal = likelihood.log_likelihood(on, base)
     out = []
     for c in pool:

@@ -7,12 +7,13 @@ that is proposed could become worth showing, or the best explains the recordings
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tiago_mj.deadline import Deadline
 from tiago_mj.gap.data.recording import RecordingError
 from tiago_mj.gap.detectors.readings import ONLY_READ_OFF, Known
 from tiago_mj.gap.detectors.set_points import ServoMotion
@@ -41,6 +42,9 @@ MAX_SEEDS: Final = 3
 #: Residuals beside an explanation that lacks an effect are correlated by that effect, not by model error. Chosen by
 #: hand; no ablation.
 MIN_WEIGHT_WHILE_UNEXPLAINED: Final = 0.5 / ranking.SAMPLES_PER_INDEPENDENT**0.5
+#: Simulations of a trial of the first pass from the moment on at which a search hurries until its first explanations
+#: are fitted to those. Chosen by hand; no ablation.
+LANDING: Final = 60
 #: Names of the rounds, by the number of effects.
 ROUNDS: Final = {1: "fitting", 2: "pairs", 3: "triples"}
 
@@ -50,26 +54,49 @@ class PartialResult:
     """What a search has found so far: its result where it ends early.
 
     Attributes:
-        ranked: None before the first explanations were fitted.
+        ranked: None before the nominal model was fitted.
+        tried: effects that were tried.
+        effects: number of those that there are to try; 0: not known yet.
+        hurried: whether time was found to be short, once and for all.
     """
 
     ranked: Ranked | None = None
+    tried: set[str] = field(default_factory=set)
+    effects: int = 0
+    hurried: bool = False
+
+    @property
+    def stands(self) -> bool:
+        """Whether an explanation by effects was found."""
+        return self.ranked is not None and any(len(fit.parts) > self.ranked.known for fit in self.ranked.fits)
 
 
 def select(
     asked: Question,
     *,
-    out_of_time: Callable[[], bool] = lambda: False,
+    so_far: PartialResult | None = None,
+    deadline: Deadline | None = None,
+    landing: float = 0.0,
     tick: Tick = lambda stage, total, done=0, *, gap=None: None,
 ) -> Ranked:
     """Rank explanations of the trials; where something ends the search, those that were found until then.
 
     Args:
-        asked: what is to be explained.
-        out_of_time: asked between stages.
+        asked: what is to be explained; its simulations have the same deadline, which ends them.
+        so_far: told what was found; None: nobody wants to know.
+        deadline: of the search; None: there is none.
+        landing: seconds before it from which on the search hurries to what it can fit, as long as nothing stands.
         tick: told what begins.
+
+    Raises:
+        OutOfTimeError: the deadline was over before the nominal model was fitted.
     """
-    so_far = PartialResult()
+    so_far, by = so_far or PartialResult(), deadline or Deadline()
+
+    def out_of_time() -> bool:
+        so_far.hurried = so_far.hurried or by.over(0.0 if so_far.stands else landing)
+        return so_far.hurried
+
     try:
         return _search(asked, so_far, out_of_time, tick)
     except (Exception, KeyboardInterrupt) as fault:
@@ -82,7 +109,7 @@ def _search(asked: Question, so_far: PartialResult, out_of_time: Callable[[], bo
     """See :func:`select`; ``so_far`` is told what was found, from round to round."""
     read_off = {*ONLY_READ_OFF, *(k.candidate.effect for k in asked.known)}
     pool = beginning.acting_on_misfit([c for c in asked.pool if c.effect not in read_off], asked.data, asked.base)
-    count = len({c.effect for c in pool})
+    count = so_far.effects = len({c.effect for c in pool})
 
     def over() -> bool:
         return out_of_time() or asked.predict.tally["physics_steps"] > asked.budget
@@ -90,8 +117,6 @@ def _search(asked: Question, so_far: PartialResult, out_of_time: Callable[[], bo
     tick("fitting the nominal model", beginning.MAX_NOMINAL_ROUNDS)
     everywhere, shared = beginning.fitter(asked, over)
     state = beginning.with_nominal(everywhere, asked.first_trials)
-    tick("screening", len(pool), gap=_leaves_a_gap(state.best))
-    state = beginning.screened(state, pool, asked.motion, lambda *how_far: tick("screening", *how_far))
 
     def ranked(state: State) -> Ranked:
         shown = ranking.reportable(ranking.unique_by_labels(state.fits))
@@ -113,6 +138,11 @@ def _search(asked: Question, so_far: PartialResult, out_of_time: Callable[[], bo
         tell(state)
         tick("refitting", rounds.MAX_ROUNDS, gap=_leaves_a_gap(state.best))
 
+    tell(state)
+    tick("screening", len(pool), gap=_leaves_a_gap(state.best))
+    state = beginning.screened(
+        state, pool, asked.motion, lambda *how_far: tick("screening", *how_far), so_far.tried.update
+    )
     tell(state)
     for size in range(1, MAX_EFFECTS + 1):
         if (size > 1 and over()) or not _is_warranted(state, size):
@@ -163,6 +193,7 @@ def _with_singles(state: State, tell: Callable[[State], None], tick: Tick) -> St
         ahead = [f for f in ranking.by_evidence(on_few) if f.parts][: rounds.MAX_ON_ALL_TRIALS]
         on_few = few.fit_all([starts.restart(f) for f in (ranking.best_nominal(on_few), *ahead)])
     tick("weighing", 1, gap=_leaves_a_gap(ranking.by_evidence(on_few)[0]))
+    tell(replace(state, fits=tuple(on_few)))
     # Once something explains the bulk, what is left shows how correlated the residuals really are.
     reference = few.predictions([starts.point_of(ranking.by_evidence(on_few)[0])])[0]
     state = state.with_weight(np.maximum(ranking.sample_weight(few.data, reference), few.weight))

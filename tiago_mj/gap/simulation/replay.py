@@ -17,6 +17,7 @@ import mujoco.batch
 import numpy as np
 from numpy.typing import NDArray
 
+from tiago_mj.deadline import Deadline
 from tiago_mj.effects import EFFECTS
 from tiago_mj.effects.chain import EACH_STEP, EACH_SUBSTEP, Chain
 from tiago_mj.effects.declare import overrides
@@ -117,7 +118,13 @@ def grid(plant: Plant, trials: Sequence[Trial]) -> Grid:
 
 
 def simulate(
-    plant: Plant, on: Grid, sims: Sequence[tuple[int, Effects]], *, threads: int = 0, seed: int = 0
+    plant: Plant,
+    on: Grid,
+    sims: Sequence[tuple[int, Effects]],
+    *,
+    threads: int = 0,
+    seed: int = 0,
+    deadline: Deadline | None = None,
 ) -> Signals:
     """Run simulations.
 
@@ -127,35 +134,53 @@ def simulate(
         sims: (trial index, effects) of each.
         threads: of the batch; 0 is all processors. The result does not depend on it.
         seed: of what effects draw at random: the same for every simulation of a trial.
+        deadline: asked from row to row; None: there is none.
+
+    Raises:
+        OutOfTimeError: the deadline is over.
     """
     sims = [(trial, (*plant.given, *effects)) for trial, effects in sims]
-    parts = [_in_batches(plant, on, sims[k : k + BATCH_SIZE], threads, seed) for k in range(0, len(sims), BATCH_SIZE)]
+    by = deadline or Deadline()
+    parts = [
+        _in_batches(plant, on, sims[k : k + BATCH_SIZE], threads, seed, by) for k in range(0, len(sims), BATCH_SIZE)
+    ]
     return Signals(*(np.concatenate([getattr(p, f) for p in parts]) for f in Signals.__dataclass_fields__))
 
 
 def motions(
-    plant: Plant, on: Grid, sims: Sequence[tuple[int, Effects]], *, threads: int = 0, seed: int = 0
+    plant: Plant,
+    on: Grid,
+    sims: Sequence[tuple[int, Effects]],
+    *,
+    threads: int = 0,
+    seed: int = 0,
+    deadline: Deadline | None = None,
 ) -> tuple[Signals, Array]:
     """The same with all of MuJoCo's positions in every row, (nsim, T, nq) [m, rad]: where the bodies are.
 
     Args:
-        plant, on, sims, threads, seed: as for :func:`simulate`; few simulations, as all of it is kept.
+        plant, on, sims, threads, seed, deadline: as for :func:`simulate`; few simulations, as all of it is kept.
     """
     whole = [(trial, (*plant.given, *effects)) for trial, effects in sims]
     poses = np.full((len(sims), on.commands.shape[1] + 1, plant.model.nq), np.nan)
     # Each alone: a batch runs as its slowest simulation has to.
-    runs = [_batch(plant, on, [sim], threads, seed, poses[k : k + 1]) for k, sim in enumerate(whole)]
+    by = deadline or Deadline()
+    runs = [_batch(plant, on, [sim], threads, seed, by, poses[k : k + 1]) for k, sim in enumerate(whole)]
     return Signals(*(np.concatenate([getattr(r, f) for r in runs]) for f in Signals.__dataclass_fields__)), poses
 
 
-def _in_batches(plant: Plant, on: Grid, sims: Sequence[tuple[int, Effects]], threads: int, seed: int) -> Signals:
+def _in_batches(
+    plant: Plant, on: Grid, sims: Sequence[tuple[int, Effects]], threads: int, seed: int, deadline: Deadline
+) -> Signals:
     """Simulations that need nobody between their steps apart from the others: they share all processors better."""
     alone = np.array([all(_acts_without_feedback(entry) for entry in effects) for _, effects in sims])
     if alone.all() or not alone.any():
-        return _batch(plant, on, sims, threads, seed)
+        return _batch(plant, on, sims, threads, seed, deadline)
     order = np.argsort(~alone, kind="stable")
     count = int(alone.sum())
-    parts = [_batch(plant, on, [sims[k] for k in some], threads, seed) for some in (order[:count], order[count:])]
+    parts = [
+        _batch(plant, on, [sims[k] for k in some], threads, seed, deadline) for some in (order[:count], order[count:])
+    ]
     back = np.argsort(order)
     return Signals(*(np.concatenate([getattr(p, f) for p in parts])[back] for f in Signals.__dataclass_fields__))
 
@@ -227,6 +252,7 @@ def _batch(
     sims: Sequence[tuple[int, Effects]],
     threads: int,
     seed: int,
+    deadline: Deadline,
     poses: Array | None = None,
 ) -> Signals:
     """Simulations in one batch; ``poses``, (nsim, T, nq), is filled where it is given."""
@@ -291,6 +317,7 @@ def _batch(
         fields = ("qpos", "qvel", "qfrc_actuator", "sensordata")
         most = max(MAX_ROLLOUT_STEPS // substeps, 1)
         for first in range(0, length - 1, most):
+            deadline.check()
             rows = min(most, length - 1 - first)
             some = np.repeat(idle[:, None], rows * substeps, axis=1)
             some[:, :, wiring.ctrl] = chain.ahead(on.commands[trial, first : first + rows])
@@ -308,6 +335,7 @@ def _batch(
         return Signals(position, velocity, effort, _averaged(plant, reading), newtons).until(ends)
     held = np.array([start.set_point for start in starts])
     for k in range(length - 1):
+        deadline.check()
         sent = on.commands[trial, k]
         if plant.relative:
             # The controller and the servo read one encoder, so that what is wrong with it cancels: the true position.

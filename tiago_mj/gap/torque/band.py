@@ -12,6 +12,7 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 import mujoco
 import numpy as np
 
+from tiago_mj.deadline import Deadline, OutOfTimeError
 from tiago_mj.effects import Entry
 from tiago_mj.gap.data.recording import Finding, RecordingError, Trial
 from tiago_mj.gap.torque.channels import Usable, choose
@@ -29,6 +30,7 @@ def clearest(
     names: Collection[str] | None = None,
     given: Sequence[Entry] = (),
     tick: Callable[[str], None] = lambda stage: None,
+    deadline: Deadline | None = None,
 ) -> tuple[Usable, Evidence]:
     """Channels and evidence, the cut-off lowered from the highest for as long as the gap stands out more.
 
@@ -38,19 +40,22 @@ def clearest(
         names: effects to consider; None for all.
         given: effects that are known already.
         tick: told what begins.
+        deadline: of all that is computed; where it is over at a lower cut-off, the one before stays. None: there is
+            none.
 
     Raises:
+        OutOfTimeError: the deadline is over at the highest cut-off.
         RecordingError: as :func:`tiago_mj.gap.torque.channels.choose` does at the highest cut-off.
         ValueError: the model lacks a joint.
     """
     tick("comparing torques")
-    found = _at(HEADROOMS[0], trials, model, joints, findings, seed, known, names, given)
+    found = _at(HEADROOMS[0], trials, model, joints, findings, seed, known, names, given, deadline)
     for headroom in HEADROOMS[1:]:
         tick("narrowing the band")
         try:
-            lower = _at(headroom, trials, model, joints, findings, seed, known, names, given)
-        except RecordingError:
-            break  # too short a recording for so long a filter
+            lower = _at(headroom, trials, model, joints, findings, seed, known, names, given, deadline)
+        except (RecordingError, OutOfTimeError):
+            break  # too short a recording for so long a filter, or no time for it
         same = lower[1].course.channels == found[1].course.channels
         if not same or len(lower[1].blocks.names) < 2 or clearness(lower[1]) <= clearness(found[1]):
             break
@@ -76,6 +81,7 @@ def _at(
     known: Mapping[tuple[str, str | None], float],
     names: Collection[str] | None = None,
     given: Sequence[Entry] = (),
+    deadline: Deadline | None = None,
 ) -> tuple[Usable, Evidence]:
-    usable = choose(trials, model, joints, findings, headroom, given)
+    usable = choose(trials, model, joints, findings, headroom, given, deadline)
     return usable, Evidence(usable.course, usable.torques, seed, known, names)

@@ -10,6 +10,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from tiago_mj.deadline import Deadline
 from tiago_mj.effects import EFFECTS, Entry
 from tiago_mj.gap.data.recording import Finding, RecordingError, Trial, sampled
 from tiago_mj.gap.torque.strips import HEADROOMS, Course, lay_out
@@ -53,6 +54,7 @@ def choose(
     known: Sequence[Finding],
     headroom: float = HEADROOMS[0],
     given: Sequence[Entry] = (),
+    deadline: Deadline | None = None,
 ) -> Usable:
     """Pick the channels.
 
@@ -63,8 +65,10 @@ def choose(
         known: what the lint found; channels that it discredits are left out.
         headroom: of the low-pass over what moves.
         given: effects that are known already.
+        deadline: of all that is computed; None: there is none.
 
     Raises:
+        OutOfTimeError: the deadline is over.
         RecordingError: no channel can be used; says why.
         ValueError: the model lacks a joint.
     """
@@ -102,7 +106,7 @@ def choose(
         raise RecordingError(f"{files}: no effort can be used: {why}")
     order = sorted(moving, key=lambda name: int(model.joint(name).dofadr[0]))
     course = lay_out(trials, order, channels, headroom)
-    torques = Torques(model, course, given)
+    torques = Torques(model, course, given, deadline)
     keep, more, said = _comparable(course, torques, files)
     findings += more
     notes += said
@@ -110,7 +114,7 @@ def choose(
         raise RecordingError(f"{files}: no effort can be used: {' '.join(notes)}")
     if keep != channels:
         course = lay_out(trials, order, keep, headroom)
-        torques = Torques(model, course, given)
+        torques = Torques(model, course, given, deadline)
     have = {(f.code, f.channel) for f in known}
     return Usable(course, torques, tuple(f for f in findings if (f.code, f.channel) not in have), tuple(notes))
 

@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
+import math
 import time as clock
 from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass, replace
 from typing import Final
 
 import mujoco
 import numpy as np
 
+from tiago_mj.deadline import Deadline, OutOfTimeError
 from tiago_mj.effects import EFFECTS, Entry
+from tiago_mj.gap.analysis import outcome
 from tiago_mj.gap.data.nominal_priors import known_to
 from tiago_mj.gap.data.recording import Finding, RecordingError, Trial
-from tiago_mj.gap.result import Diagnosis, Explanation, Named, Value
+from tiago_mj.gap.result import Diagnosis, Explanation, Named, Place, Stopped, Value, fault_of
 from tiago_mj.gap.torque import intervals, notes, tables
 from tiago_mj.gap.torque.band import clearest
+from tiago_mj.gap.torque.channels import Usable
 from tiago_mj.gap.torque.evidence import Evidence
 from tiago_mj.gap.torque.judge import Verdict, judge
 from tiago_mj.gap.torque.pool import OWN
@@ -39,6 +44,7 @@ def diagnose_inverse(
     names: Collection[str] | None = None,
     given: Sequence[Entry] = (),
     tick: Callable[[str], None] = lambda stage: None,
+    deadline: Deadline | None = None,
 ) -> Diagnosis:
     """Which unmodelled effect makes a robot's joint efforts differ from what its model needs for the same motion.
 
@@ -54,12 +60,15 @@ def diagnose_inverse(
         names: effects to consider; None for the whole library.
         given: effects that are known already: part of the torque that every explanation predicts.
         tick: told what begins, or goes on.
+        deadline: by which there is an answer; None: there is none.
 
     Returns:
         The diagnosis. The noise floor is what the effort channels' noise leaves after the low-pass; "closed" is
-        computed on blocks that were neither fitted nor chosen on, rows at rest left out.
+        computed on blocks that were neither fitted nor chosen on, rows at rest left out. Where time or the user ended
+        the search, it is not complete, and what leads so far is its best.
 
     Raises:
+        OutOfTimeError: the deadline was over before anything could be compared.
         RecordingError: nothing moves, no effort can be used, the recording is too short, or what is given changes
             the log of efforts; one line.
         ValueError: the model lacks a joint.
@@ -72,14 +81,27 @@ def diagnose_inverse(
     ):
         raise RecordingError(f"{trials[0].source}: no joint moves: torque along a motion needs a motion")
     check_given(trials, given)
-    usable, evidence = clearest(trials, model, joints, findings, seed, known_to(trials), names, given, tick)
+    by = deadline or Deadline()
+    usable, evidence = clearest(trials, model, joints, findings, seed, known_to(trials), names, given, tick, by)
     if len(evidence.blocks.names) < 2:
         files = ", ".join(dict.fromkeys(trial.source for trial in trials))
         raise RecordingError(f"{files}: the motion is too short to choose between explanations: record longer")
-    search = Search(evidence, tick)
-    verdict = judge(search, seed)
-    spans = intervals.strengths(evidence, verdict.best, seed)
-    forms = intervals.shapes(search, verdict.best)
+    said = Told(trials, usable, tuple(findings), robot, seed, version, tuple(given), began)
+    evidence.torques.deadline = Deadline()
+    search, begun = Search(evidence, tick), clock.perf_counter()
+    null = search.score(())
+    where = tables.where(evidence, null, seed)
+    # What is told where the search ends early: one more fit, and tables like that one before, after and of the rest.
+    evidence.torques.deadline = by.sooner(3 * (clock.perf_counter() - begun))
+    verdict = None
+    try:
+        verdict = judge(search, seed)
+        spans = intervals.strengths(evidence, verdict.best, seed)
+        forms = intervals.shapes(search, verdict.best)
+        stage = _stage(search, verdict)
+    except (OutOfTimeError, KeyboardInterrupt) as end:
+        evidence.torques.deadline = Deadline()
+        return _ended_early(search, said, where, null, verdict.best if verdict else search.leader(), end)
 
     def explained(scored: Scored) -> Explanation:
         own = scored is verdict.best
@@ -89,25 +111,21 @@ def diagnose_inverse(
             effects, float(verdict.probability[place]), float(verdict.gains[place]), verdict.evidence[place]
         )
 
-    best = explained(verdict.best)
     left = [c for c, remains in enumerate(verdict.remains) if remains]
-    blocks = evidence.blocks.names
     return Diagnosis(
         kind=verdict.kind,
-        best=best,
+        best=explained(verdict.best),
         alternatives=tuple(explained(one) for one in verdict.alternatives),
         remains=bool(left),
         remains_where=tables.where(evidence, verdict.best, seed, left)[:6] if left else (),
         not_excited=_not_excited(evidence),
-        where=tables.where(evidence, verdict.null, seed),
-        stage=_stage(search, verdict),
+        where=where,
+        stage=stage,
         shrink=verdict.shrink,
         ranking=tuple(explained(one) for one in verdict.ranking),
         findings=(*findings, *usable.findings),
         next_motion=None,
-        splits={
-            part: tuple(blocks[b] for b in getattr(evidence.blocks, part)) for part in ("train", "validation", "test")
-        },
+        splits=_splits(evidence),
         robot=robot,
         complete=True,
         seed=seed,
@@ -117,6 +135,62 @@ def diagnose_inverse(
         notes=notes.sentences(trials, usable, search, verdict),
         given=tuple(given),
     )
+
+
+@dataclass(frozen=True)
+class Told:
+    """What a diagnosis repeats of what it was given; fields as the arguments of :func:`diagnose_inverse`."""
+
+    trials: tuple[Trial, ...]
+    usable: Usable
+    findings: tuple[Finding, ...]
+    robot: str
+    seed: int
+    version: str
+    given: tuple[Entry, ...]
+    began: float
+
+
+def _ended_early(
+    search: Search, told: Told, where: tuple[Place, ...], null: Scored, best: Scored, ended: BaseException
+) -> Diagnosis:
+    """The answer of a search that did not come to its end: what leads, and what that leaves of the gap."""
+    e = search.evidence
+    gap = tables.shrink(e, null, best, told.seed)
+    lead = Explanation(tuple(_named(e, best, k, {}, {}) for k in best.terms), math.nan, math.nan)
+    fault = fault_of(ended)
+    pool = {term.effect for term in e.terms}
+    return Diagnosis(
+        kind="effect" if best.terms else "unknown",
+        best=lead,
+        alternatives=(),
+        remains=False,
+        remains_where=(),
+        not_excited=_not_excited(e),
+        where=where,
+        stage=None,
+        shrink=gap,
+        ranking=(lead,),
+        findings=(*told.findings, *told.usable.findings),
+        next_motion=None,
+        splits=_splits(e),
+        robot=told.robot,
+        complete=False,
+        seed=told.seed,
+        version=told.version,
+        seconds=clock.perf_counter() - told.began,
+        overlays=tables.overlays(e, null, best),
+        notes=(outcome.early_end(fault), *notes.of_method(told.trials, told.usable, search)),
+        given=told.given,
+        ended=fault,
+        stopped=replace(Stopped.by(fault, 0.0), tried=len(search.looked_at & pool), effects=len(pool)),
+    )
+
+
+def _splits(evidence: Evidence) -> dict[str, tuple[str, ...]]:
+    """Names of the blocks by what they are for."""
+    names = evidence.blocks.names
+    return {part: tuple(names[b] for b in getattr(evidence.blocks, part)) for part in ("train", "validation", "test")}
 
 
 def check_given(trials: Sequence[Trial], given: Sequence[Entry]) -> None:

@@ -132,7 +132,16 @@ class Evidence:
         n = (self.moving & self.fitted_rows[:, None]).sum(axis=0)
         return np.maximum(n / self.course.rate / self.floor.correlation, 1.0)
 
+    def check(self) -> None:
+        """Go on, if there is time.
+
+        Raises:
+            OutOfTimeError: the deadline of the torques is over.
+        """
+        self.torques.deadline.check()
+
     def _build(self, floor: Floor) -> None:
+        self.check()
         self.floor = floor
         weight = 1 / (self.course.rate * floor.correlation) / floor.spread**2
         weight = np.minimum(weight, 1 / floor.spread**2)
@@ -156,7 +165,7 @@ class Evidence:
         for k, size in self.given.items():
             precision[k] = 1 / size**2
         self._scales: list[float | Array] = [1.0] * self.n_terms
-        self.normal = Normal(self.rows, self.measured - self.nominal, columns, precision, low, high)
+        self.normal = Normal(self.rows, self.measured - self.nominal, columns, precision, low, high, self.check)
         self.fitted = [int(np.searchsorted(self.rows.blocks, b)) for b in self.blocks.fitted if b in self.rows.blocks]
 
     # Reference ------------------------------------------------------------------------------------------------------
@@ -193,6 +202,7 @@ class Evidence:
         there = self.moving & (self.blocks.of >= 0)[:, None]
         flat = np.zeros(int(there.sum()))
         for b in self.fitted:
+            self.check()
             others = [k for k in self.fitted if k != b] or [b]
             inside = self.rows.of == self.rows.blocks[b]
             flat[inside] = self.normal.residual(active, self.normal.fit(active, others, bounded=False))[inside]
@@ -213,6 +223,7 @@ class Evidence:
         self.normal.renew(self.tolerance[-1], self.tolerance_columns[-1])
         local = {k: v for k, v in strengths.items() if not self.terms[k].rigid}
         for k in range(self.n_terms) if which is None else {*which, *self.given}:
+            self.check()
             term, strength = self.terms[k], strengths.get(k)
             scale = 1.0 if term.effect == "torque_constant" else gain[self.course.columns]
             changed = not np.array_equal(self._scales[k], scale)

@@ -8,7 +8,7 @@ where the least squares without them lie outside, :func:`scipy.optimize.lsq_line
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -69,10 +69,18 @@ class Normal:
         columns: each (T, c).
         precision: of each column's zero-mean prior, (K,); 0: none.
         low, high: bounds of each strength, (K,).
+        check: called between blocks; what it raises ends the work.
     """
 
     def __init__(
-        self, rows: Rows, gap: Array, columns: Sequence[Array], precision: Array, low: Array, high: Array
+        self,
+        rows: Rows,
+        gap: Array,
+        columns: Sequence[Array],
+        precision: Array,
+        low: Array,
+        high: Array,
+        check: Callable[[], None] = lambda: None,
     ) -> None:
         self.rows, self.precision, self.low, self.high = rows, precision, low, high
         order = np.argsort(rows.of, kind="stable")
@@ -82,7 +90,11 @@ class Normal:
         self._target = rows.flat(gap)[order]
         self._matrix = np.stack([rows.flat(c)[order] for c in columns])
         self.square = np.array([self._target[s] @ self._target[s] for s in self._slices])
-        self.gram = np.stack([self._matrix[:, s] @ self._matrix[:, s].T for s in self._slices])
+        products = []
+        for s in self._slices:
+            check()
+            products.append(self._matrix[:, s] @ self._matrix[:, s].T)
+        self.gram = np.stack(products)
         self.right = np.stack([self._matrix[:, s] @ self._target[s] for s in self._slices])
 
     def renew(self, index: int, column: Array) -> None:

@@ -19,8 +19,17 @@ def sentences(trials: Sequence[Trial], usable: Usable, search: Search, verdict: 
         *verdict.said,
         *_together(search, verdict),
         *_unnamed(search, verdict),
-        *usable.notes,
         *_given(search, verdict),
+        *of_method(trials, usable, search),
+        "Probabilities follow from BIC over effective samples by the calibration of replayed recordings; no bank of "
+        "simulated recordings without commands stands behind them.",
+    )
+
+
+def of_method(trials: Sequence[Trial], usable: Usable, search: Search) -> tuple[str, ...]:
+    """Those that do not depend on what was found."""
+    return (
+        *usable.notes,
         *_method(search),
         *_unequal(trials, search),
         *_late(trials),
@@ -28,8 +37,6 @@ def sentences(trials: Sequence[Trial], usable: Usable, search: Search, verdict: 
         "At rest dry friction takes any value within its bounds, so rows at rest are neither fitted nor counted in "
         "before and after.",
         "A torque constant and the gain of the effort reading are one and the same here.",
-        "Probabilities follow from BIC over effective samples by the calibration of replayed recordings; no bank of "
-        "simulated recordings without commands stands behind them.",
     )
 
 

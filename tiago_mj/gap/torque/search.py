@@ -31,6 +31,8 @@ SIBLING: Final = 2.0
 #: Change of every strength, in units of its magnitude, at which the rounds end. An explanation that does not get there
 #: contradicts itself (its columns belong to other strengths) and counts for nothing.
 SETTLED: Final = 5e-3
+#: BIC by which what leads must be ahead of the nominal model: "very strong" evidence (Kass & Raftery 1995).
+LEADS: Final = 10.0
 #: Standard errors within which two explanations are equally good.
 EQUAL: Final = 2.0
 
@@ -55,12 +57,20 @@ class Scored:
 
 
 class Search:
-    """Search over the terms of some evidence; ``tick`` is told its stage at every explanation that is fitted."""
+    """Search over the terms of some evidence; ``tick`` is told its stage at every explanation that is fitted.
+
+    Attributes:
+        evidence: that is searched.
+        price: of an effect by BIC.
+        tried: explanations that were scored, by their terms.
+        looked_at: names of effects of which it is known what they would bring beside an explanation.
+    """
 
     def __init__(self, evidence: Evidence, tick: Callable[[str], None] = lambda stage: None) -> None:
         self.evidence, self._tick, self._stage = evidence, tick, "explaining"
         self.price = float(np.log(max(evidence.effective.sum(), np.e)))
         self.tried: dict[tuple[int, ...], Scored] = {}
+        self.looked_at: set[str] = set()
 
     def begin(self, stage: str) -> None:
         """Another stage of the search begins."""
@@ -80,6 +90,7 @@ class Search:
         last: dict[int, float] = {}
         settled = False
         for _ in range(ROUNDS):
+            e.check()
             e.refresh(strengths, key)
             before, fitted = strengths, e.normal.fit(active, e.fitted)
             moves = {k: float(v) - before.get(k, 0.0) for k, v in zip([*key, *e.given], fitted, strict=False)}
@@ -186,6 +197,12 @@ class Search:
                 return current
             current, chosen = wider, [*chosen, best]
 
+    def leader(self) -> Scored:
+        """The best of what was scored so far, the nominal model unless something else is better by :data:`LEADS`."""
+        null = self.score(())
+        best = min(self.tried.values(), key=lambda one: one.bic)
+        return best if best.bic < null.bic - LEADS else null
+
     def names(self, scored: Scored) -> tuple[str, ...]:
         """Effects of an explanation, sorted."""
         return tuple(sorted({self.evidence.terms[k].effect for k in scored.terms}))
@@ -206,6 +223,7 @@ class Search:
         e.refresh(current.strengths)
         active = [*current.terms, *e.tolerance]
         gains = e.normal.gains(active, e.fitted)
+        self.looked_at |= {term.effect for term in e.terms} - banned
         present = {e.terms[k].key for k in current.terms}
         names = set(self.names(current))
         best: dict[tuple[str, str], int] = {}

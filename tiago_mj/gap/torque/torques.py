@@ -16,6 +16,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from tiago_mj.deadline import Deadline
 from tiago_mj.effects import EFFECTS, Effect, Entry
 from tiago_mj.effects.chain import Now, Wiring
 from tiago_mj.effects.declare import overrides
@@ -38,13 +39,17 @@ class Torques:
         model: nominal; it is copied.
         course: the motion.
         given: effects that are known already: part of every torque.
+        deadline: asked before every torque that is computed; None: there is none. It may be set anew.
 
     Raises:
         ValueError: the model lacks a joint of the course.
     """
 
-    def __init__(self, model: mujoco.MjModel, course: Course, given: Sequence[Entry] = ()) -> None:
+    def __init__(
+        self, model: mujoco.MjModel, course: Course, given: Sequence[Entry] = (), deadline: Deadline | None = None
+    ) -> None:
         self.course = course
+        self.deadline = deadline or Deadline()
         self._given = tuple(entry for entry in given if EFFECTS[entry.name].stage in STAGES)
         self._model = copy.copy(model)
         self._model.body_gravcomp[:] = 0.0
@@ -99,7 +104,11 @@ class Torques:
             entries: effects and their parameters, of :data:`STAGES`.
             effort: (T, m) torque that the drives transmit, for effects that depend on it; 0 without it.
             dry: whether dry friction counts.
+
+        Raises:
+            OutOfTimeError: the deadline is over.
         """
+        self.deadline.check()
         host, now, effects = self._at_work(entries, effort)
         motion = self._motion
         for effect in effects:
@@ -187,6 +196,7 @@ class Torques:
 
     def _inverse(self, model: mujoco.MjModel, motion: tuple[Array, ...]) -> Array:
         """Inverse dynamics, (T, m)."""
+        self.deadline.check()
         data = mujoco.MjData(model)
         if model.nkey:
             data.qpos[:] = model.key_qpos[0]
