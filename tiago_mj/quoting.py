@@ -59,10 +59,20 @@ def is_one_of(value: Any, known: Iterable[Any]) -> bool:
     return isinstance(value, Hashable) and value in known
 
 
-def did_you_mean(name: Any, known: Sequence[str]) -> str:
-    """The end of a complaint of an unknown name: the one that is nearly the same, else all."""
-    near = get_close_matches(name, known, 1, 0.7) if isinstance(name, str) and len(name) <= QUOTED else []
-    return f"did you mean {near[0]!r}?" if near else f"use {', '.join(known)}"
+def did_you_mean(name: Any, known: Sequence[str], listed: str = "") -> str:
+    """The end of a complaint of an unknown name: the one that is nearly the same, else all.
+
+    Args:
+        name: that is unknown.
+        known: names that there are.
+        listed: where to find them, where they are too many for a line.
+    """
+    near = []
+    if isinstance(name, str) and len(name) <= QUOTED:
+        near = get_close_matches(name, known, 1, 0.7) or get_close_matches(name.lower(), known, 1, 0.7)
+    if near:
+        return f"did you mean {near[0]!r}?{f' ({listed})' if listed else ''}"
+    return listed or f"use {', '.join(known)}"
 
 
 class _Short(reprlib.Repr):

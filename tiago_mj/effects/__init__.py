@@ -12,7 +12,8 @@ from tiago_mj.effects import (  # noqa: F401  (their import declares the effects
 )
 from tiago_mj.effects.declare import EFFECTS, Effect, Parameter, effect, parameter
 from tiago_mj.effects.describe import Description, describe
-from tiago_mj.effects.spec import Entry, check_sizes, read_effects
+from tiago_mj.effects.nominal import check_entries
+from tiago_mj.effects.spec import Entry, read_effects
 
 __all__ = [
     "EFFECTS",
@@ -20,7 +21,7 @@ __all__ = [
     "Effect",
     "Entry",
     "Parameter",
-    "check_sizes",
+    "check_entries",
     "describe",
     "effect",
     "parameter",

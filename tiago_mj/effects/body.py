@@ -63,6 +63,8 @@ class Payload(Effect):
 
     common = True
 
+    takes_from = "tool_mass"
+
     mass = parameter("kg", identity=0.0, default=0.5, bounds=(-1.0, 5.0))
     x = detail("m", (-REACH, REACH))
     y = detail("m", (-REACH, REACH))

@@ -82,7 +82,7 @@ class DroppedCommands(Effect):
     signal_only = True
     by_chance = True
 
-    probability = parameter("-", identity=0.0, default=0.1, bounds=(0.0, 0.6))
+    probability = parameter("-", identity=0.0, default=0.1, bounds=(0.0, 0.6), possible=(0.0, 1.0))
 
     def start(self, now: Now) -> None:
         self._held = Held(now.idle)

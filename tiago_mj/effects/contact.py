@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
@@ -9,6 +11,9 @@ from numpy.typing import NDArray
 from tiago_mj import compliance
 from tiago_mj.effects.declare import Array, Effect, effect, parameter
 from tiago_mj.effects.now import Now
+
+#: Share of its half width that an object may lack: the rest is still an object.
+THINNEST: Final = 0.9
 
 
 @effect("contact_stiffness", stage="contact", targets="object")
@@ -86,7 +91,7 @@ class ContactFriction(Effect):
 class ObjectSize(Effect):
     """The object is wider than said: the radius is added to its half width along the grasp.
 
-    Formula: half width = nominal + radius
+    Formula: half width = nominal + radius, of which at least a tenth is left
 
     In a recording: both fingers touch earlier and rest farther apart.
 
@@ -99,6 +104,8 @@ class ObjectSize(Effect):
     MuJoCo: ``geom_size`` with its bounding volumes; the mass stays.
     """
 
+    takes_from = "object_half_width"
+
     radius = parameter("m", identity=0.0, default=0.003, bounds=(-0.015, 0.015))
 
     def change(self, now: Now) -> None:
@@ -107,13 +114,14 @@ class ObjectSize(Effect):
             return
         model = now.host.model
         size, box, tree = (now.host.field(name) for name in ("geom_size", "geom_aabb", "bvh_aabb"))
-        size[:, geom, 0] += self.radius[:, 0]
+        added = np.maximum(self.radius[:, 0], -THINNEST * size[:, geom, 0])
+        size[:, geom, 0] += added
         # A cylinder's radius is both horizontal extents; the body's only bounding volume is its geom's.
-        wider = (3, 4) if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_CYLINDER else (3,)
-        for extent in wider:
-            box[:, geom, extent] += self.radius[:, 0]
-            tree[:, model.body_bvhadr[now.wiring.object_body], extent] += self.radius[:, 0]
-        now.host.field("geom_rbound")[:, geom] += np.abs(self.radius[:, 0])
+        extents = (3, 4) if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_CYLINDER else (3,)
+        for extent in extents:
+            box[:, geom, extent] += added
+            tree[:, model.body_bvhadr[now.wiring.object_body], extent] += added
+        now.host.field("geom_rbound")[:, geom] += np.abs(added)
 
 
 @effect("object_offset", stage="contact", targets="object", gap_class="geometry")

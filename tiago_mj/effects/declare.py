@@ -53,6 +53,15 @@ STAGES: Final = (
     "force_sensor",
 )
 TARGETS: Final = ("command", "joint", "sensor", "object", "clock")
+#: What an effect may take from the model, and what its targets are then.
+TAKEN_FROM: Final = {
+    "frictionloss": "joint",
+    "damping": "joint",
+    "servo_damping": "command",
+    "inertia": "joint",
+    "tool_mass": "joint",
+    "object_half_width": "object",
+}
 
 #: Hooks that any effect may have, beside those whose arrays have the shape of its targets.
 COMMON_HOOKS: Final = ("start", "change", "place", "model_attributes")
@@ -88,6 +97,8 @@ class Parameter:
         default: (slide, hinge), a clearly visible magnitude.
         bounds: (low, high), what a fit may try.
         nominal: ``velocity`` or ``effort``: default and bounds are shares of that nominal limit of the target.
+        possible: (low, high), beyond which a value has no meaning, whatever the robot; None: only what ``bounds`` say
+            of signs.
         name: as in the class.
     """
 
@@ -96,6 +107,7 @@ class Parameter:
     default: tuple[float, float]
     bounds: tuple[tuple[float, float], tuple[float, float]]
     nominal: str | None = None
+    possible: tuple[float, float] | None = None
     name: str = ""
 
     def __set_name__(self, owner: type, name: str) -> None:
@@ -109,6 +121,7 @@ def parameter(
     default: float | tuple[float, float],
     bounds: tuple[float, float] | tuple[tuple[float, float], tuple[float, float]],
     nominal: str | None = None,
+    possible: tuple[float, float] | None = None,
 ) -> Any:
     """Declare a parameter in an effect's body; pairs are (sliding joint, hinge)."""
     units = (unit, unit) if isinstance(unit, str) else unit
@@ -116,7 +129,7 @@ def parameter(
     ranges: Any = bounds if isinstance(bounds[0], tuple) else (bounds, bounds)
     if not len(units) == len(defaults) == len(ranges) == len(ranges[0]) == len(ranges[1]) == 2:
         raise ValueError(f"parameter [{unit}]: give units, defaults and bounds (low, high) once, or as a pair of each")
-    return Parameter(units, identity, defaults, ranges, nominal)
+    return Parameter(units, identity, defaults, ranges, nominal, possible)
 
 
 @dataclass(frozen=True)
@@ -196,8 +209,8 @@ class Effect:
     needs_object: ClassVar[bool] = True
     #: Fewest targets that it can act between.
     fewest_targets: ClassVar[int] = 1
-    #: The joint's nominal quantity that a negative magnitude takes away, and at most all of it: ``frictionloss``
-    #: [N, N·m], ``damping`` [N·s/m, N·m·s/rad] or ``servo_damping``; None where there is none.
+    #: What of the nominal model a negative first parameter takes away, and at most all of it, by its name in
+    #: :data:`tiago_mj.effects.nominal.STOCKS`; None where it takes nothing.
     takes_from: ClassVar[str | None] = None
     #: Whether what it does is drawn at random: no simulation repeats it, so that known as it is it closes no gap.
     by_chance: ClassVar[bool] = False
@@ -336,6 +349,7 @@ def effect(name: str, *, stage: str, targets: str, gap_class: str | None = None)
         declared.forms = {key: value for key, value in inherited.items() if isinstance(value, Form)}
         declared.details = {key: value for key, value in inherited.items() if isinstance(value, Detail)}
         _check_hooks(name, declared, stage, targets)
+        _check_taken(name, declared.takes_from, targets, next(iter(parameters.values())))
         declared.name, declared.stage, declared.targets = name, stage, targets
         declared.gap_class = gap_class or name
         declared.parameters = parameters
@@ -372,6 +386,16 @@ def _check_parameters(name: str, parameters: Mapping[str, Parameter]) -> None:
             f"effect {name!r} has {len(switches)} parameters with an identity: give one to the parameter that switches "
             "the effect off, None to the others"
         )
+
+
+def _check_taken(name: str, taken: str | None, targets: str, first: Parameter) -> None:
+    if taken is None:
+        return
+    if TAKEN_FROM.get(taken) != targets:
+        possible = ", ".join(key for key, whose in TAKEN_FROM.items() if whose == targets) or "None"
+        raise ValueError(f"effect {name!r} has takes_from={taken!r}: with targets={targets!r} use {possible}")
+    if first.identity != 0.0:
+        raise ValueError(f"effect {name!r} has takes_from={taken!r}: only an addition, of identity 0, can take away")
 
 
 def _check_hooks(name: str, declared: type[Effect], stage: str, targets: str) -> None:

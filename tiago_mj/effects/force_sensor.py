@@ -30,7 +30,7 @@ class PadCreep(Effect):
 
     signal_only = True
 
-    fraction = parameter("-", identity=0.0, default=0.2, bounds=(0.0, 0.8))
+    fraction = parameter("-", identity=0.0, default=0.2, bounds=(0.0, 0.8), possible=(0.0, 1.0))
     time_constant = parameter("s", identity=None, default=0.3, bounds=(0.03, 3.0))
 
     def start(self, now: Now) -> None:
@@ -354,7 +354,7 @@ class ForceDropout(Effect):
     signal_only = True
     by_chance = True
 
-    probability = parameter("-", identity=0.0, default=0.05, bounds=(0.0, 0.8))
+    probability = parameter("-", identity=0.0, default=0.05, bounds=(0.0, 0.8), possible=(0.0, 1.0))
 
     def start(self, now: Now) -> None:
         self._held = Held()

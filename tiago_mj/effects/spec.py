@@ -14,12 +14,14 @@ from numpy.typing import NDArray
 from tiago_mj.effects.declare import EFFECTS, Detail, Effect, Parameter
 from tiago_mj.loading import is_file
 from tiago_mj.quantities import SMALLER, quantity
-from tiago_mj.quoting import is_one_of, quoted
+from tiago_mj.quoting import did_you_mean, is_one_of, quoted
 
 Array = NDArray[np.float64]
 
 #: Of one simulator; a verdict names two.
 MOST: Final = 1000
+#: Where all effects are listed.
+LISTED: Final = "all are in docs/effects.md and in tiago_mj.effects.EFFECTS"
 #: What a user gives may lie this many times farther than what a fit tries.
 FAR: Final = 10.0
 
@@ -213,12 +215,14 @@ def _entry(item: Any) -> Entry:
         )
     name = item["name"]
     if not is_one_of(name, EFFECTS):
-        raise ValueError(f"effect {quoted(name)} is unknown: use one of {', '.join(EFFECTS)}")
+        raise ValueError(f"effect {quoted(name)} is unknown: {did_you_mean(name, tuple(EFFECTS), LISTED)}")
     target, values, fitted = written.entry(name, {key: value for key, value in item.items() if key != "name"})
     declared, forms, details = EFFECTS[name].parameters, EFFECTS[name].forms, EFFECTS[name].details
     for key, number in values.items():
         if key not in declared and key not in forms and key not in details:
-            raise ValueError(f"effect {name!r} has no parameter {quoted(key)}: use {', '.join((*declared, *details))}")
+            raise ValueError(
+                f"effect {name!r} has no parameter {quoted(key)}: {did_you_mean(key, (*declared, *forms, *details))}"
+            )
         if math.isnan(number):
             raise ValueError(f"effect {name!r}: {key} is nan, give a number")
         if key in declared:
@@ -294,8 +298,9 @@ def _check_possible(name: str, p: Parameter, number: float) -> None:
         raise ValueError(
             f"effect {name!r}: {p.name} is {number:g}, give a number {'above' if lowest else 'of at least'} 0"
         )
-    if p.name == "probability" and number > 1:
-        raise ValueError(f"effect {name!r}: {p.name} is {number:g}, give a number from 0 to 1")
+    if p.possible is not None and not p.possible[0] <= number <= p.possible[1]:
+        low, high = p.possible
+        raise ValueError(f"effect {name!r}: {p.name} is {number:g}, give a number from {low:g} to {high:g}")
 
 
 def _check_detail(name: str, detail: Detail, number: float) -> None:

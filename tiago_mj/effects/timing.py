@@ -58,7 +58,7 @@ class ClockSkew(Effect):
     MuJoCo: each simulation has its own ``opt.timestep``.
     """
 
-    rate = parameter("-", identity=0.0, default=0.005, bounds=(-0.05, 0.05))
+    rate = parameter("-", identity=0.0, default=0.005, bounds=(-0.05, 0.05), possible=(-0.9, 9.0))
 
     def place(self, now: Now) -> None:
         now.clock = now.clock / (1 + self.rate[:, 0])

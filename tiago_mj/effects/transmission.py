@@ -354,7 +354,8 @@ class Armature(Effect):
     Formula: (inertia + mass) · acceleration = force
 
     A negative value takes from the joint's inertia: at most 90 % of what moves with a joint that moves alone and 99 %
-    of its motor's (``armature``), in a chain of joints 30 % of the one and all of the other.
+    of its motor's (``armature``), in a chain of joints 30 % of the one, or less where the mass matrix would not be
+    positive definite in any pose, and all of the other.
 
     In a recording: slower starts and stops, overshoot; nothing at constant speed.
 
@@ -367,15 +368,21 @@ class Armature(Effect):
     MuJoCo: ``dof_armature``.
     """
 
+    takes_from = "inertia"
+
+    _least: Array | None = None
+
     mass = parameter(("kg", "kg·m²"), identity=0.0, default=0.3, bounds=((-0.08, 5.0), (-0.1, 3.0)))
 
     def change(self, now: Now) -> None:
         armature, dofs = now.host.field("dof_armature"), now.wiring.dof
         before = armature[:, dofs]
-        model, least = now.host.model, 0.0
-        if (self.mass < 0).any():
-            least = model.dof_armature[dofs] - removable_inertia(model, dofs)
-        armature[:, dofs] = np.where(self.present, np.maximum(before + self.mass, least), before)
+        if self._least is None:
+            model = now.host.model
+            self._least = np.zeros(len(dofs))
+            if (self.mass < 0).any():
+                self._least = model.dof_armature[dofs] - removable_inertia(model, dofs)
+        armature[:, dofs] = np.where(self.present, np.maximum(before + self.mass, self._least), before)
         now.rebuild = True
 
 

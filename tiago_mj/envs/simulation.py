@@ -237,12 +237,12 @@ class RobotSimulation(MujocoRobotEnv, ABC):  # type: ignore[misc]
 
     def _make_chain(self) -> Chain:
         """The same signal chain that the diagnosis simulates with, for this one simulation."""
-        from tiago_mj.effects import check_sizes, read_effects
+        from tiago_mj.effects import check_entries, read_effects
         from tiago_mj.effects.chain import Chain
         from tiago_mj.effects.host import ScalarHost
 
         entries, wiring = read_effects(self._effects), self.wiring()
-        check_sizes(entries, wiring.targets)
+        check_entries(entries, self.model, wiring)
         return Chain(ScalarHost(self.data), wiring, [entries], self._uniform)
 
     def _uniform(self, shape: tuple[int, ...]) -> Array:

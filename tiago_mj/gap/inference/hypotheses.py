@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tiago_mj.effects import EFFECTS
+from tiago_mj.effects.nominal import STOCKS, removable
 from tiago_mj.effects.spec import Entry
 from tiago_mj.gap.data.nominal_priors import deviation
 from tiago_mj.gap.simulation.plant import Plant
@@ -256,8 +257,8 @@ def _candidates_of(
         low, high = size.within(name, low, high)
     removes = False
     if declared.takes_from is not None:
-        all_of_it = -_nominal_of(plant, declared.takes_from, index)
-        low, removes = max(low, all_of_it), all_of_it >= low
+        all_of_it = -removable(declared, plant.model, plant.wiring, index)
+        low, removes = max(low, all_of_it), all_of_it >= low and STOCKS[declared.takes_from].vanishes
     grid = _magnitudes(switch.identity, low, high)
     others = [p for p in declared.parameters.values() if p is not switch]
     settings: list[tuple[tuple[str, float], ...]] = [()]
@@ -273,16 +274,6 @@ def _candidates_of(
         )
         for setting in settings
     ]
-
-
-def _nominal_of(plant: Plant, quantity: str, joint: int) -> float:
-    """What the nominal model has of a quantity that an effect may take away, see :attr:`Effect.takes_from`."""
-    model, dof = plant.model, plant.wiring.dof[joint]
-    if quantity == "frictionloss":
-        return float(model.dof_frictionloss[dof])
-    if quantity == "damping":
-        return float(np.max(model.dof_damping[dof]))
-    return float(-model.actuator_biasprm[plant.wiring.actuators[joint], 2])
 
 
 def _magnitudes(identity: float, low: float, high: float) -> tuple[float, ...]:
@@ -360,8 +351,7 @@ def _stated_terms(plant: Plant, name: str) -> list[Term]:
         if size is not None:
             index = 0 if group is None else names.index(group[0])
             low, high = parameter.bounds[0 if targets.slide(declared.targets, index) else 1]
-            if declared.takes_from is not None:
-                low = max(low, -_nominal_of(plant, declared.takes_from, index))
+            low = max(low, -removable(declared, plant.model, plant.wiring, index))
             out.append(Term(name, group, parameter.name, parameter.identity, size, False, low, high))
     return out
 
@@ -382,8 +372,7 @@ def _default_terms(plant: Plant) -> tuple[Term, ...]:
             size = nuisance.deviation[0 if targets.slide(declared.targets, index) else 1]
             base = parameter.identity
             if nuisance.relative == "damping":
-                assert declared.takes_from is not None
-                size *= _nominal_of(plant, declared.takes_from, index)
+                size *= removable(declared, plant.model, plant.wiring, index)
             elif nuisance.relative == "tool":
                 size *= float(plant.model.body_mass[plant.wiring.tool])
             elif nuisance.relative == "inertia":
@@ -392,7 +381,8 @@ def _default_terms(plant: Plant) -> tuple[Term, ...]:
                 base = targets.nominal("effort", "command", index)
                 size *= -base  # a looser limit is not seen
             if size and base is not None and np.isfinite(base):
-                out.append(Term(nuisance.effect, group, nuisance.parameter, base, size, nuisance.per_trial))
+                low = -removable(declared, plant.model, plant.wiring, index)
+                out.append(Term(nuisance.effect, group, nuisance.parameter, base, size, nuisance.per_trial, low))
     return tuple(out)
 
 

@@ -17,9 +17,9 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from tiago_mj.effects import EFFECTS
+from tiago_mj.effects import check_entries
 from tiago_mj.effects.chain import Wiring
-from tiago_mj.effects.spec import Entry, arrays
+from tiago_mj.effects.spec import Entry
 from tiago_mj.effects.wiring import wire
 from tiago_mj.gap.data.grid import grid_step
 from tiago_mj.gap.data.lint.names import check_names
@@ -155,8 +155,7 @@ def plant_of(
         )
     file = model is not None or robot.endswith(MODELS)
     plant = _plain(trials, Path(robot)) if file else _environment(trials, robot)
-    for entry in given:
-        arrays(EFFECTS[entry.name], [[entry]], plant.wiring.targets)
+    check_entries(given, plant.model, plant.wiring)
     return replace(plant, known=known_to(trials), given=tuple(given), grids=grids(trials, given))
 
 

@@ -16,7 +16,7 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tiago_mj.effects import check_sizes, read_effects, written
+from tiago_mj.effects import check_entries, read_effects, written
 from tiago_mj.effects.chain import Chain
 from tiago_mj.effects.host import ScalarHost
 from tiago_mj.effects.model_file import MARK
@@ -70,7 +70,7 @@ class Stepper:
         )
         self.joints, self.actuators = self._wiring.targets.joint, self._wiring.targets.command
         entries = read_effects(effects)
-        check_sizes(entries, self._wiring.targets)
+        check_entries(entries, self.model, self._wiring)
         self._seed = seed
         self._chain = Chain(ScalarHost(self.data), self._wiring, [entries], self._uniform)
         self.reset()

@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 
 from tiago_mj import __version__
-from tiago_mj.effects import check_sizes, read_effects
+from tiago_mj.effects import check_entries, read_effects
 from tiago_mj.effects.chain import Chain
 from tiago_mj.effects.host import ScalarHost, has_diverged
 from tiago_mj.effects.wiring import wire
@@ -118,7 +118,7 @@ def record_model(
     rng = np.random.default_rng(seed)
     servo = _servo_facts(model, actuators)
     entries = read_effects(effects)
-    check_sizes(entries, wiring.targets)
+    check_entries(entries, model, wiring)
     chain = Chain(ScalarHost(data), wiring, [entries], lambda shape: rng.random(shape))
     for number in range(seed, seed + episodes):
         rng = np.random.default_rng(number)

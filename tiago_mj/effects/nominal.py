@@ -1,0 +1,165 @@
+"""What the nominal model has of what effects change: how much of it can be taken away, and which limits hold already.
+
+The environments, ``record``, a replay and the diagnosis ask here, so that what a user may give and what a search may
+try end at the same number.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Final
+
+import mujoco
+import numpy as np
+
+from tiago_mj.effects.contact import THINNEST
+from tiago_mj.effects.declare import EFFECTS, Effect
+from tiago_mj.effects.inertia import removable_inertia
+from tiago_mj.effects.now import Wiring
+from tiago_mj.effects.spec import Entry, arrays, check_sizes
+
+#: Sums of what several entries say are off by rounding.
+ROUNDING: Final = 1e-9
+
+
+@dataclass(frozen=True)
+class Stock:
+    """What a model has of a quantity that effects may take away.
+
+    Attributes:
+        what: it is, in words.
+        amount: of a target, by its index among the effect's targets, in the effect's unit; inf where nothing is known
+            to end it.
+        vanishes: whether reality may lack all of it, so that an estimate there is no sign of something else.
+    """
+
+    what: str
+    amount: Callable[[mujoco.MjModel, Wiring, int], float]
+    vanishes: bool
+
+
+def _friction(model: mujoco.MjModel, wiring: Wiring, joint: int) -> float:
+    return float(model.dof_frictionloss[wiring.dof[joint]])
+
+
+def _damping(model: mujoco.MjModel, wiring: Wiring, joint: int) -> float:
+    return float(np.max(model.dof_damping[wiring.dof[joint]]))
+
+
+def _servo_damping(model: mujoco.MjModel, wiring: Wiring, actuator: int) -> float:
+    return float(-model.actuator_biasprm[wiring.actuators[actuator], 2])
+
+
+def _inertia(model: mujoco.MjModel, wiring: Wiring, joint: int) -> float:
+    return float(removable_inertia(model, wiring.dof)[joint])
+
+
+def _tool_mass(model: mujoco.MjModel, wiring: Wiring, _: int) -> float:
+    return float(model.body_mass[wiring.tool])
+
+
+def _half_width(model: mujoco.MjModel, wiring: Wiring, _: int) -> float:
+    return math.inf if wiring.object_geom is None else THINNEST * float(model.geom_size[wiring.object_geom, 0])
+
+
+#: By the names that :attr:`tiago_mj.effects.declare.Effect.takes_from` has.
+STOCKS: Final[Mapping[str, Stock]] = MappingProxyType(
+    {
+        "frictionloss": Stock("dry friction", _friction, vanishes=True),
+        "damping": Stock("damping", _damping, vanishes=True),
+        "servo_damping": Stock("damping of the servo", _servo_damping, vanishes=True),
+        "inertia": Stock("inertia that can be taken away", _inertia, vanishes=False),
+        "tool_mass": Stock("mass of the tool", _tool_mass, vanishes=False),
+        "object_half_width": Stock("half width of the object that can be taken away", _half_width, vanishes=False),
+    }
+)
+
+
+def removable(declared: type[Effect], model: mujoco.MjModel, wiring: Wiring, index: int) -> float:
+    """How far below 0 an effect's first parameter may lie on a target, in its unit; inf where the effect takes nothing
+    from the model.
+
+    Args:
+        declared: the effect.
+        model: nominal.
+        wiring: of the model.
+        index: of the target among the effect's targets.
+    """
+    if declared.takes_from is None:
+        return math.inf
+    return max(STOCKS[declared.takes_from].amount(model, wiring, index), 0.0)
+
+
+def check_entries(entries: Sequence[Entry], model: mujoco.MjModel, wiring: Wiring) -> None:
+    """Refuse what a user gave where it cannot be meant of this model: sizes that are a slip of the unit, more taken
+    away than there is, and a limit looser than the one that holds. What a diagnosis found is not questioned.
+
+    Args:
+        entries: of one simulator; those of one effect on one target count together.
+        model: nominal.
+        wiring: of the model.
+
+    Raises:
+        ValueError: an entry names a target that the model does not have, or has a value as above; one line that says
+            what the model has.
+    """
+    check_sizes(entries, wiring.targets)
+    for name in dict.fromkeys(entry.name for entry in entries if not entry.fitted):
+        declared = EFFECTS[name]
+        first = next(iter(declared.parameters.values()))
+        same = [entry for entry in entries if entry.name == name]
+        values = getattr(arrays(declared, [same], wiring.targets), first.name)[0]
+        if declared.common:
+            values = values.sum(keepdims=True)
+        for index, value in enumerate(values.tolist()):
+            _check_taken(declared, value, index, model, wiring)
+            _check_limit(declared, value, index, wiring)
+
+
+def _check_taken(declared: type[Effect], value: float, index: int, model: mujoco.MjModel, wiring: Wiring) -> None:
+    if declared.takes_from is None or value >= 0:
+        return
+    there = removable(declared, model, wiring, index)
+    if value >= -there * (1 + ROUNDING):
+        return
+    what, unit = STOCKS[declared.takes_from].what, _unit(declared, index, wiring)
+    least = f"at least -{_said(there)}" if there else "0 or more"
+    raise ValueError(
+        f"{_given(declared, value, index, wiring)}, but the model has {_said(there)} {unit} of {what}: give {least}"
+    )
+
+
+def _check_limit(declared: type[Effect], value: float, index: int, wiring: Wiring) -> None:
+    """A drive's nominal force holds whatever an effect allows beyond it; a nominal speed does not hold everywhere."""
+    if next(iter(declared.parameters.values())).nominal != "effort" or not math.isfinite(value):
+        return
+    there = wiring.targets.nominal("effort", declared.targets, index)
+    if value > there * (1 + ROUNDING):
+        raise ValueError(
+            f"{_given(declared, value, index, wiring)}, where the model's own limit of {_said(there)} "
+            f"{_unit(declared, index, wiring)} holds already: give less than {_said(there)}"
+        )
+
+
+def _given(declared: type[Effect], value: float, index: int, wiring: Wiring) -> str:
+    """What was given, as a message begins."""
+    first = next(iter(declared.parameters))
+    several = declared.targets in ("command", "joint", "sensor") and not declared.common
+    whose = f" on {wiring.targets.names(declared.targets)[index]}" if several else ""
+    return f"effect {declared.name!r}: {first} is {value:g} {_unit(declared, index, wiring)}{whose}"
+
+
+def _unit(declared: type[Effect], index: int, wiring: Wiring) -> str:
+    first = next(iter(declared.parameters.values()))
+    return first.unit[0 if wiring.targets.slide(declared.targets, index) else 1]
+
+
+def _said(amount: float) -> str:
+    """To four digits, rounded down: what is said to be there can be taken."""
+    if not amount:
+        return "0"
+    grain = 10.0 ** (math.floor(math.log10(amount)) - 3)
+    return f"{math.floor(amount / grain * (1 + ROUNDING)) * grain:.4g}"
