@@ -69,7 +69,8 @@ def did_you_mean(name: Any, known: Sequence[str], listed: str = "") -> str:
     """
     near = []
     if isinstance(name, str) and len(name) <= QUOTED:
-        near = get_close_matches(name, known, 1, 0.7) or get_close_matches(name.lower(), known, 1, 0.7)
+        begun = [one for one in known if name and one.startswith(name)]
+        near = get_close_matches(name, known, 1, 0.7) or get_close_matches(name.lower(), known, 1, 0.7) or begun
     if near:
         return f"did you mean {near[0]!r}?{f' ({listed})' if listed else ''}"
     return listed or f"use {', '.join(known)}"

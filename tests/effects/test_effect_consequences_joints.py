@@ -87,13 +87,14 @@ def test_at_constant_speed_the_servo_pays_for_the_friction_of_that_direction(eff
 @pytest.mark.parametrize("taken", [0.4, 1.0, 2.0])
 @pytest.mark.parametrize(("name", "parameter"), [("coulomb_friction", "force"), ("viscous_friction", "damping")])
 def test_reality_may_have_less_friction_than_the_model(name, parameter, taken):
-    """TIAGo's arm_1 has 1 N·m of friction and 1 N·m·s/rad of damping: both can be taken away, and no more than that."""
+    """TIAGo's arm_1 has 1 N·m of friction and 1 N·m·s/rad of damping: both can be taken away, and no more than that,
+    whatever a calibration says."""
     action = np.zeros((240, 10))
     action[:, 1] = -0.1
     speed = 0.1 * 1.95  # rad/s
     nominal, less = (
         rollout(effects, action, TIAGO).effort[-1, 1]
-        for effects in (None, entry(name, "arm_1_joint", **{parameter: -taken}))
+        for effects in (None, entry(name, "arm_1_joint", **{parameter: {"value": -taken}}))
     )
     expected = min(taken, 1.0) * (speed if name == "viscous_friction" else 1.0)
     # The rest of the arm, which is moved along, pulls on the joint as before within that.

@@ -256,8 +256,11 @@ def check_sizes(entries: Sequence[Entry], targets: Targets) -> None:
 def _check_size(name: str, p: Parameter | None, number: float, sides: Sequence[int]) -> None:
     """A value may lie beyond what a fit tries, as large robots have it, but not :data:`FAR` times as far.
 
-    What has no unit of its own, is a share of a limit, or is absent when large, may be as large as it is given.
+    What has no unit of its own, is a share of a limit, or is absent when large, may be as large as it is given; what is
+    taken from the model is compared with what that has (:mod:`tiago_mj.effects.nominal`).
     """
+    if number < 0 and EFFECTS[name].takes_from is not None:
+        return
     if p is None or p.nominal is not None or p.identity == math.inf or not math.isfinite(number):
         return
     if any("sensor unit" in unit or unit == "-" for unit in p.unit):
