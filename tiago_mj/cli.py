@@ -7,9 +7,11 @@ It is imported only when it is asked for.
 from __future__ import annotations
 
 import argparse
+import contextlib
 import errno
 import importlib
 import os
+import select
 import sys
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
@@ -44,6 +46,8 @@ COMMANDS: Final[Mapping[str, tuple[str, str]]] = MappingProxyType(
 
 #: How a complaint of a drive without room begins, whatever the command.
 FULL: Final = "the drive is full"
+#: Exit status where whoever read the output closed it: 128 and SIGPIPE, as a shell says it of other commands.
+BROKEN_PIPE: Final = 141
 #: Set to see where an error came from.
 TRACEBACK: Final = "TIAGO_MJ_TRACEBACK"
 
@@ -80,6 +84,32 @@ def main(argv: Sequence[str] | None = None) -> int:
     Returns:
         Exit status: what the command returns; 2 where something it was given is unusable, said in one line on stderr.
     """
+    try:
+        try:
+            return _run(argv)
+        finally:
+            sys.stdout.flush()
+    except BrokenPipeError:
+        # Whoever read the output has enough (``| head``): nothing more is written, at exit neither.
+        for stream in (sys.stdout, sys.stderr):
+            with contextlib.suppress(OSError, ValueError):
+                os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+        return BROKEN_PIPE
+
+
+def _unread() -> bool:
+    """Whether nobody reads what is printed any more: a pipe may be broken that is not the terminal's."""
+    for stream in (sys.stdout, sys.stderr):
+        with contextlib.suppress(OSError, ValueError):
+            poll = select.poll()
+            poll.register(stream.fileno(), 0)
+            if any(state & select.POLLERR for _, state in poll.poll(0)):
+                return True
+    return False
+
+
+def _run(argv: Sequence[str] | None) -> int:
+    """The same, where somebody reads what is printed."""
     given = list(sys.argv[1:] if argv is None else argv)
     headless.hush_unmade_viewers()
     arguments = build_parser(next((word for word in given if not word.startswith("-")), None)).parse_args(given)
@@ -95,6 +125,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         return 130
     except Exception as fault:
+        if isinstance(fault, BrokenPipeError) and _unread():
+            raise
         if os.environ.get(TRACEBACK) or not isinstance(fault, _foreseen()):
             raise
         print(f"tiago-mj {arguments.command}: {one_line(_told(fault, arguments))}", file=sys.stderr)

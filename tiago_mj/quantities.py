@@ -32,6 +32,9 @@ def quantity(value: float, unit: str, digits: int = 3) -> str:
 
 #: Smaller amounts are what sums of floating-point numbers leave of nothing.
 NOTHING: Final = 1e-9
+#: Smaller amounts are written with a power of ten: a row of zeros is misread.
+TINY: Final = 1e-6
+_RAISED: Final = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def number(value: float | None, digits: int = 3) -> str:
@@ -42,6 +45,9 @@ def number(value: float | None, digits: int = 3) -> str:
         return "∞" if value > 0 else "−∞"
     if abs(value) < NOTHING:
         return "0"
+    if abs(value) < TINY:
+        mantissa, _, power = f"{value:.{digits - 1}e}".partition("e")
+        return f"{bare(mantissa.replace('-', '−'))}·10{str(int(power)).translate(_RAISED)}"
     decimals = digits - 1 - math.floor(math.log10(abs(value)))
     return fixed(round(value, decimals), max(decimals, 0))
 
@@ -56,4 +62,6 @@ def fixed(value: float, decimals: int) -> str:
 
 def bare(text: str) -> str:
     """Without zeros at the end of its decimals."""
+    if "·" in text:
+        return text
     return text.rstrip("0").rstrip(".") if "." in text else text

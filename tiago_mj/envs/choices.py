@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tiago_mj.models.objects import GraspObject, named_object
+from tiago_mj.models.objects import GraspObject, described_object, named_object
 from tiago_mj.quoting import quoted
 
 #: A number, or (low, high) to draw it uniformly at every reset.
 Range = float | tuple[float, float] | Sequence[float]
+
+
+#: An object's name, a dictionary that describes it, or the thing itself; or several to draw from at every reset.
+Objects = str | Mapping[str, Any] | GraspObject | Sequence[str | Mapping[str, Any] | GraspObject]
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +44,7 @@ def interval(name: str, value: Range, *, unit: str = "") -> Interval:
         ValueError: neither, or not finite, or low above high; names the argument.
     """
     try:
-        numbers = np.asarray(value, dtype=float)
+        numbers = np.full((), np.nan) if _is_text(value) else np.asarray(value, dtype=float)
     except (TypeError, ValueError, OverflowError):
         numbers = np.full((), np.nan)
     if numbers.shape not in ((), (2,)) or not np.isfinite(numbers).all():
@@ -49,6 +53,11 @@ def interval(name: str, value: Range, *, unit: str = "") -> Interval:
     if low > high:
         raise ValueError(f"{name} is {quoted(value)}: the first of (low, high) must not be above the second")
     return Interval(low, high)
+
+
+def _is_text(value: Any) -> bool:
+    """Whether NumPy would read numbers out of text, or out of booleans."""
+    return any(isinstance(one, (str, bytes, bool)) for one in (value if isinstance(value, (list, tuple)) else [value]))
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,8 +132,14 @@ class ObjectChoice:
         return max(getattr(kind, quantity) for kind in self.kinds) if choice is None else choice.high
 
 
+def _object(given: Any) -> GraspObject:
+    if isinstance(given, Mapping):
+        return described_object(given)
+    return given if isinstance(given, GraspObject) else named_object(given)
+
+
 def object_choice(
-    kind: str | GraspObject | Sequence[str | GraspObject],
+    kind: Objects,
     *,
     width: Range | None = None,
     mass: Range | None = None,
@@ -140,7 +155,7 @@ def object_choice(
     listed: list[Any] = list(kind) if isinstance(kind, (list, tuple)) else [kind]
     if not listed:
         raise ValueError("object is an empty list: name at least one object")
-    kinds = tuple(item if isinstance(item, GraspObject) else named_object(item) for item in listed)
+    kinds = tuple(_object(item) for item in listed)
 
     def read(name: str, value: Range | None, unit: str) -> Interval | None:
         if value is None:

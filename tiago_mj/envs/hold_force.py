@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tiago_mj.columns import columns
-from tiago_mj.envs.choices import Range, interval, object_choice
+from tiago_mj.envs.choices import Objects, Range, interval, object_choice
 from tiago_mj.envs.fixed import Fixed
 from tiago_mj.envs.robot_env import FORCE_BOUND, RobotEnv
 from tiago_mj.envs.state import State
 from tiago_mj.models import names
-from tiago_mj.models.objects import GraspObject
 from tiago_mj.quoting import is_one_of, quoted
 from tiago_mj.sensing.load_cell import GOAL_NEWTONS
 
@@ -96,7 +94,7 @@ class HoldForce(RobotEnv):
         force_type: str = "raw",
         reward_type: str = "dense",
         goal: Range | None = None,
-        object: str | GraspObject | Sequence[str | GraspObject] = "cylinder",
+        object: Objects = "cylinder",
         object_width: Range | None = None,
         object_mass: Range | None = None,
         object_stiffness: Range | None = None,
@@ -113,7 +111,8 @@ class HoldForce(RobotEnv):
             reward_type: ``dense``, ``normalised`` or ``sparse``.
             goal: force to hold [sensor units], or (low, high) to draw it at every reset. None: 6.06 N per finger, which
                 is the paper's 1.0 with the default sensing.
-            object: name(s) in :data:`tiago_mj.models.objects.OBJECTS` or objects; several are drawn from.
+            object: name(s) in :data:`tiago_mj.models.objects.OBJECTS`, objects, or dictionaries that describe them
+                (:data:`tiago_mj.models.objects.KEYS`); several are drawn from.
             object_width, object_mass, object_stiffness, object_damping: [m], [kg], [N/m], [N·s/m], each one number or
                 (low, high); None keeps the object's own.
             object_offset: along the grasp axis, positive towards the left finger [m], one number or (low, high).

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any, Final
 
@@ -11,12 +11,11 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from tiago_mj.columns import columns, joined, positive
-from tiago_mj.envs.choices import Range
+from tiago_mj.envs.choices import Objects, Range
 from tiago_mj.envs.hold_force import HoldForce
 from tiago_mj.envs.robot_env import VELOCITY_BOUND
 from tiago_mj.envs.state import State
 from tiago_mj.models import names
-from tiago_mj.models.objects import GraspObject
 from tiago_mj.quoting import is_number, quoted
 
 Array = NDArray[np.float64]
@@ -143,7 +142,7 @@ class HoldForceSteady(HoldForce):
         observe_fingers: bool = False,
         exponent: float = 1.0,
         goal: Range | None = GOALS,
-        object: str | GraspObject | Sequence[str | GraspObject] = OBJECTS,
+        object: Objects = OBJECTS,
         object_width: Range | None = WIDTHS,
         object_mass: Range | None = MASSES,
         object_stiffness: Range | None = STIFFNESSES,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any, Final
 
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tiago_mj.columns import columns, joined
-from tiago_mj.envs.choices import ObjectChoice, Range, Region, object_choice
+from tiago_mj.envs.choices import ObjectChoice, Objects, Range, Region, object_choice
 from tiago_mj.envs.fixed import Fixed
 from tiago_mj.envs.robot_env import FORCE_BOUND, VELOCITY_BOUND, WORLD_BOUND, RobotEnv
 from tiago_mj.envs.start import Start
@@ -176,7 +176,7 @@ class ObjectToGoal(PositionGoal):
         force_type: str = "none",
         reward_type: str = "sparse",
         distance_threshold: float = THRESHOLD,
-        object: str | GraspObject | Sequence[str | GraspObject] = CUBE,
+        object: Objects = CUBE,
         object_width: Range | None = None,
         object_mass: Range | None = None,
         object_stiffness: Range | None = None,

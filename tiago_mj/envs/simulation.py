@@ -29,7 +29,7 @@ from tiago_mj.envs.start import Start, contact_of, grasp_frame, put_object
 from tiago_mj.models import names, scene
 from tiago_mj.models.files import model_file
 from tiago_mj.models.objects import GraspObject
-from tiago_mj.quoting import is_number, is_one_of, quoted
+from tiago_mj.quoting import did_you_mean, is_number, is_one_of, quoted
 from tiago_mj.sensing.load_cell import LoadCell, MovingAverage, named_load_cell
 from tiago_mj.sensing.noise import NoiseBlocks
 
@@ -48,6 +48,8 @@ IDEAL_MAX_TIMESTEP: Final = 1 / 1920
 UNSTABLE: Final = slice(int(mujoco.mjtWarning.mjWARN_BADQPOS), int(mujoco.mjtWarning.mjWARN_BADQACC) + 1)
 #: What ``n_substeps`` may be set to.
 MOST_SUBSTEPS: Final = 10_000
+#: Of a side of a rendered frame [pixel]: OpenGL's own bound on most machines.
+MOST_PIXELS: Final = 16_384
 #: Commanded finger speed [m/s]: the 2021 project's. Its URDF says 0.05, and 0.02 is what the real robot was run at.
 FINGER_SPEED: Final = 0.08
 
@@ -145,7 +147,18 @@ class RobotSimulation(MujocoRobotEnv, ABC):  # type: ignore[misc]
             raise ValueError(
                 f"visual is False and render_mode {quoted(render_mode)}: there is nothing to see; leave one out"
             )
-        self.joints = joints
+        for name, size in (("width", width), ("height", height)):
+            if isinstance(size, bool) or not isinstance(size, (int, np.integer)) or not 1 <= size <= MOST_PIXELS:
+                raise ValueError(
+                    f"{name} is {quoted(size)}: it is that of rendered frames, give a whole number of pixels from 1 to "
+                    f"{MOST_PIXELS}" + (" (an object's width is object_width)" if name == "width" else "")
+                )
+        for name, flag in (("visual", visual), ("load_cells", load_cells)):
+            if not isinstance(flag, (bool, np.bool_)):
+                raise ValueError(f"{name} is {quoted(flag)}: give True or False")
+        if not isinstance(joints, (list, tuple)) or not joints:
+            raise ValueError(f"joints is {quoted(joints)}: give a list of names")
+        self.joints = joints = tuple(joints)
         self.control = control
         self.servo = servo
         self.load_cell = sensing if isinstance(sensing, LoadCell) else named_load_cell(sensing)
@@ -200,6 +213,7 @@ class RobotSimulation(MujocoRobotEnv, ABC):  # type: ignore[misc]
     def _initialize_simulation(self) -> None:
         self.model = scene.build(self._scene)
         mujoco_log.told_once()
+        self._check_joints()
         self.data = mujoco.MjData(self.model)
         self.model.vis.global_.offwidth = self.width
         self.model.vis.global_.offheight = self.height
@@ -234,6 +248,16 @@ class RobotSimulation(MujocoRobotEnv, ABC):  # type: ignore[misc]
         self._item_in_place, self._offset = self._scene.item, 0.0
         self._chain = None if self._effects is None else self._make_chain()
         self._settle(self._object_position(0.0))
+
+    def _check_joints(self) -> None:
+        known = tuple(self.model.actuator(k).name for k in range(self.model.nu))
+        for k, name in enumerate(self.joints):
+            if not is_one_of(name, known):
+                raise ValueError(
+                    f"joints has {quoted(name)}, which {self._scene.robot} does not move: {did_you_mean(name, known)}"
+                )
+            if name in self.joints[:k]:
+                raise ValueError(f"joints has {quoted(name)} twice: name each joint once")
 
     def _make_chain(self) -> Chain:
         """The same signal chain that the diagnosis simulates with, for this one simulation."""

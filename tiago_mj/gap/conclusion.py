@@ -152,7 +152,6 @@ def concluded(
             tested=bool(session.splits["test"]),
             complete=ranked.complete,
             ended=fault_of(ranked.ended),
-            diverged=ranked.predict.tally,
             splits=session.splits,
             slides=[name for name, slides in zip(plant.joints, plant.wiring.targets.slides, strict=True) if slides],
         ),

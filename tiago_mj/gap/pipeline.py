@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -22,7 +23,7 @@ from tiago_mj.gap.inference import hypotheses, noise_model
 from tiago_mj.gap.inference.predictor import predictor
 from tiago_mj.gap.report.consistency import checked
 from tiago_mj.gap.report.repaired import with_model
-from tiago_mj.gap.result import Diagnosis, Place, Stopped
+from tiago_mj.gap.result import Diagnosis, Place, Stopped, TrialModels
 from tiago_mj.gap.search import select
 from tiago_mj.gap.search.state import Question
 from tiago_mj.gap.simulation import phases, replay, sizes
@@ -112,11 +113,21 @@ class _SoFar:
         where: the gap of the nominal model.
         search: what the search has found.
         needs: given what was done, how many seconds the whole takes at most; None where nothing tells.
+        tally: of simulations (:class:`tiago_mj.gap.inference.predictor.Predictor`).
+        warned: MuJoCo's warnings of models that were tried, which are not the user's, by kind.
     """
 
     where: tuple[Place, ...] = ()
     search: select.PartialResult = field(default_factory=select.PartialResult)
     needs: Callable[[], float | None] = lambda: None
+    tally: Counter[str] = field(default_factory=Counter)
+    warned: Counter[str] = field(default_factory=Counter)
+
+    def trial_models(self) -> TrialModels | None:
+        """How the simulations went; None: there was none."""
+        if not self.tally:
+            return None
+        return TrialModels(self.tally["simulations"], self.tally["diverged"], dict(sorted(self.warned.items())))
 
 
 def _diagnosed(trials: Sequence[Trial], asked: Request) -> Diagnosis:
@@ -136,7 +147,12 @@ def _diagnosed(trials: Sequence[Trial], asked: Request) -> Diagnosis:
             Stopped.by(found.ended, 0.0), tried=len(search.tried), effects=search.effects, needs=so_far.needs()
         )
         found = provisional(found, replace(stopped, seconds=asked.deadline.spent()))
-    found = replace(found, findings=found.findings or asked.findings, seconds=time.monotonic() - begun)
+    found = replace(
+        found,
+        findings=found.findings or asked.findings,
+        trial_models=so_far.trial_models(),
+        seconds=time.monotonic() - begun,
+    )
     return task.told(with_model(found, session.plant), question, asked.deadline, asked.tick)
 
 
@@ -150,6 +166,7 @@ def _forward(session: Session, asked: Request, so_far: _SoFar) -> Diagnosis:
     )
     predict = replace(predict, simulated=tick.worked)
     base = predict.all_trials([()], range(len(session.trials)), keep=True)[0]
+    so_far.tally = predict.tally
     simulated = deadline.spent()
     # The nominal model once as it is, once with finer steps, once as it is compared.
     a_simulation = (simulated - begun) / (len(session.trials) * (2 + noise_model.STEP_REFINEMENT))
@@ -160,7 +177,8 @@ def _forward(session: Session, asked: Request, so_far: _SoFar) -> Diagnosis:
     fastest = np.abs(nominal.velocity).max(axis=(0, 1))
     pool = hypotheses.candidates(plant, asked.names, fastest, sizes.sizes(plant, session.trials, nominal))
     fitted_on = session.indices(*FITTED)
-    proposed = proposals(predict, nominal, base, pool, fitted_on)
+    with mujoco_log.counted(so_far.warned):
+        proposed = proposals(predict, nominal, base, pool, fitted_on)
     searching = deadline.sooner(reserve)
     steps = replay.physics_steps(plant, predict.on)
     question = Question(
@@ -186,16 +204,17 @@ def _forward(session: Session, asked: Request, so_far: _SoFar) -> Diagnosis:
 
     so_far.needs = needs
     tick.measured_in(question.fitted_trials * question.steps, question.budget)
-    ranked = select.select(
-        question,
-        so_far=so_far.search,
-        deadline=searching,
-        landing=a_simulation * select.LANDING * question.first_trials,
-        tick=tick,
-    )
-    return concluded(
-        session, proposed, ranked, nominal, seed=asked.seed, threads=asked.threads, deadline=deadline, tick=tick
-    )
+    with mujoco_log.counted(so_far.warned):
+        ranked = select.select(
+            question,
+            so_far=so_far.search,
+            deadline=searching,
+            landing=a_simulation * select.LANDING * question.first_trials,
+            tick=tick,
+        )
+        return concluded(
+            session, proposed, ranked, nominal, seed=asked.seed, threads=asked.threads, deadline=deadline, tick=tick
+        )
 
 
 def _question(session: Session, asked: Request) -> task.Asked | None:

@@ -239,6 +239,21 @@ class Stopped:
 
 
 @dataclass(frozen=True)
+class TrialModels:
+    """How the simulations went that a search tries: models with candidate effects in them, most of which are wrong.
+
+    Attributes:
+        simulations: that were made, the nominal ones among them.
+        diverged: of these; what they were of was dropped.
+        warnings: MuJoCo's, by what they say: how often each came.
+    """
+
+    simulations: int
+    diverged: int
+    warnings: Mapping[str, int] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
 class Diagnosis:
     """The whole answer.
 
@@ -265,6 +280,8 @@ class Diagnosis:
             page, not in the JSON.
         asides: sentences on how the numbers were made, with no bearing on the answer; for the page, not in the JSON.
         physics_steps: that were simulated; None where efforts were explained along the measured motion.
+        trial_models: how the simulations of candidate effects went, which is no sign of a fault in the user's model;
+            None as for ``physics_steps``.
     """
 
     kind: str
@@ -295,3 +312,4 @@ class Diagnosis:
     physics_steps: int | None = None
     limits: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     asides: tuple[str, ...] = ()
+    trial_models: TrialModels | None = None

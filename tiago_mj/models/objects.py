@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from tiago_mj.compliance import Compliance
 from tiago_mj.models import names
-from tiago_mj.quoting import is_number, is_one_of, quoted
+from tiago_mj.quoting import did_you_mean, is_number, is_one_of, quoted
 
 SHAPES: Final[Mapping[str, mujoco.mjtGeom]] = MappingProxyType(
     {"cylinder": mujoco.mjtGeom.mjGEOM_CYLINDER, "box": mujoco.mjtGeom.mjGEOM_BOX}
@@ -98,6 +98,46 @@ OBJECTS: Final[Mapping[str, GraspObject]] = MappingProxyType(
 )
 
 
+#: What a dictionary may say of an object, as a recording's sidecar does: field, and factor to the field's unit.
+KEYS: Final[Mapping[str, tuple[str, float]]] = MappingProxyType(
+    {
+        "shape": ("shape", 1.0),
+        "radius_m": ("width", 2.0),
+        "width_m": ("width", 1.0),
+        "height_m": ("height", 1.0),
+        "mass_kg": ("mass", 1.0),
+        "stiffness": ("stiffness", 1.0),
+        "damping": ("damping", 1.0),
+        "friction": ("friction", 1.0),
+    }
+)
+
+
+def described_object(said: Mapping[str, Any]) -> GraspObject:
+    """An object of one's own, by the keys of :data:`KEYS`; what is not said is the default object's.
+
+    Args:
+        said: ``shape``; ``radius_m`` or ``width_m``, ``height_m`` [m]; ``mass_kg`` [kg]; ``stiffness`` [N/m] and
+            ``damping`` [N·s/m] of the contact with one pad; ``friction``.
+
+    Raises:
+        ValueError: an unknown key, both radius and width, or a number that no object can have; one line.
+    """
+    changes: dict[str, Any] = {}
+    for key, value in said.items():
+        if not is_one_of(key, KEYS):
+            near = next((one for one, (field, _) in KEYS.items() if key in (field, one.rpartition("_")[0])), None)
+            mend = f"did you mean {near!r}?" if near else did_you_mean(key, tuple(KEYS))
+            raise ValueError(f"object has no key {quoted(key)}: {mend}")
+        field, factor = KEYS[key]
+        if field in changes:
+            raise ValueError("object has radius_m and width_m: give one of them")
+        if field != "shape" and not is_number(value):
+            raise ValueError(f"object {key} is {quoted(value)}: give a number")
+        changes[field] = value if field == "shape" else factor * value
+    return GraspObject(**changes)
+
+
 def named_object(name: str, **changes: Any) -> GraspObject:
     """The object of that name, with fields replaced.
 
@@ -105,7 +145,10 @@ def named_object(name: str, **changes: Any) -> GraspObject:
         ValueError: no such object; says which there are.
     """
     if not is_one_of(name, OBJECTS):
-        raise ValueError(f"object {quoted(name)} is unknown: use one of {', '.join(OBJECTS)}")
+        raise ValueError(
+            f"object {quoted(name)} is unknown: use one of {', '.join(OBJECTS)}, or describe your own by a dictionary "
+            "with shape, width_m, height_m, mass_kg"
+        )
     return replace(OBJECTS[name], **changes)
 
 

@@ -148,7 +148,6 @@ def notes(
     splits: Mapping[str, Sequence[str]],
     slides: Sequence[str] = (),
     ended: BaseException | None = None,
-    diverged: Mapping[str, int] | None = None,
 ) -> tuple[str, ...]:
     """Sentences that a reader should know.
 
@@ -160,7 +159,6 @@ def notes(
         tested: whether a trial was kept for testing.
         complete: whether the search came to its end.
         ended: what ended it, apart from the time.
-        diverged: number of ``simulations``, and of those that ``diverged``.
         splits: names of the train, validation and test trials.
         slides: joints that slide.
     """
@@ -184,10 +182,6 @@ def notes(
         "something slipped, tipped or got stuck there. What is said rests on the others."
         for k in excluded
     ]
-    if diverged and diverged["diverged"]:
-        said.append(
-            f"{diverged['diverged']} of {diverged['simulations']} simulations diverged: what they were of was dropped."
-        )
     if not complete:
         said.append(early_end(ended))
     return tuple(said)

@@ -16,7 +16,7 @@ from tiago_mj.gap.result import Diagnosis, Named, Value
 HEADER = """\
 # Made by tiago-mj diagnose. Load it with {load}.
 # Every value has a 90 % interval, low to high. source: the diagnosis that this is from, and the SHA-256 of what it says
-# without "seconds", so that the same recordings and seed give the same file.
+# without "seconds", "physics_steps" and "trial_models", so that the same recordings and seed give the same file.
 """
 
 

@@ -23,7 +23,7 @@ __all__ = ["as_data", "clean", "fingerprint", "load", "target", "text", "write"]
 DIGITS = 6
 SPLITS = ("train", "validation", "test")
 #: What a diagnosis took, which is no part of what it says.
-EFFORT = ("seconds", "physics_steps")
+EFFORT = ("seconds", "physics_steps", "trial_models")
 TASK = ("policy", "nominal", "repaired", "measured")
 
 
@@ -82,6 +82,7 @@ def as_data(diagnosis: Diagnosis) -> dict[str, Any]:
         "version": diagnosis.version,
         "seconds": diagnosis.seconds,
         "physics_steps": diagnosis.physics_steps,
+        "trial_models": None if diagnosis.trial_models is None else asdict(diagnosis.trial_models),
     }
     cleaned: dict[str, Any] = clean(data)
     return cleaned

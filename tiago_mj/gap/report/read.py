@@ -22,6 +22,7 @@ from tiago_mj.gap.result import (
     Place,
     Shrink,
     Stopped,
+    TrialModels,
     Value,
 )
 from tiago_mj.loading import load_json
@@ -168,6 +169,12 @@ class _Stopped(_Part):
     needs: float | None = None
 
 
+class _TrialModels(_Part):
+    simulations: int
+    diverged: int
+    warnings: dict[str, int]
+
+
 class _Diagnosis(_Part):
     verdict: _Verdict
     where: list[_Place]
@@ -185,6 +192,7 @@ class _Diagnosis(_Part):
     version: str
     seconds: float
     physics_steps: int | None = None
+    trial_models: _TrialModels | None = None
 
 
 def load(path: Path) -> Diagnosis:
@@ -258,6 +266,7 @@ def _diagnosis(data: _Diagnosis) -> Diagnosis:
         version=data.version,
         seconds=data.seconds,
         physics_steps=data.physics_steps,
+        trial_models=None if data.trial_models is None else TrialModels(**dict(data.trial_models)),
         notes=tuple(data.notes),
     )
 

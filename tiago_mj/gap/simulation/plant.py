@@ -30,7 +30,7 @@ from tiago_mj.loading import is_file
 from tiago_mj.models import names, scene
 from tiago_mj.models.actuators import driven_joint, replayed_interfaces
 from tiago_mj.models.bounded import check_speed, load_model
-from tiago_mj.models.objects import SHAPES, GraspObject
+from tiago_mj.models.objects import KEYS, SHAPES, GraspObject
 from tiago_mj.quoting import quoted
 from tiago_mj.sensing.load_cell import LoadCell
 from tiago_mj.sensing.sources import PadForces
@@ -188,16 +188,8 @@ def grasp_object(said: Mapping[str, Any] | None) -> tuple[GraspObject | None, fl
     if not said:
         return None, 0.0
     changes: dict[str, Any] = {}
-    for key, name, factor in (
-        ("radius_m", "width", 2.0),
-        ("width_m", "width", 1.0),
-        ("height_m", "height", 1.0),
-        ("mass_kg", "mass", 1.0),
-        ("stiffness", "stiffness", 1.0),
-        ("damping", "damping", 1.0),
-        ("friction", "friction", 1.0),
-    ):
-        if said.get(key) is not None:
+    for key, (name, factor) in KEYS.items():
+        if key != "shape" and said.get(key) is not None:
             changes[name] = float(said[key]) * factor
     if said.get("shape") in SHAPES:
         changes["shape"] = said["shape"]

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg
 
+from tiago_mj import mujoco_log
 from tiago_mj.effects import EFFECTS
 from tiago_mj.gap.data.recording import RecordingError, Trial
 from tiago_mj.gap.detectors.readings import ONLY_READ_OFF
@@ -25,7 +26,7 @@ from tiago_mj.gap.inference import hypotheses, likelihood, noise_model
 from tiago_mj.gap.inference.fit import NUISANCE_STEP
 from tiago_mj.gap.inference.hypotheses import Candidate
 from tiago_mj.gap.inference.predictor import Predictor
-from tiago_mj.gap.simulation import replay, stability
+from tiago_mj.gap.simulation import replay, sizes, stability
 from tiago_mj.gap.simulation.plant import Plant
 
 Array = NDArray[np.float64]
@@ -123,27 +124,30 @@ def preflight(
     responses = (predict.all_trials([(term.entry(NUISANCE_STEP),) for term in terms], chosen) - base) / NUISANCE_STEP
     thinned = np.minimum(likelihood.independence(part, base), np.sqrt(min(plant.period / CORRELATED, 1.0)))
     frame = likelihood.frame(part, thinned, responses, on_their_own)
-    pool = [c for c in hypotheses.candidates(plant, fastest=_fastest(plant, on, threads)) if c.target is None]
+    nominal = _nominal(plant, on, threads)
+    fastest = np.abs(nominal.velocity).max(axis=(0, 1))
+    pool = [c for c in hypotheses.candidates(plant, None, fastest, sizes.sizes(plant, trials, nominal)) if not c.target]
     found: dict[str, Excited] = {}
     shapes: dict[str, Array] = {}
-    for candidate in pool:
-        if candidate.effect in found:
-            continue
-        if candidate.effect in ONLY_READ_OFF:
-            found[candidate.effect] = Excited(
-                candidate.effect, candidate.parameter, candidate.unit, None, 0.0, by_readings=True
-            )
-            continue
-        found[candidate.effect], shapes[candidate.effect] = _excited(predict, frame, candidate, chosen, base)
+    with mujoco_log.counted():  # of models that are tried, which are not the user's
+        for candidate in pool:
+            if candidate.effect in found:
+                continue
+            if candidate.effect in ONLY_READ_OFF:
+                found[candidate.effect] = Excited(
+                    candidate.effect, candidate.parameter, candidate.unit, None, 0.0, by_readings=True
+                )
+                continue
+            found[candidate.effect], shapes[candidate.effect] = _excited(predict, frame, candidate, chosen, base)
     seen = [name for name, one in found.items() if one.smallest is not None and one.distance >= CLEAR]
     return Preflight(plant.name, len(trials), tuple(found.values()), _alike(seen, shapes))
 
 
-def _fastest(plant: Plant, on: replay.Grid, threads: int) -> Array:
+def _nominal(plant: Plant, on: replay.Grid, threads: int) -> replay.Signals:
+    """The nominal replay, one row a trial."""
     nominal = replay.simulate(plant, on, [(k, ()) for k in range(len(on.trials))], threads=threads)
     stability.check_nominal(plant, on, nominal)
-    fastest: Array = np.abs(nominal.velocity).max(axis=(0, 1))
-    return fastest
+    return nominal
 
 
 def _excited(
