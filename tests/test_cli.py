@@ -5,7 +5,9 @@ from __future__ import annotations
 import base64
 import errno
 import json
+import os
 import pickle
+import shutil
 import subprocess
 import sys
 import zipfile
@@ -250,3 +252,31 @@ def test_without_the_learning_library_it_says_what_to_install(policy, capsys, mo
 def test_ids_are_known_with_and_without_their_namespace():
     for name in tiago_mj.ENVIRONMENTS:
         assert environment_id(name) == environment_id(f"tiago_mj/{name}") == f"tiago_mj/{name}"
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="pipes of another kind")
+@pytest.mark.parametrize(("words", "status"), [
+    (("agents",), 141),
+    (("convert", "robot.urdf", "--out", "robot.xml"), 141),
+    (("diagnose", "--help"), 0),  # argparse itself lets it pass
+])  # fmt: skip
+def test_a_command_whose_output_is_closed_ends_quietly(words, status, tmp_path):
+    shutil.copy(Path(__file__).parents[1] / "examples" / "pendulum" / "pendulum.urdf", tmp_path / "robot.urdf")
+    reader, writer = os.pipe()
+    os.close(reader)
+    done = subprocess.run(
+        [sys.executable, "-m", "tiago_mj.cli", *words],
+        stdout=writer, stderr=subprocess.PIPE, text=True, cwd=tmp_path, check=False,
+    )  # fmt: skip
+    os.close(writer)
+    assert done.stderr == ""
+    assert done.returncode == status
+
+
+def test_another_broken_pipe_is_no_closed_output(monkeypatch, capsys):
+    def broken(arguments):
+        raise BrokenPipeError(errno.EPIPE, "Broken pipe")
+
+    monkeypatch.setattr("tiago_mj.doctor.run", broken)
+    assert cli.main(["doctor"]) == 2
+    assert capsys.readouterr().err == "tiago-mj doctor: broken pipe\n"

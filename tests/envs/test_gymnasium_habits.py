@@ -5,6 +5,7 @@ import re
 import subprocess
 import sys
 import warnings
+from pathlib import Path
 from types import ModuleType
 
 import gymnasium
@@ -14,7 +15,8 @@ from gymnasium import wrappers
 from gymnasium.error import ClosedEnvironmentError, DependencyNotInstalled, ResetNeeded
 from stable_baselines3.common.monitor import Monitor
 
-import tiago_mj  # noqa: F401
+import tiago_mj
+from tiago_mj.models.objects import KEYS, GraspObject
 
 FLAT, GOAL = "tiago_mj/GripperTactile-v0", "tiago_mj/GripperTactileGoal-v0"
 
@@ -260,3 +262,68 @@ def test_a_simulation_that_diverges_ends_its_episode_and_writes_no_log(tmp_path,
     assert list(tmp_path.iterdir()) == []
     assert done.stderr.count("MuJoCo: Nan, Inf or huge value") == 1
     assert "the simulation has diverged: its episode is truncated" in done.stderr
+
+
+@pytest.mark.parametrize("make", [gymnasium.make, gymnasium.make_vec], ids=["make", "make_vec"])
+@pytest.mark.parametrize(("given", "says"), [
+    ({"width": 0.05}, r"width is 0.05: .* pixels from 1 to 16384 \(an object's width is object_width\)"),
+    ({"height": "big"}, r"height is 'big': .* whole number of pixels"),
+    ({"width": True}, "width is True"),
+    ({"visual": "no"}, "visual is 'no': give True or False"),
+    ({"load_cells": 1}, "load_cells is 1: give True or False"),
+    ({"joints": "arm"}, "joints is 'arm': give a list of names"),
+    ({"joints": ["gripper_right_finger_jiont"]}, "does not move: did you mean 'gripper_right_finger_joint'"),
+    ({"joints": ["gripper_right_finger_joint"] * 2}, "twice: name each joint once"),
+    ({"object_width": "0.04"}, r"object_width is '0.04': give one number or \(low, high\) in m"),
+    ({"object_mass": (0.1, "0.2")}, "object_mass is"),
+    ({"object_wdith": 0.04}, "no argument 'object_wdith': did you mean 'object_width'"),
+    ({"object": {"shape": "box", "width": 0.05}}, "object has no key 'width': did you mean 'width_m'"),
+    ({"object": {"radius_m": 0.02, "width_m": 0.04}}, "object has radius_m and width_m: give one of them"),
+    ({"object": {"mass_kg": "heavy"}}, "object mass_kg is 'heavy': give a number"),
+    ({"object": {"colour": "red"}}, "object has no key 'colour': use shape, radius_m"),
+    ({"object": {"shape": "ball"}}, "object shape 'ball' is unknown: use one of cylinder, box"),
+    ({"object": "bottle"}, "object 'bottle' is unknown: .*, or describe your own by a dictionary with shape, width_m"),
+])  # fmt: skip
+def test_a_slip_in_an_argument_is_one_line_that_says_the_mend(make, given, says):
+    with pytest.raises(ValueError, match=says) as caught:
+        make(FLAT, **given)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("name", tiago_mj.ENVIRONMENTS)
+def test_every_environment_refuses_a_keyword_that_it_does_not_know(name):
+    with pytest.raises(ValueError, match="no argument 'contol_hz': did you mean 'control_hz'"):
+        gymnasium.make(f"tiago_mj/{name}", contol_hz=25)
+
+
+def test_an_object_of_ones_own_is_what_its_dictionary_says():
+    said = {"shape": "box", "width_m": 0.03, "height_m": 0.08, "mass_kg": 0.2, "stiffness": 4000, "damping": 40}
+    core = gymnasium.make(GOAL, object=[said]).unwrapped
+    core.reset(seed=0)
+    assert core.object_choice.first() == GraspObject("box", 0.03, 0.08, 0.2, 4000, 40)
+    np.testing.assert_allclose(core.model.body("object").mass, 0.2)
+    round_one = gymnasium.make(GOAL, object={"radius_m": 0.018}).unwrapped
+    np.testing.assert_allclose(round_one.model.geom("object").size[0], 0.018)
+
+
+def test_the_examples_of_an_own_object_in_the_documents_run():
+    page = (Path(__file__).parents[2] / "docs" / "tasks.md").read_text("utf-8")
+    block = re.search(r"## An object of your own\n.*?```python\n(.*?)```", page, re.DOTALL)[1]
+    made = {}
+    exec(block, made)
+    assert made["env"].unwrapped.object_choice.first().width == 0.06
+    section = page.split("## An object of your own")[1].split("\n## ")[0]
+    named = [key for row in re.findall(r"^\| (`[^|]+) \|", section, re.M) for key in re.findall(r"`(\w+)`", row)]
+    assert sorted(named) == sorted(KEYS)
+
+
+def test_the_example_of_a_recorded_film_in_the_documents_runs(tmp_path, monkeypatch):
+    pytest.importorskip("moviepy")
+    page = (Path(__file__).parents[2] / "docs" / "tasks.md").read_text("utf-8")
+    block = re.search(r"## Films by.*?```python\n(.*?)```", page, re.DOTALL)[1]
+    monkeypatch.chdir(tmp_path)
+    try:
+        exec(block, {})
+    except DependencyNotInstalled as fault:
+        pytest.skip(str(fault))
+    assert (tmp_path / "films" / "rl-video-episode-0.mp4").stat().st_size > 1000

@@ -1,9 +1,12 @@
 """Preflight says what a recording can tell before anything is fitted, from its commands and the model's uncertainty."""
 
 import json
+import subprocess
+import sys
 from contextlib import redirect_stdout
 from dataclasses import replace
 from io import StringIO
+from pathlib import Path
 
 import gymnasium
 import numpy as np
@@ -138,3 +141,17 @@ def test_efforts_that_are_none_end_in_one_line(tmp_path, capsys):
     said = capsys.readouterr().err.strip()
     assert "effort.swing" in said
     assert "\n" not in said
+
+
+def test_a_pendulum_is_tried_with_inertia_that_it_can_lack(tmp_path, capsys):
+    """TIAGo's magnitudes took all inertia of two small links, and what diverged was visible from 6e-9 kg·m²."""
+    example = Path(__file__).parents[2] / "examples" / "pendulum"
+    subprocess.run([sys.executable, example / "make_logs.py", "--out", tmp_path / "logs"], check=True)
+    assert main(["convert", str(example / "pendulum.urdf"), "--out", str(tmp_path / "pendulum.xml")]) == 0
+    words = ["--model", str(tmp_path / "pendulum.xml"), "--map", str(example / "logs.yaml"), "--jobs", "1", "--json"]
+    capsys.readouterr()
+    assert main(["preflight", str(tmp_path / "logs"), *words]) == 0
+    out, err = capsys.readouterr()
+    assert "MuJoCo" not in err
+    armature = next(one for one in json.loads(out)["effects"] if one["name"] == "armature")
+    assert abs(armature["smallest_visible"]) > 1e-5

@@ -32,7 +32,7 @@ def test_a_diagnosis_has_exactly_the_keys_of_its_contract_and_only_finite_number
     data = json.loads((tmp_path / "diagnosis.json").read_text(), parse_constant=refuse)
     assert list(data) == [
         *("schema", "verdict", "where", "stage", "shrink", "ranking", "lint", "next_motion", "splits"),
-        *("robot", "notes", "complete", "stopped", "seed", "version", "seconds", "physics_steps"),
+        *("robot", "notes", "complete", "stopped", "seed", "version", "seconds", "physics_steps", "trial_models"),
     ]
     assert data["schema"] == "tiago_mj.diagnosis/1"
     assert list(data["verdict"]) == ["kind", "effects", "probability", "alternatives", "remains", "not_excited"]

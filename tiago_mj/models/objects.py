@@ -126,7 +126,7 @@ def described_object(said: Mapping[str, Any]) -> GraspObject:
     changes: dict[str, Any] = {}
     for key, value in said.items():
         if not is_one_of(key, KEYS):
-            near = next((one for one, (field, _) in KEYS.items() if key in (field, one.rpartition("_")[0])), None)
+            near = next((one for one in KEYS if key == one.rpartition("_")[0]), None)  # it lacks its unit
             mend = f"did you mean {near!r}?" if near else did_you_mean(key, tuple(KEYS))
             raise ValueError(f"object has no key {quoted(key)}: {mend}")
         field, factor = KEYS[key]
