@@ -121,8 +121,10 @@ def described_object(said: Mapping[str, Any]) -> GraspObject:
             ``damping`` [N·s/m] of the contact with one pad; ``friction``.
 
     Raises:
-        ValueError: an unknown key, both radius and width, or a number that no object can have; one line.
+        ValueError: no key, an unknown one, both radius and width, or a number that no object can have; one line.
     """
+    if not said:
+        raise ValueError(f"object says nothing: use {', '.join(KEYS)}")
     changes: dict[str, Any] = {}
     for key, value in said.items():
         if not is_one_of(key, KEYS):
