@@ -130,6 +130,7 @@ def test_a_limit_that_the_drive_has_already_is_refused():
     ):
         make({"force_limit": {"limit": 100}})
     make({"force_limit": {"limit": 16}})
+    make({"force_limit": {"limit": 20}}, TIAGO)  # the fingers', but not the arm's
     make({"force_limit": {"limit": np.inf}})
 
 

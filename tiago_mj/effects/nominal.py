@@ -95,7 +95,7 @@ def removable(declared: type[Effect], model: mujoco.MjModel, wiring: Wiring, ind
 
 def check_entries(entries: Sequence[Entry], model: mujoco.MjModel, wiring: Wiring) -> None:
     """Refuse what a user gave where it cannot be meant of this model: sizes that are a slip of the unit, more taken
-    away than there is, and a limit looser than the one that holds. What a diagnosis found is not questioned.
+    away than there is, and a limit looser than all those that hold. What a diagnosis found is not questioned.
 
     Args:
         entries: of one simulator; those of one effect on one target count together.
@@ -116,7 +116,7 @@ def check_entries(entries: Sequence[Entry], model: mujoco.MjModel, wiring: Wirin
             values = values.sum(keepdims=True)
         for index, value in enumerate(values.tolist()):
             _check_taken(declared, value, index, model, wiring)
-            _check_limit(declared, value, index, wiring)
+        _check_limit(declared, values.tolist(), wiring)
 
 
 def _check_taken(declared: type[Effect], value: float, index: int, model: mujoco.MjModel, wiring: Wiring) -> None:
@@ -132,16 +132,19 @@ def _check_taken(declared: type[Effect], value: float, index: int, model: mujoco
     )
 
 
-def _check_limit(declared: type[Effect], value: float, index: int, wiring: Wiring) -> None:
+def _check_limit(declared: type[Effect], values: Sequence[float], wiring: Wiring) -> None:
     """A drive's nominal force holds whatever an effect allows beyond it; a nominal speed does not hold everywhere."""
-    if next(iter(declared.parameters.values())).nominal != "effort" or not math.isfinite(value):
+    if next(iter(declared.parameters.values())).nominal != "effort":
         return
-    there = wiring.targets.nominal("effort", declared.targets, index)
-    if value > there * (1 + ROUNDING):
-        raise ValueError(
-            f"{_given(declared, value, index, wiring)}, where the model's own limit of {_said(there)} "
-            f"{_unit(declared, index, wiring)} holds already: give less than {_said(there)}"
-        )
+    limited = [index for index, value in enumerate(values) if math.isfinite(value)]
+    own = [wiring.targets.nominal("effort", declared.targets, index) for index in limited]
+    if not limited or any(values[index] <= there * (1 + ROUNDING) for index, there in zip(limited, own, strict=True)):
+        return
+    first, there = limited[0], _said(own[0])
+    raise ValueError(
+        f"{_given(declared, values[first], first, wiring)}, where the model's own limit of {there} "
+        f"{_unit(declared, first, wiring)} holds already: give less than {there}"
+    )
 
 
 def _given(declared: type[Effect], value: float, index: int, wiring: Wiring) -> str:

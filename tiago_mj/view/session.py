@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tiago_mj.effects import EFFECTS, Entry, read_effects
+from tiago_mj.effects.nominal import removable
 from tiago_mj.envs.flat import core_of
 from tiago_mj.learn.shipped import shipped_agents
 from tiago_mj.models import scene
@@ -279,12 +280,14 @@ def whom(session: Session, effect: str) -> dict[str, tuple[str, ...] | None]:
 
 
 def knobs(session: Session, effect: str, target: tuple[str, ...] | None) -> tuple[Knob, ...]:
-    """Parameters of an effect with the bounds that it declares, for a target."""
-    targets = session.core.wiring().targets
-    declared = EFFECTS[effect]
-    index = 0 if target is None else targets.names(declared.targets).index(target[0])
+    """Parameters of an effect for a target, with the bounds that it declares, as far as the model has what it takes."""
+    model, wiring = session.nominal.model, session.core.wiring()
+    targets, declared = wiring.targets, EFFECTS[effect]
+    names = targets.names(declared.targets)
+    whose = range(len(names)) if target is None else [names.index(one) for one in target]
+    index, there = whose[0], min(removable(declared, model, wiring, k) for k in whose)
     side = 0 if targets.slide(declared.targets, index) else 1
-    found = []
+    first, found = next(iter(declared.parameters)), []
     for name, parameter in declared.parameters.items():
         low, high = parameter.bounds[side]
         default = parameter.default[side]
@@ -293,6 +296,8 @@ def knobs(session: Session, effect: str, target: tuple[str, ...] | None) -> tupl
             if not np.isfinite(limit):
                 continue
             low, high, default = low * limit, high * limit, default * limit
+        if name == first:
+            low = max(low, -there)
         found.append(Knob(name, parameter.unit[side], float(low), float(high), float(default)))
     return tuple(found)
 
