@@ -39,7 +39,8 @@ def _tell_once(text: str) -> None:
 def counted(kinds: Counter[str] | None = None) -> Iterator[Counter[str]]:
     """Count MuJoCo's warnings by kind while the block runs; nothing is printed and no log file is written.
 
-    They are added to ``kinds`` where that is given. What was set before is set again afterwards. Blocks may lie in one another: the innermost counts.
+    They are added to ``kinds`` where that is given. What was set before is set again afterwards. Blocks may lie in one
+    another: the innermost counts.
     """
     kinds = Counter() if kinds is None else kinds
     before = mujoco.get_mju_user_warning()
