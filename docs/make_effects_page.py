@@ -49,6 +49,9 @@ env = gymnasium.make("tiago_mj/GripperTactile-v0", effects=effects)
 As a mapping, the short form: every effect on all of its targets, `{{}}` for the defaults.
 
 ```python
+import gymnasium
+import tiago_mj
+
 env = gymnasium.make("tiago_mj/GripperTactile-v0", effects={{"command_delay": {{"seconds": 0.03}}, "backlash": {{}}}})
 ```
 

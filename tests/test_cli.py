@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 
 import tiago_mj
-from tiago_mj import cli
+from tiago_mj import cli, extra
 from tiago_mj.film import Film, strip_indices
 from tiago_mj.rollout import command
 from tiago_mj.rollout.options import environment_id, read_options
@@ -246,7 +246,7 @@ def test_a_learned_policy_for_other_observations_is_refused(policy, capsys):
 def test_without_the_learning_library_it_says_what_to_install(policy, capsys, monkeypatch):
     monkeypatch.setitem(sys.modules, "stable_baselines3", None)
     said = complaint(capsys, "rollout", "--env", "GripperTactile-v0", "--policy", str(policy), "--trust")
-    assert "pip install 'tiago-mj[train]'" in said
+    assert extra.install("train") in said
 
 
 def test_ids_are_known_with_and_without_their_namespace():

@@ -54,8 +54,8 @@ def run(arguments: argparse.Namespace) -> int:
     """
     if not (CHECKOUT / "benchmarks" / "blind" / "command.py").is_file():
         raise ValueError(
-            "the blind check is not part of the installed package: clone the repository, run "
-            "'pip install -e .[gap]' in it and repeat the command there"
+            "the blind check is not part of the installed package: repeat the command in a clone of the repository, "
+            f"after {extra.pip()} -c {extra.CONSTRAINTS} -e '.[gap,blind]' in it"
         )
     extra.load("pyarrow", "the blind check")
     sys.path.insert(0, str(CHECKOUT))

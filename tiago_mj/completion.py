@@ -21,7 +21,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of the command."""
     parser.add_argument("shell", choices=SHELLS, metavar="|".join(SHELLS), help="whose script is printed")
     parser.epilog = (
-        "bash: tiago-mj completion bash > ~/.local/share/bash-completion/completions/tiago-mj; "
+        "bash: mkdir -p ~/.local/share/bash-completion/completions && "
+        "tiago-mj completion bash > ~/.local/share/bash-completion/completions/tiago-mj; "
         "zsh: tiago-mj completion zsh > _tiago-mj in a folder of $fpath; then start a new shell."
     )
 

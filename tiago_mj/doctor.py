@@ -16,13 +16,13 @@ from typing import Any, Final
 from packaging.requirements import Requirement
 from packaging.version import Version
 
-from tiago_mj import __version__
+from tiago_mj import __version__, extra
+from tiago_mj.extra import NAME
 
 #: Distributions whose versions say most when something is reported.
 TOLD: Final = ("mujoco", "gymnasium", "gymnasium-robotics", "numpy", "scipy", "stable-baselines3", "torch")
 #: Extras that users do not need.
 OF_DEVELOPERS: Final = ("dev", "docs", "bench")
-NAME: Final = "tiago-mj"
 
 
 @dataclass(frozen=True)
@@ -83,19 +83,19 @@ def examine() -> Iterator[Check]:
     """Everything that is looked at, the base first."""
     yield _python()
     lacking = missing(None)
-    mend = f"pip install --upgrade {NAME}" if lacking else ""
+    mend = extra.install(None) if lacking else ""
     yield Check("libraries", not lacking, ", ".join(lacking) or "all of the base", mend, needed=True)
-    yield _tried("an environment", _step, f"reinstall: pip install --force-reinstall {NAME}", needed=True)
+    yield _tried("an environment", _step, f"reinstall it: {extra.install(None)}", needed=True)
     yield _tried(
         "pictures (OpenGL)",
         _picture,
         "Debian: apt-get install libegl1 libegl-mesa0 libgl1-mesa-dri; then leave MUJOCO_GL unset, or set it to egl",
     )
-    yield _tried("films (ffmpeg)", _films, "pip install 'imageio[ffmpeg]'")
-    for extra in extras():
-        lacking = missing(extra)
-        mend = f"pip install '{NAME}[{extra}]'" if lacking else ""
-        yield Check(f"extra {extra}", not lacking, f"lacks {', '.join(lacking)}" if lacking else "installed", mend)
+    yield _tried("films (ffmpeg)", _films, f"{extra.pip()} 'imageio[ffmpeg]'")
+    for name in extras():
+        lacking = missing(name)
+        mend = extra.install(name) if lacking else ""
+        yield Check(f"extra {name}", not lacking, f"lacks {', '.join(lacking)}" if lacking else "installed", mend)
     usable = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     yield Check("processors", True, f"{usable} of {os.cpu_count()} may be used")
 

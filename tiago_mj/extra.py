@@ -1,9 +1,21 @@
-"""Libraries of extras, loaded when they are needed."""
+"""Libraries of extras, loaded when they are needed, and how they are installed."""
 
 from __future__ import annotations
 
+import importlib.metadata
+import json
+import shlex
+import sys
 from importlib import import_module
-from typing import Any
+from pathlib import Path
+from typing import Any, Final
+from urllib.parse import urlsplit
+from urllib.request import url2pathname
+
+#: Of the distribution.
+NAME: Final = "tiago-mj"
+#: Every version that the tests were run with, in the clone.
+CONSTRAINTS: Final = "constraints.txt"
 
 
 def load(name: str, purpose: str, extra: str = "gap") -> Any:
@@ -22,7 +34,7 @@ def load(name: str, purpose: str, extra: str = "gap") -> Any:
     except ModuleNotFoundError as fault:
         package = (fault.name or name).partition(".")[0]  # it may be one that the library itself needs
         raise ModuleNotFoundError(
-            f"{purpose} needs {package}, which is not installed; install it with: pip install 'tiago-mj[{extra}]'"
+            f"{purpose} needs {package}, which is not installed; install it with: {install(extra)}"
         ) from fault
 
 
@@ -31,3 +43,42 @@ def pyarrow() -> Any:
     for part in ("csv", "parquet"):
         load(f"pyarrow.{part}", "reading and writing recordings")
     return load("pyarrow", "reading and writing recordings")
+
+
+def install(extra: str | None) -> str:
+    """The command that adds an extra to this interpreter's environment; None: that installs the base anew.
+
+    The package is in no index: it is installed from its clone. Where that is not known or gone, the command is one for
+    the folder of a clone.
+    """
+    which = f"[{extra}]" if extra else ""
+    folder, editable = clone()
+    if folder is None:
+        return f"{pip()} -c {CONSTRAINTS} '.{which}'  # in a clone of {NAME}"
+    package = shlex.quote(f"{folder}{which}")
+    return f"{pip()} -c {shlex.quote(str(folder / CONSTRAINTS))} {'-e ' if editable else ''}{package}"
+
+
+def in_clone(extra: str) -> str:
+    """The same for the environment of README.md, given in the folder of the clone: it names no path of a machine."""
+    return f".venv/bin/pip install -q -c {CONSTRAINTS} '.[{extra}]'"
+
+
+def pip() -> str:
+    """``pip install`` of this interpreter, which need not be the one that ``pip`` finds."""
+    return f"{shlex.quote(sys.executable)} -m pip install"
+
+
+def clone() -> tuple[Path | None, bool]:
+    """The clone that this package was installed from, and whether it is run from there; None where there is none."""
+    try:
+        said = importlib.metadata.distribution(NAME).read_text("direct_url.json")
+        content = json.loads(said or "{}")
+        url = urlsplit(content.get("url", ""))
+        if url.scheme != "file":
+            return None, False
+        folder = Path(url2pathname(url.path))
+        editable = bool(content.get("dir_info", {}).get("editable"))
+    except (importlib.metadata.PackageNotFoundError, OSError, ValueError):
+        return None, False
+    return (folder, editable) if (folder / CONSTRAINTS).is_file() else (None, False)

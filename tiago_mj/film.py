@@ -13,7 +13,7 @@ import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
-from tiago_mj import atomic, drawing, outputs
+from tiago_mj import atomic, drawing, extra, outputs
 from tiago_mj.envs import checks
 from tiago_mj.envs.flat import core_of
 from tiago_mj.quoting import one_line
@@ -67,8 +67,8 @@ def check_encoder(suffix: str) -> None:
             write_frames(Path(folder) / f"film{suffix}", [np.zeros((64, 64, 3), dtype=np.uint8)] * 2, FPS)
         except Exception as fault:  # every encoder fails in its own way
             raise ValueError(
-                f"{suffix} films cannot be written here ({one_line(fault)}): pip install 'imageio[ffmpeg]', or take "
-                "another suffix"
+                f"{suffix} films cannot be written here ({one_line(fault)}): take another suffix, or run: "
+                f"{extra.pip()} 'imageio[ffmpeg]'"
             ) from fault
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import inspect
+import json
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from importlib import import_module
@@ -121,6 +122,19 @@ def make_vector(
         threads=threads,
         episode_statistics=episode_statistics,
     )
+
+
+def full_id(name: str) -> str:
+    """The id that ``gymnasium.make`` takes: with the namespace where it is one of this package's and lacks it."""
+    return f"{NAMESPACE}/{name}" if name in ENVIRONMENTS else name
+
+
+def import_and_make(name: str, **arguments: str) -> str:
+    """Python that makes an environment, in one line that may be copied as it is."""
+    words = [full_id(name), *arguments.values()]
+    first, *rest = (json.dumps(word, ensure_ascii=False) for word in words)
+    given = "".join(f", {key}={word}" for key, word in zip(arguments, rest, strict=True))
+    return f"import gymnasium, tiago_mj; env = gymnasium.make({first}{given})"
 
 
 def register() -> None:

@@ -33,6 +33,7 @@ def main() -> int:
     if arguments.what == "serve":
         threading.Thread(target=_follow, args=(arguments.out.resolve(),), daemon=True).start()
         address = f"127.0.0.1:{arguments.port}"
+        print(f"http://{address} follows changes; Ctrl-C ends it", file=sys.stderr, flush=True)
         return subprocess.run([*mkdocs, "serve", "-q", "-f", configuration, "-a", address], check=False).returncode
     status = subprocess.run([*mkdocs, "build", "--strict", "-f", configuration], check=False).returncode
     if status:

@@ -164,7 +164,7 @@ def diagnosis(kind="effect", best=(COULOMB,), *, alternatives=None, channels=GRI
             Finding("dead_channel", "grasp_02.csv", "force.left", "reads 0 throughout", discredits=True),
             Finding("quantum", "grasp_03.csv", "force.right", "readings come in steps of 0.01 sensor units"),
         ),
-        next_motion=NextMotion("slow_triangle_25hz.csv", (("coulomb_friction", "backlash"),), 0.87)
+        next_motion=NextMotion("free_reversals_slow_25hz.csv", (("coulomb_friction", "backlash"),), 0.87)
         if kind == "ambiguous"
         else None,
         splits={"train": trials[:5], "validation": trials[5:8], "test": trials[8:]},

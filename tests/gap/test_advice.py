@@ -79,7 +79,9 @@ def test_an_effect_is_used_in_the_simulator_and_looked_for_on_the_robot():
     given = diagnosis(limits={"joint": {RIGHT: 16.0, LEFT: 16.0}})
     use, look = advice.advice(given)
     assert use.command == "tiago-mj train --env tiago_mj/GripperTactile-v0 --effects out/calibration.yaml --out trained"
-    assert use.code == 'env = gymnasium.make("tiago_mj/GripperTactile-v0", effects="out/calibration.yaml")'
+    assert use.install.endswith("'.[train]'")
+    assert use.code.startswith("import gymnasium\nimport tiago_mj")
+    assert use.code.endswith('\n\nenv = gymnasium.make("tiago_mj/GripperTactile-v0", effects="out/calibration.yaml")')
     ((what, where),) = look.places
     assert "2.6 N (2.4–2.9) of Coulomb friction" in what
     assert "16 % of the most force that its drive gives" in what
@@ -111,7 +113,7 @@ def test_a_model_of_ones_own_is_watched_where_its_file_holds_something():
 
 def test_what_is_ambiguous_is_recorded_first_and_each_explanation_is_looked_for():
     first, look, use = advice.advice(CASES["ambiguous"])
-    assert "--motion slow_triangle_25hz.csv" in first.command
+    assert "--motion free_reversals_slow_25hz.csv" in first.command
     assert "87 %" in first.said
     assert [what.split(" has ")[0].split(" have ")[0] for what, _ in look.places] == [
         "The gripper's right finger",

@@ -140,7 +140,7 @@ def test_without_a_model_a_grippers_share_is_kept_and_not_used(tmp_path, capsys)
     assert set(trial.extras) == {"position.gripper", "command.gripper"}
     said = capsys.readouterr().out
     assert "give --model" in said
-    assert "--model FILE.xml --out DIR" in said
+    assert "--model FILE.xml --out diagnosis" in said
     assert "only a model tells" in refused(capsys, tmp_path / "cubes", "--units", "normalised")
 
 

@@ -10,6 +10,7 @@ import pyarrow.dataset
 import pytest
 
 import tiago_mj  # noqa: F401  (registers the environments)
+from tiago_mj import extra
 from tiago_mj.cli import main
 from tiago_mj.envs.flat import core_of
 from tiago_mj.gap.data.read import read_recordings
@@ -226,4 +227,4 @@ def test_without_minari_it_is_said_how_to_have_it(tmp_path, monkeypatch, capsys)
     monkeypatch.setitem(sys.modules, "minari.dataset.minari_dataset", None)
     call = ["record", "--env", "GripperTactile-v0", "--policy", "pi", "--out", str(tmp_path / "a"), "--minari", "a-v0"]
     assert main(call) != 0
-    assert "pip install 'tiago-mj[minari]'" in capsys.readouterr().err
+    assert extra.install("minari") in capsys.readouterr().err

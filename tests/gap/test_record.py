@@ -257,10 +257,11 @@ def test_a_urdf_as_a_model_says_that_it_is_to_be_converted_first(name, tmp_path,
     words = ["--model", str(tmp_path / name)]
     assert main(["record", *words, "--policy", "random", "--out", str(tmp_path / "out")]) == 2
     said = capsys.readouterr().err
-    assert f"is a URDF, not MJCF: run tiago-mj convert {tmp_path / name} --out arm." in said
+    assert "is a URDF, not MJCF: give arm." in said
+    assert f"by: tiago-mj convert {tmp_path / name} --out arm." in said
     assert said.count("\n") == 1
     trial = Trial("a", np.zeros(1), {}, {}, {}, {}, {}, Sidecar(), "a.csv")
-    with pytest.raises(RecordingError, match="is a URDF, not MJCF: run tiago-mj convert"):
+    with pytest.raises(RecordingError, match=r"is a URDF, not MJCF: .* by: tiago-mj convert"):
         plant_of([trial], model=tmp_path / name)
 
 

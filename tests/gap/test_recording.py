@@ -1,6 +1,7 @@
 """Reading and writing recordings, and every unusable one as one clear line."""
 
 import json
+import re
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -10,6 +11,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
+from tiago_mj import extra
 from tiago_mj.gap.data.read import read_recordings
 from tiago_mj.gap.data.read.tables import MAX_ROWS
 from tiago_mj.gap.data.recording import RecordingError, Sidecar, Trial, channels
@@ -468,7 +470,7 @@ def test_recordings_of_two_robots_are_refused(tmp_path):
 def test_a_missing_library_says_how_to_install_it(tmp_path, monkeypatch, library):
     path = write_csv(tmp_path / "a.csv", columns())
     monkeypatch.setitem(sys.modules, library, None)
-    with pytest.raises(ModuleNotFoundError, match=r"pip install 'tiago-mj\[gap\]'"):
+    with pytest.raises(ModuleNotFoundError, match=re.escape(extra.install("gap"))):
         read_recordings([path])
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 import scale_bench
 
-from tiago_mj import atomic, cli, diagnose_all, mujoco_log, scale
+from tiago_mj import atomic, cli, diagnose_all, extra, mujoco_log, scale
 from tiago_mj.effects import EFFECTS
 
 
@@ -269,4 +269,4 @@ def test_without_the_extra_one_line_says_how_to_install_it(words, missing, capsy
     monkeypatch.setitem(sys.modules, missing, None)
     said = refused(capsys, *ROLLOUT, *words)
     assert missing in said
-    assert "pip install 'tiago-mj[scale]'" in said
+    assert extra.install("scale") in said

@@ -14,7 +14,7 @@ from typing import Any, Final
 import mujoco
 import numpy as np
 
-from tiago_mj import __version__, atomic, figures, outputs
+from tiago_mj import __version__, atomic, extra, figures, outputs
 from tiago_mj.demo import arm_torque, hidden, page, report
 from tiago_mj.demo.grasp import Grasp, grasp, strip
 from tiago_mj.demo.whole import whole
@@ -57,8 +57,8 @@ def run(arguments: argparse.Namespace) -> int:
     print("\n".join(report.lines(data)))
     compared = "a real force curve" if data["arm"] is None else "a real force curve and a real arm"
     print(f"Done in {data['made']['seconds']:.0f} s: an effect found, a grasp, compared with {compared}.")
-    print(f"Written: {out / 'demo.html'}, its numbers in demo.json, its pictures beside it.")
-    print(f"Next: open {out / 'demo.html'}; then tiago-mj rollout --env TIAGoTactile-v0 --policy pi --film tiago.mp4")
+    print(f"Written: {out / 'demo.html'}, for a browser, its numbers in demo.json, its pictures beside it.")
+    print("Next: tiago-mj rollout --env TIAGoTactile-v0 --policy pi --film tiago.mp4")
     return 0
 
 
@@ -134,7 +134,7 @@ def _films(done: Grasp, answer: hidden.Answer | None, out: Path, progress: Progr
             write_frames(path, frames, fps)
         except (ImportError, RuntimeError) as fault:
             what = f"no film, only pictures: {' '.join(str(fault).split())}"
-            print(f"{what}; try: pip install 'imageio[ffmpeg]'", file=sys.stderr)
+            print(f"{what}; try: {extra.pip()} 'imageio[ffmpeg]'", file=sys.stderr)
             return {}
         content = path.read_bytes()
         if len(content) <= FILM_LIMIT:

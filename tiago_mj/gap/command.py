@@ -214,6 +214,8 @@ def _run(arguments: argparse.Namespace, entered: float) -> int:
     except RecordingError as fault:
         print(f"tiago-mj diagnose: {fault}", file=sys.stderr)
         return 2
+    if arguments.model is None and plant.file is not None:  # that the recordings name: a report says which
+        arguments.model = plant.file
     diagnosis = replace(diagnosis, command=shlex.join(words(arguments)))
     diagnosis, seen = _pictures(plant, read.trials, diagnosis, deadline, max(DRAWING[0] * loaded, DRAWING[1]))
     paths = write(diagnosis, arguments.out, seen)

@@ -77,7 +77,7 @@ def run(arguments: argparse.Namespace) -> int:
     print(f"{settings.algo} on {settings.env}: card {arguments.out / 'card.md'}, best agent {chosen}")
     words = [f"{key}={json.dumps(value)}" for key, value in settings.env_options.items()]
     played = "".join(f" --env-option {shlex.quote(word)}" for word in words)
-    print(f"next: tiago-mj rollout --env {arguments.env}{played} --policy {chosen} --episodes 10")
+    print(f"next: tiago-mj rollout --env {arguments.env}{played} --policy {shlex.quote(str(chosen))} --episodes 10")
     return 0
 
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 import json
 import re
+import shlex
+from collections.abc import Mapping
 from importlib.resources import as_file, files
 from pathlib import Path
 from typing import Any, Final
@@ -67,10 +69,15 @@ def run(arguments: argparse.Namespace) -> int:
     for agent in listed:
         options = ", ".join(f"{key}={json.dumps(value)}" for key, value in (agent["env_options"] or {}).items())
         print(f"{agent['name']}: {agent['algo']} on {agent['env']}" + (f" with {options}" if options else ""))
-    print(
-        f"{len(listed)} agent{'' if len(listed) == 1 else 's'}; use one with: tiago-mj rollout --env ID --policy NAME"
-    )
+    print(f"{len(listed)} agent{'' if len(listed) == 1 else 's'}; use the first with: {_use(listed[0])}")
     return 0
+
+
+def _use(agent: Mapping[str, Any]) -> str:
+    """The command that plays an agent where it was trained."""
+    words = [f"{key}={json.dumps(value)}" for key, value in (agent["env_options"] or {}).items()]
+    options = "".join(f" --env-option {shlex.quote(word)}" for word in words)
+    return f"tiago-mj rollout --env {agent['env'].partition('/')[2]}{options} --policy {agent['name']}"
 
 
 def export(

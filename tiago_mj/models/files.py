@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -36,11 +37,13 @@ def refuse_urdf(path: Path) -> None:
     if is_pipe(path):
         raise ValueError(f"{path} is a pipe: name a file")
     if path.suffix.lower() == ".xacro":
-        urdf = path.stem if path.stem.endswith(".urdf") else f"{path.stem}.urdf"
-        raise ValueError(f"{path} is xacro, not MJCF: run xacro {path} > {urdf}, then tiago-mj convert {urdf}")
+        urdf = shlex.quote(path.stem if path.stem.endswith(".urdf") else f"{path.stem}.urdf")
+        made = f"xacro {shlex.quote(str(path))} > {urdf}"
+        raise ValueError(f"{path} is xacro, not MJCF: run {made}, then tiago-mj convert {urdf}")
     if path.suffix.lower() == ".urdf" or _root_of(path) == "robot":
         mjcf = path.with_suffix(".mjcf.xml" if path.suffix == ".xml" else ".xml").name
-        raise ValueError(f"{path} is a URDF, not MJCF: run tiago-mj convert {path} --out {mjcf}, and give {mjcf}")
+        convert = f"tiago-mj convert {shlex.quote(str(path))} --out {shlex.quote(mjcf)}"
+        raise ValueError(f"{path} is a URDF, not MJCF: give {mjcf} instead, which is made by: {convert}")
 
 
 def _root_of(path: Path) -> str:

@@ -1,4 +1,4 @@
-"""The robots with real meshes, where ``example-robot-data`` is installed (``pip install "tiago-mj[meshes]"``).
+"""The robots with real meshes, where ``example-robot-data`` is installed (the extra ``meshes``).
 
 The meshes are PAL Robotics' public ones of an older TIAGo: base, torso, head and the shells of arm_1 to arm_4 fit the
 robots here (median distance of 0.4 to 6 mm from their collision primitives, no more than the primitives' own error).
@@ -15,6 +15,7 @@ from typing import Any
 
 import mujoco
 
+from tiago_mj import extra
 from tiago_mj.models.convert import meshes, shapes, urdf
 from tiago_mj.models.files import model_file
 
@@ -39,7 +40,7 @@ def example_robot_data(urdf_name: str = "tiago_description/robots/tiago_no_hand.
     try:
         distribution = metadata.distribution("example-robot-data")
     except metadata.PackageNotFoundError:
-        raise FileNotFoundError('example-robot-data is not installed: pip install "tiago-mj[meshes]"') from None
+        raise FileNotFoundError(f"example-robot-data is not installed: {extra.install('meshes')}") from None
     path = Path(str(distribution.locate_file(f"{_ROBOTS}/{urdf_name}")))
     if not path.is_file():
         raise FileNotFoundError(f"example-robot-data {distribution.version} has no {urdf_name}: install version 6")

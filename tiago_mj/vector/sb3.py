@@ -5,7 +5,7 @@
 
     model = PPO("MlpPolicy", make_sb3("tiago_mj/GripperTactile-v0", num_envs=64, seed=0))
 
-Needs the extra ``train`` (``pip install "tiago-mj[train]"``).
+Needs the extra ``train``.
 """
 
 from __future__ import annotations
@@ -18,12 +18,13 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
+from tiago_mj import extra
 from tiago_mj.vector.env import VectorRobotEnv
 
 try:
     from stable_baselines3.common.vec_env import VecEnv
 except ImportError as missing:
-    raise ImportError('stable-baselines3 is not installed: pip install "tiago-mj[train]"') from missing
+    raise ImportError(f"stable-baselines3 is not installed: {extra.install('train')}") from missing
 
 #: What stable-baselines3 calls by name, and depends on no simulation: HER's relabelling.
 _METHODS: Final = ("compute_reward", "compute_terminated", "compute_truncated")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import json
 import math
 import shlex
 from collections.abc import Sequence
@@ -10,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import PurePath
 from typing import Final
 
+from tiago_mj import extra
 from tiago_mj.effects import EFFECTS, describe
 from tiago_mj.effects.declare import STAGES
 from tiago_mj.gap.report import verdict, words
@@ -17,6 +19,7 @@ from tiago_mj.gap.report.consistency import closes
 from tiago_mj.gap.result import Diagnosis, Explanation, Named, Place
 from tiago_mj.models import names
 from tiago_mj.progress import seconds
+from tiago_mj.registration import full_id, import_and_make
 
 #: Motion of the menu that shows most of what a stage of the signal chain may have, of fingers and of the arm.
 MOTIONS: Final = {
@@ -61,6 +64,8 @@ ALONG: Final = (
 BY_CHANNEL: Final = {"force": "force_sensor", "effort": "transmission"}
 #: Units of a magnitude that a joint's limit can be compared with.
 FORCES: Final = ("N", "N·m")
+#: What makes the environments known.
+IMPORTS: Final = "import gymnasium\nimport tiago_mj  # registers the environments\n\n"
 #: Explanations whose places on the robot are told.
 TOLD: Final = 3
 
@@ -72,6 +77,7 @@ class Step:
     Attributes:
         title: in a few words.
         said: sentences, code in backticks.
+        install: what ``command`` needs first, run once in the clone; empty: nothing.
         command: to be run in a shell; empty: none.
         code: Python that does the same or the rest; empty: none.
         places: (what is there, where to look) on the robot.
@@ -80,6 +86,7 @@ class Step:
 
     title: str
     said: str = ""
+    install: str = ""
     command: str = ""
     code: str = ""
     places: tuple[tuple[str, str], ...] = ()
@@ -147,6 +154,15 @@ def _again(diagnosis: Diagnosis, budget: int | None) -> str:
     return shlex.join([*said, *([] if budget is None else ["--time-budget", str(budget)])])
 
 
+def load(diagnosis: Diagnosis) -> str:
+    """Python that makes the repaired simulator, in one line, run where the command was given."""
+    calibration = _beside(diagnosis, "calibration.yaml")
+    if not _is_model(diagnosis):
+        return import_and_make(diagnosis.robot, effects=calibration)
+    model = f"mujoco.MjModel.from_xml_path({_written(_robot(diagnosis))})"
+    return f"import mujoco; from tiago_mj.gap import apply; robot = apply({model}, {_written(calibration)})"
+
+
 def on_robot(diagnosis: Diagnosis, effect: Named) -> tuple[str, str]:
     """What an effect is on the robot, with its share of what the joint can give where that is known, and where to look
     for it."""
@@ -199,14 +215,15 @@ def _simulate(diagnosis: Diagnosis, use: str) -> tuple[Step, ...]:
         return (
             Step(
                 f"{use} {which}",
-                "Train in it, or make it in Python:",
+                f"Make it in Python, or train in it, for which the extra `train` is needed{_where_to(diagnosis)}:",
+                install=extra.in_clone("train"),
                 command=_train(diagnosis, calibration),
-                code=f'env = gymnasium.make("{diagnosis.robot}", effects="{calibration}")',
+                code=f"{IMPORTS}env = gymnasium.make({_robot_in_python(diagnosis)}, effects={_written(calibration)})",
             ),
         )
     whole = (
         "import mujoco\nfrom tiago_mj.gap import apply\n\n"
-        f'robot = apply(mujoco.MjModel.from_xml_path("{_robot(diagnosis)}"), "{calibration}")'
+        f"robot = apply(mujoco.MjModel.from_xml_path({_written(_robot(diagnosis))}), {_written(calibration)})"
     )
     if not (model.xml and model.holds):  # a file that is as before repairs nothing
         return (Step(f"{use} {which}", verdict.on_model(diagnosis), code=whole),)
@@ -221,7 +238,9 @@ def _use_as_it_is(diagnosis: Diagnosis) -> Step:
     given = _beside(diagnosis, "calibration.yaml") if diagnosis.given else ""
     if given:
         said = "For motions like the recorded ones the simulator may be used with the effects that were given"
-    return Step("Use the simulator as it is", f"{said}, for training, say:", command=_train(diagnosis, given))
+    said = f"{said}, for training, say, for which the extra `train` is needed{_where_to(diagnosis) if given else ''}:"
+    command = _train(diagnosis, given)
+    return Step("Use the simulator as it is", said, install=extra.in_clone("train"), command=command)
 
 
 def _not_excited(diagnosis: Diagnosis) -> tuple[Step, ...]:
@@ -239,10 +258,10 @@ def _record_next(diagnosis: Diagnosis) -> Step:
     if motion is None:
         other = _motion(diagnosis, _stage_of(diagnosis))
         said = "No motion of the menu was found that would decide."
-        if _is_model(diagnosis):
+        if _is_model(diagnosis) or not other:
             said = f"A motion that shows more: {BY_HAND.get(_stage_of(diagnosis), ANY_BY_HAND)}."
             return Step("Record another motion", f"{said} {again}")
-        return Step("Record another motion", f"{said} This one shows more: {again}", command=_record(diagnosis, other))
+        return Step("Record another motion", f"{said} This one shows more: {again}", command=record(diagnosis, other))
     pairs = words.listed([f"{words.title(a)} from {words.title(b)}" for a, b in motion.resolves])
     tells = f" tells best {pairs}:" if pairs else " is the best:"
     chance = words.percent(motion.expected_probability)
@@ -250,7 +269,7 @@ def _record_next(diagnosis: Diagnosis) -> Step:
         f"Of the safe motions `{motion.file}`{tells} one recording of it decides with a chance of {chance}. Record it "
         f"on the real robot about three times, as `docs/motions.md` says. {again} Of a simulated robot this records it:"
     )
-    return Step("Record this motion next", said, command=_record(diagnosis, motion.file))
+    return Step("Record this motion next", said, command=record(diagnosis, motion.file))
 
 
 def _record_more(diagnosis: Diagnosis) -> Step:
@@ -260,7 +279,7 @@ def _record_more(diagnosis: Diagnosis) -> Step:
     if not name:
         return Step("Record a motion that shows it alone", f"{words.begin(BY_HAND.get(stage, ANY_BY_HAND))}. {after}")
     said = f"`{name}` is a safe motion for that (`docs/motions.md`). {after} Of a simulated robot this records it:"
-    return Step("Record a motion that shows it alone", said, command=_record(diagnosis, name))
+    return Step("Record a motion that shows it alone", said, command=record(diagnosis, name))
 
 
 def _look_by_stage(diagnosis: Diagnosis) -> Step:
@@ -305,10 +324,11 @@ def _motion(diagnosis: Diagnosis, stage: str) -> str:
     return MOTIONS.get(stage, ANY)[1 if arm else 0]
 
 
-def _record(diagnosis: Diagnosis, motion: str) -> str:
+def record(diagnosis: Diagnosis, motion: str) -> str:
+    """The command that records a motion of the menu of a simulated robot."""
     kind = "--model" if _is_model(diagnosis) else "--env"
     robot = shlex.quote(_robot(diagnosis))
-    file = motion if motion.endswith(".csv") or not motion else f"{motion}_25hz.csv"
+    file = motion if motion.endswith(".csv") else f"{motion}_25hz.csv"
     return f"tiago-mj record {kind} {robot} --motion {shlex.quote(file)} --episodes 3 --out next"
 
 
@@ -324,6 +344,20 @@ def _is_model(diagnosis: Diagnosis) -> bool:
 def _robot(diagnosis: Diagnosis) -> str:
     """As it is named on the command line."""
     return _said(diagnosis, "--model") or diagnosis.robot or "ID"
+
+
+def _where_to(diagnosis: Diagnosis) -> str:
+    """Where files are found by their names, if that is not where the command was given: a program had none."""
+    return "" if diagnosis.command else ", in the folder of this report"
+
+
+def _robot_in_python(diagnosis: Diagnosis) -> str:
+    return _written(full_id(diagnosis.robot))
+
+
+def _written(text: str) -> str:
+    """A text as Python (and YAML) writes it."""
+    return json.dumps(text, ensure_ascii=False)
 
 
 def _beside(diagnosis: Diagnosis, name: str) -> str:

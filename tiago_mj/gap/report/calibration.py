@@ -12,9 +12,11 @@ from tiago_mj.effects.spec import Entry
 from tiago_mj.effects.written import SCHEMA
 from tiago_mj.gap.report.json import clean, fingerprint, target
 from tiago_mj.gap.result import Diagnosis, Named, Value
+from tiago_mj.registration import import_and_make
 
 HEADER = """\
-# Made by tiago-mj diagnose. Load it with {load}.
+# Made by tiago-mj diagnose. Load it with
+#   {load}
 # Every value has a 90 % interval, low to high. source: the diagnosis that this is from, and the SHA-256 of what it says
 # without "seconds", "physics_steps" and "trial_models", so that the same recordings and seed give the same file.
 """
@@ -33,10 +35,10 @@ def text(diagnosis: Diagnosis, source: Path) -> str:
     Raises:
         FileNotFoundError: there is no such file.
     """
-    load, plain = 'gymnasium.make(ID, effects="calibration.yaml")', diagnosis.repaired
+    load, plain = import_and_make(diagnosis.robot, effects="calibration.yaml"), diagnosis.repaired
     data: dict[str, Any] = {"schema": SCHEMA, "robot": diagnosis.robot}
     if plain is not None:
-        load = 'tiago_mj.gap.apply(model, "calibration.yaml"), the model being that which was diagnosed'
+        load = 'tiago_mj.gap.apply(model, "calibration.yaml"): the model is that which was diagnosed'
         data |= {
             "rate_hz": plain.rate_hz,
             "interface": plain.interface,

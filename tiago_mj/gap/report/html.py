@@ -95,6 +95,7 @@ def render(diagnosis: Diagnosis, seen: Seen | None = None) -> str:
         not_excited=tables.not_excited(diagnosis),
         lint=summary(diagnosis.findings),
         advice=advice.advice(diagnosis),
+        load=advice.load(diagnosis),
         ceiling=verdict.ceiling(diagnosis.best) if has_probability(diagnosis) else "",
         why_ceiling=verdict.why_ceiling(),
         overlays=drawn,

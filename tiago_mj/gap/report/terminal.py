@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -59,8 +58,9 @@ def lines(diagnosis: Diagnosis, written: Mapping[str, Path]) -> list[tuple[str, 
         shown += [("dim", f"  {row}") for row in left[:MOST]]
     if d.next_motion is not None:
         chance = words.percent(d.next_motion.expected_probability)
-        play = f"record --motion {shlex.quote(d.next_motion.file)}"
-        shown.append(("", f"Next: {play}; one recording decides with a chance of {chance}"))
+        what = f"record {d.next_motion.file} next: one recording of it decides with a chance of {chance}"
+        shown.append(("", f"On the real robot, {what}. Of a simulated robot this records it:"))
+        shown.append(("", f"  {advice.record(d, d.next_motion.file)}"))
     if verdict.on_model(d):
         shown.append(("", verdict.on_model(d)))
     shown += [("dim", f"Written: {path}") for path in written.values()]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import shlex
 import sys
 from dataclasses import asdict
 from pathlib import Path
@@ -61,12 +62,13 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _text(report: ConversionReport) -> str:
     model = report.spec.compile()
+    python = shlex.quote(sys.executable)  # that has MuJoCo
     size = f"{model.nbody - 1} bodies, {model.nv} degrees of freedom, {model.nu} actuators, {model.nsensor} sensors"
     return "\n".join(
         [
             *report.lines(),
             f"wrote {report.out}: {size}",
-            f"look at it: python -m mujoco.viewer --mjcf={report.out}",
+            f"look at it: {python} -m mujoco.viewer --mjcf={shlex.quote(str(report.out))}",
         ]
     )
 

@@ -12,6 +12,7 @@ from urllib.parse import unquote
 import numpy as np
 import trimesh
 
+from tiago_mj import extra
 from tiago_mj.models.convert.errors import ConversionError
 from tiago_mj.models.convert.urdf import Shape
 
@@ -73,7 +74,7 @@ def load(shape: Shape, path: Path) -> Any:
             warnings.simplefilter("ignore")  # of what it trips over, which is looked at below
             mesh = trimesh.load(path, force="mesh", process=False)
     except ImportError as error:
-        mend = f"pip install {'pycollada' if path.suffix.lower() == '.dae' else error.name}"
+        mend = f"run {extra.pip()} {'pycollada' if path.suffix.lower() == '.dae' else error.name}"
         raise ConversionError(shape.where, f"mesh {path.name} needs a reader that is not installed", mend) from None
     except Exception as error:  # trimesh's readers raise whatever the file makes them trip over
         reason = f"{type(error).__name__}: {error}"

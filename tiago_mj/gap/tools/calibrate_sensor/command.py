@@ -100,4 +100,4 @@ def _say(found: object, path: Path) -> None:
             )
     for note in found.notes:
         print(f"note: {note}")
-    print(f'written: {path}; use it with gymnasium.make(ID, sensing="{path}")')
+    print(f"written: {path}; use it with:\n  {found.load(str(path))}")

@@ -17,6 +17,7 @@ from tiago_mj.gap.simulation.plant import plant_of
 from tiago_mj.gap.tools.calibrate_sensor.rest import FALSE_CONTACTS, Rest, at_rest
 from tiago_mj.gap.tools.calibrate_sensor.scale import Scale, scales, simulated
 from tiago_mj.models import names
+from tiago_mj.registration import import_and_make
 from tiago_mj.sensing.load_cell import TA11_CONTACT_UNIT
 from tiago_mj.sensing.sheet import SCHEMA
 
@@ -25,7 +26,8 @@ TOLD: Final = 0.02
 #: Stands for a robot that nobody named: rest needs none.
 UNKNOWN: Final = "unknown"
 HEADER: Final = """\
-# Made by tiago-mj calibrate-sensor. Load it with gymnasium.make(ID, sensing="{name}").
+# Made by tiago-mj calibrate-sensor. Load it with
+#   {load}
 # f_raw = scale · newtons / contact_unit + bias + noise · N(0, 1), mean of the last `average`; touch: f_raw > threshold.
 # Pairs are right, left. Every value under `sensors` has a 90 % interval, low to high.
 """
@@ -54,6 +56,10 @@ class Calibration:
     robot: str
     recordings: tuple[str, ...]
     notes: tuple[str, ...]
+
+    def load(self, path: str) -> str:
+        """Python that makes an environment with these load cells: the one that was simulated, else the gripper's."""
+        return import_and_make(self.robot or "GripperTactile-v0", sensing=path)
 
 
 def calibrate(
@@ -209,7 +215,7 @@ def text(calibration: Calibration, name: str = "sensor.yaml") -> str:
         },
     }
     dumped: str = yaml.safe_dump(data, sort_keys=False, allow_unicode=True, width=120)
-    return HEADER.format(name=Path(name).name) + dumped
+    return HEADER.format(load=calibration.load(Path(name).name)) + dumped
 
 
 def _sensor(rest: Rest, scale: Scale | None, calibration: Calibration) -> dict[str, Any]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import shlex
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
@@ -122,7 +123,8 @@ def run(arguments: argparse.Namespace) -> int:
         print(f"  {code}: {', '.join(listed) or first.message}")
     folders = dict.fromkeys(str(arguments.out / folder) for folder, _ in trials)
     modelless = arguments.kind == "lerobot" and arguments.model is None
-    print(f"next: tiago-mj diagnose {next(iter(folders))}{' --model FILE.xml' if modelless else ''} --out DIR")
+    folder = shlex.quote(next(iter(folders)))
+    print(f"next: tiago-mj diagnose {folder}{' --model FILE.xml' if modelless else ''} --out diagnosis")
     return 0
 
 

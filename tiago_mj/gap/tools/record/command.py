@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import shlex
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -93,7 +94,7 @@ def run(arguments: argparse.Namespace) -> int:
     print(f"{len(paths)} recording{'s' if len(paths) > 1 else ''} of {robot} in {where}: {paths[0].name} ...")
     if written is not None:
         print(f"Minari dataset {one_line(arguments.minari)} in {one_line(written)}")
-    print(f"next: tiago-mj diagnose {where} --out DIR")
+    print(f"next: tiago-mj diagnose {shlex.quote(str(arguments.out))} --out diagnosis")
     return 0
 
 

@@ -1,6 +1,6 @@
 """Episodes of an environment as a Minari dataset, beside the recordings that a diagnosis reads.
 
-It is written by the ``minari`` package (``pip install 'tiago-mj[minari]'``) into its own folder of datasets
+It is written by the ``minari`` package (the extra ``minari``) into its own folder of datasets
 (``MINARI_DATASETS_PATH``, else ``~/.minari/datasets``), and ``minari.load_dataset`` reads it like any other: what the
 agent saw, did and was told, with the environment that it was, effects included.
 """
