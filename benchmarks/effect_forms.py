@@ -19,7 +19,7 @@ import numpy as np
 
 from benchmarks.blind import cases, recordings
 from benchmarks.blind.cases import Case, EffectChoice
-from benchmarks.blind.dictionary import ABOVE, BELOW, FACTOR, FLAT, GRIPPER, KINDS, available
+from benchmarks.blind.dictionary import ABOVE, BELOW, CONSTANT, FACTOR, FLAT, GRIPPER, KINDS, available
 from benchmarks.machine import save
 from tiago_mj.effects import EFFECTS
 from tiago_mj.effects.spec import Entry
@@ -68,9 +68,9 @@ def compared(name: str, rate: float, interface: str) -> dict[str, Any]:
         recordings.write(cases.simulate(case), Path(scratch))
         trials = read_recordings([Path(scratch)]).trials
     predict, _ = predictor(plant_of(trials), trials, threads=1)
-    forms = EFFECTS[name].forms
+    forms, whole = EFFECTS[name].forms, {**parameters, **CONSTANT.get(name, {})}
     with_it = [
-        {**left(predict, (Entry(name, None, {**parameters, **dict(zip(forms, values, strict=True))}),)),
+        {**left(predict, (Entry(name, None, {**whole, **dict(zip(forms, values, strict=True))}),)),
          "form": dict(zip(forms, values, strict=True))}
         for values in itertools.product(*(form.values for form in forms.values()))
     ]  # fmt: skip

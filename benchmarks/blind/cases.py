@@ -18,11 +18,14 @@ from tiago_mj.models import names
 Array = NDArray[np.float64]
 
 #: Version of generator and drawing; a case of another version is another case.
-VERSION: Final = 7
+VERSION: Final = 8
 #: Versions whose cases can still be made, to the last bit: those of the kept runs.
-VERSIONS: Final = (6, 7)
+VERSIONS: Final = (6, 7, 8)
 #: Fields of a case, with the version that they came with.
 SINCE: Final = {"version": 7, "grids": 7, "narrow": 7}
+#: Since this version the physics of hinges and arms take steps as fine as need be, and a command that waits for one
+#: joint leaves the others alone.
+FINE: Final = 8
 TRIALS: Final = 10
 #: Control rates [Hz]: of the real robot's controllers, and of the environments.
 RATE: Final = 25.0
@@ -150,6 +153,7 @@ def effects_of(case: Case) -> list[Effect]:
         named = names.SIDES if kind.on == "sensor" else joints_of(case.setting)
         columns = list(range(len(named))) if choice.target == "all" else [named.index(t) for t in choice.target]
         made.append(kind.make(choice.parameters, columns, seed=case.seed * 10 + number))
+        made[-1].version = case.version
     return made
 
 
@@ -161,7 +165,8 @@ def measured_with(case: Case, robot: robots.Robot) -> list[Effect]:
 def real_robot(case: Case, folder: Path | None) -> robots.Robot:
     """The case's robot; the same numbers every time."""
     jitter = robots.Jitter(np.random.default_rng([case.seed, 1]), case.spread)
-    return robots.robot_of(case.setting, jitter, folder=folder, other_source=case.other_source)
+    fine = case.version >= FINE
+    return robots.robot_of(case.setting, jitter, folder=folder, other_source=case.other_source, fine=fine)
 
 
 def simulate(case: Case, folder: Path | None = None) -> Made:
@@ -220,6 +225,7 @@ def setup_of(case: Case, robot: robots.Robot, trials: int, rows: int, seed: int)
         offsets=case.offset + case.placement * np.random.default_rng([seed, 2]).standard_normal(trials),
         start=start,
         noise_seed=seed,
+        each_arrives=case.version >= FINE,
     )
 
 

@@ -264,6 +264,11 @@ MAPPING: Final[Mapping[str, Mapping[str, str | None]]] = {
     "motor_cogging": {"amplitude": "of the first harmonic", "period": "the same"},
     "backlash": {"width": "full play"},
 }
+#: Numbers that the library knows of an effect, and no case draws: how often reality's drivers look at set points [s].
+CONSTANT: Final[Mapping[str, Mapping[str, float]]] = {
+    "command_deadband": {"period": 0.005},
+    "command_quantization": {"period": 5e-4},
+}
 UNSCORED: Final = frozenset({("pad_creep", "time_constant"), ("stribeck_friction", "velocity")})
 
 

@@ -61,6 +61,8 @@ class Setup:
         start: joints' initial positions, (ntrials, n).
         noise_seed: of the sensors' noise.
         silent: no noise, for oracles.
+        each_arrives: whether a command acts on a joint when it arrives there; else, as cases of old versions have it,
+            it acts on every joint for as long as it waits for any.
         instants: of the rows, (rows + 1,) [s], where they are not evenly apart; None: they are.
     """
 
@@ -72,6 +74,7 @@ class Setup:
     noise_seed: int
     silent: bool = False
     instants: Array | None = None
+    each_arrives: bool = False
 
 
 def simulate(robot: Robot, effects: Sequence[Effect], setup: Setup, plan: Planner | Array) -> Recorded:
@@ -92,7 +95,8 @@ def run_built(robot: Robot, effects: Sequence[Effect], setup: Setup, plan: Plann
     """As :func:`simulate`, of a robot that the effects have already changed."""
     ntrials, n = setup.start.shape
     period = 1 / setup.rate
-    substeps = int(np.ceil(period / (STEP if any(e.stiff for e in effects) else robot.step) - 1e-9))
+    step = min(STEP, robot.step) if any(e.stiff for e in effects) else robot.step
+    substeps = int(np.ceil(period / step - 1e-9))
     h = period / substeps
     for model in {id(m): m for m in (robot.model, *robot.models)}.values():
         model.opt.timestep = h
@@ -145,6 +149,7 @@ class _Loop:
         self.noise_factor = math.prod((e.noise_factor(world) for e in effects), start=1.0)
         self.transmission = next((e for e in effects if e.two_mass), None)
         self.sent: list[tuple[float, Array]] = []
+        self.latest = np.full(world.q.shape[1], -np.inf)
         self.command = world.idle.copy()
         self.set_point = setup.start.copy()
         self.speed = np.zeros_like(world.q)
@@ -230,23 +235,25 @@ class _Loop:
     def _aim(self) -> Array:
         """The set point that the servo follows now."""
         world, setup, robot = self.world, self.setup, self.robot
-        arrived = False
+        arrived = np.zeros(world.q.shape[1], dtype=bool)
         for instant, command in self.sent:
             due = world.t - instant >= self.latency - 1e-9
             if not due.any():
                 break
             self.command = np.where(due, command, self.command)
-            arrived = True
+            arrived |= due & (instant > self.latest) if setup.each_arrives else True
+            self.latest = np.where(due, np.maximum(instant, self.latest), self.latest)
         while self.sent and world.t - self.sent[0][0] >= self.latency.max() - 1e-9:
             self.sent.pop(0)
         wanted = self.command
         for effect in self._shaped:  # type: ignore[attr-defined]
             wanted = effect.shaped(wanted, world)
-            arrived = arrived or self._tick()
+            arrived |= self._tick()
         if setup.interface == "velocity":
             self.speed = np.clip(wanted, -robot.speed, robot.speed)
-        elif arrived:
-            self.speed = np.clip((wanted - self.set_point) / world.period, -robot.speed, robot.speed)
+        else:
+            speed = np.clip((wanted - self.set_point) / world.period, -robot.speed, robot.speed)
+            self.speed = np.where(arrived, speed, self.speed)
         if setup.interface == "direct":  # a plain position servo: the target is the set point
             self.set_point = np.clip(wanted, robot.low, robot.high)
         point = self.set_point  # of this instant, as the joints are; the end of the step's would lead them by it

@@ -156,8 +156,19 @@ def test_a_change_below_the_dead_band_is_not_executed():
 
 
 @shows("command_deadband")
+@pytest.mark.parametrize("period", [0.001, 0.01, 0.032])
+def test_a_driver_that_looks_at_its_set_point_executes_a_change_when_it_does(period):
+    # 0.3 mm are reached after 15 ms; a physics step is 2 ms. The driver's next look is executed within a step of it.
+    r = free({"command_deadband": {"width": 3e-4, "period": period}}, (-0.02, 0.5), (0.0, 0.1), control_hz=240)
+    moved = crossing(r.time, OPEN - r.set_point[:, 0], 1e-4)
+    look = np.ceil(0.015 / period - 1e-9) * period
+    assert look - 1e-9 <= moved + PERIOD
+    assert moved <= look + PERIOD + 0.0021
+
+
+@shows("command_deadband")
 def test_a_dead_band_that_looks_in_every_physics_step_executes_a_change_at_once():
-    fast, looking = (-0.02, 0.5), {"width": 3e-4, "each_step": 1}
+    fast, looking = (-0.02, 0.5), {"width": 3e-4, "period": 0.001}
     r = free({"command_deadband": looking}, fast, (0.0, 0.6), control_hz=25)
     # The set point is 0.3 mm on after 15 ms of a command of 40; looked at by command it waits for the second one.
     assert crossing(r.time, OPEN - r.set_point[:, 0], 1e-4) < 0.04
@@ -227,6 +238,13 @@ def test_a_squeeze_tells_the_effects_on_gains_apart(effects, stiffness, largest,
     np.testing.assert_allclose(stiffness_felt(soft), stiffness, rtol=2e-3)
     np.testing.assert_allclose(hard.force[-1], largest, rtol=2e-3)
     np.testing.assert_allclose(soft.reading[-1], gain * UNITS_PER_NEWTON * soft.force[-1], rtol=1e-9)
+
+
+@shows("force_limit", "torque_constant")
+@pytest.mark.parametrize("effects", [{"force_limit": {"limit": 18.0}}, {"torque_constant": {"factor": 1.125}}])
+def test_a_looser_limit_is_one_although_the_joint_has_the_nominal_one_as_well(effects):
+    hard = squeeze(effects, beyond=0.018)
+    np.testing.assert_allclose(hard.force[-1], 18.0, rtol=2e-3)
 
 
 @shows("force_limit")

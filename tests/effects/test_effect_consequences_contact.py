@@ -38,6 +38,15 @@ def test_the_pads_sink_in_by_force_over_the_contacts_stiffness(factor):
     assert stiffness.mean() == pytest.approx(factor * CONTACT_STIFFNESS, rel=2e-3)
 
 
+@shows("contact_inertia")
+def test_a_contact_with_less_virtual_mass_gives_the_same_force_at_rest_and_a_steeper_rise():
+    light, nominal, heavy = (close({"contact_inertia": {"factor": f}}, 0.005) for f in (0.6, 1.0, 3.0))
+    for other in (light, heavy):
+        np.testing.assert_allclose(other.force[-1], nominal.force[-1], rtol=1e-3)
+    first = [r.force[np.argmax(r.force[:, 0] > 0.05), 0] for r in (light, nominal, heavy)]
+    assert first[0] > first[1] > first[2]
+
+
 @shows("contact_damping", "contact_stiffness")
 @pytest.mark.parametrize(("stiffness", "damping"), [(1.0, 1.0), (1.0, 4.0), (0.5, 2.0)])
 def test_the_force_on_a_moving_pad_is_that_of_spring_and_damper(stiffness, damping):

@@ -34,8 +34,8 @@ CONTRACT = {
     "dropped_commands": ("command", None, {"probability": ("-", 0, 0.1)}),
     "command_lag": ("command", "lag", {"time_constant": ("s", 0, 0.04)}),
     "rate_limit": ("command", None, {"velocity": (SPEED, INF, 0.6)}),
-    "command_deadband": ("command", None, {"width": (LENGTH, 0, 0.0003)}),
-    "command_quantization": ("command", None, {"step": (LENGTH, 0, 0.0005)}),
+    "command_deadband": ("command", None, {"width": (LENGTH, 0, 0.0003), "period": ("s", None, 0.0)}),
+    "command_quantization": ("command", None, {"step": (LENGTH, 0, 0.0005), "period": ("s", None, 0.0)}),
     "servo_stiffness": ("command", "gain", {"factor": ("-", 1, 0.6)}),
     "servo_damping": ("command", "damping", {"damping": (DAMPING, 0, (40, 5))}),
     "force_limit": ("command", None, {"limit": (FORCE, INF, 0.4)}),
@@ -55,6 +55,7 @@ CONTRACT = {
     "gravity_tilt": ("object", None, {"angle": ("rad", 0, 0.1)}),
     "contact_stiffness": ("object", None, {"factor": ("-", 1, 0.3)}),
     "contact_damping": ("object", None, {"factor": ("-", 1, 4)}),
+    "contact_inertia": ("object", None, {"factor": ("-", 1, 0.5)}),
     "contact_friction": ("object", None, {"factor": ("-", 1, 0.3)}),
     "object_size": ("object", "geometry", {"radius": ("m", 0, 0.003)}),
     "object_offset": ("object", "geometry", {"distance": ("m", 0, 0.005)}),
@@ -204,7 +205,10 @@ def test_a_fit_tries_only_what_is_possible(name):
     for p in EFFECTS[name].parameters.values():
         for low, high in p.bounds:
             assert (low < 0) == (name in SIGNED)
-            if p.identity == 1 or p.identity is None or np.isinf(p.identity):
+            if p.identity is None and p.tried:
+                assert low >= 0  # 0 is another form
+                assert all(low <= value <= high for value in p.tried)
+            elif p.identity == 1 or p.identity is None or np.isinf(p.identity):
                 assert low > 0  # factors, limits, and what a switch needs beside it
             if p.name in ("probability", "fraction"):
                 assert high < 1

@@ -124,16 +124,6 @@ def test_what_a_diagnosis_found_is_not_questioned():
     make({"coulomb_friction": {"force": {"value": -2.0}}})
 
 
-def test_a_limit_that_the_drive_has_already_is_refused():
-    with pytest.raises(
-        ValueError, match=r"limit is 100 N on gripper_right_finger_joint, where the model's own limit of 16"
-    ):
-        make({"force_limit": {"limit": 100}})
-    make({"force_limit": {"limit": 16}})
-    make({"force_limit": {"limit": 20}}, TIAGO)  # the fingers', but not the arm's
-    make({"force_limit": {"limit": np.inf}})
-
-
 def test_many_environments_refuse_it_too():
     with pytest.raises(ValueError, match="the model has 0 N of dry friction: give 0 or more"):
         gymnasium.make_vec(f"tiago_mj/{GRIPPER}", num_envs=2, effects={"coulomb_friction": {"force": -2}})

@@ -174,7 +174,8 @@ def test_an_own_effect_can_change_the_contact():
 
         def contact_factors(self, factors, now):
             pad = now.contact[0]
-            return factors * [1.0, 1.0] / np.hstack([1 + pad / self.stiffness, np.ones_like(self.stiffness)])
+            kept = np.ones_like(self.stiffness)
+            return factors / np.hstack([1 + pad / self.stiffness, kept, kept])
 
     close = np.vstack([np.full((180, 2), -0.5), np.zeros((240, 2))])
     own = rollout({"soft_cover": {"stiffness": 10_000.0}}, close, object_offset=0.0)

@@ -299,6 +299,34 @@ def test_a_late_velocity_is_said_and_used():
     assert late.channel in usable(swing, findings)
 
 
+def test_a_velocity_behind_a_slow_filter_is_used_as_what_it_is_and_a_reversed_one_is_refused():
+    (trial,) = recorded("TIAGoReach-v0", "random", episodes=1)
+    joint, time = "arm_1_joint", np.arange(0, 10, 0.01)
+    frequency, slow = 6.0, 0.3  # by 61 degrees late, and 0.49 times as large
+    turn, gain = np.arctan(frequency * slow), 1 / np.hypot(1, frequency * slow)
+
+    def swing(velocity):
+        sidecar = replace(trial.sidecar, rate_hz=100.0, interface=None, initial=None)
+        positions = {joint: np.sin(frequency * time)}
+        return replace(
+            trial,
+            time=time,
+            commands={},
+            positions=positions,
+            velocities={joint: velocity},
+            efforts={},
+            sidecar=sidecar,
+        )
+
+    late = swing(frequency * gain * np.cos(frequency * time - turn))
+    (said,) = [f for f in inspect([late]) if f.channel == f"velocity.{joint}"]
+    assert said.code == "contradiction"
+    assert not said.discredits
+    assert f"velocity.{joint}" in usable(late, inspect([late]))
+    reversed_sign = swing(-frequency * np.cos(frequency * time))
+    assert any(f.code == "sign" and f.refuses for f in inspect([reversed_sign]))
+
+
 def test_a_filter_that_leaves_little_of_one_trial_is_the_same_one_in_all():
     trials = recorded("TIAGoReach-v0", "random", episodes=1)
     joint, time = "arm_1_joint", np.arange(0, 10, 0.01)

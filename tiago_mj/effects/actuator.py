@@ -35,6 +35,30 @@ def limit_forces(now: Now, present: NDArray[np.bool_], limit: Array) -> None:
     limits[:, ids, 1] = np.where(present, np.minimum(high, limit), limits[:, ids, 1])
 
 
+def set_force_limits(now: Now, present: NDArray[np.bool_], limit: Array) -> None:
+    """Let the servos' forces saturate at ± limit, be that tighter or looser than the nominal one, (nsim, nactuators)
+    [N, N·m]; what the joint itself lets through goes along."""
+    limit = np.where(present & np.isfinite(limit), limit, np.nan)
+    limit_forces(now, np.isfinite(limit), np.full_like(limit, np.inf))
+    limits, ids = now.host.field("actuator_forcerange"), now.wiring.actuators
+    for side, sign in enumerate((-1.0, 1.0)):
+        limits[:, ids, side] = np.where(np.isfinite(limit), sign * limit, limits[:, ids, side])
+    let_joints_pass(now, limit)
+
+
+def let_joints_pass(now: Now, force: Array) -> None:
+    """Widen the joints' own limits (``jnt_actfrcrange``) to the forces of their actuators, (nsim, nactuators) [N, N·m];
+    NaN leaves a joint as it is. A limit that is stated twice, of the drive and of its joint, is one number."""
+    model, ids = now.host.model, now.wiring.actuators
+    joints = model.actuator_trnid[ids, 0]
+    at_joint = force * np.abs(model.actuator_gear[ids, 0])
+    cut = np.nan_to_num(at_joint, nan=-np.inf) > model.jnt_actfrcrange[joints, 1]
+    cut &= np.asarray(model.jnt_actfrclimited[joints] != 0)
+    if cut.any():
+        ranges = now.host.field("jnt_actfrcrange")
+        ranges[:, joints] = np.where(cut[..., None], at_joint[..., None] * (-1.0, 1.0), ranges[:, joints])
+
+
 @effect("servo_stiffness", stage="actuator", targets="command", gap_class="gain")
 class ServoStiffness(Effect):
     """The position gain is not the nominal one.
@@ -91,9 +115,9 @@ class ServoDamping(Effect):
 
 @effect("force_limit", stage="actuator", targets="command")
 class ForceLimit(Effect):
-    """The actuator saturates at a lower force than its nominal limit.
+    """The actuator saturates at another force than its nominal limit: at a lower one, as a rule.
 
-    Formula: |force| ≤ limit
+    Formula: |force| ≤ limit; a limit of the joint itself that is tighter moves along
 
     In a recording: hard grasps end at a plateau, fast starts are slower; below the limit nothing changes.
 
@@ -103,13 +127,13 @@ class ForceLimit(Effect):
 
     Source: menagerie's pal_tiago and pal_gripper.
 
-    MuJoCo: ``actuator_forcerange``.
+    MuJoCo: ``actuator_forcerange``, and ``jnt_actfrcrange`` where that would cut a looser one.
     """
 
     limit = parameter(FORCE, identity=np.inf, default=0.4, bounds=(0.02, 1.0), nominal="effort")
 
     def change(self, now: Now) -> None:
-        limit_forces(now, self.present, self.limit)
+        set_force_limits(now, self.present, self.limit)
 
 
 @effect("torque_constant", stage="actuator", targets="command", gap_class="gain")
@@ -126,7 +150,8 @@ class TorqueConstant(Effect):
 
     Source: chosen.
 
-    MuJoCo: ``actuator_gainprm``, ``actuator_biasprm``, ``actuator_forcerange``; a ``dcmotor`` has the constant itself.
+    MuJoCo: ``actuator_gainprm``, ``actuator_biasprm``, ``actuator_forcerange``, and ``jnt_actfrcrange`` where that
+    would cut what the drive gives; a ``dcmotor`` has the constant itself.
     """
 
     factor = parameter("-", identity=1.0, default=0.8, bounds=(0.2, 3.0))
@@ -136,7 +161,10 @@ class TorqueConstant(Effect):
         gain, bias = now.host.field("actuator_gainprm"), now.host.field("actuator_biasprm")
         gain[:, ids] *= self.factor[:, :, None]
         bias[:, ids] *= self.factor[:, :, None]
-        now.host.field("actuator_forcerange")[:, ids] *= self.factor[:, :, None]
+        limits = now.host.field("actuator_forcerange")
+        limits[:, ids] *= self.factor[:, :, None]
+        limited = np.asarray(now.host.model.actuator_forcelimited[ids] != 0)
+        let_joints_pass(now, np.where(limited, limits[:, ids, 1], np.nan))
 
 
 @effect("motor_cogging", stage="actuator", targets="joint")
@@ -156,8 +184,10 @@ class MotorCogging(Effect):
     MuJoCo: ``cogging`` of a ``dcmotor``; the project's servos are none, so the same force is applied at the joint.
     """
 
+    #: Real cogging is not quite a sine: a second harmonic of a tenth is ordinary.
+    form_known_to = 0.1
     amplitude = parameter(FORCE, identity=0.0, default=1.0, bounds=(0.0, 8.0))
-    period = parameter(("m", "rad"), identity=None, default=0.005, bounds=((0.001, 0.02), (0.001, 0.5)))
+    period = parameter(("m", "rad"), identity=None, default=0.005, bounds=((0.001, 0.02), (0.001, 0.7)))
 
     def added_force(self, now: Now) -> Array:
         return self.amplitude * np.sin(2 * np.pi * now.joint_position / self.period)

@@ -176,7 +176,7 @@ class Chain:
         now = self.now
         if now.contact is None:
             return
-        factors = np.ones((now.nsim, 2))
+        factors = np.ones((now.nsim, 3))
         for effect, mask in self._users("contact_factors"):
             factors = np.where(mask, effect.contact_factors(factors, now), factors)
             touched = touched | mask.any(axis=1)

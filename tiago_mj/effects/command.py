@@ -7,7 +7,6 @@ from collections.abc import Mapping
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tiago_mj.effects.declare import Array, Effect, effect, form, parameter
 from tiago_mj.effects.memory import Conveyor, Held, HeldLowPass, InARow
@@ -164,31 +163,29 @@ class RateLimit(Effect):
     velocity = parameter(SPEED, identity=np.inf, default=0.6, bounds=(0.05, 1.0), nominal="velocity")
 
     def start(self, now: Now) -> None:
-        self._value = now.set_point.copy()
-        self._jumps = now.takes_set_points
-
-    def set_point(self, target: Array, now: Now) -> Array:
-        return self._slewed(target, ~self._jumps, now.period)
+        self._wanted, self._value = now.set_point.copy(), now.set_point.copy()
 
     def given(self, inputs: Array, now: Now) -> Array:
-        # A plain position servo takes a new set point at once: it slews within the control period.
-        if not self._jumps.any():
-            return inputs
-        step = now.period / now.substeps
-        return np.stack([self._slewed(inputs[:, k], self._jumps, step) for k in range(inputs.shape[1])], axis=1)
-
-    def _slewed(self, target: Array, where: NDArray[np.bool_], seconds: Array) -> Array:
-        most = self.velocity * seconds
-        slewed = np.where(self.present, self._value + np.clip(target - self._value, -most, most), target)
-        self._value = np.where(where, slewed, self._value)
-        return np.where(where, slewed, target)
+        # What was missed is caught up until the set point is met, which is somewhere within a control period.
+        seconds, speeds = now.period / now.substeps, ~now.takes_set_points
+        out, most = inputs.copy(), self.velocity * seconds
+        for k in range(inputs.shape[1]):
+            moved = np.clip(self._wanted + inputs[:, k] * seconds, *now.wiring.span.T)
+            self._wanted = np.where(speeds, moved, inputs[:, k])
+            value = self._value + np.clip(self._wanted - self._value, -most, most)
+            out[:, k] = np.where(speeds, (value - self._value) / seconds, value)
+            self._value = value
+        return out
 
 
 class Stepping(Effect, ABC):
-    """What passes a servo's set point on in steps: of each command, or, with ``each_step`` = 1, in every physics step
-    of what the servo is given, which follows the commands no faster than the joint's limit; it then jumps."""
+    """What passes a servo's set point on in steps: of each command, or, with a ``period``, of what the servo is given,
+    which follows the commands no faster than the joint's limit, whenever its driver looks at it; it then jumps.
 
-    each_step = form(0, 1)
+    A driver that looks more often than the physics steps looks in each of them; the first look is at the start."""
+
+    #: How often the driver looks [s]; 0: at every command.
+    period: Array
 
     @abstractmethod
     def took(self, wanted: Array) -> Array:
@@ -196,31 +193,38 @@ class Stepping(Effect, ABC):
 
     def change(self, now: Now) -> None:
         # What jumps has no speed: the limit of it lies before.
-        jumping = (self.present & (self.each_step > 0))[:, now.wiring.act >= 0]
+        jumping = (self.present & (self.period > 0))[:, now.wiring.act >= 0]
         limits, actuators = now.host.field("actuator_ctrlrange"), now.wiring.actuators[now.wiring.act >= 0]
         limits[:, actuators] = np.where(jumping[..., None], (-AT_ONCE, AT_ONCE), limits[:, actuators])
 
     def start(self, now: Now) -> None:
         self._wanted, self.taken = now.set_point.copy(), now.set_point.copy()
+        # What an actuator integrates acts from the next physics step on, and what it is given from this one.
+        self._time = np.where(now.takes_set_points, 0.0, now.period / now.substeps)
+        self._next = np.where(now.takes_set_points, 0.0, self.period)
 
     def set_point(self, target: Array, now: Now) -> Array:
-        each = self.each_step > 0
-        self.taken = np.where(each, self.taken, self.took(target))
-        return np.where(each, target, self.taken)
+        looks = self.period > 0
+        self.taken = np.where(looks, self.taken, self.took(target))
+        return np.where(looks, target, self.taken)
 
     def given(self, inputs: Array, now: Now) -> Array:
-        each = self.each_step > 0
-        if not each.any():
+        driver = self.period > 0
+        if not driver.any():
             return inputs
         seconds, speeds = now.period / now.substeps, ~now.takes_set_points
         out = inputs.copy()
         for k in range(inputs.shape[1]):
             moved = np.clip(self._wanted + inputs[:, k] * seconds, *now.wiring.span.T)
             self._wanted = np.where(speeds, moved, inputs[:, k])
-            taken = self.took(self._wanted)
+            looking = self._time >= self._next - WHOLE
+            period = np.where(driver, self.period, 1.0)
+            self._next = np.where(looking, (np.floor((self._time + WHOLE) / period) + 1) * period, self._next)
+            self._time = self._time + seconds
+            taken = np.where(looking, self.took(self._wanted), self.taken)
             jumps = np.where(speeds, (taken - self.taken) / seconds, taken)
-            out[:, k] = np.where(each, jumps, inputs[:, k])
-            self.taken = np.where(each, taken, self.taken)
+            out[:, k] = np.where(driver, jumps, inputs[:, k])
+            self.taken = np.where(driver, taken, self.taken)
         return out
 
 
@@ -231,8 +235,8 @@ class CommandDeadband(Stepping):
     The servo takes a new set point only when it is at least the width from the one that it has.
 
     Formula: taken(k) = set point(k) if |set point(k) - taken(k - 1)| ≥ width, else taken(k - 1): of each command, or
-    with each_step = 1 in every physics step of what the servo is given, which follows the commands no faster than the
-    joint's limit; it then jumps
+    with a period whenever so much time has passed, of what the servo is given, which follows the commands no faster
+    than the joint's limit; it then jumps
 
     In a recording: slow motion goes in steps, small corrections have no effect, and forces held by small corrections
     are off.
@@ -248,7 +252,8 @@ class CommandDeadband(Stepping):
 
     signal_only = True
 
-    width = parameter(LENGTH, identity=0.0, default=0.0003, bounds=((0.0, 0.003), (0.0, 0.03)))
+    width = parameter(LENGTH, identity=0.0, default=0.0003, bounds=((0.0, 0.003), (0.0, 0.1)))
+    period = parameter("s", identity=None, default=0.0, bounds=(0.0, 0.05), tried=(0.0, 0.001, 0.005, 0.02))
 
     def took(self, wanted: Array) -> Array:
         return np.where(np.abs(wanted - self.taken) >= self.width, wanted, self.taken)
@@ -258,8 +263,8 @@ class CommandDeadband(Stepping):
 class CommandQuantization(Stepping):
     """The set point is rounded to a grid.
 
-    Formula: taken = step · round(set point / step): of each command, or with each_step = 1 in every physics step of
-    what the servo is given, which follows the commands no faster than the joint's limit; it then jumps
+    Formula: taken = step · round(set point / step): of each command, or with a period whenever so much time has passed,
+    of what the servo is given, which follows the commands no faster than the joint's limit; it then jumps
 
     In a recording: slow motion goes in equal steps on a fixed grid.
 
@@ -274,7 +279,8 @@ class CommandQuantization(Stepping):
 
     signal_only = True
 
-    step = parameter(LENGTH, identity=0.0, default=0.0005, bounds=((0.0, 0.003), (0.0, 0.03)))
+    step = parameter(LENGTH, identity=0.0, default=0.0005, bounds=((0.0, 0.003), (0.0, 0.1)))
+    period = parameter("s", identity=None, default=0.0, bounds=(0.0, 0.05), tried=(0.0, 0.001))
 
     def took(self, wanted: Array) -> Array:
         return rounded(wanted, self.step)

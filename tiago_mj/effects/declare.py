@@ -100,6 +100,8 @@ class Parameter:
         possible: (low, high), beyond which a value has no meaning, whatever the robot; None: only what ``bounds`` say
             of signs.
         name: as in the class.
+        tried: of a number that does not switch its effect off, values with which a search begins; empty: three across
+            the bounds.
     """
 
     unit: tuple[str, str]
@@ -109,6 +111,7 @@ class Parameter:
     nominal: str | None = None
     possible: tuple[float, float] | None = None
     name: str = ""
+    tried: tuple[float, ...] = ()
 
     def __set_name__(self, owner: type, name: str) -> None:
         object.__setattr__(self, "name", name)
@@ -122,6 +125,7 @@ def parameter(
     bounds: tuple[float, float] | tuple[tuple[float, float], tuple[float, float]],
     nominal: str | None = None,
     possible: tuple[float, float] | None = None,
+    tried: tuple[float, ...] = (),
 ) -> Any:
     """Declare a parameter in an effect's body; pairs are (sliding joint, hinge)."""
     units = (unit, unit) if isinstance(unit, str) else unit
@@ -129,7 +133,7 @@ def parameter(
     ranges: Any = bounds if isinstance(bounds[0], tuple) else (bounds, bounds)
     if not len(units) == len(defaults) == len(ranges) == len(ranges[0]) == len(ranges[1]) == 2:
         raise ValueError(f"parameter [{unit}]: give units, defaults and bounds (low, high) once, or as a pair of each")
-    return Parameter(units, identity, defaults, ranges, nominal, possible)
+    return Parameter(units, identity, defaults, ranges, nominal, possible, tried=tried)
 
 
 @dataclass(frozen=True)
@@ -214,6 +218,8 @@ class Effect:
     takes_from: ClassVar[str | None] = None
     #: Whether what it does is drawn at random: no simulation repeats it, so that known as it is it closes no gap.
     by_chance: ClassVar[bool] = False
+    #: Whether a diagnosis may name it; what no robot has, but simulators differ in, is only adjusted.
+    nameable: ClassVar[bool] = True
 
     def __init__(self, values: Mapping[str, Array], targets: Sequence[str] = ()) -> None:
         for key, value in values.items():
@@ -241,7 +247,8 @@ class Effect:
         return None
 
     def contact_factors(self, factors: Array, now: Now) -> Array:
-        """Factors on stiffness and damping of pad and object's contact, once per reset, (nsim, 2); those that hold."""
+        """Factors on stiffness, damping and virtual mass of pad and object's contact, once per reset, (nsim, 3); those
+        that hold."""
         return factors
 
     def place(self, now: Now) -> None:
@@ -376,7 +383,7 @@ def _check_parameters(name: str, parameters: Mapping[str, Parameter]) -> None:
                 )
             if default == p.identity:
                 raise ValueError(f"{where} has its identity as default: choose a magnitude that is clearly visible")
-            if low <= 0 and p.identity != 0:
+            if (low < 0 or (low == 0 and not p.tried)) and p.identity != 0:
                 raise ValueError(f"{where} has the lower bound {low:g}: only what is added may be 0 or negative")
             if p.identity in (0.0, 1.0) and not low <= p.identity <= high:
                 raise ValueError(f"{where} has bounds ({low:g}, {high:g}), beyond its identity {p.identity:g}")

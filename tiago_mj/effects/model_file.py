@@ -47,6 +47,8 @@ OF_JOINTS: Final = {
     "dof_damping": "damping",
     "dof_armature": "armature",
 }
+#: Of joints, not of their degrees of freedom.
+OF_WHOLE_JOINTS: Final = {"jnt_actfrcrange": "actfrcrange"}
 OF_BODIES: Final = {
     "body_mass": "mass",
     "body_inertia": "inertia",
@@ -62,7 +64,7 @@ OF_ACTUATORS: Final = {
     "actuator_ctrlrange": "ctrlrange",
 }
 GRAVITY: Final = "opt.gravity"
-HELD: Final = {*OF_JOINTS, *OF_BODIES, *OF_ACTUATORS, GRAVITY}
+HELD: Final = {*OF_JOINTS, *OF_WHOLE_JOINTS, *OF_BODIES, *OF_ACTUATORS, GRAVITY}
 
 
 def holds(model: mujoco.MjModel, wiring: Wiring, entries: Sequence[Entry], period: float, substeps: int) -> bool:
@@ -179,6 +181,10 @@ def _copied(spec: mujoco.MjSpec, model: mujoco.MjModel, wanted: mujoco.MjModel) 
         for dof in _rows(model, wanted, field):
             element = joints[int(model.dof_jntid[dof])]
             _set(element, attribute, getattr(wanted, field)[dof])
+            differ = True
+    for field, attribute in OF_WHOLE_JOINTS.items():
+        for joint in _rows(model, wanted, field):
+            _set(joints[joint], attribute, getattr(wanted, field)[joint])
             differ = True
     heavier = dict.fromkeys(row for field in OF_BODIES for row in _rows(model, wanted, field))
     for body in heavier:

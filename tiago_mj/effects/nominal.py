@@ -1,4 +1,4 @@
-"""What the nominal model has of what effects change: how much of it can be taken away, and which limits hold already.
+"""What the nominal model has of what effects change: how much of it can be taken away.
 
 The environments, ``record``, a replay and the diagnosis ask here, so that what a user may give and what a search may
 try end at the same number.
@@ -94,8 +94,8 @@ def removable(declared: type[Effect], model: mujoco.MjModel, wiring: Wiring, ind
 
 
 def check_entries(entries: Sequence[Entry], model: mujoco.MjModel, wiring: Wiring) -> None:
-    """Refuse what a user gave where it cannot be meant of this model: sizes that are a slip of the unit, more taken
-    away than there is, and a limit looser than all those that hold. What a diagnosis found is not questioned.
+    """Refuse what a user gave where it cannot be meant of this model: sizes that are a slip of the unit, and more
+    taken away than there is. What a diagnosis found is not questioned.
 
     Args:
         entries: of one simulator; those of one effect on one target count together.
@@ -116,7 +116,6 @@ def check_entries(entries: Sequence[Entry], model: mujoco.MjModel, wiring: Wirin
             values = values.sum(keepdims=True)
         for index, value in enumerate(values.tolist()):
             _check_taken(declared, value, index, model, wiring)
-        _check_limit(declared, values.tolist(), wiring)
 
 
 def _check_taken(declared: type[Effect], value: float, index: int, model: mujoco.MjModel, wiring: Wiring) -> None:
@@ -129,21 +128,6 @@ def _check_taken(declared: type[Effect], value: float, index: int, model: mujoco
     least = f"at least -{_said(there)}" if there else "0 or more"
     raise ValueError(
         f"{_given(declared, value, index, wiring)}, but the model has {_said(there)} {unit} of {what}: give {least}"
-    )
-
-
-def _check_limit(declared: type[Effect], values: Sequence[float], wiring: Wiring) -> None:
-    """A drive's nominal force holds whatever an effect allows beyond it; a nominal speed does not hold everywhere."""
-    if next(iter(declared.parameters.values())).nominal != "effort":
-        return
-    limited = [index for index, value in enumerate(values) if math.isfinite(value)]
-    own = [wiring.targets.nominal("effort", declared.targets, index) for index in limited]
-    if not limited or any(values[index] <= there * (1 + ROUNDING) for index, there in zip(limited, own, strict=True)):
-        return
-    first, there = limited[0], _said(own[0])
-    raise ValueError(
-        f"{_given(declared, values[first], first, wiring)}, where the model's own limit of {there} "
-        f"{_unit(declared, first, wiring)} holds already: give less than {there}"
     )
 
 

@@ -31,10 +31,40 @@ LOAD_UPDATE: Final = 0.4
 RISE_UPDATE: Final = 0.1
 
 
-def let_it_stick(effect: Effect, now: Now) -> None:
-    """Give the joints that have the effect the solver parameters with which dry friction holds."""
-    now.fill("dof_solimp", effect.present, STICKING_SOLIMP)
-    now.fill("dof_solref", effect.present, STICKING_SOLREF)
+def let_it_stick(effect: Effect, now: Now, share: Array | None = None) -> None:
+    """Give the joints that have the effect the solver parameters with which dry friction holds.
+
+    Args:
+        effect, now: whose targets are joints.
+        share: of the joint's friction that holds, (nsim, njoints); the rest creeps as the nominal model's does. Between
+            the two the odds of the impedance and the time constant go along logarithmically, so that a little more
+            friction is a little change. None: all of it holds.
+    """
+    if share is None:
+        now.fill("dof_solimp", effect.present, STICKING_SOLIMP)
+        now.fill("dof_solref", effect.present, STICKING_SOLREF)
+        return
+    dofs, w = now.wiring.dof, np.where(effect.present, share, 0.0)
+    mixed = effect.present & (w > 0)
+    if not mixed.any():
+        return
+    impedance, reference = now.host.field("dof_solimp"), now.host.field("dof_solref")
+    for column in (0, 1):
+        before = impedance[:, dofs, column]
+        odds = np.log(before / (1 - before)) * (1 - w) + np.log(1 / (1 / STICKING_SOLIMP[column] - 1)) * w
+        impedance[:, dofs, column] = np.where(mixed, 1 / (1 + np.exp(-odds)), before)
+    seconds = reference[:, dofs, 0]
+    direct = seconds <= 0  # stiffness and damping instead of a time constant: nothing to go along from
+    between = np.where(direct, STICKING_SOLREF[0], np.abs(seconds) ** (1 - w) * STICKING_SOLREF[0] ** w)
+    reference[:, dofs, 0] = np.where(mixed, between, seconds)
+    reference[:, dofs, 1] = np.where(mixed & direct, STICKING_SOLREF[1], reference[:, dofs, 1])
+
+
+def sticking_share(nominal: Array, added: Array) -> Array:
+    """Share of what was added in a joint's friction: 1 where the nominal model has none, 0 where nothing was added."""
+    added = np.maximum(added, 0.0)
+    whole = nominal + added
+    return np.divide(added, whole, out=np.zeros_like(whole), where=whole > 0)
 
 
 @effect("velocity_limit", stage="transmission", targets="joint")
@@ -110,8 +140,8 @@ class CoulombFriction(Effect):
 
     Source: BAM; pal_gripper; fitted on tiago_arm.
 
-    MuJoCo: ``dof_frictionloss``, with solver parameters that hold: the default ones let a joint creep back within 0.5
-    s.
+    MuJoCo: ``dof_frictionloss``, with solver parameters that hold as far as the friction is the effect's: the default
+    ones let a joint creep back within 0.5 s.
     """
 
     takes_from = "frictionloss"
@@ -121,8 +151,9 @@ class CoulombFriction(Effect):
 
     def change(self, now: Now) -> None:
         friction = now.host.field("dof_frictionloss")
-        friction[:, now.wiring.dof] = np.maximum(friction[:, now.wiring.dof] + self.force, 0.0)
-        let_it_stick(self, now)
+        nominal = friction[:, now.wiring.dof].copy()
+        friction[:, now.wiring.dof] = np.maximum(nominal + self.force, 0.0)
+        let_it_stick(self, now, sticking_share(nominal, self.force))
 
 
 @effect("viscous_friction", stage="transmission", targets="joint", gap_class="damping")
@@ -175,7 +206,8 @@ class StribeckFriction(Effect):
     velocity = parameter(SPEED, identity=None, default=0.01, bounds=((0.001, 0.05), (0.001, 0.5)))
 
     def change(self, now: Now) -> None:
-        let_it_stick(self, now)
+        nominal = now.host.field("dof_frictionloss")[:, now.wiring.dof]
+        let_it_stick(self, now, sticking_share(nominal, self.static))
 
     def added_friction(self, now: Now) -> Array:
         return self.static * np.exp(-np.square(now.joint_velocity / self.velocity))

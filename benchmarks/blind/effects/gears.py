@@ -15,6 +15,8 @@ from benchmarks.blind.robots import Robot
 
 #: Mass of the rotor over the joint's effective inertia. As much is taken off the joint's own armature where it has any.
 ROTOR = 0.05
+#: Since this version of the generator a side of the teeth pushes only: before, it held a moving joint that was ahead.
+TOOTHED = 8
 
 
 class TwoMass(Effect, ABC):
@@ -66,12 +68,16 @@ class TwoMass(Effect, ABC):
         The servo's own gains are implicit, too, where it is not saturated: the rotor alone is so light that a velocity
         gain of a step ago would throw it to and fro between the limits.
         """
-        h = world.h
+        h, side = world.h, np.sign(stretch)
+        if self.version >= TOOTHED:  # where the joint will be: teeth do not pull
+            stretch = stretch - h * world.v
         kp = np.where(world.free, world.stiffness, 0.0)
         kd = np.where(world.free, world.damping, 0.0)
         momentum = (self._mass + h * kd) * self._v + h * (force - k * stretch + c * world.v)
         self._v = momentum / (self._mass + h * (kd + c + self._drag) + h * h * (kp + k))
         passed = k * (stretch + h * self._v) + c * (self._v - world.v)
+        if self.version >= TOOTHED and self._gap.any():
+            passed = np.where(passed * side > 0, passed, 0.0)
         self._q = self._q + h * self._v
         out = force.copy()
         out[:, self.targets] = passed[:, self.targets]

@@ -57,8 +57,11 @@ def can_close(diagnosis: Diagnosis) -> bool:
     measured on the readings alone, and so is part of every explanation."""
     rows = [set(identity(one)) for one in diagnosis.ranking]
     everywhere = set.intersection(*rows) if len(rows) > 1 else set()
-    by_chance = any(e.name in EFFECTS and EFFECTS[e.name].by_chance for e in diagnosis.best.effects)
-    return not by_chance and any((e.name, e.target) not in everywhere for e in diagnosis.best.effects)
+    known = [EFFECTS[e.name] for e in diagnosis.best.effects if e.name in EFFECTS]
+    by_chance = any(declared.by_chance for declared in known)
+    # What rounds readings does no more than its grid: of one alone a closed share says nothing.
+    rounds = bool(known) and all(declared.rounds for declared in known)
+    return not (by_chance or rounds) and any((e.name, e.target) not in everywhere for e in diagnosis.best.effects)
 
 
 def closes(shrink: Shrink) -> bool | None:

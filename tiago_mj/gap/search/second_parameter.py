@@ -69,8 +69,8 @@ def _other_forms(fit: Fitted) -> list[Start]:
 
 
 def _second_parameters(part: Candidate) -> list[str]:
-    """Names of the numbers that are held, apart from those of the form."""
-    return [name for name, _ in part.fixed if name not in EFFECTS[part.effect].forms]
+    """Names of the numbers that are held, apart from those of the form; none that is 0, which is another form."""
+    return [name for name, value in part.fixed if name not in EFFECTS[part.effect].forms and value]
 
 
 def _start_on_second_parameter(fitter: Fitter, fit: Fitted, k: int, name: str) -> Start:

@@ -8,7 +8,15 @@ from typing import Final
 
 import numpy as np
 
-from tiago_mj.gap.data.lint.motion import Travel, commanded, integrated, lags, measured
+from tiago_mj.gap.data.lint.motion import (
+    Travel,
+    commanded,
+    filtered,
+    integrated,
+    lags,
+    measured,
+    time_constants,
+)
 from tiago_mj.gap.data.lint.numbers import correlation, noise, rms
 from tiago_mj.gap.data.recording import Array, Finding, Trial, sampled
 
@@ -96,6 +104,8 @@ def _position_and_velocity(trial: Trial, joint: str) -> tuple[str, float]:
         return "still", 1.0
     cosine = correlation(position.windows, velocity.windows)
     ratio = rms(position.windows) / rms(velocity.windows)
+    if cosine < UNRELATED and (filtered_by := _filter(trial, joint, velocity.windows)):
+        return "lag", filtered_by
     if cosine < -UNRELATED:
         return "sign", ratio
     if cosine < UNRELATED:
@@ -114,6 +124,19 @@ def _lag(trial: Trial, joint: str, gone: Array, cosine: float) -> float:
     ]
     best = int(np.argmax(fits))
     return float(lags()[best]) if 1 - fits[best] < 0.5 * (1 - cosine) else 0.0
+
+
+def _filter(trial: Trial, joint: str, gone: Array) -> float:
+    """Time constant of the low-pass that makes a velocity of the position [s]; 0 where none does.
+
+    A slow one leaves a velocity that looks unrelated, or even reversed, while the effect ``velocity_filter`` explains
+    it: the channel is the evidence of it.
+    """
+    ways = [filtered(trial, joint, each) for each in time_constants()]
+    fits = [correlation(way, gone) for way in ways]
+    best = int(np.argmax(fits))
+    ratio = rms(ways[best]) / rms(gone)
+    return float(time_constants()[best]) if fits[best] > SAME and max(ratio, 1 / ratio) < PLAIN_FACTOR else 0.0
 
 
 def _about_velocity(trial: Trial, joint: str, verdict: str, ratio: float, culprit: str) -> Iterator[Finding]:

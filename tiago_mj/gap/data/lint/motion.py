@@ -21,6 +21,8 @@ CLEAR: Final = 5.0
 #: A joint whose displacement is below :data:`CLEAR` times this [m, rad], 1 mm or 1 mrad, stands still: servos that hold
 #: a pose give way by less, and what two channels make of that tells nothing about either.
 STILL: Final = 2e-4
+#: Time constants of filtered velocities [s]: to the most that the library's ``velocity_filter`` may have.
+FILTERS: Final = (0.02, 0.4)
 #: Commands act later by up to this [s]: hobby servos take 92 ms, and a lag comes on top.
 LATEST: Final = 0.3
 
@@ -62,6 +64,19 @@ def measured(trial: Trial, joint: str) -> Travel | None:
     return Travel(np.interp(start + length, time, values) - np.interp(start, time, values), np.sqrt(2) * floor)
 
 
+def filtered(trial: Trial, joint: str, time_constant: float) -> Array:
+    """Displacements of the position behind a first-order low-pass [s], (n,): what a filtered velocity integrates to."""
+    time, values = sampled(trial, f"position.{joint}")
+    out, share = values.copy(), np.exp(-np.diff(time) / time_constant)
+    # Exact where the position is straight between samples: 1 - (1 - e) τ / dt of the new one, the rest of the old.
+    new = 1 - (1 - share) * time_constant / np.diff(time)
+    for k, (e, w) in enumerate(zip(share, new, strict=True), start=1):
+        out[k] = e * out[k - 1] + (1 - e - w) * values[k - 1] + w * values[k]
+    start, length = edges(trial)
+    gone: Array = np.interp(start + length, time, out) - np.interp(start, time, out)
+    return gone
+
+
 def integrated(trial: Trial, joint: str, lag: float = 0.0) -> Travel | None:
     """By the velocity, reported ``lag`` [s] later; None where there is none."""
     if joint not in trial.velocities:
@@ -90,6 +105,11 @@ def commanded(trial: Trial, actuator: str, interface: str | None, lag: float = 0
         return Travel(np.interp(end, time, gone) - np.interp(begin, time, gone), STILL)
     held = values[np.maximum(np.searchsorted(time, np.stack([begin, end]), side="right") - 1, 0)]
     return Travel(held[1] - held[0], STILL)
+
+
+def time_constants() -> Array:
+    """Of filters to try between a position and a velocity that was made of it, (n,) [s]."""
+    return np.geomspace(*FILTERS, 12)
 
 
 def lags() -> Array:

@@ -1,0 +1,84 @@
+"""The library at the true effect and the true numbers meets reality's recordings; no number can be met in one direction
+only."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from benchmarks import truth_audit
+from benchmarks.blind.dictionary import CONSTANT, KINDS
+from tiago_mj.effects import EFFECTS
+from tiago_mj.gap.inference import hypotheses
+from tiago_mj.gap.inference.predictor import Predictor
+
+#: A sample of the audit, over stages, rates and robots; docs/truth-audit.md has all.
+SAMPLE = (
+    "gripper/none/1",
+    "gripper/command_delay/1",
+    "gripper/command_deadband/1",
+    "gripper/force_limit/1",
+    "gripper/contact_stiffness/0",
+    "plain/none/0",
+    "plain/command_deadband/0",
+)
+PLANNED = truth_audit.planned()
+
+
+@pytest.mark.parametrize("name", SAMPLE)
+def test_at_the_truth_little_more_than_noise_is_left(name):
+    case = PLANNED[name]
+    found = truth_audit.audited(truth_audit.opened(case), truth_audit.FINE[case.setting])
+    assert found.rest.pooled.max() <= truth_audit.POOLED
+    if case.effects:
+        without = truth_audit.audited(truth_audit.opened(case), truth_audit.COARSE, with_effect=False)
+        assert without.rest.pooled.max() > 2 * truth_audit.POOLED
+
+
+def test_the_audit_sees_a_number_that_is_left_out():
+    one = truth_audit.opened(PLANNED["gripper/none/1"])
+    without = tuple(tuple(e for e in trial if e.name != "servo_stiffness") for trial in one.numbers)
+    found = truth_audit.audited(replace(one, numbers=without), truth_audit.FINE["gripper"])
+    assert not found.rest.passes
+    assert found.rest.pooled.max() > 2
+
+
+def test_every_effect_is_audited_with_each_robot_that_can_have_it():
+    names = {name.split("/")[1] for name in PLANNED}
+    assert names == {"none", *(name for name, kind in KINDS.items() if kind.known)}
+    assert len(PLANNED) >= 150
+    for name, numbers in CONSTANT.items():
+        assert set(numbers) <= set(EFFECTS[name].parameters)
+
+
+def test_what_was_left_is_counted_in_noise_variances_and_on_grids_too():
+    rng = np.random.default_rng(0)
+    true = np.cumsum(rng.standard_normal((4, 400, 2)), axis=1) * 0.05
+    value = true + rng.standard_normal(true.shape) * 0.1
+    value[..., 1] = np.round(value[..., 1] / 0.5) * 0.5
+    sigma, grid = np.array([0.1, 0.1]), np.array([0.0, 0.5])
+    right = truth_audit.left(value, true, sigma, grid, ("position.a", "position.b"))
+    # A mean square of 1600 squares of normal numbers scatters by 3.5 %.
+    np.testing.assert_allclose(right.pooled, 1, atol=0.15)
+    assert right.passes
+    wrong = truth_audit.left(value, true + 0.1, sigma, grid, ("position.a", "position.b"))
+    assert wrong.pooled.min() > 1.2
+    assert wrong.beyond_chance
+
+
+@pytest.fixture(scope="module")
+def pressing():
+    """A session of the gripper whose squeezes reach the nominal force limit."""
+    return truth_audit.opened(PLANNED["gripper/force_limit/0"])
+
+
+def test_every_nominal_number_can_be_met_on_either_side(pressing):
+    one = pressing
+    predict = Predictor(one.plant, one.on, one.data, threads=1, corrected=False)
+    terms = hypotheses.terms(one.plant)
+    trials = range(3)
+    nominal, *moved = predict.all_trials([(), *((term.entry(d),) for term in terms for d in (-1.0, 1.0))], trials)
+    for k, term in enumerate(terms):
+        down, up = (np.abs(moved[2 * k + side] - nominal).max() for side in (0, 1))
+        assert down >= 0.1 * up, term
+        assert up >= 0.1 * down, term
