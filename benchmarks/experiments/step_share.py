@@ -24,6 +24,7 @@ from tiago_mj.gap.inference import noise_model
 from tiago_mj.gap.inference.fit import Fitter, Start
 from tiago_mj.gap.inference.hypotheses import Candidate, Term
 from tiago_mj.gap.inference.points import Point
+from tiago_mj.gap.simulation import replay
 
 Array = NDArray[np.float64]
 
@@ -73,7 +74,7 @@ def with_share(case: Again, by: Fitter) -> ShareFitter:
     """The fitter with λ among its nominal numbers."""
     predict = by.predict
     assert predict.off is not None
-    off = noise_model.predicted(by.data, predict.off)[list(by.trials)]
+    off = noise_model.predicted(by.data, predict.off.thinned(replay.parts_of(predict.plant)))[list(by.trials)]
     shared = [t for t in by.terms if not t.per_trial]
     own = [t for t in by.terms if t.per_trial]
     # It is never simulated: the effect only has to be one of the library's, and the parameter none of its own.
@@ -102,11 +103,9 @@ def _collected(case: Again) -> noise_model.Data:
     whole = noise_model.collect(case.opened.plant, case.opened.predict.on.trials, frozenset(case.by.data.channels))
     nominal = case.opened.predict.as_simulated().all_trials([()], list(range(len(whole.value))))[0]
     assert case.opened.predict.off is not None
+    off = case.opened.predict.off.thinned(replay.parts_of(case.opened.plant))
     finer = (
-        nominal
-        - noise_model.predicted(whole, case.opened.predict.off)
-        * (noise_model.STEP_REFINEMENT - 1)
-        / noise_model.STEP_REFINEMENT
+        nominal - noise_model.predicted(whole, off) * (noise_model.STEP_REFINEMENT - 1) / noise_model.STEP_REFINEMENT
     )
     return noise_model.select_trials(noise_model.with_step_tolerance(whole, nominal, finer), case.by.trials)
 

@@ -203,12 +203,20 @@ class Chain:
         plain[:, stateful] = self._host.state("act")[:, wiring.act[stateful]]
         return plain
 
-    def advance(self, command: Array, seconds: Array | None = None) -> None:
+    def advance(
+        self,
+        command: Array,
+        seconds: Array | None = None,
+        parts: int = 1,
+        between: Callable[[int], None] = lambda part: None,
+    ) -> None:
         """Let the commands act for one control period.
 
         Args:
             command: (nsim, nactuators) in the interface's unit.
             seconds: length of this period by the recorder's clock, (nsim,) [s], where it is not the nominal one.
+            parts: of the period, of whole physics steps each.
+            between: told the number of each part but the last, from 1, once it is simulated.
         """
         now, wiring = self.now, self._wiring
         if seconds is not None:
@@ -216,7 +224,7 @@ class Chain:
             self._host.set_timestep(now.dt / self._substeps)
         if wiring.ideal:
             self._hold_set_points()
-        self._run(self._commanded(command))
+        self._run(self._commanded(command), parts, between)
         now.step += 1
         now.elapsed = now.elapsed + now.dt
 
@@ -342,18 +350,23 @@ class Chain:
         wiring = self._wiring
         return wiring.servo & (wiring.act < 0) & (wiring.interface != "effort")
 
-    def _run(self, inputs: Array) -> None:
+    def _run(self, inputs: Array, parts: int, between: Callable[[int], None]) -> None:
         """Physics steps of a control period, with what is held for all of it or what arrives in each."""
-        ctrl = self._host.state("ctrl")
+        ctrl, steps = self._host.state("ctrl"), self._substeps // parts
         if self._on_its_way is None:
             ctrl[:, self._wiring.ctrl] = inputs
             if not self._per_substep:
-                self._host.step(self._substeps)
+                for part in range(1, parts):
+                    self._host.step(steps)
+                    between(part)
+                self._host.step(steps)
                 return
             arriving = None
         else:
             arriving = self._arriving(inputs)
         for k in range(self._substeps):
+            if k and k % steps == 0:
+                between(k // steps)
             if arriving is not None:
                 ctrl[:, self._wiring.ctrl] = arriving[:, k]
             if self._per_substep:
@@ -419,8 +432,11 @@ class Chain:
 
     def reading(self, newtons: Array, units_per_newton: Callable[[Array], Array], noise: Array) -> Array:
         """Load-cell samples, (nsim, nsensors), of newtons on the pads and noise [sensor units]."""
-        clean = units_per_newton(self._through("contact_force", newtons))
-        return self._through("sample", self._through("reading", clean) + self._through("noise", noise))
+        return self._through("sample", self.before_sampling(newtons, units_per_newton) + self._through("noise", noise))
+
+    def before_sampling(self, newtons: Array, units_per_newton: Callable[[Array], Array]) -> Array:
+        """What is sampled of the load cells, free of noise, (nsim, nsensors) [sensor units]."""
+        return self._through("reading", units_per_newton(self._through("contact_force", newtons)))
 
     def _through(self, hook: str, value: Array) -> Array:
         for effect, mask in self._hooks[hook]:

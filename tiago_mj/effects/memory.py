@@ -17,22 +17,24 @@ class DelayLine:
     def __init__(self, seconds: Array, before: Array | None = None) -> None:
         self._seconds = seconds
         self._before = before
-        self._past: list[Array] = []
+        self._past: Array | None = None  # a ring, whose newest sample is at ...
+        self._newest = 0
 
     def __call__(self, value: Array, period: Array) -> Array:
         """Take the next sample, (nsim, n), and return the delayed one."""
         first = value if self._before is None else self._before
         with np.errstate(divide="ignore", invalid="ignore"):
             lag = np.where(period > 0, self._seconds / period, 0.0)
-        if not self._past:
-            self._past = [np.array(first)] * (int(np.ceil(lag.max(initial=0.0))) + 2)
-        self._past.insert(0, np.array(value))
-        self._past.pop()
-        past = np.stack(self._past)
-        whole = np.clip(np.floor(lag).astype(int), 0, len(past) - 2)
+        if self._past is None:
+            self._past = np.repeat(np.asarray(first)[None], int(np.ceil(lag.max(initial=0.0))) + 2, axis=0)
+        past, length = self._past, len(self._past)
+        self._newest = (self._newest - 1) % length
+        past[self._newest] = value
+        whole = np.clip(np.floor(lag).astype(int), 0, length - 2)
         share = np.clip(lag - whole, 0.0, 1.0)
-        newer = np.take_along_axis(past, np.broadcast_to(whole, value.shape)[None], axis=0)[0]
-        older = np.take_along_axis(past, np.broadcast_to(whole + 1, value.shape)[None], axis=0)[0]
+        ago = np.broadcast_to(whole, value.shape)[None] + self._newest
+        newer = np.take_along_axis(past, ago % length, axis=0)[0]
+        older = np.take_along_axis(past, (ago + 1) % length, axis=0)[0]
         return (1 - share) * newer + share * older
 
 

@@ -3,12 +3,16 @@
 What the simulator's step gets wrong is the same for all of them but for little: it is taken from the nominal model, run
 once more with shorter steps, and put right in every prediction that is compared with a finer reality. What is reported
 is what the simulator itself does, its step's error included (:meth:`Predictor.as_simulated`).
+
+A robot's filters and delays act while a row lasts. Where rows are long, sensors' effects with a memory are applied to
+signals in parts of rows (:func:`tiago_mj.gap.simulation.replay.parts_of`), which only they need.
 """
 
 from __future__ import annotations
 
+import math
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -20,11 +24,15 @@ from tiago_mj.effects.spec import Entry
 from tiago_mj.gap.data.recording import RecordingError, Trial
 from tiago_mj.gap.inference import likelihood, noise_model
 from tiago_mj.gap.simulation import replay, stability
-from tiago_mj.gap.simulation.plant import Plant
+from tiago_mj.gap.simulation.plant import Plant, substeps
 from tiago_mj.gap.simulation.replay import Grid, Signals, sensor_only
 
 Array = NDArray[np.float64]
 Effects = tuple[Entry, ...]
+#: Trial, effects on the physics, number of the draw.
+Key = tuple[int, Effects, int]
+#: Signals of one simulation, in the order of their fields, (T, ...) or in parts of rows.
+Run = tuple[Array, ...]
 
 #: Effects that draw at random are predicted by the mean over this many draws.
 DRAWS = 6
@@ -40,8 +48,12 @@ class Predictor:
         threads: of the batches.
         seed: of random effects.
         off: what the step makes wrong in the nominal signals of every trial
-            (:func:`tiago_mj.gap.inference.noise_model.step_errors`); None: not known.
+            (:func:`tiago_mj.gap.inference.noise_model.step_errors`), in parts of rows
+            (:func:`tiago_mj.gap.simulation.replay.parts_of`) where sensors' effects with a memory are asked for; None:
+            not known.
         corrected: whether that is put right where it is known; else predictions are as they are simulated.
+        between: whether sensors' effects with a memory act between rows, as a robot's do; else at the rows alone, as the
+            environments' do.
         rounded: whether readings are rounded where an effect rounds them; else they are what is rounded: a likelihood
             knows the grid (:mod:`tiago_mj.gap.inference.between`).
         runs: number of physics simulations made.
@@ -59,11 +71,12 @@ class Predictor:
     off: Signals | None = None
     corrected: bool = True
     rounded: bool = False
+    between: bool = True
     runs: int = 0
     tally: Counter[str] = field(default_factory=Counter)
     simulated: Callable[[int], None] = lambda steps: None
     deadline: Deadline = field(default_factory=Deadline)
-    _kept: dict[tuple[int, Effects], tuple[Array, ...]] = field(default_factory=dict)
+    _kept: dict[tuple[int, Effects], Run] = field(default_factory=dict)
 
     def __call__(self, wanted: Sequence[tuple[int, Effects]], *, keep: bool = False) -> Array:
         """Predicted channels, (nwanted, T, C), of (trial, effects) pairs.
@@ -72,34 +85,39 @@ class Predictor:
             wanted: pairs; effects that draw at random are averaged over draws.
             keep: remember the physics for later calls (of the nominal model, say).
         """
-        given = self.plant.given
+        given = tuple(e for e in self.plant.given if not sensor_only(e) or self._measures(e))
         drawn = self.on.delivered is None
         draws = [
-            DRAWS if drawn and any(e.name in RANDOM_EFFECTS and not sensor_only(e) for e in (*given, *effects)) else 1
+            DRAWS
+            if drawn and any(e.name in RANDOM_EFFECTS and not sensor_only(e) for e in (*self.plant.given, *effects))
+            else 1
             for _, effects in wanted
         ]
-        keys: dict[tuple[int, Effects, int], None] = {}
-        for (trial, effects), count in zip(wanted, draws, strict=True):
-            physics = tuple(e for e in effects if not sensor_only(e))
-            for draw in range(count):
-                keys[(trial, physics, draw)] = None
-        true = self._physics(list(keys), keep)
-        if self.off is not None and self.corrected:
-            true = {key: self._step_corrected(key[0], run) for key, run in true.items()}
-        rows, sims, owner = [], [], []
+        finest = replay.parts_of(self.plant) if self.between else 1
+        of, sims, owner, cut = [], [], [], []
         for k, ((trial, effects), count) in enumerate(zip(wanted, draws, strict=True)):
             physics = tuple(e for e in effects if not sensor_only(e))
+            sensing = tuple(e for e in effects if self._measures(e))
+            parts = finest if any(replay.remembers(e) for e in (*given, *sensing)) else 1
             for draw in range(count):
-                rows.append(true[(trial, physics, draw)])
-                sims.append((trial, tuple(e for e in effects if self._measures(e))))
+                of.append((trial, physics, draw))
+                sims.append((trial, sensing))
                 owner.append(k)
-        signals = Signals(*(np.stack(parts) for parts in zip(*rows, strict=True)))
-        measuring = np.array([bool(effects) or any(sensor_only(e) for e in given) for _, effects in sims])
-        if measuring.any():
-            index = np.nonzero(measuring)[0]
-            some = Signals(*(getattr(signals, f)[index] for f in Signals.__dataclass_fields__))
-            plant = replace(self.plant, given=tuple(e for e in given if not sensor_only(e) or self._measures(e)))
-            measured = replay.measure(plant, self.on, some, [sims[i] for i in index], seed=self.seed)
+                cut.append(parts)
+        keys = dict.fromkeys(of, 1)
+        for key, parts in zip(of, cut, strict=True):
+            keys[key] = max(keys[key], parts)
+        true = self._physics(keys, keep)
+        if self.off is not None and self.corrected:
+            true = {key: self._step_corrected(key[0], run) for key, run in true.items()}
+        signals = self._stacked([true[key] for key in of], 1)
+        measuring = np.array([bool(effects) or any(sensor_only(e) for e in self.plant.given) for _, effects in sims])
+        for parts in sorted(set(cut)):
+            index = np.flatnonzero(measuring & (np.array(cut) == parts))
+            if not len(index):
+                continue
+            some, plant = self._stacked([true[of[i]] for i in index], parts), replace(self.plant, given=given)
+            measured = replay.measure(plant, self.on, some, [sims[i] for i in index], seed=self.seed, parts=parts)
             for name in ("position", "velocity", "reading"):
                 getattr(signals, name)[index] = getattr(measured, name)
         channels = noise_model.predicted(self.data, signals)
@@ -126,9 +144,9 @@ class Predictor:
         return replace(self, on=replace(self.on, delivered=delivered), runs=0, _kept=kept)
 
     def as_simulated(self) -> Predictor:
-        """The same with the error of the physics step in it, and its readings rounded: what the environment, or the
-        repaired model, does."""
-        return replace(self, corrected=False, rounded=True)
+        """The same with the error of the physics step in it, its readings rounded, and its sensors at work at the rows
+        alone: what the environment, or the repaired model, does."""
+        return replace(self, corrected=False, rounded=True, between=False)
 
     def with_other_step_correction(self) -> Predictor | None:
         """The same with the step's error put right where it was not, or the other way round; None: it is not known."""
@@ -139,14 +157,31 @@ class Predictor:
         is no other reading."""
         return sensor_only(entry) and entry.name not in RANDOM_EFFECTS and (self.rounded or not rounds(entry))
 
-    def _step_corrected(self, trial: int, run: tuple[Array, ...]) -> tuple[Array, ...]:
-        fields = Signals.__dataclass_fields__
-        return tuple(one - getattr(self.off, f)[trial] for one, f in zip(run, fields, strict=True))
+    def _step_corrected(self, trial: int, run: Run) -> Run:
+        assert self.off is not None
+        off = tuple(getattr(self.off, f)[trial] for f in Signals.__dataclass_fields__)
+        parts = min(self._parts(run), self._parts(off))
+        pairs = zip(self._cut(run, parts), self._cut(off, parts), strict=True)
+        return tuple(one - wrong for one, wrong in pairs)
 
-    def _physics(
-        self, keys: list[tuple[int, Effects, int]], keep: bool
-    ) -> dict[tuple[int, Effects, int], tuple[Array, ...]]:
-        done = {key: self._kept[_plain(key)] for key in keys if _plain(key) in self._kept}
+    def _parts(self, run: Run) -> int:
+        """Of each row's period."""
+        return (len(run[0]) - 1) // self.on.commands.shape[1]
+
+    def _cut(self, run: Run, parts: int) -> Run:
+        """In so many parts of each row's period, of which it has a multiple."""
+        return tuple(one[:: self._parts(run) // parts] for one in run)
+
+    def _stacked(self, runs: Sequence[Run], parts: int) -> Signals:
+        return Signals(*(np.stack(columns) for columns in zip(*(self._cut(run, parts) for run in runs), strict=True)))
+
+    def _physics(self, keys: Mapping[Key, int], keep: bool) -> dict[Key, Run]:
+        """Signals of keys, in at least as many parts of each row's period as their values say."""
+        done = {}
+        for key, parts in keys.items():
+            run = self._kept.get(_plain(key))
+            if run is not None and self._parts(run) >= parts:
+                done[key] = run
         for draw in sorted({key[2] for key in keys}):
             todo = [key for key in keys if key not in done and key[2] == draw]
             if not todo:
@@ -160,14 +195,16 @@ class Predictor:
                 threads=self.threads,
                 seed=seed,
                 deadline=self.deadline,
+                parts=max(keys[key] for key in todo),
             )
             steps = len(todo) * replay.physics_steps(self.plant, self.on)
             self.tally.update(simulations=len(todo), diverged=int(signals.diverged.sum()), physics_steps=steps)
             self.simulated(steps)
             for row, key in enumerate(todo):
                 done[key] = tuple(getattr(signals, f)[row] for f in Signals.__dataclass_fields__)
-                if keep:
-                    self._kept[_plain(key)] = done[key]
+                if keep or _plain(key) in self._kept:  # it is kept already, but in fewer parts
+                    # Copies: a view would keep its whole batch.
+                    self._kept[_plain(key)] = tuple(one.copy() for one in self._cut(done[key], keys[key]))
         return done
 
 
@@ -201,28 +238,36 @@ def predictor(
             f"{trials[0].source}: no measured column is of this robot ({', '.join(plant.joints)}): give a map file"
         )
     everything: list[tuple[int, Effects]] = [(k, ()) for k in range(len(trials))]
-    bare = replay.unmeasured(plant)
-    true = replay.simulate(bare, on, everything, threads=threads, seed=seed, deadline=by)
-    stability.check_nominal(plant, on, true)
-    fine = replace(bare, max_timestep=plant.max_timestep / noise_model.STEP_REFINEMENT)
-    finer = replay.simulate(fine, on, everything, threads=threads, seed=seed, deadline=by)
+    bare, parts = replay.unmeasured(plant), replay.parts_of(plant)
+    true = replay.simulate(bare, on, everything, threads=threads, seed=seed, deadline=by, parts=parts)
+    stability.check_nominal(plant, on, true.thinned(parts))
+    fine = _refined(bare, parts)
+    finer = replay.simulate(fine, on, everything, threads=threads, seed=seed, deadline=by, parts=parts)
     if finer.diverged.any():  # a step that is not fine enough tells nothing of another
         finer = true
     off = noise_model.step_errors(true, finer)
-    nominal = true
     if bare.given != plant.given:
         sensed = replace(
             plant,
             given=tuple(e for e in plant.given if not sensor_only(e) or not (e.name in RANDOM_EFFECTS or rounds(e))),
         )
-        nominal, finer = (replay.measure(sensed, on, one, everything, seed=seed) for one in (true, finer))
+        nominal, finer = (replay.measure(sensed, on, one, everything, seed=seed, parts=parts) for one in (true, finer))
+    else:
+        nominal, finer = true.thinned(parts), finer.thinned(parts)
     as_simulated = noise_model.predicted(data, nominal)
     data = noise_model.with_step_tolerance(data, as_simulated, noise_model.predicted(data, finer))
     # What was recorded in this very simulator is off by the same steps: decided anew beside explanations (select).
     same = likelihood.distance(data, as_simulated) < likelihood.distance(
-        data, as_simulated - noise_model.predicted(data, off)
+        data, as_simulated - noise_model.predicted(data, off.thinned(parts))
     )
     return Predictor(plant, on, data, threads, seed, off, corrected=not same, deadline=by), nominal
+
+
+def _refined(plant: Plant, parts: int) -> Plant:
+    """With physics steps that are :data:`tiago_mj.gap.inference.noise_model.STEP_REFINEMENT` times shorter, or a little
+    more, so that each part of a row has whole ones."""
+    steps = substeps(plant.period, plant.max_timestep / noise_model.STEP_REFINEMENT)
+    return replace(plant, max_timestep=plant.period / (math.ceil(steps / parts) * parts))
 
 
 def rounds(entry: Entry) -> bool:
@@ -230,5 +275,5 @@ def rounds(entry: Entry) -> bool:
     return EFFECTS[entry.name].rounds is not None
 
 
-def _plain(key: tuple[int, Effects, int]) -> tuple[int, Effects]:
+def _plain(key: Key) -> tuple[int, Effects]:
     return key[0], (*key[1], Entry("draw", (str(key[2]),))) if key[2] else key[1]

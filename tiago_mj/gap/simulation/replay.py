@@ -11,6 +11,7 @@ import itertools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Final
 
 import mujoco
 import mujoco.batch
@@ -34,6 +35,9 @@ Effects = tuple[Entry, ...]
 BATCH_SIZE = 256
 #: Physics steps that an open loop runs at once: few enough to stay within memory.
 MAX_ROLLOUT_STEPS = 512
+#: A sensor with a memory takes its signal in steps of at most this [s]. Its input is straight in between: at 25 Hz, row
+#: by row, filters and delays were off by up to twenty deviations of a joint's noise.
+MAX_PART: Final = 5e-3
 
 
 @dataclass(frozen=True)
@@ -60,7 +64,7 @@ class Grid:
 
 @dataclass(frozen=True)
 class Signals:
-    """What was simulated, row by row, (nsim, T, ...); NaN from where a simulation diverged.
+    """What was simulated, row by row or in parts of rows, (nsim, T, ...); NaN from where a simulation diverged.
 
     Attributes:
         position, velocity, effort: of the joints, measured, (nsim, T, njoints).
@@ -79,8 +83,12 @@ class Signals:
         """Simulations that did not reach their end, (nsim,)."""
         return np.asarray(~np.isfinite(self.velocity[:, -1]).all(axis=-1))
 
+    def thinned(self, parts: int) -> Signals:
+        """Each so many-th sample: the rows, of what was simulated in parts of them."""
+        return Signals(*(getattr(self, f)[:, ::parts] for f in Signals.__dataclass_fields__))
+
     def until(self, rows: NDArray[np.int_]) -> Signals:
-        """With NaN from a row on, (nsim,) of them."""
+        """With NaN from a sample on, (nsim,) of them."""
         length = self.position.shape[1]
         if (rows >= length).all():
             return self
@@ -117,6 +125,14 @@ def grid(plant: Plant, trials: Sequence[Trial]) -> Grid:
     return Grid(tuple(trials), rows, period, uniform, commands)
 
 
+def parts_of(plant: Plant) -> int:
+    """Into how many parts sensors with a memory need a row cut: the fewest of whole physics steps that last no longer
+    than :data:`MAX_PART`; 1 where a row lasts no longer."""
+    steps = plant.substeps
+    fitting = (n for n in range(1, steps) if steps % n == 0 and plant.period / n <= MAX_PART * (1 + 1e-6))
+    return next(fitting, steps)
+
+
 def simulate(
     plant: Plant,
     on: Grid,
@@ -125,6 +141,7 @@ def simulate(
     threads: int = 0,
     seed: int = 0,
     deadline: Deadline | None = None,
+    parts: int = 1,
 ) -> Signals:
     """Run simulations.
 
@@ -135,16 +152,24 @@ def simulate(
         threads: of the batch; 0 is all processors. The result does not depend on it.
         seed: of what effects draw at random: the same for every simulation of a trial.
         deadline: asked from row to row; None: there is none.
+        parts: samples of each row's period, equally long, of (T - 1) * parts + 1 in all: for :func:`measure`, as the
+            effects here are none of the sensors'. 1: the rows.
 
     Raises:
         OutOfTimeError: the deadline is over.
+        ValueError: a part is of no whole physics steps, or a sensor's effect is among the effects of parts.
     """
     sims = [(trial, (*plant.given, *effects)) for trial, effects in sims]
+    if plant.substeps % parts:
+        raise ValueError(f"{plant.substeps} physics steps of a row in {parts} parts: give a divisor")
+    if parts > 1 and any(sensor_only(entry) for _, effects in sims for entry in effects):
+        raise ValueError("effects of the sensors in parts of rows: simulate without them, then measure")
     by = deadline or Deadline()
-    parts = [
-        _in_batches(plant, on, sims[k : k + BATCH_SIZE], threads, seed, by) for k in range(0, len(sims), BATCH_SIZE)
+    runs = [
+        _in_batches(plant, on, sims[k : k + BATCH_SIZE], threads, seed, by, parts=parts)
+        for k in range(0, len(sims), BATCH_SIZE)
     ]
-    return Signals(*(np.concatenate([getattr(p, f) for p in parts]) for f in Signals.__dataclass_fields__))
+    return Signals(*(np.concatenate([getattr(r, f) for r in runs]) for f in Signals.__dataclass_fields__))
 
 
 def motions(
@@ -170,19 +195,26 @@ def motions(
 
 
 def _in_batches(
-    plant: Plant, on: Grid, sims: Sequence[tuple[int, Effects]], threads: int, seed: int, deadline: Deadline
+    plant: Plant,
+    on: Grid,
+    sims: Sequence[tuple[int, Effects]],
+    threads: int,
+    seed: int,
+    deadline: Deadline,
+    parts: int,
 ) -> Signals:
     """Simulations that need nobody between their steps apart from the others: they share all processors better."""
     alone = np.array([all(_acts_without_feedback(entry) for entry in effects) for _, effects in sims])
     if alone.all() or not alone.any():
-        return _batch(plant, on, sims, threads, seed, deadline)
+        return _batch(plant, on, sims, threads, seed, deadline, parts=parts)
     order = np.argsort(~alone, kind="stable")
     count = int(alone.sum())
-    parts = [
-        _batch(plant, on, [sims[k] for k in some], threads, seed, deadline) for some in (order[:count], order[count:])
+    runs = [
+        _batch(plant, on, [sims[k] for k in some], threads, seed, deadline, parts=parts)
+        for some in (order[:count], order[count:])
     ]
     back = np.argsort(order)
-    return Signals(*(np.concatenate([getattr(p, f) for p in parts])[back] for f in Signals.__dataclass_fields__))
+    return Signals(*(np.concatenate([getattr(r, f) for r in runs])[back] for f in Signals.__dataclass_fields__))
 
 
 def _acts_without_feedback(entry: Entry) -> bool:
@@ -192,38 +224,46 @@ def _acts_without_feedback(entry: Entry) -> bool:
     return declared.signal_only or not any(overrides(declared, hook) for hook in hooks)
 
 
-def measure(plant: Plant, on: Grid, true: Signals, sims: Sequence[tuple[int, Effects]], *, seed: int = 0) -> Signals:
+def measure(
+    plant: Plant, on: Grid, true: Signals, sims: Sequence[tuple[int, Effects]], *, seed: int = 0, parts: int = 1
+) -> Signals:
     """Apply the sensors' effects to true signals, one row of ``true`` a simulation; the physics is not run again.
+
+    What is returned is of the rows: the load cells are sampled there, as a logger reads them; what filters and delays
+    do in between follows the parts.
 
     Args:
         plant, on, sims, seed: as for :func:`simulate`; effects that are not the sensors' are ignored.
         true: signals of runs without sensor effects, (nsim, ...), row by row those of ``sims``: of
             :func:`unmeasured` where sensors' effects are given.
+        parts: of each row's period in ``true``, as :func:`simulate` made them.
     """
     host = _NoSimulation(plant.model, len(sims))
     sensing = [[e for e in (*plant.given, *entries) if sensor_only(e)] for _, entries in sims]
     chain = Chain(host, plant.wiring, sensing, _uniform(sims, None, seed))  # type: ignore[arg-type]
-    chain.now.dt = np.full(len(sims), plant.period)
+    chain.now.dt = np.full(len(sims), plant.period / parts)
     for effect in chain.effects:
         effect.start(chain.now)
-    position, velocity, reading = (
-        np.empty_like(true.position),
-        np.empty_like(true.velocity),
-        np.empty_like(true.reading),
-    )
+    rows = true.thinned(parts)
+    position, velocity, reading = (np.empty_like(of) for of in (rows.position, rows.velocity, rows.reading))
     trial = np.array([t for t, _ in sims])
     quiet = np.zeros((len(sims), true.reading.shape[2]))
     for k in range(true.position.shape[1]):
-        chain.now.step = k
+        row, inside = divmod(k, parts)
+        chain.now.step = row
         if k:
             if not on.uniform:
-                chain.now.dt = on.period[trial, k - 1]
+                chain.now.dt = on.period[trial, (k - 1) // parts] / parts
             chain.now.elapsed = chain.now.elapsed + chain.now.dt
-        position[:, k] = chain.position(true.position[:, k])
-        velocity[:, k] = chain.velocity(true.velocity[:, k])
+        here, speed = chain.position(true.position[:, k]), chain.velocity(true.velocity[:, k])
+        if inside:
+            if plant.cell is not None:
+                chain.before_sampling(true.newtons[:, k], plant.cell.signal)
+            continue
+        position[:, row], velocity[:, row] = here, speed
         if plant.cell is not None:
-            reading[:, k] = chain.reading(true.newtons[:, k], plant.cell.signal, quiet)
-    return Signals(position, velocity, true.effort, _averaged(plant, reading), true.newtons)
+            reading[:, row] = chain.reading(true.newtons[:, k], plant.cell.signal, quiet)
+    return Signals(position, velocity, rows.effort, _averaged(plant, reading), rows.newtons)
 
 
 def only_commands(plant: Plant, sims: Sequence[Effects]) -> Chain:
@@ -246,6 +286,11 @@ def sensor_only(entry: Entry) -> bool:
     return declared.stage == "joint_sensor" and not overrides(declared, "true_position")  # else it starts elsewhere
 
 
+def remembers(entry: Entry) -> bool:
+    """Whether a sensor's effect depends on what was before its sample: it has something to begin with."""
+    return sensor_only(entry) and overrides(EFFECTS[entry.name], "start")
+
+
 def _batch(
     plant: Plant,
     on: Grid,
@@ -254,6 +299,8 @@ def _batch(
     seed: int,
     deadline: Deadline,
     poses: Array | None = None,
+    *,
+    parts: int = 1,
 ) -> Signals:
     """Simulations in one batch; ``poses``, (nsim, T, nq), is filled where it is given."""
     nsim, length = len(sims), on.commands.shape[1] + 1
@@ -283,7 +330,7 @@ def _batch(
     chain.start(plant.period, substeps, contact, np.array([start.set_point for start in starts]))
     host.forward()
     tare = plant.pads.tare(host.output("sensordata")) if plant.pads is not None else 0.0
-    shape = (nsim, length)
+    shape = (nsim, (length - 1) * parts + 1)
     position, velocity, effort = (np.zeros((*shape, len(plant.joints))) for _ in range(3))
     reading, newtons = np.zeros((*shape, len(plant.sensors))), np.zeros((*shape, len(plant.sensors)))
     quiet = np.zeros((nsim, len(plant.sensors)))
@@ -301,13 +348,16 @@ def _batch(
                 newtons[:, k], plant.cell.signal, quiet if isinstance(k, int) else quiet[:, None]
             )
 
-    ends = np.full(nsim, length)
+    ends = np.full(nsim, shape[1])
 
     def note_ends(row: int) -> None:
-        ends[:] = np.where(host.diverged, np.minimum(ends, row), ends)
+        ends[:] = np.where(host.diverged, np.minimum(ends, (row - 1) * parts + 1), ends)
 
     def present() -> tuple[Array, ...]:
         return host.state("qpos"), host.state("qvel"), host.output("qfrc_actuator"), host.output("sensordata")
+
+    def reading_after(begun: int) -> Callable[[int], None]:
+        return lambda part: read(begun + part, *present())
 
     present()
     host.forward()
@@ -323,16 +373,18 @@ def _batch(
             some[:, :, wiring.ctrl] = chain.ahead(on.commands[trial, first : first + rows])
             seen = host.rollout(some, fields)
             note_ends(first + 1)
+            begun, steps = first * parts, substeps // parts
             if chain.passes_readings:
-                ends_of_rows = {name: seen[name][:, substeps - 1 :: substeps] for name in fields}
-                read(slice(first + 1, first + rows + 1), *ends_of_rows.values())
+                ends_of_parts = {name: seen[name][:, steps - 1 :: steps] for name in fields}
+                read(slice(begun + 1, begun + rows * parts + 1), *ends_of_parts.values())
                 continue
             then = chain.now.elapsed
-            for k in range(rows):
-                chain.now.step, chain.now.elapsed = first + k + 1, (first + k + 1) * chain.now.dt
-                read(first + k + 1, *(seen[name][:, (k + 1) * substeps - 1] for name in fields))
+            for k in range(rows * parts):
+                chain.now.step = first + k // parts + 1
+                chain.now.elapsed = (begun + k + 1) * chain.now.dt / parts
+                read(begun + k + 1, *(seen[name][:, (k + 1) * steps - 1] for name in fields))
             chain.now.step, chain.now.elapsed = first + rows, then
-        return Signals(position, velocity, effort, _averaged(plant, reading), newtons).until(ends)
+        return Signals(position, velocity, effort, _averaged(plant, reading, parts), newtons).until(ends)
     held = np.array([start.set_point for start in starts])
     for k in range(length - 1):
         deadline.check()
@@ -341,16 +393,23 @@ def _batch(
             # The controller and the servo read one encoder, so that what is wrong with it cancels: the true position.
             here = host.state("qpos")[:, wiring.qpos[list(wiring.targets.actuated)]]
             sent = held = np.where(np.isnan(sent), held, here + sent)
-        chain.advance(sent, None if on.uniform else on.period[trial, k])
+        begun = k * parts
+        chain.advance(sent, None if on.uniform else on.period[trial, k], parts, reading_after(begun))
         note_ends(k + 1)
-        read(k + 1, *present())
-    return Signals(position, velocity, effort, _averaged(plant, reading), newtons).until(ends)
+        read(begun + parts, *present())
+    return Signals(position, velocity, effort, _averaged(plant, reading, parts), newtons).until(ends)
 
 
-def _averaged(plant: Plant, reading: Array) -> Array:
-    """The driver's moving average over the last samples, of those that there are at the start."""
+def _averaged(plant: Plant, reading: Array, parts: int = 1) -> Array:
+    """The driver's moving average over the last samples, of those that there are at the start: a row apart, also of
+    what it would read between rows."""
     if plant.cell is None or plant.cell.average == 1:
         return reading
+    if parts > 1:
+        out = np.empty_like(reading)
+        for part in range(parts):
+            out[:, part::parts] = _averaged(plant, reading[:, part::parts])
+        return out
     total = np.cumsum(reading, axis=1)
     count = plant.cell.average
     total[:, count:] -= np.cumsum(reading, axis=1)[:, :-count]
