@@ -52,7 +52,7 @@ class Predictor:
             (:func:`tiago_mj.gap.simulation.replay.parts_of`) where sensors' effects with a memory are asked for; None:
             not known.
         corrected: whether that is put right where it is known; else predictions are as they are simulated.
-        between: whether sensors' effects with a memory act between rows, as a robot's do; else at the rows alone, as the
+        between: whether sensors' effects with a memory act between rows, as a robot's do; else at rows alone, as the
             environments' do.
         rounded: whether readings are rounded where an effect rounds them; else they are what is rounded: a likelihood
             knows the grid (:mod:`tiago_mj.gap.inference.between`).
