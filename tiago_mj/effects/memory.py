@@ -19,23 +19,34 @@ class DelayLine:
         self._before = before
         self._past: Array | None = None  # a ring, whose newest sample is at ...
         self._newest = 0
+        self._period: Array | None = None
+        self._whole = np.zeros(0, dtype=int)
+        self._share = np.zeros(0)
 
     def __call__(self, value: Array, period: Array) -> Array:
         """Take the next sample, (nsim, n), and return the delayed one."""
-        first = value if self._before is None else self._before
+        if self._period is None or not np.array_equal(period, self._period):  # periods hardly ever change
+            self._look_back(value, period)
+        past, share = self._past, self._share
+        assert past is not None
+        self._newest = (self._newest - 1) % len(past)
+        past[self._newest] = value
+        cells = np.arange(value.size).reshape(value.shape)
+        newer, older = (
+            past.take((self._whole + self._newest + more) % len(past) * value.size + cells) for more in (0, 1)
+        )
+        return (1 - share) * newer + share * older
+
+    def _look_back(self, value: Array, period: Array) -> None:
+        """How many samples ago, and the share of the one before, at this period."""
         with np.errstate(divide="ignore", invalid="ignore"):
             lag = np.where(period > 0, self._seconds / period, 0.0)
         if self._past is None:
+            first = value if self._before is None else self._before
             self._past = np.repeat(np.asarray(first)[None], int(np.ceil(lag.max(initial=0.0))) + 2, axis=0)
-        past, length = self._past, len(self._past)
-        self._newest = (self._newest - 1) % length
-        past[self._newest] = value
-        whole = np.clip(np.floor(lag).astype(int), 0, length - 2)
-        share = np.clip(lag - whole, 0.0, 1.0)
-        ago = np.broadcast_to(whole, value.shape)[None] + self._newest
-        newer = np.take_along_axis(past, ago % length, axis=0)[0]
-        older = np.take_along_axis(past, (ago + 1) % length, axis=0)[0]
-        return (1 - share) * newer + share * older
+        self._period = period.copy()
+        self._whole = np.clip(np.floor(lag).astype(int), 0, len(self._past) - 2)
+        self._share = np.clip(lag - self._whole, 0.0, 1.0)
 
 
 class Conveyor:

@@ -247,7 +247,7 @@ def _judged(
     judging = [k for k in session.indices("validation") if k not in ranked.excluded]
     gains, beaten = held_out.validated(
         session.plant,
-        ranked.predict.as_simulated(),
+        ranked.predict.as_simulated(between=True),  # what is judged is the explanation, not who plays it back
         proposed.data,
         base,
         ranked.fits,

@@ -143,10 +143,10 @@ class Predictor:
         }
         return replace(self, on=replace(self.on, delivered=delivered), runs=0, _kept=kept)
 
-    def as_simulated(self) -> Predictor:
+    def as_simulated(self, *, between: bool = False) -> Predictor:
         """The same with the error of the physics step in it, its readings rounded, and its sensors at work at the rows
-        alone: what the environment, or the repaired model, does."""
-        return replace(self, corrected=False, rounded=True, between=False)
+        alone, unless also ``between`` them: what the environment, or the repaired model, does."""
+        return replace(self, corrected=False, rounded=True, between=between)
 
     def with_other_step_correction(self) -> Predictor | None:
         """The same with the step's error put right where it was not, or the other way round; None: it is not known."""
