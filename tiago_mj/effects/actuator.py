@@ -187,7 +187,7 @@ class MotorCogging(Effect):
     #: Real cogging is not quite a sine: a second harmonic of a tenth is ordinary.
     form_known_to = 0.1
     amplitude = parameter(FORCE, identity=0.0, default=1.0, bounds=(0.0, 8.0))
-    period = parameter(("m", "rad"), identity=None, default=0.005, bounds=((0.001, 0.02), (0.001, 0.7)))
+    period = parameter(("m", "rad"), identity=None, default=0.005, bounds=((0.001, 0.02), (0.001, 0.5)))
 
     def added_force(self, now: Now) -> Array:
         return self.amplitude * np.sin(2 * np.pi * now.joint_position / self.period)
