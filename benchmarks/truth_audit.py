@@ -220,7 +220,7 @@ def truths(case: Case) -> list[tuple[Entry, ...]]:
         target = None if choice.target == "all" else tuple(choice.target)
         forms = itertools.product(*(form.values for form in declared.forms.values()))
         ways.append(
-            [Entry(choice.name, target, {**parameters, **dict(zip(declared.forms, form, strict=True))}) for form in forms]
+            [Entry(choice.name, target, parameters | dict(zip(declared.forms, form, strict=True))) for form in forms]
         )
     return [tuple(one) for one in itertools.product(*ways)]
 

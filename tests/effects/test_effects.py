@@ -187,8 +187,8 @@ def test_no_value_that_a_fit_may_try_makes_the_arm_diverge(end):
         r = rollout([{"name": name, "target": target, "parameters": _tried(values)}], actions, TIAGO)
         assert np.isfinite(r.state).all(), name
         # 0.2 rad/s are commanded. A wrist of 0.5 g·m² that 10 N·m of friction let go leaps at some rad/s; an arm falls
-        # through a play of 0.1 rad or onto a spring of 1 N·m/rad, and goes by jumps on a grid of 30 mrad.
-        falls = {"asymmetric_friction": 10, "backlash": 3, "joint_elasticity": 3, **dict.fromkeys(JUMPS, 3)}
+        # through a play of 0.1 rad or onto a spring of 1 N·m/rad, and goes by jumps on a grid of 0.1 rad.
+        falls = {"asymmetric_friction": 10, "backlash": 3, "joint_elasticity": 3, **dict.fromkeys(JUMPS, 5)}
         assert np.abs(r.true_velocity[:, 1:8]).max() < falls.get(name, 1), name
 
 
