@@ -267,7 +267,7 @@ MAPPING: Final[Mapping[str, Mapping[str, str | None]]] = {
 #: Numbers that the library knows of an effect, and no case draws: how often reality's drivers look at set points [s].
 CONSTANT: Final[Mapping[str, Mapping[str, float]]] = {
     "command_deadband": {"period": 0.005},
-    "command_quantization": {"period": 5e-4},
+    "command_quantization": {"period": 1e-4},
 }
 UNSCORED: Final = frozenset({("pad_creep", "time_constant"), ("stribeck_friction", "velocity")})
 

@@ -381,7 +381,7 @@ def test_without_a_checkout_the_command_says_what_to_do(
     monkeypatch.setattr(tiago_mj.blind, "CHECKOUT", tmp_path)
     assert cli.main(["blind", "--cases", "1", "--seed", "1", "--out", str(tmp_path / "out")]) == 2
     said = capsys.readouterr().err
-    assert "clone the repository" in said
+    assert "in a clone of the repository" in said
     assert len(said.strip().splitlines()) == 1
 
 

@@ -16,7 +16,7 @@ from tiago_mj.gap.inference.predictor import Predictor
 SAMPLE = (
     "gripper/none/1",
     "gripper/command_delay/1",
-    "gripper/command_deadband/1",
+    "gripper/command_deadband/0",
     "gripper/force_limit/1",
     "gripper/contact_stiffness/0",
     "plain/none/0",

@@ -232,6 +232,14 @@ def test_every_effect_has_a_clause_that_names_its_parameters(name):
         assert "−" not in words.clause(Named(name, target, values))
 
 
+def test_a_drivers_period_is_told_where_it_has_one():
+    width = Value(0.0003, None, None, "m")
+    each = words.clause(Named("command_deadband", (RIGHT,), {"width": width, "period": Value(0.0, None, None, "s")}))
+    looks = words.clause(Named("command_deadband", (RIGHT,), {"width": width, "period": Value(0.005, None, None, "s")}))
+    assert each.endswith("below 0.3 mm")
+    assert looks.endswith("below 0.3 mm, looked at every 5 ms")
+
+
 def test_clauses_belong_to_effects():
     assert set(CLAUSES) <= set(EFFECTS)
     assert set(LESS) <= set(CLAUSES)

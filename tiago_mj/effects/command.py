@@ -199,8 +199,8 @@ class Stepping(Effect, ABC):
 
     def start(self, now: Now) -> None:
         self._wanted, self.taken = now.set_point.copy(), now.set_point.copy()
-        # What an actuator integrates acts from the next physics step on, and what it is given from this one.
-        self._time = np.where(now.takes_set_points, 0.0, now.period / now.substeps)
+        self._time = np.zeros_like(self.period)
+        # A look at the start finds a set point that follows speeds where it was, and one that is given there.
         self._next = np.where(now.takes_set_points, 0.0, self.period)
 
     def set_point(self, target: Array, now: Now) -> Array:
@@ -213,18 +213,23 @@ class Stepping(Effect, ABC):
         if not driver.any():
             return inputs
         seconds, speeds = now.period / now.substeps, ~now.takes_set_points
-        out = inputs.copy()
+        out, period = inputs.copy(), np.where(driver, self.period, 1.0)
+        often = period <= seconds  # in every physics step
         for k in range(inputs.shape[1]):
             moved = np.clip(self._wanted + inputs[:, k] * seconds, *now.wiring.span.T)
-            self._wanted = np.where(speeds, moved, inputs[:, k])
-            looking = self._time >= self._next - WHOLE
-            period = np.where(driver, self.period, 1.0)
-            self._next = np.where(looking, (np.floor((self._time + WHOLE) / period) + 1) * period, self._next)
-            self._time = self._time + seconds
-            taken = np.where(looking, self.took(self._wanted), self.taken)
-            jumps = np.where(speeds, (taken - self.taken) / seconds, taken)
-            out[:, k] = np.where(driver, jumps, inputs[:, k])
+            # What follows speeds is where they lead at the end of the step, what is given is there from its start on.
+            last = self._time + seconds + np.where(speeds, WHOLE, -WHOLE)
+            looking = self._next <= last
+            at = np.maximum(np.floor(last / period) * period, self._next)
+            share = np.where(often, speeds, np.clip((at - self._time) / seconds, 0.0, 1.0))
+            seen = np.where(speeds, self._wanted + share * (moved - self._wanted), inputs[:, k])
+            taken = np.where(looking, self.took(seen), self.taken)
+            mean = share * self.taken + (1 - share) * taken
+            out[:, k] = np.where(driver, np.where(speeds, (taken - self.taken) / seconds, mean), inputs[:, k])
             self.taken = np.where(driver, taken, self.taken)
+            self._wanted = np.where(speeds, moved, inputs[:, k])
+            self._next = np.where(looking, at + period, self._next)
+            self._time = self._time + seconds
         return out
 
 

@@ -43,7 +43,7 @@ class Typical:
         """Median of what is left where so much was done since the stage began, in the same units."""
         if done <= 0:
             return self.median
-        place = min(math.log(done / self.median) / self.spread, FARTHEST)
+        place = min((math.log(done) - math.log(self.median)) / self.spread, FARTHEST)
         beyond = NORMAL.inv_cdf(0.5 * (1.0 + NORMAL.cdf(place)))
         return max(self.median * math.exp(self.spread * beyond) - done, 0.0)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Final
 
 from tiago_mj.effects import EFFECTS
@@ -181,6 +181,8 @@ def clause(effect: Named) -> str:
     less = first is not None and first.value < 0 and effect.name in LESS
     if less:
         template = LESS[effect.name]
+    if template is not None:
+        template = re.sub(r"\[(.*?{(\w+)}.*?)\]", lambda part: _if_present(part, parameters), template)
     fields = re.findall(r"{(\w+)(?:%)?}", template or "")
     subject, several = whom(effect)
     grammar = {"t": subject, "s": "" if several else "s", "has": "have" if several else "has"}
@@ -199,6 +201,12 @@ def clause(effect: Named) -> str:
     details = EFFECTS[effect.name].details if effect.name in EFFECTS else {}
     where = ", ".join(f"{key} {amount(parameters[key])}" for key in details if key in parameters)
     return f"{said}, at {where}" if where else said
+
+
+def _if_present(part: re.Match[str], parameters: Mapping[str, Value]) -> str:
+    """A part of a clause in brackets: said where its parameter is known and not 0."""
+    value = parameters.get(part.group(2))
+    return part.group(1) if value is not None and value.value else ""
 
 
 #: Effects of an explanation that are spelled out one by one.
