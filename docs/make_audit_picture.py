@@ -24,7 +24,7 @@ POOLED = 1.3
 
 
 def draw(rows: list[dict[str, Any]], path: Path) -> None:
-    """A dot a case and a physics step, sorted by what the fine step leaves; those farthest off are named."""
+    """A dot a case and a physics step, sorted by what the fine step leaves."""
     each = {name: [row for row in rows if row["case"].startswith(name)] for name in ROBOTS}
     figure, axes = plt.subplots(1, len(each), figsize=(10, 4.2), sharey=True, layout="constrained")
     for axis, (name, some) in zip(axes, each.items(), strict=True):
@@ -37,11 +37,6 @@ def draw(rows: list[dict[str, Any]], path: Path) -> None:
         axis.set_yscale("log")
         axis.set_title(f"{ROBOTS[name]}, {len(some)} cases", fontsize=10)
         axis.set_xlabel("cases, by what is left")
-        far = [k for k in at if some[k]["fine"]["worst"] > 4]
-        for place, k in enumerate(far):
-            said = some[k]["case"].split("/")[1].replace("_", " ")
-            height = 1.6 * some[k]["fine"]["worst"] * (1 + 0.5 * (place % 2))
-            axis.annotate(said, (k, some[k]["fine"]["worst"]), (k - 1, height), fontsize=6, ha="right")
     axes[0].set_ylabel("left in the worst channel [noise variances]")
     axes[0].legend(frameon=False, fontsize=8, loc="upper left")
     path.parent.mkdir(exist_ok=True)

@@ -354,9 +354,7 @@ def test_a_command_that_is_interrupted_early_writes_that_and_ends_as_interrupted
 
 
 def test_sigterm_ends_the_work_as_ctrl_c_does() -> None:
-    before = signal.signal(
-        signal.SIGTERM, signal.SIG_DFL
-    )  # libraries leave handlers
+    before = signal.signal(signal.SIGTERM, signal.SIG_DFL)  # libraries leave handlers
     try:
         with pytest.raises(KeyboardInterrupt), command.terminated_as_interrupted():
             signal.raise_signal(signal.SIGTERM)
