@@ -237,7 +237,7 @@ def _driver_costs(
         now.set_point, now.substeps = np.broadcast_to(motion.start[t], total.shape).copy(), parts
         now.dt = np.full(len(pairs), plant.period)
         now.takes_set_points = plant.wiring.servo & (plant.wiring.act < 0)
-        (effect,) = chain.effects
+        effect = next(each for each in chain.effects if each.name == wide.effect)  # beside those that are given
         effect.start(now)
         passed, ahead = now.set_point.copy(), np.zeros(total.shape)
         for k in range(motion.requested.shape[1]):
