@@ -1,0 +1,1 @@
+"""One module a robot: readers of its published files, nominal models, regressions, cases."""
