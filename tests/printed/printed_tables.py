@@ -273,6 +273,7 @@ LEFT_OUT: Final = (
     ),
     LeftOut("docs/real-data.md", r"tiago-mj diagnose (arm|xl330) .*|cd joints/Wrist_Pitch\s.*", DATA),
     LeftOut("docs/real-data.md", r"python docs/make_(real|ta11)_picture.*", DATA),
+    LeftOut("docs/real-data.md", r"python -m benchmarks\.real .*", "tests/real runs these, or reads what they need"),
     LeftOut("docs/real-data.md", r"tiago-mj diagnose third/A-pringles .*", "of an import that its sentence describes"),
     LeftOut("docs/recordings.md", r"tiago-mj import (tiago-arm|xl330|so101) SRC .*", DATA),
     LeftOut(
