@@ -20,6 +20,7 @@ from tiago_mj.gap.result import (
     NextMotion,
     Overlay,
     Place,
+    ResidualShape,
     Shrink,
     Value,
 )
@@ -244,6 +245,12 @@ CASES["never_measured"] = replace(
     diagnosis(),
     shrink=replace(diagnosis().shrink, task={"policy": "ppo.zip", "nominal": -3.2, "repaired": -8.1, "measured": None}),
 )
+PLACED = ResidualShape("force.left", ("force_sensor",), "force", "frequency", 0.93, "touch", 0.12, 52.9, "Hz")
+CASES["unknown_with_a_shape"] = diagnosis("unknown", (), stage="force_sensor", residual_shape=PLACED)
+FASTER = ResidualShape(MOVES[0], ("timing", "command", "actuator"), "motion", "speed", 0.72, "direction", 0.65)
+CASES["unknown_that_may_be_several"] = diagnosis("unknown", (COULOMB,), residual_shape=FASTER)
+CHANCE = ResidualShape(MOVES[0], (), "unclear", "irregular", 0.17)
+CASES["effect_and_an_irregular_rest"] = replace(CASES["effect_and_more"], residual_shape=CHANCE)
 every_case = pytest.mark.parametrize("name", CASES)
 
 

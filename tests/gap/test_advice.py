@@ -75,6 +75,16 @@ def test_every_command_is_one_that_the_program_knows(name, capsys):
             assert motions.find(words[words.index("--motion") + 1]) is not None
 
 
+def test_what_a_rest_looks_like_says_what_to_record():
+    given = CASES["unknown_with_a_shape"]
+    assert "with the drives on and with them off" in steps(given)["Find out what the rest depends on"].said
+    rises = steps(CASES["unknown_that_may_be_several"])
+    assert "Record steps with rests" in rises["Find out what the rest depends on"].said
+    assert "--motion stop_and_go_25hz.csv" in rises["Record a motion that shows it alone"].command
+    assert "Find out what the rest depends on" in steps(CASES["effect_and_an_irregular_rest"])
+    assert "Find out what the rest depends on" not in steps(CASES["unknown"])
+
+
 def test_an_effect_is_used_in_the_simulator_and_looked_for_on_the_robot():
     given = diagnosis(limits={"joint": {RIGHT: 16.0, LEFT: 16.0}})
     use, look = advice.advice(given)

@@ -254,6 +254,17 @@ def closing(**changes: float | None) -> Diagnosis:
     return replace(diagnosis(), shrink=replace(shrink, **changes))
 
 
+def test_the_shape_of_a_rest_is_told_only_where_there_is_one_and_gives_the_stage() -> None:
+    shaped = CASES["unknown_with_a_shape"]
+    assert consistency.reconciled(replace(shaped, stage=None)).stage == "force_sensor"
+    shape = shaped.residual_shape
+    assert consistency.reconciled(replace(CASES["no_gap"], residual_shape=shape)).residual_shape is None
+    assert consistency.reconciled(replace(CASES["effect"], residual_shape=shape)).residual_shape is None
+    assert consistency.contradictions(replace(CASES["effect"], residual_shape=shape))
+    for wrong in ({"name": "loud"}, {"carrier": "nobody"}, {"stages": ("elsewhere",)}, {"share": 1.2}):
+        assert len(consistency.contradictions(replace(shaped, residual_shape=replace(shape, **wrong)))) == 1
+
+
 def test_an_effect_that_closes_nothing_is_what_is_known_and_has_no_probability() -> None:
     made = closing()
     assert any("closes nothing" in said for said in consistency.contradictions(made))

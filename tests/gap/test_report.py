@@ -14,10 +14,10 @@ from made_diagnoses import CASES, COULOMB, LAG, LEFT, RIGHT, STIFFNESS, diagnosi
 
 from tiago_mj.effects import EFFECTS, read_effects
 from tiago_mj.gap import report
-from tiago_mj.gap.report import calibration, terminal, verdict, words
+from tiago_mj.gap.report import advice, calibration, residual, terminal, verdict, words
 from tiago_mj.gap.report import json as report_json
 from tiago_mj.gap.report.clauses import CLAUSES, LESS
-from tiago_mj.gap.result import Named, Value
+from tiago_mj.gap.result import CARRIERS, SHAPES, Named, ResidualShape, Value
 
 # diagnosis.json
 
@@ -31,7 +31,8 @@ def test_a_diagnosis_has_exactly_the_keys_of_its_contract_and_only_finite_number
 
     data = json.loads((tmp_path / "diagnosis.json").read_text(), parse_constant=refuse)
     assert list(data) == [
-        *("schema", "verdict", "where", "stage", "shrink", "ranking", "lint", "next_motion", "splits"),
+        *("schema", "verdict", "where", "stage", "residual_shape"),
+        *("shrink", "ranking", "lint", "next_motion", "splits"),
         *("robot", "notes", "complete", "stopped", "seed", "version", "seconds", "physics_steps", "trial_models"),
     ]
     assert data["schema"] == "tiago_mj.diagnosis/1"
@@ -200,6 +201,33 @@ def test_each_kind_of_verdict_has_its_sentence():
     assert "no recording was kept aside" in verdict.headline(CASES["no_test_trial"])
 
 
+def test_what_is_left_looks_like_something_and_sits_somewhere():
+    assert residual.sentences(CASES["unknown_with_a_shape"]) == (
+        "What is left of the force reading of the left finger swings at one frequency, 52.9 Hz: that explains 93 % of "
+        "it, contact 12 %. The motion has next to nothing of it: the force reading is off, or a force that hardly "
+        "moves the joint. That points to the stage “force sensor”."
+    )
+    several = residual.sentences(CASES["unknown_that_may_be_several"])
+    assert "rises with speed: that explains 72 % of it, which these recordings hardly tell from" in several
+    assert several.endswith("may come from the stages timing, command or actuator.")
+    chance = residual.sentences(CASES["effect_and_an_irregular_rest"])
+    assert "has none of the shapes that are looked for" in chance
+    assert chance.endswith("stays open.")
+    assert residual.sentences(CASES["unknown"]) == ""
+    teeth = ResidualShape("position.elbow", ("transmission",), "motion", "periodic", 0.8, at=0.105, unit="rad")
+    assert "repeats with the joint's position, every 0.105 rad: " in residual.sentences(
+        replace(CASES["unknown"], residual_shape=teeth)
+    )
+
+
+def test_every_shape_has_its_words_and_what_tells_more_of_it():
+    assert set(residual.DOES) == set(residual.ON) == set(SHAPES) - {"irregular"}
+    assert set(residual.NEXT) == set(SHAPES)
+    assert set(residual.CARRIED) == set(CARRIERS)
+    assert set(advice.BY_SHAPE) <= set(SHAPES)
+    assert set(advice.BY_SHAPE.values()) <= set(advice.MOTIONS)
+
+
 def test_the_return_of_a_policy_is_said_with_how_far_each_simulator_is_off():
     assert verdict.on_task(diagnosis()) == (
         "Return of policy pi in the 2 test recordings: −229.8 measured; the nominal simulator predicts −204.7, off by "
@@ -286,6 +314,7 @@ def test_the_terminal_says_the_same_in_short(name):
     assert len(said.splitlines()) < 40
     assert squeezed(verdict.on_task(CASES[name]) if "How far" in said else "") in squeezed(said)
     assert ("by phase: " in said) == ("How far" in said and bool(CASES[name].best.effects))
+    assert squeezed(residual.sentences(CASES[name])) in squeezed(said)
     assert ("How far" in said) == (CASES[name].shrink.before is not None and CASES[name].kind != "no_gap")
 
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 import tiago_mj
 from tiago_mj.deadline import Deadline, OutOfTimeError
 from tiago_mj.effects import Entry
-from tiago_mj.gap.analysis import held_out, locate, outcome, place, promises, shrink
+from tiago_mj.gap.analysis import held_out, locate, outcome, place, promises, shrink, unexplained
 from tiago_mj.gap.analysis.remainder import remainder, with_accounted
 from tiago_mj.gap.decision import verdict
 from tiago_mj.gap.design.next_motion import next_motion
@@ -22,7 +22,7 @@ from tiago_mj.gap.detectors.proposals import Proposals
 from tiago_mj.gap.inference import noise_model
 from tiago_mj.gap.inference.noise_model import Data
 from tiago_mj.gap.inference.predictor import Predictor
-from tiago_mj.gap.result import Diagnosis, Explanation, NextMotion, Place, Shrink, Stopped, fault_of
+from tiago_mj.gap.result import Diagnosis, Explanation, NextMotion, Place, ResidualShape, Shrink, Stopped, fault_of
 from tiago_mj.gap.search.state import Ranked, Tick
 from tiago_mj.gap.simulation import phases
 from tiago_mj.gap.simulation.replay import Signals
@@ -115,6 +115,9 @@ def concluded(
     judged, best = found.judged, ranked.fits[found.judged.rivals[0]]
     where = locate.locate(data, base, phase, plant.period, seed)
     left = locate.locate(data, found.repaired, phase, plant.period, seed)
+    looks: tuple[ResidualShape | None, str] = (None, "")
+    look = partial(unexplained.by_the_best, session, data, ranked, found.judged, nominal)
+    (shape, later), ranked = _unless_ended(ranked, look, looks)
     explanations = outcome.explanations(plant, ranked, judged.probability, gains)
     shown = [k for k in judged.rivals if ranked.fits[k].parts or judged.kind == "no_gap"]
     likeliest = explanations[judged.rivals[0]]
@@ -126,7 +129,7 @@ def concluded(
         remains_where=tuple(place for place in left[:5] if place.share > 0) if judged.remains else (),
         not_excited=ranked.not_excited,
         where=where,
-        stage=outcome.stage(best) if best.parts and judged.kind != "unknown" else locate.stage(where),
+        stage=outcome.stage(best) if best.parts and judged.kind != "unknown" else unexplained.stage(shape, where),
         shrink=found.closing,
         ranking=tuple(explanations[k] for k in _ranked(judged)),
         findings=(),
@@ -143,7 +146,7 @@ def concluded(
             for k in (session.indices("test") or everything)[:OVERLAYS]
         ),
         notes=found.said
-        + ((late,) if late else ())
+        + tuple(said for said in (late, later) if said)
         + outcome.notes(
             session.trials,
             proposed.tones,
@@ -158,6 +161,7 @@ def concluded(
         asides=outcome.asides(session.trials),
         given=plant.given,
         ended=fault_of(ranked.ended),
+        residual_shape=shape,
     )
 
 
@@ -228,7 +232,7 @@ def simulations(session: Session) -> int:
     """How many trials :func:`concluded` simulates at most, all explanations together."""
     tests, judging = (len(session.indices(name)) for name in ("test", "validation"))
     judging = judging or len(session.indices(*FITTED))
-    return 2 * len(session.trials) + SHOWN * judging + REMAINDERS * tests
+    return 3 * len(session.trials) + SHOWN * judging + REMAINDERS * tests
 
 
 def _if_time(choose: Callable[[], NextMotion | None]) -> tuple[NextMotion | None, str]:

@@ -23,6 +23,13 @@ SCHEMA: Final = "tiago_mj.diagnosis/1"
 KINDS: Final = ("no_gap", "effect", "ambiguous", "unknown")
 PHASES: Final = ("rest", "free motion", "reversal", "contact onset", "loading", "hold", "release")
 BANDS: Final = ("bias", "below 1 Hz", "1-5 Hz", "above 5 Hz")
+#: What a residual may follow (:mod:`tiago_mj.gap.analysis.regressors`); ``irregular``: none of the others.
+SHAPES: Final = (
+    *("offset", "drift", "speed", "acceleration", "position", "periodic", "direction", "place", "reversal", "jump"),
+    *("touch", "force", "onset", "release", "frequency", "irregular"),
+)
+#: What carries it (:class:`ResidualShape`).
+CARRIERS: Final = ("motion", "position", "velocity", "apart", "force", "both", "unclear")
 
 
 @dataclass(frozen=True)
@@ -148,6 +155,40 @@ class Shrink:
     resampled: str = ""
     accounted: float | None = None
     accounted_before: float | None = None
+
+
+@dataclass(frozen=True)
+class ResidualShape:
+    """What is left of the channel that leaves most, and what it looks like.
+
+    Attributes:
+        channel: whose residual it is.
+        stages: of the signal chain that have such a residual; empty: any may.
+        carrier: one of :data:`CARRIERS`, the readings that have it: position and velocity as one ``motion`` would; the
+            ``position``, the ``velocity`` or the ``force`` alone; position and velocity ``apart``, so not as one motion
+            would; ``both`` motion and force; or it is ``unclear``.
+        name: one of :data:`SHAPES`. ``speed`` rises with it, with or without its sign; ``place`` depends on position
+            and direction of motion together.
+        share: of the residual's mean square that the shape explains on trials left out; of ``irregular`` the most that
+            any shape does.
+        runner_up, runner_up_share: the next best shape; None: no other explains anything.
+        at, unit: frequency [Hz] of ``frequency``, period [m or rad] of ``periodic``; None and empty of the others.
+    """
+
+    channel: str
+    stages: tuple[str, ...]
+    carrier: str
+    name: str
+    share: float
+    runner_up: str | None = None
+    runner_up_share: float | None = None
+    at: float | None = None
+    unit: str = ""
+
+    @property
+    def stage(self) -> str | None:
+        """The stage, where it is but one."""
+        return self.stages[0] if len(self.stages) == 1 else None
 
 
 @dataclass(frozen=True)
@@ -282,6 +323,8 @@ class Diagnosis:
         physics_steps: that were simulated; None where efforts were explained along the measured motion.
         trial_models: how the simulations of candidate effects went, which is no sign of a fault in the user's model;
             None as for ``physics_steps``.
+        residual_shape: what the best explanation leaves looks like, where that is a gap; None: nothing is left, or it
+            was not asked.
     """
 
     kind: str
@@ -313,3 +356,4 @@ class Diagnosis:
     limits: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     asides: tuple[str, ...] = ()
     trial_models: TrialModels | None = None
+    residual_shape: ResidualShape | None = None

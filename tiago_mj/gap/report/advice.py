@@ -14,7 +14,7 @@ from typing import Final
 from tiago_mj import extra
 from tiago_mj.effects import EFFECTS, describe
 from tiago_mj.effects.declare import STAGES
-from tiago_mj.gap.report import verdict, words
+from tiago_mj.gap.report import residual, verdict, words
 from tiago_mj.gap.report.consistency import closes
 from tiago_mj.gap.result import Diagnosis, Explanation, Named, Place
 from tiago_mj.models import names
@@ -31,6 +31,15 @@ MOTIONS: Final = {
     "body": ("shift", "arm_lift"),
     "joint_sensor": ("free_sweep", "arm_multisine"),
     "force_sensor": ("ramp_slow", ""),
+}
+#: Stage whose motion shows a shape of what is left, where that is clearer than the stage that is told.
+BY_SHAPE: Final = {
+    **dict.fromkeys(("speed", "jump"), "command"),
+    **dict.fromkeys(("position", "periodic"), "joint_sensor"),
+    **dict.fromkeys(("direction", "place", "reversal"), "transmission"),
+    **dict.fromkeys(("touch", "onset", "release"), "contact"),
+    "acceleration": "actuator",
+    "force": "force_sensor",
 }
 #: Where no stage is told.
 ANY: Final = ("multisine_free", "arm_multisine")
@@ -106,11 +115,11 @@ def advice(diagnosis: Diagnosis) -> tuple[Step, ...]:
         return (_record_next(diagnosis), *_look(diagnosis, choices, title), *_simulate(diagnosis, "Until then, use"))
     if kind == "unknown" or not diagnosis.best.effects:
         known = _look(diagnosis, (diagnosis.best,), "Look at what is known already")
-        return (_look_by_stage(diagnosis), _record_more(diagnosis), *known, _declare())
+        return (_look_by_stage(diagnosis), *_by_shape(diagnosis), _record_more(diagnosis), *known, _declare())
     look = _look(diagnosis, (diagnosis.best,), "Look on the robot, if you would rather mend it")
     if closes(diagnosis.shrink) is False:  # what predicts no better is nothing to train in
-        return (*look, _record_more(diagnosis))
-    return (*_simulate(diagnosis, "Use"), *look)
+        return (*look, *_by_shape(diagnosis), _record_more(diagnosis))
+    return (*_simulate(diagnosis, "Use"), *look, *_by_shape(diagnosis))
 
 
 def go_on(diagnosis: Diagnosis) -> tuple[Step, ...]:
@@ -273,7 +282,8 @@ def _record_next(diagnosis: Diagnosis) -> Step:
 
 
 def _record_more(diagnosis: Diagnosis) -> Step:
-    stage = _stage_of(diagnosis)
+    shape = diagnosis.residual_shape
+    stage = BY_SHAPE.get("" if shape is None else shape.name, _stage_of(diagnosis))
     after = "One cause at a time is easier to see. Diagnose old and new recordings together."
     name = "" if _is_model(diagnosis) else _motion(diagnosis, stage)
     if not name:
@@ -289,6 +299,12 @@ def _look_by_stage(diagnosis: Diagnosis) -> Step:
     look = words.begin(LOOK[stage]) if stage in LOOK else ALONG
     link = ("#signals", "the signals") if diagnosis.overlays else None
     return Step("Look where the gap is", f"{where}{look}", link=link)
+
+
+def _by_shape(diagnosis: Diagnosis) -> tuple[Step, ...]:
+    """What tells more of what is left, by its shape."""
+    said = residual.next_record(diagnosis)
+    return (Step("Find out what the rest depends on", said),) if said else ()
 
 
 def _declare() -> Step:

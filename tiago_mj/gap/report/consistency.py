@@ -10,6 +10,7 @@ What gives way to what:
     an effect at the bound of what is possible is not named (``unknown``)
     a verdict that names nothing, or one of a set, is what its effects and alternatives make it
     with "no gap" nothing remains; only what is ambiguous has a next motion
+    what is left has a shape only where something is; with "unknown" the stage is that of the shape
     what is unknown and has no effect, or leaves more than noise with everything accounted for, remains
     that nothing is closed is not told of effects that show in the readings alone: they need not close any of it
     gains are against the nominal simulator as it was fitted, which itself gains nothing
@@ -32,7 +33,7 @@ from tiago_mj.gap.analysis.promises import CLOSES, MOST
 from tiago_mj.gap.analysis.remainder import LEFT
 from tiago_mj.gap.analysis.shrink import NOTHING
 from tiago_mj.gap.decision.verdict import calibration
-from tiago_mj.gap.result import KINDS, Closing, Diagnosis, Explanation, Shrink
+from tiago_mj.gap.result import CARRIERS, KINDS, SHAPES, Closing, Diagnosis, Explanation, ResidualShape, Shrink
 
 #: Kinds of a verdict that names effects.
 NAMING: Final = ("effect", "ambiguous")
@@ -121,6 +122,8 @@ def reconciled(diagnosis: Diagnosis) -> Diagnosis:
         found = replace(found, shrink=_closing_nothing(found.shrink))
     if not found.remains and must_remain(found):
         found = replace(found, remains=True)
+    if found.residual_shape is not None:
+        found = _with_its_shape(found, found.residual_shape)
     named = {effect.name for one in (found.best, *found.alternatives) for effect in one.effects}
     return replace(
         found,
@@ -128,6 +131,13 @@ def reconciled(diagnosis: Diagnosis) -> Diagnosis:
         remains_where=found.remains_where if found.remains else (),
         not_excited=tuple(name for name in found.not_excited if name not in named),
     )
+
+
+def _with_its_shape(diagnosis: Diagnosis, shape: ResidualShape) -> Diagnosis:
+    """With the shape of what is left only where something is, and a stage that goes with it where nothing is named."""
+    if not (diagnosis.remains or diagnosis.kind == "unknown"):
+        return replace(diagnosis, residual_shape=None)
+    return replace(diagnosis, stage=shape.stage) if diagnosis.kind == "unknown" else diagnosis
 
 
 def must_remain(diagnosis: Diagnosis) -> bool:
@@ -266,6 +276,23 @@ def _left(d: Diagnosis) -> Iterator[str]:
         yield "nothing remains, and yet a place of it is told"
     if not d.remains and must_remain(d):
         yield "a gap above the noise is left, and not said to remain"
+    yield from _shape(d)
+
+
+def _shape(d: Diagnosis) -> Iterator[str]:
+    shape = d.residual_shape
+    if shape is None:
+        return
+    if not (d.remains or d.kind == "unknown"):
+        yield "nothing remains, and yet the shape of it is told"
+    if shape.name not in SHAPES or shape.runner_up not in (None, *SHAPES):
+        yield f"{shape.name} or {shape.runner_up} is no shape"
+    if shape.carrier not in CARRIERS:
+        yield f"{shape.carrier} carries no residual"
+    if set(shape.stages) - set(STAGES) or (d.kind == "unknown" and shape.stage != d.stage):
+        yield f"what is left sits in {shape.stages}, and the stage is {d.stage}"
+    if any(_known(one) and not 0 <= (one or 0.0) <= 1 for one in (shape.share, shape.runner_up_share)):
+        yield "a shape explains a share of what is left that is not between 0 and 1"
 
 
 def _closings(d: Diagnosis) -> Iterator[str]:

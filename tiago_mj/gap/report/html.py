@@ -18,7 +18,7 @@ from markupsafe import Markup, escape
 
 from tiago_mj import atomic, extra, pages
 from tiago_mj.gap.data.lint.summary import summary
-from tiago_mj.gap.report import advice, overlays, shrinking, tables, verdict, words
+from tiago_mj.gap.report import advice, overlays, residual, shrinking, tables, verdict, words
 from tiago_mj.gap.report.consistency import checked, has_probability
 from tiago_mj.gap.result import PHASES, Diagnosis
 
@@ -74,6 +74,7 @@ def render(diagnosis: Diagnosis, seen: Seen | None = None) -> str:
         kind=KIND_NAMES.get(diagnosis.kind, diagnosis.kind) if diagnosis.complete else NOT_FINISHED,
         headline=verdict.headline(diagnosis),
         remainder=verdict.remainder(diagnosis),
+        left_looks=residual.sentences(diagnosis),
         on_model=verdict.on_model(diagnosis),
         sure=verdict.sure(diagnosis),
         told=has_probability(diagnosis),
@@ -84,7 +85,8 @@ def render(diagnosis: Diagnosis, seen: Seen | None = None) -> str:
         heat=tables.heat(diagnosis.where, shares=diagnosis.kind != "no_gap"),
         heat_remains=tables.heat(diagnosis.remains_where) if diagnosis.remains else None,
         interval=tables.interval,
-        stages=[(stage, name, stage == diagnosis.stage) for stage, name in tables.STAGE_NAMES.items()],
+        stages=[(stage, name, stage in residual.stages(diagnosis)) for stage, name in tables.STAGE_NAMES.items()],
+        several=len(residual.stages(diagnosis)) > 1,
         shrinking=shrinking.by_channel(diagnosis),
         pairs=shrinking.by_phase(diagnosis),
         task=shrinking.on_the_task(diagnosis),

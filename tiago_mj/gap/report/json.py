@@ -45,6 +45,7 @@ def as_data(diagnosis: Diagnosis) -> dict[str, Any]:
         },
         "where": [_place(place) for place in diagnosis.where],
         "stage": diagnosis.stage,
+        "residual_shape": None if diagnosis.residual_shape is None else asdict(diagnosis.residual_shape),
         "shrink": {
             **{key: getattr(shrink, key) for key in ("before", "after", "floor", "closed", "low", "high")},
             "per_channel": _closings(shrink.per_channel),

@@ -20,6 +20,7 @@ from tiago_mj.gap.result import (
     Named,
     NextMotion,
     Place,
+    ResidualShape,
     Shrink,
     Stopped,
     TrialModels,
@@ -141,6 +142,18 @@ class _Shrink(_Part):
     accounted_before: float | None = None
 
 
+class _ResidualShape(_Part):
+    channel: str
+    stages: list[str]
+    carrier: str
+    name: str
+    share: _Known
+    runner_up: str | None = None
+    runner_up_share: float | None = None
+    at: float | None = None
+    unit: str = ""
+
+
 class _Finding(_Part):
     code: str
     file: str
@@ -179,6 +192,7 @@ class _Diagnosis(_Part):
     verdict: _Verdict
     where: list[_Place]
     stage: str | None
+    residual_shape: _ResidualShape | None = None
     shrink: _Shrink
     ranking: list[_Ranked]
     lint: list[_Finding]
@@ -268,7 +282,12 @@ def _diagnosis(data: _Diagnosis) -> Diagnosis:
         physics_steps=data.physics_steps,
         trial_models=None if data.trial_models is None else TrialModels(**dict(data.trial_models)),
         notes=tuple(data.notes),
+        residual_shape=_shape(data.residual_shape),
     )
+
+
+def _shape(given: _ResidualShape | None) -> ResidualShape | None:
+    return None if given is None else ResidualShape(**{**dict(given), "stages": tuple(given.stages)})
 
 
 def _closings(given: Mapping[str, _Closing]) -> dict[str, Closing]:

@@ -8,7 +8,7 @@ from typing import Any
 
 from tiago_mj import extra
 from tiago_mj.gap.data.lint.summary import summary
-from tiago_mj.gap.report import advice, shrinking, tables, verdict, words
+from tiago_mj.gap.report import advice, residual, shrinking, tables, verdict, words
 from tiago_mj.gap.report.consistency import checked
 from tiago_mj.gap.result import Diagnosis
 
@@ -40,6 +40,8 @@ def lines(diagnosis: Diagnosis, written: Mapping[str, Path]) -> list[tuple[str, 
         shown.append(("yellow", "The search did not come to its end: this is the best answer so far."))
     if d.kind != "unknown" and verdict.remainder(d):
         shown.append(("", verdict.remainder(d)))
+    if d.residual_shape is not None:
+        shown.append(("", residual.sentences(d)))
     shown += [("yellow", note) for note in d.notes]
     for step in advice.go_on(d):
         shown.append(("", step.said.replace("`", "")))
