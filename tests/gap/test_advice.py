@@ -81,6 +81,8 @@ def test_what_a_rest_looks_like_says_what_to_record():
     rises = steps(CASES["unknown_that_may_be_several"])
     assert "Record steps with rests" in rises["Find out what the rest depends on"].said
     assert "--motion stop_and_go_25hz.csv" in rises["Record a motion that shows it alone"].command
+    # The channel with most of the gap is a force, but no stage of the shape is one of the force sensor.
+    assert "known weights" not in rises["Look where the gap is"].said
     assert "Find out what the rest depends on" in steps(CASES["effect_and_an_irregular_rest"])
     assert "Find out what the rest depends on" not in steps(CASES["unknown"])
 

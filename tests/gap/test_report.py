@@ -81,6 +81,13 @@ def test_a_diagnosis_read_back_writes_the_same_file(name, tmp_path):
     assert verdict.headline(read) == verdict.headline(CASES[name])
 
 
+def test_a_diagnosis_of_before_there_were_shapes_is_read(tmp_path):
+    given = report_json.as_data(CASES["unknown_with_a_shape"])
+    del given["residual_shape"]
+    (tmp_path / "diagnosis.json").write_text(json.dumps(given))
+    assert report_json.load(tmp_path / "diagnosis.json").residual_shape is None
+
+
 def test_equal_diagnoses_are_equal_files_down_to_rounding_and_the_order_of_channels():
     one = diagnosis()
     turned = replace(one.shrink, per_channel=dict(reversed(one.shrink.per_channel.items())), before=58.31 + 1e-9)

@@ -316,11 +316,13 @@ def _declare() -> Step:
 
 
 def _stage_of(diagnosis: Diagnosis) -> str:
-    """The stage that is told, else the likeliest by the channel with most of the gap; empty: none."""
+    """The stage that is told, else the likeliest by the channel with most of the gap, unless it is none of those that
+    are told; empty: none."""
     if diagnosis.stage in STAGES:
         return str(diagnosis.stage)
     kind = _loudest(diagnosis.remains_where or diagnosis.where).partition(".")[0]
-    return BY_CHANNEL.get(kind, "")
+    found, told = BY_CHANNEL.get(kind, ""), residual.stages(diagnosis)
+    return found if not told or found in told else ""
 
 
 def _loudest(places: Sequence[Place]) -> str:
