@@ -64,6 +64,8 @@ TOUCHING: Final = 5.0
 TRIALS: Final = 6
 SPREAD: Final = 0.04
 SECONDS: Final = {RATE: 6.0, FAST_RATE: 2.3}
+#: Where reality's lump hangs on the arm's tool, from its centre of mass along its axes [m].
+PLACE: Final = {"z": -0.05}
 #: Settings with their (rate, interface), one after the other for the cases of one effect.
 WAYS: Final = {
     GRIPPER: ((RATE, "velocity"), (FAST_RATE, "position"), (FAST_RATE, "velocity"), (RATE, "position")),
@@ -223,7 +225,7 @@ def truths(case: Case) -> list[tuple[Entry, ...]]:
     for choice in case.effects:
         declared = EFFECTS[choice.name]
         parameters = {n: v for n, v in choice.parameters.items() if n in declared.parameters}
-        parameters |= CONSTANT.get(choice.name, {})
+        parameters |= CONSTANT.get(choice.name, {}) | (PLACE if (choice.name, case.setting) == ("payload", ARM) else {})
         target = None if choice.target == "all" else tuple(choice.target)
         forms = itertools.product(*(form.values for form in declared.forms.values()))
         ways.append(
@@ -345,7 +347,22 @@ def opened(case: Case) -> Opened:
                 if name.startswith("force."):
                     value[..., c][missed[..., plant.sensors.index(name.partition(".")[2])]] = np.nan
             data = replace(data, value=value)
-        return Opened(made, plant, on, data, numbers(made, plant, folder))
+        return Opened(made, _begun(made, plant, on), on, data, numbers(made, plant, folder))
+
+
+def _begun(made: Made, plant: Plant, on: replay.Grid) -> Plant:
+    """The plant with its joints where they truly are at first: a replay begins at the first reading, whose noise stays
+    where friction or play holds a joint. Behind a sensor's own effect it begins there."""
+    sensed = any(EFFECTS[effect.name].stage == "joint_sensor" for effect in made.case.effects)
+    if sensed or made.recorded.begun is None:
+        return plant
+    columns = [made.robot.joints.index(joint) for joint in plant.joints]
+    starts = dict(plant.starts)
+    for trial, true in zip(on.trials, made.recorded.begun, strict=True):
+        qpos = starts[trial.name].qpos.copy()
+        qpos[plant.wiring.qpos] = true[columns]
+        starts[trial.name] = replace(starts[trial.name], qpos=qpos)
+    return replace(plant, starts=starts)
 
 
 @dataclass(frozen=True)

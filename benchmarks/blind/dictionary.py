@@ -264,10 +264,13 @@ MAPPING: Final[Mapping[str, Mapping[str, str | None]]] = {
     "motor_cogging": {"amplitude": "of the first harmonic", "period": "the same"},
     "backlash": {"width": "full play"},
 }
-#: Numbers that the library knows of an effect, and no case draws: how often reality's drivers look at set points [s].
+#: Numbers that the library knows of an effect, and no case draws: how often reality's drivers look at set points [s],
+#: the share of cogging's second harmonic, how far the widths of a load cell's plays are spread.
 CONSTANT: Final[Mapping[str, Mapping[str, float]]] = {
     "command_deadband": {"period": 0.005},
     "command_quantization": {"period": 1e-4},
+    "motor_cogging": {"second": 0.1},
+    "force_hysteresis": {"spread": 0.6},
 }
 UNSCORED: Final = frozenset({("pad_creep", "time_constant"), ("stribeck_friction", "velocity")})
 

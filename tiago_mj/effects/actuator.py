@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from tiago_mj.effects.declare import Array, Effect, effect, parameter
+from tiago_mj.effects.declare import Array, Effect, detail, effect, parameter
 from tiago_mj.effects.now import Now
 
 FORCE = ("N", "N·m")
@@ -171,7 +171,7 @@ class TorqueConstant(Effect):
 class MotorCogging(Effect):
     """The motor's magnets add a force that is periodic over position.
 
-    Formula: force += amplitude · sin(2π · position / period)
+    Formula: force += amplitude · (sin(2π · position / period) + second · sin(4π · position / period))
 
     In a recording: a ripple on effort and position whose frequency is speed over period.
 
@@ -189,5 +189,9 @@ class MotorCogging(Effect):
     amplitude = parameter(FORCE, identity=0.0, default=1.0, bounds=(0.0, 8.0))
     period = parameter(("m", "rad"), identity=None, default=0.005, bounds=((0.001, 0.02), (0.001, 0.5)))
 
+    #: Share of the second harmonic.
+    second = detail("-", (-1.0, 1.0), sought=False)
+
     def added_force(self, now: Now) -> Array:
-        return self.amplitude * np.sin(2 * np.pi * now.joint_position / self.period)
+        angle = 2 * np.pi * now.joint_position / self.period
+        return self.amplitude * (np.sin(angle) + self.second * np.sin(2 * angle))

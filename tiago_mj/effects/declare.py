@@ -160,26 +160,29 @@ def form(*values: float) -> Any:
 
 @dataclass(frozen=True)
 class Detail:
-    """Where that is of which an effect's first parameter is the amount: 0 where nobody says more, and sought only once
-    the amount is known. Of two amounts on one target it is their common centre.
+    """What more there is to say of an effect, 0 where nobody does: where that is of which its first parameter is the
+    amount, sought only once the amount is known (of two amounts on one target it is their common centre); or a number
+    that is not sought at all, as the recordings of a robot hardly show it, but that who knows it may give.
 
     Attributes:
         unit: as a parameter's.
         bounds: (low, high), what a fit may try.
         name: as in the class.
+        sought: whether a diagnosis looks for it.
     """
 
     unit: str
     bounds: tuple[float, float]
     name: str = ""
+    sought: bool = True
 
     def __set_name__(self, owner: type, name: str) -> None:
         object.__setattr__(self, "name", name)
 
 
-def detail(unit: str, bounds: tuple[float, float]) -> Any:
-    """Declare in an effect's body a number that says more of it."""
-    return Detail(unit, bounds)
+def detail(unit: str, bounds: tuple[float, float], *, sought: bool = True) -> Any:
+    """Declare in an effect's body a number that says more of it; see :class:`Detail`."""
+    return Detail(unit, bounds, sought=sought)
 
 
 class Effect:

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 import numpy as np
 
 from tiago_mj.effects.command import rounded
-from tiago_mj.effects.declare import Array, Effect, effect, form, parameter
+from tiago_mj.effects.declare import Array, Effect, detail, effect, form, parameter
 from tiago_mj.effects.memory import DelayLine, Held, InARow, LowPass, Play
 from tiago_mj.effects.now import Now
 
 UNITS = "sensor units"
+#: Plays of a hysteresis that has no corners (Prandtl and Ishlinskii's model).
+PLAYS: Final = 5
 
 
 @effect("pad_creep", stage="force_sensor", targets="sensor")
@@ -111,7 +115,8 @@ class ForceNonlinearity(Effect):
 
 @effect("force_hysteresis", stage="force_sensor", targets="sensor")
 class ForceHysteresis(Effect):
-    """Loading and unloading differ: a play operator of that width, which starts in the middle.
+    """Loading and unloading differ: a play operator of that width, which starts in the middle; with a spread the mean
+    of five, whose widths lie evenly from 1 - spread to 1 + spread times the width.
 
     Formula: x - width / 2 ≤ reading ≤ x + width / 2, at rest in between
 
@@ -127,12 +132,14 @@ class ForceHysteresis(Effect):
     signal_only = True
 
     width = parameter(UNITS, identity=0.0, default=0.1, bounds=(0.0, 0.8))
+    spread = detail("-", (0.0, 1.0), sought=False)
 
     def start(self, now: Now) -> None:
-        self._play = Play(self.width, np.zeros_like(self.width))
+        apart = np.linspace(-1.0, 1.0, PLAYS) if self.spread.any() else np.zeros(1)
+        self._plays = [Play(self.width * (1 + self.spread * share), np.zeros_like(self.width)) for share in apart]
 
     def reading(self, reading: Array, now: Now) -> Array:
-        return self._play(reading)
+        return sum((play(reading) for play in self._plays), np.zeros_like(reading)) / len(self._plays)
 
 
 @effect("force_dead_zone", stage="force_sensor", targets="sensor")

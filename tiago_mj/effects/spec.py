@@ -142,7 +142,10 @@ def arrays(declared: type[Effect], sims: Sequence[Sequence[Entry]], targets: Tar
             if entry.name != declared.name:
                 continue
             for index in _reach(entry, declared, names):
-                for key in declared.details:
+                for key, more in declared.details.items():
+                    if not more.sought:
+                        values[key][sim, index] = entry.parameters.get(key, values[key][sim, index])
+                        continue
                     there = _amount(declared, entry, 0 if targets.slide(declared.targets, index) else 1)
                     before = values[next(iter(declared.parameters))][sim, index], values[key][sim, index]
                     values[key][sim, index] = _centre(before, (there, entry.parameters.get(key, 0.0)))

@@ -61,10 +61,13 @@ def let_it_stick(effect: Effect, now: Now, share: Array | None = None) -> None:
 
 
 def sticking_share(nominal: Array, added: Array) -> Array:
-    """Share of what was added in a joint's friction: 1 where the nominal model has none, 0 where nothing was added."""
+    """How far a joint's friction holds: the square of what was added over what the nominal model has, at most all.
+
+    No real joint's friction creeps as the nominal model's does: it does no longer where as much again was added. A
+    nominal number that is off by some per cent goes on creeping.
+    """
     added = np.maximum(added, 0.0)
-    whole = nominal + added
-    return np.divide(added, whole, out=np.zeros_like(whole), where=whole > 0)
+    return np.where(added >= nominal, added > 0, added / np.where(nominal > 0, nominal, 1.0)) ** 2
 
 
 @effect("velocity_limit", stage="transmission", targets="joint")

@@ -25,6 +25,7 @@ class World:
         q, v: of the joints, true.
         newtons: on the pads, (ntrials, 2).
         force: of the drives, as delivered last.
+        lifted: what the drives give on top of it to lift the robot's own weight.
         free: whether a servo is within its limit now, so that its force follows its error, (ntrials, n).
         t: true time [s].
         row: of the log.
@@ -45,6 +46,7 @@ class World:
     t: float = 0.0
     row: int = 0
     force: Array = field(default_factory=lambda: np.zeros(1))
+    lifted: Array = field(default_factory=lambda: np.zeros(1))
     free: NDArray[np.bool_] = field(default_factory=lambda: np.ones(1, dtype=bool))
 
     def __post_init__(self) -> None:

@@ -59,6 +59,10 @@ class ObjectMass(Effect):
         _swap(robot, mass=robot.item.mass * self.values["factor"])
 
 
+#: Since this version of the generator a lump beside a body's centre adds to its inertia, too.
+TURNING = 8
+
+
 class Payload(Effect):
     """A lump at the tool that nobody told the gravity compensation of."""
 
@@ -71,7 +75,22 @@ class Payload(Effect):
         model.body_ipos[body] = (1 - share) * model.body_ipos[body] + share * (model.body_ipos[body] + offset)
         model.body_mass[body] = old + mass
         model.body_gravcomp[body] *= old / (old + mass)
+        if self.version >= TURNING and np.any(offset):
+            _turn_with(model, body, share * old, np.asarray(offset))
         mujoco.mj_setConst(model, mujoco.MjData(model))
+
+
+def _turn_with(model: mujoco.MjModel, body: int, mass: float, arm: np.ndarray) -> None:
+    """Add to a body's inertia what two parts have about their common centre: their reduced mass at a distance."""
+    turn = np.zeros(9)
+    mujoco.mju_quat2Mat(turn, model.body_iquat[body])
+    axes = turn.reshape(3, 3)
+    whole = axes @ np.diag(model.body_inertia[body]) @ axes.T + mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))
+    moments, axes = np.linalg.eigh(whole)
+    axes[:, 2] *= np.sign(np.linalg.det(axes))
+    quaternion = np.zeros(4)
+    mujoco.mju_mat2Quat(quaternion, axes.ravel())
+    model.body_inertia[body], model.body_iquat[body] = moments, quaternion
 
 
 def _last(model: mujoco.MjModel) -> int:

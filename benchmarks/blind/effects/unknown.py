@@ -36,6 +36,8 @@ class CableTug(Effect):
 class PlaceFriction(Bristles):
     """A dry, dented stretch of the guide: friction there alone."""
 
+    own = False
+
     def level(self, world: World) -> Array:
         low, high = world.robot.low, world.robot.high
         middle = low + self.values["place"] * (high - low)

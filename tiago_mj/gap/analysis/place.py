@@ -86,13 +86,18 @@ def refined(plant: Plant, ranked: Ranked, data: Data, trials: Sequence[int]) -> 
 
 def _which(fit: Fitted) -> int | None:
     """Index of the part that has a place."""
-    return next((k for k, part in enumerate(fit.parts) if EFFECTS[part.effect].details), None)
+    return next((k for k, part in enumerate(fit.parts) if _details(part.effect)), None)
+
+
+def _details(effect: str) -> tuple[Detail, ...]:
+    """Of an effect those that are sought."""
+    return tuple(d for d in EFFECTS[effect].details.values() if d.sought)
 
 
 def _placed(fitter: Fitter, fit: Fitted) -> Fitted:
     which = _which(fit)
     assert which is not None
-    sought = _Sought(fitter, fit, which, tuple(EFFECTS[fit.parts[which].effect].details.values()))
+    sought = _Sought(fitter, fit, which, _details(fit.parts[which].effect))
     centre, beside = sought.descend(place=False), sought.descend(place=True)
     met, prior = centre.met - beside.met, beside.prior - centre.prior
     if met / verdict.calibration().temperature + prior < WORTH:
