@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import ClassVar
+
 import numpy as np
 from numpy.typing import NDArray
 
 from tiago_mj.effects.declare import Array, Effect, detail, effect, parameter
 from tiago_mj.effects.now import Now
+from tiago_mj.effects.servo import Servo
 
 FORCE = ("N", "N·m")
 DAMPING = ("N·s/m", "N·m·s/rad")
@@ -89,7 +93,7 @@ class ServoStiffness(Effect):
 class ServoDamping(Effect):
     """The servo has a derivative gain on top of the nominal one; its force stays within the servo's limit.
 
-    Formula: force -= damping · velocity; in total never below 0
+    Formula: force -= damping · velocity; in total never below 0; with a filter of the velocity that it gives
 
     In a recording: moving joints trail farther behind, in proportion to speed; nothing at rest.
 
@@ -107,10 +111,25 @@ class ServoDamping(Effect):
     needs_servo = True
 
     damping = parameter(DAMPING, identity=0.0, default=(40.0, 5.0), bounds=((-60.0, 300.0), (-1.0, 60.0)))
+    #: Time constant of the low-pass in which the drive takes the velocity from its encoder.
+    filter = detail("s", (0.0, 0.1), sought=False)
+    by_detail: ClassVar[Mapping[str, str]] = {"servo_force": "filter"}
 
     def change(self, now: Now) -> None:
         ids, bias = now.wiring.actuators, now.host.field("actuator_biasprm")
         bias[:, ids, 2] = np.where(self.present, np.minimum(bias[:, ids, 2] - self.damping, 0.0), bias[:, ids, 2])
+
+    def start(self, now: Now) -> None:
+        if self.filter.any():
+            self._servo = Servo(now)
+            self._slow, _ = self._servo.joint(now)
+
+    def servo_force(self, now: Now) -> Array:
+        joint, speed = self._servo.joint(now)
+        share = 1 - np.exp(-self._servo.step / np.where(self.filter > 0, self.filter, 1.0))
+        estimated = (joint - self._slow) * share / self._servo.step
+        self._slow = self._slow + share * (joint - self._slow)
+        return np.where(self.filter > 0, self.damping * (speed - estimated), 0.0)
 
 
 @effect("force_limit", stage="actuator", targets="command")

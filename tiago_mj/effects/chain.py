@@ -446,7 +446,7 @@ class Chain:
     def _users(self, hook: str) -> list[tuple[Effect, NDArray[np.bool_]]]:
         """Effects that have a hook, and where each is present."""
         acts = hook in ("set_point", "given", "servo_force", "force_range")
-        return [(e, self._of_actuators(e) if acts else self._masks[e.name]) for e in self.effects if overrides(e, hook)]
+        return [(e, self._of_actuators(e) if acts else self._masks[e.name]) for e in self.effects if _acts(e, hook)]
 
     def _of_actuators(self, effect: Effect) -> NDArray[np.bool_]:
         """Where an effect on commands or joints is present, (nsim, nactuators)."""
@@ -459,6 +459,12 @@ class Chain:
             return None
         moved: NDArray[np.bool_] = np.logical_or.reduce(masks)
         return moved
+
+
+def _acts(effect: Effect, hook: str) -> bool:
+    """Whether an effect has a hook that does something in some simulation."""
+    given = effect.by_detail.get(hook)
+    return overrides(effect, hook) and (given is None or bool(getattr(effect, given).any()))
 
 
 class _Recording:

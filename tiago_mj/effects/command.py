@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from tiago_mj.effects.declare import Array, Effect, effect, form, parameter
+from tiago_mj.effects.declare import Array, Effect, detail, effect, form, parameter
 from tiago_mj.effects.memory import Conveyor, Held, HeldLowPass, InARow
 from tiago_mj.effects.now import Now
 
@@ -142,7 +142,7 @@ class CommandLag(Effect):
 class RateLimit(Effect):
     """The servo's set point moves no faster than a limit.
 
-    Formula: |d set point / dt| ≤ velocity
+    Formula: |d set point / dt| ≤ velocity; with a ramp its speed follows with that time constant
 
     In a recording: fast commands are followed at a constant lower speed, slow ones exactly; what was missed is caught
     up later.
@@ -161,9 +161,12 @@ class RateLimit(Effect):
     signal_only = True
 
     velocity = parameter(SPEED, identity=np.inf, default=0.6, bounds=(0.05, 1.0), nominal="velocity")
+    #: Time constant with which the set point's own speed follows.
+    ramp = detail("s", (0.0, 0.1), sought=False)
 
     def start(self, now: Now) -> None:
         self._wanted, self._value = now.set_point.copy(), now.set_point.copy()
+        self._speed = np.zeros_like(self._value)
 
     def given(self, inputs: Array, now: Now) -> Array:
         # What was missed is caught up until the set point is met, which is somewhere within a control period.
@@ -173,9 +176,19 @@ class RateLimit(Effect):
             moved = np.clip(self._wanted + inputs[:, k] * seconds, *now.wiring.span.T)
             self._wanted = np.where(speeds, moved, inputs[:, k])
             value = self._value + np.clip(self._wanted - self._value, -most, most)
+            if self.ramp.any():
+                value = np.where(self.ramp > 0, self._ramped(seconds), value)
             out[:, k] = np.where(speeds, (value - self._value) / seconds, value)
             self._value = value
         return out
+
+    def _ramped(self, seconds: Array) -> Array:
+        """The set point a physics step later where its speed takes time to grow; where it arrives it stops."""
+        apart = self._wanted - self._value
+        share = 1 - np.exp(-seconds / np.where(self.ramp > 0, self.ramp, 1.0))
+        self._speed = self._speed + share * (np.clip(apart / seconds, -self.velocity, self.velocity) - self._speed)
+        arrives = np.abs(apart) <= np.abs(self._speed) * seconds
+        return np.where(arrives, self._wanted, self._value + self._speed * seconds)
 
 
 class Stepping(Effect, ABC):

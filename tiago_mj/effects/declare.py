@@ -221,6 +221,8 @@ class Effect:
     takes_from: ClassVar[str | None] = None
     #: Whether what it does is drawn at random: no simulation repeats it, so that known as it is it closes no gap.
     by_chance: ClassVar[bool] = False
+    #: Hooks that have something to do only where a detail of that name is given.
+    by_detail: ClassVar[Mapping[str, str]] = {}
     #: Whether a diagnosis may name it; what no robot has, but simulators differ in, is only adjusted.
     nameable: ClassVar[bool] = True
 

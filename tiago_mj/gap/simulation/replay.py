@@ -221,7 +221,8 @@ def _acts_without_feedback(entry: Entry) -> bool:
     """Whether an effect changes the model alone, or a signal without asking what the joints do."""
     hooks = (*EACH_SUBSTEP, *EACH_STEP)
     declared = EFFECTS[entry.name]
-    return declared.signal_only or not any(overrides(declared, hook) for hook in hooks)
+    asked = (declared.by_detail.get(hook) for hook in hooks if overrides(declared, hook))
+    return declared.signal_only or all(key is not None and not entry.parameters.get(key) for key in asked)
 
 
 def measure(
