@@ -8,9 +8,10 @@ import mujoco
 import numpy as np
 
 from tiago_mj.effects.actuator import DAMPING, FORCE, limit_forces
-from tiago_mj.effects.declare import Array, Effect, effect, form, parameter
+from tiago_mj.effects.declare import Array, Effect, detail, effect, form, parameter
 from tiago_mj.effects.inertia import removable_inertia
 from tiago_mj.effects.now import Now
+from tiago_mj.effects.rotor import Rotor, take_limits
 from tiago_mj.effects.servo import Servo
 
 SPEED = ("m/s", "rad/s")
@@ -29,6 +30,24 @@ FALLING: Final = 0.2
 #: fell back to half of it. In a start at full force the limit is exceeded by 4 %, for some milliseconds.
 LOAD_UPDATE: Final = 0.4
 RISE_UPDATE: Final = 0.1
+
+
+#: Stiffness of teeth that meet, of what a physics step bears: times inertia over the step's square; their damping, of
+#: twice the critical one; and the share of the servo's force over half the play at which that takes hold (chosen).
+TEETH: Final = 0.25
+TEETH_DAMPING: Final = 0.6
+TEETH_SHARE: Final = 0.1
+
+
+def inertia_at(now: Now) -> Array:
+    """Effective inertia of the joints as they stand, with what effects added, (nsim, njoints) [kg, kg·m²]."""
+    model, dofs = now.host.model, now.wiring.dof
+    data = mujoco.MjData(model)
+    data.qpos[:] = now.host.state("qpos")[0]
+    mujoco.mj_forward(model, data)
+    inverse = np.zeros((model.nv, model.nv))
+    mujoco.mj_solveM(model, data, inverse, np.eye(model.nv))
+    return 1 / np.diag(inverse)[dofs] + now.host.field("dof_armature")[:, dofs] - model.dof_armature[dofs]
 
 
 def let_it_stick(effect: Effect, now: Now, share: Array | None = None) -> None:
@@ -93,16 +112,9 @@ class VelocityLimit(Effect):
 
     def start(self, now: Now) -> None:
         joints, dofs = list(now.wiring.targets.actuated), now.wiring.dof[list(now.wiring.targets.actuated)]
-        model = now.host.model
-        data = mujoco.MjData(model)
-        data.qpos[:] = now.host.state("qpos")[0]
-        mujoco.mj_forward(model, data)
-        inverse = np.zeros((model.nv, model.nv))
-        mujoco.mj_solveM(model, data, inverse, np.eye(model.nv))
-        added = now.host.field("dof_armature")[:, dofs] - model.dof_armature[dofs]
         self._step = now.period / now.substeps
         # Joint damping is integrated implicitly: it acts as a further inertia within a step.
-        self._mass = 1 / np.diag(inverse)[dofs] + added + self._step * now.host.field("dof_damping")[:, dofs]
+        self._mass = inertia_at(now)[:, joints] + self._step * now.host.field("dof_damping")[:, dofs]
         self._servo = -self._step * now.host.field("actuator_biasprm")[:, now.wiring.actuators, 2]
         self._limit = self.velocity[:, joints]
         self._speed = now.joint_velocity[:, joints]
@@ -220,7 +232,7 @@ class StribeckFriction(Effect):
 class LoadDependentFriction(Effect):
     """Friction that grows with the transmitted force.
 
-    Formula: friction += coefficient · |actuator force|
+    Formula: friction += coefficient · |actuator force|, the weight that the actuator lifts included
 
     In a recording: free motion is as nominal; under load, forces differ between closing and opening by twice the share.
 
@@ -235,12 +247,21 @@ class LoadDependentFriction(Effect):
 
     form_known_to = DRY
     coefficient = parameter("-", identity=0.0, default=0.15, bounds=(0.0, 0.8))
+    #: Time constant with which friction follows the force, as a gear gives.
+    lag = detail("s", (0.0, 0.1), sought=False)
 
     def change(self, now: Now) -> None:
         let_it_stick(self, now)
 
+    def start(self, now: Now) -> None:
+        self._carried = np.zeros_like(self.coefficient)
+
     def added_friction(self, now: Now) -> Array:
-        return self.coefficient * np.abs(now.joint_effort)
+        step = now.period / now.substeps
+        with np.errstate(divide="ignore"):
+            share = -np.expm1(-step / self.lag)  # 1 without a lag
+        self._carried = self._carried + share * (np.abs(now.joint_effort) - self._carried)
+        return self.coefficient * np.where(self.lag > 0, self._carried, np.abs(now.joint_effort))
 
 
 @effect("asymmetric_friction", stage="transmission", targets="joint")
@@ -280,8 +301,8 @@ class AsymmetricFriction(Effect):
 class Backlash(Effect):
     """Play between motor and joint: the joint feels the motor only when that has crossed the gap.
 
-    The servo holds the motor, which has no mass; it stands at the set point at the start, as far as the gap allows.
-    Where a load keeps the joint on one side of the gap it follows at once.
+    The servo holds the motor, which has no mass unless its inertia is given; it stands at the set point at the start,
+    as far as the gap allows. Where a load keeps the joint on one side of the gap it follows at once.
 
     Formula: |motor - joint| ≤ width / 2; between the sides no force, at a side the servo's
 
@@ -301,15 +322,44 @@ class Backlash(Effect):
     needs_servo = True
 
     width = parameter(("m", "rad"), identity=0.0, default=0.001, bounds=((0.0, 0.006), (0.0, 0.1)))
+    motor = detail("kg, kg·m²", (0.0, 1.0), sought=False)
+
+    def change(self, now: Now) -> None:
+        joints = list(now.wiring.targets.actuated)
+        self._has_mass = self.present[:, joints] & (self.motor[:, joints] > 0)
+        if self._has_mass.any():
+            self._limit = take_limits(now, self._has_mass)
 
     def start(self, now: Now) -> None:
-        self._servo = Servo(now)
+        self._servo = servo = Servo(now)
         self._half = self.width[:, self._servo.joints] * self._servo.ratio / 2
         joint, _ = self._servo.joint(now)
         # Before anything was commanded the servo holds the motor as far as the gap lets it.
         self._motor = np.clip(self._servo.set_point(now), joint - self._half, joint + self._half)
+        if self._has_mass.any():
+            inertia = np.where(self._has_mass, self.motor[:, servo.joints] / servo.ratio**2, 1.0)
+            self._rotor = Rotor(now, inertia, self._motor.copy(), servo.kv, self._limit)
+            whole = inertia_at(now)[:, servo.joints] / servo.ratio**2
+            self._teeth = TEETH * whole / servo.step**2
+            self._loss = TEETH_DAMPING * np.sqrt(self._teeth * whole)
 
     def servo_force(self, now: Now) -> Array:
+        light = self._of_a_light_motor(now)
+        if not self._has_mass.any():
+            return light
+        servo = self._servo
+        joint, speed = servo.joint(now)
+        stretch = self._rotor.position - joint
+        beyond = np.sign(stretch) * np.maximum(np.abs(stretch) - self._half, 0.0)
+        touching = beyond != 0
+        # The dampers of teeth take hold with the depth, so that their force does not jump.
+        taken = np.minimum(np.abs(beyond) * self._teeth / (TEETH_SHARE * np.abs(servo.kp) * self._half + 1e-9), 1.0)
+        passed = self._rotor.passed(now, beyond, np.where(touching, self._teeth, 0.0), self._loss * taken * touching)
+        passed = np.where(passed * beyond > 0, passed, 0.0)  # teeth do not pull
+        own = servo.kp * (servo.set_point(now) - joint) - servo.kv * speed
+        return np.where(self._has_mass, passed - own, light)
+
+    def _of_a_light_motor(self, now: Now) -> Array:
         servo = self._servo
         joint, speed = servo.joint(now)
         self._motor = np.clip(self._free(now), joint - self._half, joint + self._half)
@@ -329,6 +379,8 @@ class Backlash(Effect):
 class JointElasticity(Effect):
     """A spring between motor and joint, in series with the servo, which holds a motor without mass.
 
+    Where the motor's inertia is given it has that, and the spring the damping that is given.
+
     Formula: stiffness · (motor - joint) = kp · (set point - motor) - kv · motor velocity; at rest the stiffness felt at
     the joint is 1 / (1 / kp + 1 / stiffness)
 
@@ -342,7 +394,7 @@ class JointElasticity(Effect):
     Source: chosen.
 
     MuJoCo: a joint with ``stiffness`` on a body between motor and link; here the difference to the servo's own force is
-    a bias of the actuator, ``actuator_biasprm``; the resonance with the motor's mass is left out.
+    a bias of the actuator, ``actuator_biasprm``; the resonance with the motor's mass is there where that is given.
     """
 
     needs_servo = True
@@ -350,6 +402,8 @@ class JointElasticity(Effect):
     stiffness = parameter(
         ("N/m", "N·m/rad"), identity=np.inf, default=3000.0, bounds=((300.0, 40_000.0), (1.0, 40_000.0))
     )
+    motor = detail("kg, kg·m²", (0.0, 1.0), sought=False)
+    damping = detail("N·s/m, N·m·s/rad", (0.0, 100.0), sought=False)
 
     def change(self, now: Now) -> None:
         # The servo's damping acts on the motor; what of it reaches the joint at once is integrated implicitly, as the
@@ -360,14 +414,30 @@ class JointElasticity(Effect):
         self._kv = servo.kv
         reaching = self._spring * servo.kv / (servo.kv / servo.step + servo.kp + self._spring)
         bias = now.host.field("actuator_biasprm")
-        bias[:, now.wiring.actuators, 2] = -np.where(present, reaching, servo.kv)
+        self._has_mass = present & (self.motor[:, servo.joints] > 0)
+        if self._has_mass.any():
+            self._limit = take_limits(now, self._has_mass)
+        bias[:, now.wiring.actuators, 2] = -np.where(present, np.where(self._has_mass, 0.0, reaching), servo.kv)
 
     def start(self, now: Now) -> None:
         self._servo = servo = Servo(now)
         joint, _ = servo.joint(now)
         self._motor = (servo.kp * servo.set_point(now) + self._spring * joint) / (servo.kp + self._spring)
+        if self._has_mass.any():
+            inertia = np.where(self._has_mass, self.motor[:, servo.joints] / servo.ratio**2, 1.0)
+            self._rotor = Rotor(now, inertia, self._motor.copy(), self._kv, self._limit)
+            self._loss = self.damping[:, servo.joints] / servo.ratio**2
 
     def servo_force(self, now: Now) -> Array:
+        light = self._of_a_light_motor(now)
+        if not self._has_mass.any():
+            return light
+        servo = self._servo
+        joint, _ = servo.joint(now)
+        passed = self._rotor.passed(now, self._rotor.position - joint, self._spring, self._loss)
+        return np.where(self._has_mass, passed - servo.kp * (servo.set_point(now) - joint), light)
+
+    def _of_a_light_motor(self, now: Now) -> Array:
         servo = self._servo
         joint, _ = servo.joint(now)
         self._motor = self._moved(now, joint)

@@ -10,7 +10,6 @@ import numpy as np
 from benchmarks.blind.effects.base import Array, Effect, World
 from benchmarks.blind.robots import Robot
 
-
 #: Since this version of the generator one bristle bears all of a joint's dry friction. Before, the joint's own was
 #: MuJoCo's beside it, which creeps as no real one does: the joint came to rest where the bristle alone held it.
 WHOLE = 8

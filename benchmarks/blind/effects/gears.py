@@ -15,6 +15,8 @@ from benchmarks.blind.robots import Robot
 
 #: Mass of the rotor over the joint's effective inertia. As much is taken off the joint's own armature where it has any.
 ROTOR = 0.05
+#: Damping of a spring, of twice the critical one of the joint on it.
+SPRING_DAMPING = 0.05
 #: Since this version of the generator a side of the teeth pushes only: before, it held a moving joint that was ahead.
 TOOTHED = 8
 
@@ -110,7 +112,7 @@ class JointElasticity(TwoMass):
     def connection(self, world: World) -> tuple[Array, Array, Array]:
         inertia = world.robot.inertia
         k = np.full_like(inertia, self.values["stiffness"])
-        return k, 0.05 * np.sqrt(k * inertia), np.zeros_like(k)
+        return k, SPRING_DAMPING * np.sqrt(k * inertia), np.zeros_like(k)
 
     def through(self, force: Array, world: World) -> Array:
         return self._pass(force, world, self._k, self._c, self._q - world.q)
