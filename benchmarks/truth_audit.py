@@ -33,7 +33,7 @@ from scipy import stats
 from benchmarks.blind import cases, recordings, robots
 from benchmarks.blind.cases import FAST_RATE, RATE, Case, EffectChoice, Made
 from benchmarks.blind.dictionary import ARM, CONSTANT, GRIPPER, PLAIN, available, draw
-from benchmarks.blind.effects.gears import TwoMass
+from benchmarks.blind.effects.gears import ROTOR, SPRING_DAMPING, TwoMass
 from benchmarks.machine import RESULTS, machine, save
 from tiago_mj.effects import EFFECTS
 from tiago_mj.effects.spec import Entry
@@ -49,7 +49,7 @@ NAME: Final = "truth_audit"
 #: Physics steps of the library that are tried [s]: the environments' own, and one at which halving it changes what is
 #: left by no more than 0.02 noise variances (measured with no effect), by setting.
 COARSE: Final = 2.1e-3
-FINE: Final = {GRIPPER: 2.5e-4, PLAIN: 6.25e-5, ARM: 2.5e-4}
+FINE: Final = {GRIPPER: 2.5e-4, PLAIN: 1.25e-4, ARM: 2.5e-4}
 #: Integrators at the fine step, where the model's own needs a finer one: ``implicitfast`` adds damping to the inertia
 #: after dry friction was found, so that a wrist that friction holds gives way as if it were heavier. In ``arm/none/0``
 #: it leaves 50, 15, 4.4, 1.9 and 1.3 at 2, 1, 0.5, 0.25 and 0.125 ms, Euler 1.2 at each of them; at 2 ms Euler would
@@ -148,6 +148,8 @@ def numbers(made: Made, plant: Plant, folder: Path) -> tuple[tuple[Entry, ...], 
     shared = list(_of_joints(real, nominal, case))
     if case.setting == PLAIN:
         shared += _of_the_link(real, nominal, plant)
+        (link,) = (e for e in shared if e.name == "payload")
+        shared.append(Entry("armature", (real.joints[0],), {"mass": _moved(real, case, link.parameters)}))
     if real.item is None or nominal.item is None:
         return (tuple(shared),) * case.trials
     shared += [
@@ -190,6 +192,20 @@ def _on_motors(real: robots.Robot, case: Case) -> Array:
     return moved
 
 
+def _moved(real: robots.Robot, case: Case, link: Mapping[str, float]) -> float:
+    """What else the only joint has of inertia [kg·m²]: less by what its motor has behind a gear; more by what a payload
+    and the link's own change have about their common centre, which the library takes for one point."""
+    before = real.model.dof_armature[real.dof[0]]
+    moved = 0.0
+    for choice, effect in zip(case.effects, cases.effects_of(case), strict=True):
+        if isinstance(effect, TwoMass):
+            moved += max(before - ROTOR * real.inertia[0], 0.0) - before
+        if choice.name == "payload":
+            both = choice.parameters["mass"] * link["mass"] / (choice.parameters["mass"] + link["mass"])
+            moved += both * sum(link[axis] ** 2 for axis in "xyz")
+    return float(moved)
+
+
 def _virtual_mass(real: robots.Robot, nominal: robots.Robot, plant: Plant) -> float:
     """Of the contacts, over the nominal model's: d / (1 - d), in units of the bodies' inverse weights."""
     of_real, of_nominal = real.model.pair_solimp[0, 0], plant.model.pair_solimp[0, 0]
@@ -219,19 +235,30 @@ def _of_the_link(real: robots.Robot, nominal: robots.Robot, plant: Plant) -> lis
 # The true effect -----------------------------------------------------------------------------------------------------
 
 
-def truths(case: Case) -> list[tuple[Entry, ...]]:
+def truths(case: Case, robot: robots.Robot | None = None) -> list[tuple[Entry, ...]]:
     """The case's effects at their true numbers, in each of their forms."""
     ways: list[list[Entry]] = []
     for choice in case.effects:
         declared = EFFECTS[choice.name]
         parameters = {n: v for n, v in choice.parameters.items() if n in declared.parameters}
         parameters |= CONSTANT.get(choice.name, {}) | (PLACE if (choice.name, case.setting) == ("payload", ARM) else {})
+        if case.setting == PLAIN and robot is not None and choice.name in ("backlash", "joint_elasticity"):
+            parameters |= _motor(choice, robot)
         target = None if choice.target == "all" else tuple(choice.target)
         forms = itertools.product(*(form.values for form in declared.forms.values()))
         ways.append(
             [Entry(choice.name, target, parameters | dict(zip(declared.forms, form, strict=True))) for form in forms]
         )
     return [tuple(one) for one in itertools.product(*ways)]
+
+
+def _motor(choice: EffectChoice, robot: robots.Robot) -> dict[str, float]:
+    """Inertia of the motor, and damping of the spring before it, of the only joint."""
+    (inertia,) = robot.inertia
+    motor = {"motor": float(ROTOR * inertia)}
+    if choice.name == "backlash":
+        return motor
+    return motor | {"damping": float(SPRING_DAMPING * np.sqrt(choice.parameters["stiffness"] * inertia))}
 
 
 def lost(made: Made) -> NDArray[np.bool_] | None:
@@ -385,7 +412,7 @@ def audited(one: Opened, step: float, *, with_effect: bool = True) -> Audited:
     predict = Predictor(plant, one.on, one.data, threads=1, corrected=False)
     sigma, grid = noise_of(one.made, one.data.channels)
     found = []
-    for effects in truths(one.made.case) if with_effect else [()]:
+    for effects in truths(one.made.case, one.made.robot) if with_effect else [()]:
         predicted = predict([(k, (*effects, *numbers)) for k, numbers in enumerate(one.numbers)])
         both = (left(one.data.value, predicted, sigma, grid, one.data.channels, onsets=o) for o in (False, True))
         forms = {n: v for e in effects for n, v in e.parameters.items() if n in EFFECTS[e.name].forms}
@@ -396,7 +423,7 @@ def audited(one: Opened, step: float, *, with_effect: bool = True) -> Audited:
 def row(name: str, case: Case, ways: Sequence[str] = ("coarse", "fine")) -> dict[str, Any]:
     """One case as it is kept."""
     begun, fine = time.perf_counter(), FINE[case.setting]
-    one = opened(case)
+    one, commit = opened(case), machine()["commit"]
     out: dict[str, Any] = {
         "case": name,
         "rate_hz": case.rate,
@@ -410,6 +437,7 @@ def row(name: str, case: Case, ways: Sequence[str] = ("coarse", "fine")) -> dict
         rest, strict, forms = found.rest, found.of_all, found.form
         out[way] = {
             "step_ms": 1e3 * step,
+            "commit": commit,
             "channels": {n: round(float(v), 3) for n, v in zip(rest.channels, rest.pooled, strict=True)},
             "worst": round(float(rest.pooled.max()), 3),
             "worst_trial": round(float(np.nanmax(rest.trial)), 3),
@@ -421,7 +449,7 @@ def row(name: str, case: Case, ways: Sequence[str] = ("coarse", "fine")) -> dict
             "passes_with_onsets": strict.passes,
             **({"form": forms} if forms else {}),
         }
-    return {**out, "seconds": round(time.perf_counter() - begun, 1), "commit": machine()["commit"]}
+    return {**out, "seconds": round(time.perf_counter() - begun, 1)}
 
 
 def main() -> None:
@@ -458,7 +486,7 @@ def counted(rows: Sequence[Mapping[str, Any]], ways: Sequence[str]) -> dict[str,
 
 
 def merged(name: str, rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """A result file's rows with these in place of those of the same cases; each row says which commit measured it."""
+    """A result file's rows with these in place of those of the same cases; by step each says which commit it is of."""
     path = RESULTS / f"{name}.json"
     kept = {r["case"]: r for r in json.loads(path.read_text())["results"]["rows"]} if path.exists() else {}
     for new in rows:

@@ -265,10 +265,14 @@ MAPPING: Final[Mapping[str, Mapping[str, str | None]]] = {
     "backlash": {"width": "full play"},
 }
 #: Numbers that the library knows of an effect, and no case draws: how often reality's drivers look at set points [s],
-#: the share of cogging's second harmonic, how far the widths of a load cell's plays are spread.
+#: the share of cogging's second harmonic, how far the widths of a load cell's plays are spread, how soon a drive's
+#: profile has its speed, over which time it takes a velocity from its encoder, how soon a gear gives [s].
 CONSTANT: Final[Mapping[str, Mapping[str, float]]] = {
     "command_deadband": {"period": 0.005},
     "command_quantization": {"period": 1e-4},
+    "rate_limit": {"ramp": 0.002},
+    "servo_damping": {"filter": 0.002},
+    "load_dependent_friction": {"lag": 0.005},
     "motor_cogging": {"second": 0.1},
     "force_hysteresis": {"spread": 0.6},
 }

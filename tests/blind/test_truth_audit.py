@@ -1,6 +1,7 @@
 """The library at the true effect and the true numbers meets reality's recordings; no number can be met in one direction
 only."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -10,6 +11,7 @@ from benchmarks import truth_audit
 from benchmarks.blind.dictionary import CONSTANT, KINDS
 from tiago_mj.effects import EFFECTS
 from tiago_mj.effects.spec import Entry
+from tiago_mj.gap.analysis import place
 from tiago_mj.gap.detectors import set_points
 from tiago_mj.gap.inference import hypotheses
 from tiago_mj.gap.inference.predictor import Predictor, predictor
@@ -21,8 +23,17 @@ SAMPLE = (
     "gripper/command_deadband/0",
     "gripper/force_limit/1",
     "gripper/contact_stiffness/0",
+    "gripper/force_hysteresis/1",
+    "gripper/coulomb_friction/1",
     "plain/none/0",
     "plain/command_deadband/0",
+    "plain/rate_limit/0",
+    "plain/servo_damping/1",
+    "plain/motor_cogging/0",
+    "plain/backlash/0",
+    "plain/joint_elasticity/0",
+    "arm/load_dependent_friction/0",
+    "arm/payload/0",
 )
 PLANNED = truth_audit.planned()
 
@@ -30,10 +41,11 @@ PLANNED = truth_audit.planned()
 @pytest.mark.parametrize("name", SAMPLE)
 def test_at_the_truth_little_more_than_noise_is_left(name):
     case = PLANNED[name]
-    found = truth_audit.audited(truth_audit.opened(case), truth_audit.FINE[case.setting])
+    one = truth_audit.opened(case)
+    found = truth_audit.audited(one, truth_audit.FINE[case.setting])
     assert found.rest.pooled.max() <= truth_audit.POOLED
     if case.effects:
-        without = truth_audit.audited(truth_audit.opened(case), truth_audit.COARSE, with_effect=False)
+        without = truth_audit.audited(one, truth_audit.COARSE, with_effect=False)
         assert without.rest.pooled.max() > 2 * truth_audit.POOLED
 
 
@@ -50,7 +62,26 @@ def test_every_effect_is_audited_with_each_robot_that_can_have_it():
     assert names == {"none", *(name for name, kind in KINDS.items() if kind.known)}
     assert len(PLANNED) >= 150
     for name, numbers in CONSTANT.items():
-        assert set(numbers) <= set(EFFECTS[name].parameters)
+        assert set(numbers) <= {*EFFECTS[name].parameters, *EFFECTS[name].details}
+
+
+def test_what_the_audit_tells_an_effect_beyond_its_parameters_is_not_sought():
+    for name in ("motor_cogging", "rate_limit", "servo_damping", "force_hysteresis", "backlash", "joint_elasticity"):
+        assert EFFECTS[name].details
+        assert not place._details(name)
+    assert [d.name for d in place._details("payload")] == ["x", "y", "z"]
+
+
+def test_cases_measured_again_take_the_place_of_the_kept_ones(tmp_path, monkeypatch):
+    monkeypatch.setattr(truth_audit, "RESULTS", tmp_path)
+    one = {"worst": 2.0, "passes": False, "passes_with_onsets": False}
+    rows = [{"case": name, "coarse": one, "fine": one} for name in ("plain/none/0", "gripper/none/0")]
+    (tmp_path / "kept.json").write_text(json.dumps({"results": {"rows": rows}}))
+    again = {"case": "plain/none/0", "fine": {"worst": 1.0, "passes": True, "passes_with_onsets": True}}
+    found = truth_audit.merged("kept", [again])
+    assert [r["case"] for r in found["rows"]] == ["gripper/none/0", "plain/none/0"]
+    assert found["passes"] == {"coarse": 0, "fine": 1}
+    assert found["rows"][1]["coarse"] == one
 
 
 def test_what_was_left_is_counted_in_noise_variances_and_on_grids_too():
