@@ -23,8 +23,8 @@ VERSION: Final = 8
 VERSIONS: Final = (6, 7, 8)
 #: Fields of a case, with the version that they came with.
 SINCE: Final = {"version": 7, "grids": 7, "narrow": 7}
-#: Since this version the physics of hinges and arms take steps as fine as need be, and a command that waits for one
-#: joint leaves the others alone.
+#: Since this version the physics take steps as fine as need be, and a command that waits for one joint leaves the
+#: others alone.
 FINE: Final = 8
 TRIALS: Final = 10
 #: Control rates [Hz]: of the real robot's controllers, and of the environments.

@@ -20,14 +20,16 @@ from tiago_mj.models.objects import GraspObject
 
 Array = NDArray[np.float64]
 
-#: Physics step [s]. At 1 ms, forces after a contact's onset are off by three times what noise leaves in means of a
-#: quarter of a second at 240 Hz; reality must not be cruder than what is compared with it.
+#: Physics step of versions before 8 of the generator [s]. At 1 ms, forces after a contact's onset are off by three
+#: times what noise leaves in means of a quarter of a second at 240 Hz; reality must not be cruder than what is compared
+#: with it.
 STEP: Final = 5e-4
 #: Longest step at which everything is stable but stiff effects (bristles, gear teeth) and the arm, whose wrists are
 #: light and firmly damped [s]: where only differences between two simulations count.
 COARSE_STEP: Final = 1e-3
-#: The same of what has no contacts, since version 8 of the generator: at 0.5 ms a hinge's readings are off by up
-#: to 0.9 variances of their noise, and the arm's light wrist by 2 (benchmarks/truth_audit.py).
+#: Physics step since version 8 of the generator [s]. At 0.5 ms a hinge's readings are off by up to 0.9 variances of
+#: their noise, the arm's light wrist's by 2; and where both fingers press with about their limits, the step decides
+#: which of them gives way, by millimetres (benchmarks/truth_audit.py).
 FINE_STEP: Final = 1.25e-4
 #: Impedance of the pads' contacts: not the nominal 0.5, so that the artefact of MuJoCo's contacts (a virtual mass)
 #: differs too.
@@ -125,14 +127,14 @@ def robot_of(
         jitter: of every nominal number.
         folder: where the plain model lies.
         other_source: its masses are those of another publication than the nominal model's.
-        fine: whether what has no contacts takes steps of :data:`FINE_STEP`.
+        fine: whether it takes steps of :data:`FINE_STEP`.
     """
     if setting == "plain":
         assert folder is not None
         made = _plain(folder / PLAIN_FILE, jitter)
     else:
         made = _tiago(setting, jitter, other_source)
-    if fine and made.item is None:
+    if fine:
         made.step = FINE_STEP
     return made
 
