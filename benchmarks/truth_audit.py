@@ -42,6 +42,7 @@ from tiago_mj.gap.inference import noise_model
 from tiago_mj.gap.inference.predictor import Predictor
 from tiago_mj.gap.simulation import replay
 from tiago_mj.gap.simulation.plant import Plant, plant_of
+from tiago_mj.models import names
 
 Array = NDArray[np.float64]
 
@@ -49,7 +50,7 @@ NAME: Final = "truth_audit"
 #: Physics steps of the library that are tried [s]: the environments' own, and one at which halving it changes what is
 #: left by no more than 0.02 noise variances (measured with no effect), by setting.
 COARSE: Final = 2.1e-3
-FINE: Final = {GRIPPER: 2.5e-4, PLAIN: 1.25e-4, ARM: 2.5e-4}
+FINE: Final = {GRIPPER: 1.25e-4, PLAIN: 1.25e-4, ARM: 2.5e-4}
 #: Integrators at the fine step, where the model's own needs a finer one: ``implicitfast`` adds damping to the inertia
 #: after dry friction was found, so that a wrist that friction holds gives way as if it were heavier. In ``arm/none/0``
 #: it leaves 50, 15, 4.4, 1.9 and 1.3 at 2, 1, 0.5, 0.25 and 0.125 ms, Euler 1.2 at each of them; at 2 ms Euler would
@@ -66,6 +67,8 @@ SPREAD: Final = 0.04
 SECONDS: Final = {RATE: 6.0, FAST_RATE: 2.3}
 #: Where reality's lump hangs on the arm's tool, from its centre of mass along its axes [m].
 PLACE: Final = {"z": -0.05}
+#: Numbers of a case over the library's: the middle of rubber's two time constants, 0.7 and 1.4 of the drawn one.
+SCALE: Final = {"pad_creep": {"time_constant": 1.05}}
 #: Settings with their (rate, interface), one after the other for the cases of one effect.
 WAYS: Final = {
     GRIPPER: ((RATE, "velocity"), (FAST_RATE, "position"), (FAST_RATE, "velocity"), (RATE, "position")),
@@ -237,7 +240,7 @@ def _of_the_link(real: robots.Robot, nominal: robots.Robot, plant: Plant) -> lis
 
 def truths(case: Case, robot: robots.Robot | None = None) -> list[tuple[Entry, ...]]:
     """The case's effects at their true numbers, in each of their forms."""
-    ways: list[list[Entry]] = []
+    ways: list[list[tuple[Entry, ...]]] = []
     for choice in case.effects:
         declared = EFFECTS[choice.name]
         parameters = {n: v for n, v in choice.parameters.items() if n in declared.parameters}
@@ -245,11 +248,26 @@ def truths(case: Case, robot: robots.Robot | None = None) -> list[tuple[Entry, .
         if case.setting == PLAIN and robot is not None and choice.name in ("backlash", "joint_elasticity"):
             parameters |= _motor(choice, robot)
         target = None if choice.target == "all" else tuple(choice.target)
+        parameters |= {name: factor * parameters[name] for name, factor in SCALE.get(choice.name, {}).items()}
+        if choice.name == "force_crosstalk" and robot is not None:
+            ways.append([_crosstalk(choice, robot)])
+            continue
         forms = itertools.product(*(form.values for form in declared.forms.values()))
         ways.append(
-            [Entry(choice.name, target, parameters | dict(zip(declared.forms, form, strict=True))) for form in forms]
+            [(Entry(choice.name, target, parameters | dict(zip(declared.forms, form, strict=True))),) for form in forms]
         )
-    return [tuple(one) for one in itertools.product(*ways)]
+    return [tuple(itertools.chain(*one)) for one in itertools.product(*ways)]
+
+
+def _crosstalk(choice: EffectChoice, robot: robots.Robot) -> tuple[Entry, ...]:
+    """Crosstalk cell by cell: reality's comes after the cells' own gains, the library's before them."""
+    units = dict(zip(names.SIDES, robot.units, strict=True))
+    sides = names.SIDES if choice.target == "all" else choice.target
+    return tuple(
+        Entry(choice.name, (side,), {"ratio": choice.parameters["ratio"] * float(units[other] / units[side])})
+        for side in sides
+        for other in set(names.SIDES) - {side}
+    )
 
 
 def _motor(choice: EffectChoice, robot: robots.Robot) -> dict[str, float]:

@@ -266,7 +266,8 @@ MAPPING: Final[Mapping[str, Mapping[str, str | None]]] = {
 }
 #: Numbers that the library knows of an effect, and no case draws: how often reality's drivers look at set points [s],
 #: the share of cogging's second harmonic, how far the widths of a load cell's plays are spread, how soon a drive's
-#: profile has its speed, over which time it takes a velocity from its encoder, how soon a gear gives [s].
+#: profile has its speed, over which time it takes a velocity from its encoder, how soon a gear gives [s], how far apart
+#: rubber's two time constants are, 0.7 and 1.4 of the drawn one.
 CONSTANT: Final[Mapping[str, Mapping[str, float]]] = {
     "command_deadband": {"period": 0.005},
     "command_quantization": {"period": 1e-4},
@@ -275,6 +276,7 @@ CONSTANT: Final[Mapping[str, Mapping[str, float]]] = {
     "load_dependent_friction": {"lag": 0.005},
     "motor_cogging": {"second": 0.1},
     "force_hysteresis": {"spread": 0.6},
+    "pad_creep": {"spread": 1 / 3},
 }
 UNSCORED: Final = frozenset({("pad_creep", "time_constant"), ("stribeck_friction", "velocity")})
 

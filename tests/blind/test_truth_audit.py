@@ -66,7 +66,16 @@ def test_every_effect_is_audited_with_each_robot_that_can_have_it():
 
 
 def test_what_the_audit_tells_an_effect_beyond_its_parameters_is_not_sought():
-    for name in ("motor_cogging", "rate_limit", "servo_damping", "force_hysteresis", "backlash", "joint_elasticity"):
+    told = (
+        "motor_cogging",
+        "rate_limit",
+        "servo_damping",
+        "force_hysteresis",
+        "pad_creep",
+        "backlash",
+        "joint_elasticity",
+    )
+    for name in told:
         assert EFFECTS[name].details
         assert not place._details(name)
     assert [d.name for d in place._details("payload")] == ["x", "y", "z"]

@@ -20,7 +20,8 @@ PLAYS: Final = 5
 class PadCreep(Effect):
     """A viscoelastic pad relaxes under load.
 
-    Formula: felt = force - fraction · y, time_constant · dy/dt = force - y
+    Formula: felt = force - fraction · y, time_constant · dy/dt = force - y; with a spread y is the mean of two such, of
+    1 - spread and 1 + spread times the time constant
 
     In a recording: after loading, the force falls by the fraction over the time constant, and undershoots when
     released.
@@ -36,12 +37,15 @@ class PadCreep(Effect):
 
     fraction = parameter("-", identity=0.0, default=0.2, bounds=(0.0, 0.8), possible=(0.0, 1.0))
     time_constant = parameter("s", identity=None, default=0.3, bounds=(0.03, 3.0))
+    spread = detail("-", (0.0, 0.9), sought=False)
 
     def start(self, now: Now) -> None:
-        self._relaxed = LowPass(self.time_constant)
+        apart = (-1.0, 1.0) if self.spread.any() else (0.0,)
+        self._relaxed = [LowPass(self.time_constant * (1 + self.spread * share)) for share in apart]
 
     def contact_force(self, newtons: Array, now: Now) -> Array:
-        return newtons - self.fraction * self._relaxed(newtons, now.period)
+        relaxed = sum((part(newtons, now.period) for part in self._relaxed), np.zeros_like(newtons))
+        return newtons - self.fraction * relaxed / len(self._relaxed)
 
 
 @effect("force_crosstalk", stage="force_sensor", targets="sensor")
