@@ -36,6 +36,7 @@ from benchmarks.blind.dictionary import ARM, CONSTANT, GRIPPER, PLAIN, available
 from benchmarks.blind.effects.gears import ROTOR, SPRING_DAMPING, TwoMass
 from benchmarks.machine import RESULTS, machine, save
 from tiago_mj.effects import EFFECTS
+from tiago_mj.effects.declare import overrides
 from tiago_mj.effects.spec import Entry
 from tiago_mj.gap.data.read import read_recordings
 from tiago_mj.gap.inference import noise_model
@@ -397,8 +398,8 @@ def opened(case: Case) -> Opened:
 
 def _begun(made: Made, plant: Plant, on: replay.Grid) -> Plant:
     """The plant with its joints where they truly are at first: a replay begins at the first reading, whose noise stays
-    where friction or play holds a joint. Behind a sensor's own effect it begins there."""
-    sensed = any(EFFECTS[effect.name].stage == "joint_sensor" for effect in made.case.effects)
+    where friction or play holds a joint. Behind an encoder's own effect it begins there."""
+    sensed = any(overrides(EFFECTS[effect.name], "measure_position") for effect in made.case.effects)
     if sensed or made.recorded.begun is None:
         return plant
     columns = [made.robot.joints.index(joint) for joint in plant.joints]
