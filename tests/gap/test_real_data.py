@@ -19,7 +19,9 @@ from tiago_mj.gap.data.nominal_priors import known_to
 from tiago_mj.gap.data.read import read_recordings
 from tiago_mj.gap.data.recording import RecordingError, Sidecar, Trial
 from tiago_mj.gap.data.trials import correlation_time, cut, cut_long, repeatability, too_long
+from tiago_mj.gap.inference import noise_model
 from tiago_mj.gap.pipeline import diagnose
+from tiago_mj.gap.simulation.plant import plant_of
 from tiago_mj.gap.tools.imports import so101
 
 #: Rhoban/bam, bam/params/xl330/m1.json: reflected inertia [kg·m²] that its authors fitted to their own runs.
@@ -194,6 +196,23 @@ def test_several_long_recordings_are_cut_and_short_ones_beside_them_are_not():
         assert len(own) >= 8
         assert sum(part.time[-1] for part in own) > 70.0
     assert len(cut_long([short, replace(short, name="other")])) > 2  # two alone leave nothing to choose by
+
+
+def test_parts_of_a_recording_are_compared_in_the_channels_that_the_recording_is_believed_in(tmp_path):
+    (tmp_path / "servo.xml").write_text(so101.servo("hinge"))
+    turn = np.arange(100 * 50) / 50
+    whole = recording(np.sin(3 * turn))
+    whole = replace(whole, sidecar=replace(whole.sidecar, robot=str(tmp_path / "servo.xml")))
+    whole = replace(whole, velocities={"hinge": np.cos(7 * turn)})  # of another motion: it is left out
+    plant = plant_of([whole])
+    trusted = lint.believed([whole], lint.inspect_all([whole], plant))
+    assert trusted == {"long.parquet": {"position.hinge"}}
+    tenths = cut_long([whole])
+    for parts in (tenths, cut(tenths[0], 3.0)):  # parts of parts, too
+        assert len(parts) > 2
+        data = noise_model.collect(plant, parts, trusted)
+        assert data.channels == ("position.hinge",)
+        assert np.isfinite(data.value).any(axis=(1, 2)).all()
 
 
 def test_rows_as_well_as_seconds_decide_what_is_too_long():

@@ -152,6 +152,7 @@ class Trial:
         extras: columns ``extra.NAME``, in whatever unit: kept, never used.
         units: in which channels came that were converted while reading, by column's name.
         left_out: columns that the map file maps to null, whether they are there or not.
+        part_of: names of the files that it was cut from, the latest first.
     """
 
     name: str
@@ -166,6 +167,7 @@ class Trial:
     extras: Mapping[str, Array] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
     left_out: frozenset[str] = frozenset()
+    part_of: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -195,6 +195,7 @@ def part(trial: Trial, first: int, last: int, name: str) -> Trial:
         extras=of(trial.extras),
         sidecar=replace(side, trial=name, initial=initial, raw=raw),
         source=f"{name}.parquet" if trial.source == f"{trial.name}.parquet" else trial.source,
+        part_of=(trial.source, *trial.part_of),
     )
 
 

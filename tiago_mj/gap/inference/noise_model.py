@@ -28,7 +28,7 @@ from tiago_mj.gap.simulation.plant import Plant
 from tiago_mj.gap.simulation.replay import Signals
 
 Array = NDArray[np.float64]
-#: Names of channels that can be believed: in all trials, or of each trial by its source.
+#: Names of channels that can be believed: in all trials, or by the file of each trial, or that it is a part of.
 Usable = frozenset[str] | Mapping[str, frozenset[str]]
 
 #: Smallest noise that is believed, (slide, hinge): 27 µm is what the 2023 project took for the fingers' encoders
@@ -124,7 +124,7 @@ def collect(plant: Plant, trials: Sequence[Trial], usable: Usable | None = None)
             values = np.full((len(trials), length), np.nan)
             for k, trial in enumerate(trials):
                 source = {"position": trial.positions, "velocity": trial.velocities, "force": trial.forces}[kind]
-                trusted = usable.get(trial.source, frozenset()) if isinstance(usable, Mapping) else usable
+                trusted = _trusted(trial, usable) if isinstance(usable, Mapping) else usable
                 if name in source and (trusted is None or channel in trusted):
                     values[k, : len(trial.time)] = source[name]
             if not np.isfinite(values).any():
@@ -151,6 +151,11 @@ def collect(plant: Plant, trials: Sequence[Trial], usable: Usable | None = None)
         block=max(round(BLOCK_SECONDS / plant.period), 1),
         step=grid if grid.any() else None,
     )
+
+
+def _trusted(trial: Trial, usable: Mapping[str, frozenset[str]]) -> frozenset[str]:
+    """Channels of a trial that are trusted; those of a part are its recording's."""
+    return next((usable[file] for file in (trial.source, *trial.part_of) if file in usable), frozenset())
 
 
 def _stated(trial: Trial, kind: str, channel: str) -> float:

@@ -123,6 +123,7 @@ def trial_from_table(
         source=file,
         units=stated,
         left_out=frozenset(column for column, target in columns.items() if target.column is None),
+        part_of=(),
         **{KINDS[kind]: found for kind, found in channels.items()},
     )
     trials, cuts = without_torque_off(trial, torque)

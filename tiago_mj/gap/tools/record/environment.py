@@ -162,6 +162,7 @@ def record(
                 source=f"{name}.parquet",
                 units={},
                 left_out=frozenset(),
+                part_of=(),
                 **channels,
             )
     finally:
