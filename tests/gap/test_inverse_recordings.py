@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from made_motions import ARM, diagnosed, named, pendulum, record, robot, trial
 
+from tiago_mj.gap.data.lint import inspect
 from tiago_mj.gap.data.recording import RecordingError, Trial
 from tiago_mj.gap.report import json as report
 from tiago_mj.gap.torque import diagnose_inverse
@@ -21,6 +22,21 @@ def test_a_dead_effort_channel_is_left_out_and_named() -> None:
     found = diagnosed(replace(recorded, efforts=dead), robot())
     assert ("dead_channel", "effort.arm_4_joint") in {(f.code, f.channel) for f in found.findings}
     assert "effort.arm_4_joint" not in {place.channel for place in found.where}
+
+
+def test_a_drive_that_is_switched_off_once_is_not_dead() -> None:
+    """A joint that swings freely has no torque, and its channel has shown a signal before."""
+    recorded = record(pendulum(), ("swing",), spread=1.2, seconds=30)
+
+    def with_effort(on: np.ndarray) -> Trial:
+        return replace(recorded, efforts={"swing": np.where(on, recorded.efforts["swing"], 0.0)})
+
+    once = with_effort(recorded.time < 5)
+    now_and_then = with_effort(recorded.time % 6 < 1)  # as much of it, in pieces
+    assert "dead_channel" not in {f.code for f in inspect([once])}
+    assert choose([once], pendulum(), ("swing",), inspect([once])).course.channels == ("swing",)
+    for dead in (now_and_then, with_effort(recorded.time < 1), with_effort(recorded.time < 0)):
+        assert ("dead_channel", "effort.swing") in {(f.code, f.channel) for f in inspect([dead])}
 
 
 def test_an_effort_of_the_wrong_sign_is_found_where_it_is() -> None:

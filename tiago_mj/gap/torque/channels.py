@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from tiago_mj.deadline import Deadline
 from tiago_mj.effects import EFFECTS, Entry
+from tiago_mj.gap.data.lint.sensors import switched_off
 from tiago_mj.gap.data.recording import Finding, RecordingError, Trial, sampled
 from tiago_mj.gap.torque.strips import HEADROOMS, Course, lay_out
 from tiago_mj.gap.torque.torques import Torques
@@ -120,7 +121,7 @@ def choose(
 
 
 def _dead(trials: Sequence[Trial], joint: str) -> bool:
-    """Whether most rows of a moving joint read one and the same value."""
+    """Whether most rows of a moving joint whose drive is on read one and the same value."""
     values = []
     for trial in trials:
         when, effort = sampled(trial, f"effort.{joint}")
@@ -129,7 +130,7 @@ def _dead(trials: Sequence[Trial], joint: str) -> bool:
             continue
         speed = np.abs(np.gradient(np.interp(when, time, position), when))
         fast = speed > 0.25 * np.percentile(speed, 95)
-        values.append(effort[fast])
+        values.append(effort[fast & ~switched_off(effort)])
     everything = np.concatenate(values) if values else np.zeros(0)
     if not everything.size:
         return True

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tiago_mj.gap.data.lint.motion import CLEAR, commanded, integrated, measured
 from tiago_mj.gap.data.lint.numbers import noise, quantum, rms, runs
@@ -24,6 +25,8 @@ UNMISTAKABLE: Final = 0.01
 RUN: Final = 10
 #: A channel is analogue if this share of its samples differs from the one before.
 ANALOGUE: Final = 0.9
+#: A drive that is switched off for a while gives a signal in this share of the samples at least.
+SIGNAL: Final = 0.1
 #: A plateau holds at least this share of the samples, and is so many times longer than the longest run elsewhere.
 PLATEAU_SHARE, PLATEAU_RATIO = 0.02, 3.0
 #: A joint goes both ways if either way is this share of its travel.
@@ -41,7 +44,7 @@ def check(trials: Sequence[Trial]) -> Iterator[Finding]:
         if name in stated:
             coarse = stated[name] if np.isinf(coarse) else max(coarse, stated[name])
         hides = step is not None and noise(pooled) < step  # readings at rest repeat, and are between two lines
-        unsigned = _is_unsigned(name, having, pooled)
+        unsigned = _is_unsigned(name, having)
         for trial in having:
             found = list(_dead(trial, name, having, coarse))
             if not found:
@@ -160,16 +163,34 @@ def _moves(trial: Trial, joint: str, by: tuple[str, ...], coarse: float = np.inf
     return False
 
 
+def switched_off(effort: Array) -> NDArray[np.bool_]:
+    """Rows in which a drive is off, (n,): its torque is 0 in one stretch, and a signal before and after it.
+
+    A joint that swings freely has no torque, which is evidence as good as any. What reads 0 now and then, or always, is
+    dead.
+    """
+    start, length = runs(effort)
+    zero = np.flatnonzero((effort[start] == 0.0) & (length >= RUN))
+    off = np.zeros(len(effort), dtype=bool)
+    if len(zero) == 1:
+        first, rows = int(start[zero[0]]), int(length[zero[0]])
+        others = len(effort) - rows
+        if others >= SIGNAL * len(effort) and len(start) - 1 > ANALOGUE * others:
+            off[first : first + rows] = True
+    return off
+
+
 def _most_frequent(trial: Trial, joint: str) -> tuple[float, float]:
-    """Most frequent effort, and its share of the samples, while the joint moves fast."""
+    """Most frequent effort, and its share of the samples, while the joint moves fast and its drive is on."""
     time, effort = sampled(trial, f"effort.{joint}")
+    on = ~switched_off(effort)
     if joint in trial.velocities:
         when, speed = sampled(trial, f"velocity.{joint}")
     else:
         when, position = sampled(trial, f"position.{joint}")
         speed = np.gradient(position, when)
     fast = np.abs(np.interp(time, when, speed))
-    moving = effort[fast > 0.25 * np.percentile(fast, 95)]
+    moving = effort[on & (fast > 0.25 * np.percentile(fast, 95))]
     if len(moving) < RUN:
         return 0.0, 0.0
     value, count = np.unique(moving, return_counts=True)
@@ -263,10 +284,14 @@ def _saturated(trial: Trial, name: str) -> Iterator[Finding]:
             )
 
 
-def _is_unsigned(name: str, trials: Sequence[Trial], pooled: Array) -> bool:
-    """Whether a channel shows no sign although the joint goes both ways."""
+def _is_unsigned(name: str, having: Sequence[Trial]) -> bool:
+    """Whether a channel shows no sign although the joint goes both ways, in trials without a drive that is off."""
     kind, _, joint = name.partition(".")
-    if kind not in ("velocity", "effort") or len(pooled) < RUN or not np.ptp(pooled):
+    if kind not in ("velocity", "effort"):
+        return False
+    trials = [trial for trial in having if kind == "velocity" or not switched_off(sampled(trial, name)[1]).any()]
+    pooled = np.concatenate([np.empty(0), *(sampled(trial, name)[1] for trial in trials)])
+    if len(pooled) < RUN or not np.ptp(pooled):
         return False
     size = np.abs(pooled)
     if not ((pooled >= 0).all() or (pooled <= 0).all()) or np.percentile(size, 5) > 0.05 * np.percentile(size, 95):
