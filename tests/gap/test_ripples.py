@@ -65,6 +65,14 @@ def test_rows_that_were_not_measured_hide_no_ripple():
     assert first == pytest.approx(0.0071, rel=0.05)
 
 
+def test_an_encoder_that_is_read_in_every_fourth_row_shows_its_ripple():
+    traces = []
+    for one in travelled(0.005, rows=960):
+        read = np.arange(960) % 4 == 0
+        traces.append(Trace(*(np.where(read, x, np.nan) for x in (one.position, one.error)), one.counts))
+    assert peaks(traces, 0.001, 0.02)[0] == pytest.approx(0.005, rel=0.05)
+
+
 def test_a_joint_that_hardly_moves_tells_no_period():
     position = np.full(100, 0.03)
     assert peaks([Trace(position, np.zeros(100), np.ones(100, dtype=bool))], 0.001, 0.02) == []

@@ -138,16 +138,23 @@ def _products(used: Sequence[Trace], waves: Array) -> Array:
     for one in used:
         smooth = _smooth_errors(one.position[one.known])
         error = _residual(smooth, one.error[one.known])
-        fastest = np.nanquantile(np.abs(np.diff(one.position)), FAST_QUANTILE)
+        position = _filled(one.position)
+        fastest = np.quantile(np.abs(np.diff(position)), FAST_QUANTILE)
         times = int(np.clip(np.ceil(POINTS_PER_PERIOD * fastest * waves[-1]), 1, MAX_POINTS_PER_ROW))
         share = 1 - (1 - one.share) ** (1 / times)
-        turned = np.exp(2j * np.pi * waves[:, None] * _interpolated(np.nan_to_num(one.position), times))
+        turned = np.exp(2j * np.pi * waves[:, None] * _interpolated(position, times))
         wave = _joint_response(turned, share)[:, ::times][:, one.known]
         wave -= (wave @ smooth) @ smooth.T
         sine, cosine = wave.imag, wave.real
         products = ((sine, sine), (cosine, cosine), (sine, cosine))
         sums += [sine @ error, cosine @ error, *((a * b).sum(axis=1) for a, b in products)]
     return sums
+
+
+def _filled(position: Array) -> Array:
+    """Positions with straight lines where a row has none, (T,): an encoder may be read in every fourth row only."""
+    measured = np.flatnonzero(np.isfinite(position))
+    return np.interp(np.arange(len(position)), measured, position[measured])
 
 
 def _interpolated(position: Array, times: int) -> Array:
