@@ -68,6 +68,16 @@ def test_a_given_effect_on_what_the_robot_does_not_have_is_refused(tmp_path):
         plant_of(trials, given=read_effects([{"name": "coulomb_friction", "target": "elbow"}]))
 
 
+def test_a_given_friction_by_load_has_no_part_in_what_becomes_of_commands(tmp_path):
+    trials = recorded(tmp_path, FRICTION)
+    plant = plant_of(trials, given=read_effects({"load_dependent_friction": {"coefficient": 0.3}, **FRICTION}))
+    late = read_effects({"command_delay": {"seconds": 0.02}})
+    chain = replay.only_commands(plant, [late, late])
+    assert [effect.name for effect in chain.effects] == ["command_delay"]
+    early = replace(plant, given=late)
+    assert [effect.name for effect in replay.only_commands(early, [()]).effects] == ["command_delay"]
+
+
 def test_along_a_motion_a_given_friction_of_half_its_size_leaves_the_other_half():
     rubbing = pendulum()
     rubbing.dof_frictionloss[:] += 0.3

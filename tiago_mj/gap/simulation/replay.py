@@ -268,9 +268,11 @@ def measure(
 
 
 def only_commands(plant: Plant, sims: Sequence[Effects]) -> Chain:
-    """The chain of effects on commands, without a simulation: for what it makes of them before a servo moves."""
+    """The chain of effects on commands, without a simulation: for what it makes of them before a servo moves. What is
+    given beside them, such as friction, has no part in that."""
     host = _NoSimulation(plant.model, len(sims))
-    sims = [(*plant.given, *effects) for effects in sims]
+    given = [entry for entry in plant.given if EFFECTS[entry.name].stage in ("timing", "command")]
+    sims = [(*given, *effects) for effects in sims]
     return Chain(host, plant.wiring, sims, _uniform([(0, effects) for effects in sims], None, 0))  # type: ignore[arg-type]
 
 
