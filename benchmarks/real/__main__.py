@@ -10,8 +10,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from benchmarks.machine import save
-from benchmarks.real import run, score, submit
+from benchmarks.machine import RESULTS, save
+from benchmarks.real import baselines, kept, run, score, submit
 from benchmarks.real.cases import CASES, SOURCES, absent, wrong
 from benchmarks.real.declare import Case, seal
 
@@ -103,8 +103,25 @@ def _run(asked: argparse.Namespace) -> int:
         kind = (told["answer"] or {}).get("kind", "failed")
         print(f"{case.name}: {kind}: {named}; {told['seconds']:.0f} s", flush=True)
     path = asked.out / "answers.json"
-    path.write_text(json.dumps(run.answers(asked.out, cases), indent=1) + "\n")
+    path.write_text(submit.text(run.answers(asked.out, cases)))
     print(f"python -m benchmarks.real submit {path} scores them")
+    return 0
+
+
+def _baseline(asked: argparse.Namespace) -> int:
+    data = _data(asked.data)
+    found = baselines.answers(asked.method, _chosen(asked.cases), data, asked.out, lambda said: print(said, flush=True))
+    if asked.save:
+        path = RESULTS / f"{kept.BASELINES}.json"
+        results = {**(kept.baselines() if path.exists() else {}), asked.method: found}
+        whole = {method: results[method] for method in baselines.METHODS if method in results}
+        print("wrote", save(kept.BASELINES, whole, "python -m benchmarks.real baseline METHOD OUT --data DIR --save"))
+    return 0
+
+
+def _table(asked: argparse.Namespace) -> int:
+    del asked
+    print(kept.table())
     return 0
 
 
@@ -177,6 +194,13 @@ def main(words: Sequence[str] | None = None) -> int:
     one.add_argument("--cases", default="all", help="all, or some with commas between")
     one.add_argument("--jobs", type=int, default=1, help="of a diagnosis")
     one.add_argument("--time-budget", type=float, metavar="S", help="of one diagnosis; default: none")
+    one = verb("baseline", "a simple method on the cases that it can answer; goes on where it stopped", _baseline)
+    one.add_argument("method", choices=tuple(baselines.METHODS))
+    one.add_argument("out", type=Path, metavar="OUT", help="folder of the baselines")
+    one.add_argument("--data", **data)
+    one.add_argument("--cases", default="all", help="all, or some with commas between")
+    one.add_argument("--save", action="store_true", help="keep the answers in benchmarks/results, too")
+    verb("table", "what is kept of the diagnosis and the baselines, scored", _table)
     one = verb("submit", "score anybody's answers", _submit)
     one.add_argument("file", type=Path, metavar="FILE", help="JSON: {case: {kind, names, values}}")
     one.add_argument("--json", action="store_true", help="as data")

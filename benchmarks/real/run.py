@@ -16,10 +16,9 @@ from pathlib import Path
 from typing import Any, Final
 
 from benchmarks.machine import machine
-from benchmarks.real import logs
+from benchmarks.real import logs, score
 from benchmarks.real.cases import CASES, absent
 from benchmarks.real.declare import Case, seal
-from benchmarks.real.score import of_diagnosis
 from benchmarks.strangers.case import command
 
 SEAL: Final = "seal.txt"
@@ -92,7 +91,7 @@ def diagnose(
     told = {
         "case": case.name,
         "seal": digest,
-        "answer": of_diagnosis(found) if found else None,
+        "answer": score.of_diagnosis(found) if found else None,
         **{key: said.get(key) for key in ("exit_status", "seconds", "lines", "crashed", "last_line")},
         "verdict": found["verdict"] if found else None,
         "shrink": {key: found["shrink"].get(key) for key in ("before", "after", "closed")} if found else None,
@@ -107,10 +106,20 @@ def diagnose(
 
 
 def answers(out: Path, cases: Sequence[Case]) -> dict[str, Any]:
-    """What a run has answered, as a submission."""
+    """What a run has answered, as a submission, with seconds and rankings beside what is scored."""
     found = {}
     for case in cases:
         path = out / ANSWERS / f"{case.name}.json"
         if path.exists() and (told := json.loads(path.read_text()))["answer"] is not None:
-            found[case.name] = told["answer"]
+            found[case.name] = {
+                **told["answer"],
+                "seconds": told["seconds"],
+                "ranking": [
+                    {
+                        "names": score.names(one["effects"]),
+                        **{key: one.get(key) for key in ("probability", "validation_gain")},
+                    }
+                    for one in told["ranking"]
+                ],
+            }
     return found

@@ -197,29 +197,35 @@ def summary(cases: Sequence[Case], judged: Mapping[str, Judged]) -> dict[str, An
     }
 
 
+def names(effects: Sequence[Mapping[str, Any]]) -> list[str]:
+    """``effect@joint`` of every effect of an explanation."""
+    found = []
+    for one in effects:
+        target = one["target"] if isinstance(one["target"], str) else "+".join(one["target"])
+        found.append(one["name"] if target in ("all", "") else f"{one['name']}@{target}")
+    return found
+
+
 def of_diagnosis(found: Mapping[str, Any]) -> dict[str, Any]:
     """The answer of a ``diagnosis.json``, in the form of a submission."""
     verdict = found["verdict"]
 
     def told(effects: Sequence[Mapping[str, Any]]) -> tuple[list[str], dict[str, float]]:
-        names, values = [], {}
-        for one in effects:
-            target = one["target"] if isinstance(one["target"], str) else "+".join(one["target"])
-            name = one["name"] if target in ("all", "") else f"{one['name']}@{target}"
-            names.append(name)
+        called, values = names(effects), {}
+        for name, one in zip(called, effects, strict=True):
             size = (one.get("parameters") or {}).get(SIZE.get(one["name"], ""))
             if size is not None and size.get("value") is not None:
                 values[name] = float(size["value"])
-        return names, values
+        return called, values
 
     if verdict["kind"] not in ("effect", "ambiguous"):
         return {"kind": verdict["kind"], "names": [], "remains": bool((verdict.get("remains") or {}).get("flag"))}
-    names, values = told(verdict["effects"])
+    called, values = told(verdict["effects"])
     told_others = [told(other["effects"]) for other in verdict.get("alternatives") or []]
-    others = [{"names": theirs, "values": sizes} for theirs, sizes in told_others if theirs != names]
+    others = [{"names": theirs, "values": sizes} for theirs, sizes in told_others if theirs != called]
     return {
         "kind": verdict["kind"],
-        "names": names,
+        "names": called,
         "values": values,
         "alternatives": others,
         "remains": bool((verdict.get("remains") or {}).get("flag")),

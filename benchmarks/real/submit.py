@@ -6,8 +6,8 @@
 
 ``kind`` is ``effect``, ``ambiguous``, ``no_gap`` or ``unknown``. A name is an effect of docs/effects.md, with ``@`` and
 the joint, or several with ``+``, where the robot has several. Optional are ``values`` (the effect's first parameter),
-``remains`` (true: part of the gap is left) and ``alternatives`` ([{names, values}]). Cases that are left out count as
-silent.
+``remains`` (true: part of the gap is left), ``alternatives`` ([{names, values}]), and what is kept and not scored:
+``seconds``, ``ranking`` and ``note``. Cases that are left out count as silent.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from benchmarks.blind.dictionary import KINDS
 from benchmarks.real.cases import CASES
 from benchmarks.real.score import VERDICTS, Answer, Judged, Named, judge
 
-_KEYS: Final = {"kind", "names", "values", "remains", "alternatives", "seconds"}
+_KEYS: Final = {"kind", "names", "values", "remains", "alternatives", "seconds", "ranking", "note"}
 
 
 class SubmissionError(ValueError):
@@ -44,6 +44,12 @@ def read(path: Path) -> dict[str, Answer]:
     if not isinstance(whole, dict):
         raise SubmissionError(f"{path.name}: it holds no object: write {{case: {{kind, names, values}}}}")
     return {name: answer(path.name, name, told) for name, told in whole.items()}
+
+
+def text(answers: Mapping[str, Any]) -> str:
+    """A submission as it is kept: a line a case."""
+    lines = (f"{json.dumps(case)}: {json.dumps(told, ensure_ascii=False)}" for case, told in answers.items())
+    return "{\n" + ",\n".join(lines) + "\n}\n"
 
 
 def answer(file: str, case: str, told: Any) -> Answer:
