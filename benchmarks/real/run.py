@@ -94,6 +94,7 @@ def diagnose(
         "answer": score.of_diagnosis(found) if found else None,
         **{key: said.get(key) for key in ("exit_status", "seconds", "lines", "crashed", "last_line")},
         "verdict": found["verdict"] if found else None,
+        "complete": found.get("complete", True) if found else None,
         "shrink": {key: found["shrink"].get(key) for key in ("before", "after", "closed")} if found else None,
         "ranking": found["ranking"][:8] if found else [],
         "machine": machine(),
@@ -114,6 +115,7 @@ def answers(out: Path, cases: Sequence[Case]) -> dict[str, Any]:
             found[case.name] = {
                 **told["answer"],
                 "seconds": told["seconds"],
+                **({} if told.get("complete", True) else {"note": "stopped by the time budget: provisional"}),
                 "ranking": [
                     {
                         "names": score.names(one["effects"]),
