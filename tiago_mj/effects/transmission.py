@@ -249,19 +249,22 @@ class LoadDependentFriction(Effect):
     coefficient = parameter("-", identity=0.0, default=0.15, bounds=(0.0, 0.8))
     #: Time constant with which friction follows the force, as a gear gives.
     lag = detail("s", (0.0, 0.1), sought=False)
+    #: What the gear carries with its lag; None: it has none, or no simulation began (efforts along a measured motion).
+    _carried: Array | None = None
 
     def change(self, now: Now) -> None:
         let_it_stick(self, now)
 
     def start(self, now: Now) -> None:
-        self._carried = np.zeros_like(self.coefficient)
+        self._carried = np.zeros_like(self.coefficient) if self.lag.any() else None
 
     def added_friction(self, now: Now) -> Array:
-        step = now.period / now.substeps
-        with np.errstate(divide="ignore"):
-            share = -np.expm1(-step / self.lag)  # 1 without a lag
-        self._carried = self._carried + share * (np.abs(now.joint_effort) - self._carried)
-        return self.coefficient * np.where(self.lag > 0, self._carried, np.abs(now.joint_effort))
+        load = np.abs(now.joint_effort)
+        if self._carried is not None:
+            step = now.period / now.substeps
+            share = np.where(self.lag > 0, -np.expm1(-step / np.where(self.lag > 0, self.lag, 1.0)), 1.0)
+            self._carried = load = self._carried + share * (load - self._carried)
+        return self.coefficient * load
 
 
 @effect("asymmetric_friction", stage="transmission", targets="joint")
