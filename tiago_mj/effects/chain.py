@@ -20,7 +20,7 @@ from tiago_mj.effects.spec import Entry, arrays
 
 Array = NDArray[np.float64]
 
-__all__ = ["Chain", "Now", "Wiring"]
+__all__ = ["Chain", "Now", "Wiring", "acts"]
 
 #: Hooks that act in every physics step, and in every control step.
 EACH_SUBSTEP: Final = ("added_friction", "added_damping", "added_force", "servo_force", "force_range")
@@ -445,8 +445,8 @@ class Chain:
 
     def _users(self, hook: str) -> list[tuple[Effect, NDArray[np.bool_]]]:
         """Effects that have a hook, and where each is present."""
-        acts = hook in ("set_point", "given", "servo_force", "force_range")
-        return [(e, self._of_actuators(e) if acts else self._masks[e.name]) for e in self.effects if _acts(e, hook)]
+        actuated = hook in ("set_point", "given", "servo_force", "force_range")
+        return [(e, self._of_actuators(e) if actuated else self._masks[e.name]) for e in self.effects if acts(e, hook)]
 
     def _of_actuators(self, effect: Effect) -> NDArray[np.bool_]:
         """Where an effect on commands or joints is present, (nsim, nactuators)."""
@@ -461,7 +461,7 @@ class Chain:
         return moved
 
 
-def _acts(effect: Effect, hook: str) -> bool:
+def acts(effect: Effect, hook: str) -> bool:
     """Whether an effect has a hook that does something in some simulation."""
     given = effect.by_detail.get(hook)
     return overrides(effect, hook) and (given is None or bool(getattr(effect, given).any()))

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tiago_mj.effects import EFFECTS, Effect
-from tiago_mj.effects.chain import EACH_STEP, EACH_SUBSTEP, Chain
+from tiago_mj.effects.chain import EACH_STEP, EACH_SUBSTEP, Chain, acts
 from tiago_mj.effects.declare import overrides
 from tiago_mj.effects.host import ScalarHost
 from tiago_mj.effects.now import Wiring
@@ -85,7 +85,7 @@ def holds(model: mujoco.MjModel, wiring: Wiring, entries: Sequence[Entry], perio
 
 def _runs(effect: Effect) -> bool:
     """Whether an effect does anything beside changing the model at the start."""
-    return any(overrides(effect, hook) for hook in (*EACH_SUBSTEP, *EACH_STEP, "place", "contact_factors"))
+    return any(acts(effect, hook) for hook in (*EACH_SUBSTEP, *EACH_STEP, "place", "contact_factors"))
 
 
 def changed(model: mujoco.MjModel, wiring: Wiring, entries: Sequence[Entry], period: float, substeps: int) -> Chain:
