@@ -8,7 +8,7 @@ import threading
 import time
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from tiago_mj import progress
@@ -69,6 +69,7 @@ def test_time_passes_while_nothing_is_heard_and_what_is_late_is_never_about_to_e
     assert left == pytest.approx([10.0, 9.09, 5.0, 0.909], rel=1e-3)
 
 
+@example([(0.0, None, 0.0, 0.0), (5e-324, None, 1.0, 0.0), (0.0, 1.0, 0.0, 0.0)])
 @given(
     st.lists(
         st.tuples(st.floats(0, 1e9), st.none() | st.floats(0, 1e12), st.floats(0, 1e4), st.floats(0, 1e4)), max_size=40

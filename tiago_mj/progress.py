@@ -10,6 +10,7 @@ comes every few seconds, and ever more rarely while there is nothing new to say.
 
 from __future__ import annotations
 
+import math
 import sys
 import threading
 import time
@@ -66,7 +67,9 @@ class Estimate:
         if took < YOUNG or did <= 0.0:
             return None
         left = max(self._left, 0.0) * took / did
-        return left * left / (left + max(now - self._at[0], 0.0)) if left > 0.0 else 0.0
+        if not math.isfinite(left):  # so little was done that it tells no speed
+            return None
+        return left / (1.0 + max(now - self._at[0], 0.0) / left) if left > 0.0 else 0.0
 
 
 class Progress:
