@@ -5,7 +5,6 @@
     python -m benchmarks.experiments.step_share       the share of the step's error as a coefficient that is fitted
     python -m benchmarks.experiments.bounds           nominal numbers bound at 2.5 deviations instead of 4
     python -m benchmarks.experiments.ensembles        spread of evidence over draws
-    python -m benchmarks.experiments.decoder          lost, held and gridded commands at the true nominal numbers
     python -m benchmarks.experiments.steps            physics steps by stage, each measure alone
 
 Cases may be named behind each. A case is ``SEED:NUMBER`` of ``tiago-mj blind --cases N --seed SEED``
