@@ -295,7 +295,8 @@ class Fitter:
         points, steps = [], []
         for k, part in enumerate(at.parts):
             step = 0.02 * abs(at.values[k] - (part.identity if np.isfinite(part.identity) else 0.0))
-            step = max(step, self.min_move_share * (part.high - part.low))
+            if np.isfinite(part.identity):  # else the magnitude itself says how large a move is
+                step = max(step, self.min_move_share * (part.high - part.low))
             if at.values[k] + step > part.high:
                 step = -step
             values = at.values.copy()
@@ -390,4 +391,4 @@ def _run(tasks: Sequence[FitTask[T]], predict: Callable[[Sequence[Point]], Array
 
 def _moved_magnitudes(at: Point, step: Array) -> Array:
     """Magnitudes after a step, each within its bounds, (k,)."""
-    return np.array([float(np.clip(v + s, p.low, p.high)) for p, v, s in zip(at.parts, at.values, step, strict=True)])
+    return np.array([p.moved(float(v), float(s)) for p, v, s in zip(at.parts, at.values, step, strict=True)])

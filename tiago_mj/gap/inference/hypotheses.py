@@ -27,6 +27,10 @@ Label = tuple[str, tuple[str, ...] | None]
 #: Magnitudes tried on either side of the identity when screening, as shares of the way to the bound. Chosen by hand; no
 #: ablation.
 GRID_SHARES: Final = (0.02, 0.1, 0.5)
+#: What ends at infinity and may be more than so many times as large as at least is tried evenly in its logarithm, each
+#: magnitude so many times the next.
+DECADES: Final = 50.0
+STIFFNESS_RATIO: Final = 4.0
 #: The prior density of a magnitude is flat below this share of the bound. Chosen by hand; no ablation.
 FLAT_PRIOR_SHARE: Final = 0.01
 #: A magnitude counts as at its bound where it is closer to it than this share of the range. Chosen by hand; no
@@ -140,6 +144,8 @@ class Candidate:
         chosen = sum(
             np.log(len(forms[name].values) if name in forms else SECOND_PARAMETER_VALUES) for name, _ in self.fixed
         )
+        if _is_stiffness(self.identity, self.low, self.high):  # of any order of magnitude
+            return -float(np.log(value * np.log(self.high / self.low)) + chosen)
         if not np.isfinite(self.identity):
             return -float(np.log(self.high - self.low) + chosen)
         sides = [abs(bound - self.identity) for bound in (self.low, self.high)]
@@ -156,9 +162,20 @@ class Candidate:
     def at_edge(self, value: float) -> bool:
         """Whether a magnitude lies at a bound of what is possible, and not where the effect, or what the nominal model
         has of it, just vanishes."""
-        near = EDGE_SHARE * (self.high - self.low)
+        stiff = _is_stiffness(self.identity, self.low, self.high)
+        near = EDGE_SHARE * (self.low if stiff else self.high - self.low)
         at_least = value < self.low + near and not self.removes and self.low != self.identity
         return at_least or (value > self.high - near and self.high > self.identity)
+
+    def moved(self, value: float, step: float) -> float:
+        """A magnitude after a step, within its bounds. What yields does so in proportion to one over its stiffness: a
+        stiffness takes the step that this takes to first order."""
+        if _is_stiffness(self.identity, self.low, self.high):
+            yields = 1 - step / value
+            value = value / yields if yields > 0 else self.high
+        else:
+            value += step
+        return min(max(value, self.low), self.high)
 
     @property
     def label(self) -> Label:
@@ -279,8 +296,16 @@ def _candidates_of(
     ]
 
 
+def _is_stiffness(identity: float, low: float, high: float) -> bool:
+    """Whether a magnitude is one over a yield, and not a limit: it ends at infinity and may be of any decade."""
+    return not np.isfinite(identity) and low > 0 and high / low > DECADES
+
+
 def _magnitudes(identity: float, low: float, high: float) -> tuple[float, ...]:
     """Values on both sides of the identity, closer together near it."""
+    if _is_stiffness(identity, low, high):  # evenly in its logarithm
+        count = int(np.ceil(np.log(high / low) / np.log(STIFFNESS_RATIO))) + 1
+        return tuple(np.geomspace(high, low, count).tolist())
     if not np.isfinite(identity):  # a limit: from loose to tight
         return tuple(float(low + (high - low) * share) for share in (1.0, 0.6, 0.3, 0.12, 0.05))
     if identity == 1.0 and low > 0:  # a factor: evenly in its logarithm
