@@ -116,3 +116,43 @@ def test_a_swing_is_no_event_but_a_stop_is(rate):
     there = np.abs(time - 2) < 2 / rate
     assert 1.0 < sigma[1, there, 0].max() / noise_model.TIMING_TOLERANCE < 2.2
     assert np.median(sigma[0]) < 2.5 * noise[0] < 0.15 * sigma[1, there, 0].max()
+
+
+@pytest.mark.parametrize("rate", [25.0, 240.0])
+def test_beside_what_explains_a_motion_the_noise_is_the_sensors_own(rate):
+    """At 25 Hz the swing hides it: by the readings alone there is up to 1.6 times as much."""
+    rng, noise = np.random.default_rng(4), 5e-4
+    time = np.arange(int(6 * rate)) / rate
+    swing = np.array([np.sin(4 * time + phase) + 0.4 * np.sin(9 * time) for phase in rng.uniform(0, 6, 8)])[..., None]
+    values = swing + noise * rng.standard_normal(swing.shape)
+    before = 3 * noise
+    data = Data(
+        ("position.hinge",),
+        np.array([0]),
+        values,
+        np.array([before]),
+        np.full_like(values, np.hypot(before, 2 * noise)),
+        np.full_like(values, 2 * noise),
+        least=np.array([1e-4]),
+        assumed=(np.zeros_like(values), np.full_like(values, (2 * noise) ** 2)),
+    )
+    beside = noise_model.beside(data, swing, np.zeros_like(swing))
+    assert beside.noise[0] == pytest.approx(noise, rel=0.1)
+    assert beside.common == pytest.approx(2 * noise * noise_model.BESIDE)
+    assert beside.sigma == pytest.approx(np.hypot(beside.noise[0], 2 * noise * noise_model.BESIDE))
+    wrong = noise_model.beside(data, swing + 0.1 * np.sin(20 * time)[:, None], np.zeros_like(swing))
+    assert wrong.noise[0] <= before  # what explains badly makes no noise
+    assert noise_model.beside(beside, swing, np.zeros_like(swing)).sigma == pytest.approx(beside.sigma)
+
+
+def test_noise_beside_an_explanation_is_at_least_what_is_believed():
+    data = Data(
+        ("position.hinge",),
+        np.array([0]),
+        np.zeros((2, ROWS, 1)),
+        np.array([NOISE]),
+        np.full((2, ROWS, 1), NOISE),
+        np.zeros((2, ROWS, 1)),
+        least=np.array([NOISE / 4]),
+    )
+    assert noise_model.beside(data, np.zeros_like(data.value), np.zeros_like(data.value)).noise[0] == NOISE / 4

@@ -157,10 +157,10 @@ def magnitudes(
         wide = pool[mine[0]] if mine else next(c for c in pool if c.effect == name)
         if declared.stage != "command" or not overrides(declared, "set_point") or not np.isfinite(wide.identity):
             continue  # a limit is reached smoothly
-        values = _dense(wide, float(np.nanmax(np.abs(motion.requested))))
+        values = dense(wide, float(np.nanmax(np.abs(motion.requested))))
         cost = _costs(plant, on, motion, wide, values, trials, by)
         columns = [_columns(pool[k], commands) for k in mine]
-        near = sorted({b for column in columns for b in _minima(cost[:, column].sum(axis=1))})
+        near = sorted({b for column in columns for b in minima(cost[:, column].sum(axis=1))})
         around = [
             np.linspace(values[max(b - 1, 0)], values[min(b + 1, len(values) - 1)], MAGNITUDES_AROUND_BEST)
             for b in near
@@ -169,7 +169,7 @@ def magnitudes(
         cost = _costs(plant, on, motion, wide, fine, trials, by)
         for k, column in zip(mine, columns, strict=True):
             total = cost[:, column].sum(axis=1)
-            best = fine[_minima(total)]
+            best = fine[minima(total)]
             if len(best):
                 like = fine[total <= total.min() + 1.0]
                 spread = max(float(np.ptp(like)) / 2, 1e-4 * float(best[0]))
@@ -256,7 +256,7 @@ def _driver_costs(
     return total
 
 
-def _dense(wide: Candidate, farthest: float) -> Array:
+def dense(wide: Candidate, farthest: float) -> Array:
     """Magnitudes to look at, rising; set points are as far as that from the joint's zero [m, rad]."""
     even = wide.identity + np.geomspace(0.01, 1.0, DENSE_MAGNITUDES) * (wide.high - wide.identity)
     if wide.parameter != "step":
@@ -304,22 +304,31 @@ def _costs(
     total = np.zeros((len(values), motion.requested.shape[2]))
     for t in trials:
         deadline.check()
-        chain = only_commands(plant, [(wide.entry(float(v)),) for v in values])
-        chain.now.set_point = np.broadcast_to(motion.start[t], total.shape).copy()
-        for effect in chain.effects:
-            effect.start(chain.now)
+        off = passed(plant, on, motion, wide, values, t) - motion.requested[t]
         ahead = np.zeros(total.shape)
         for k in range(motion.requested.shape[1]):
-            chain.now.dt = np.full(len(values), on.period[t, k])
-            target = np.broadcast_to(motion.requested[t, k], total.shape)
-            ahead = ahead + motion.share * (chain.set_point(target) - target - ahead)
+            ahead = ahead + motion.share * (off[:, k] - ahead)
             total += np.minimum(
                 ((motion.position_residual[t, k + 1] - ahead) / motion.deviation[t, k + 1]) ** 2, MAX_SQUARED_RESIDUAL
             )
     return total
 
 
-def _minima(cost: Array) -> list[int]:
+def passed(plant: Plant, on: Grid, motion: ServoMotion, wide: Candidate, values: Array, trial: int) -> Array:
+    """What magnitudes of an effect make of the set points of a trial, (nvalues, T - 1, nactuators)."""
+    chain = only_commands(plant, [(wide.entry(float(v)),) for v in values])
+    asked = motion.requested[trial]
+    chain.now.set_point = np.broadcast_to(motion.start[trial], (len(values), asked.shape[1])).copy()
+    for effect in chain.effects:
+        effect.start(chain.now)
+    out = np.empty((len(values), *asked.shape))
+    for k, target in enumerate(asked):
+        chain.now.dt = np.full(len(values), on.period[trial, k])
+        out[:, k] = chain.set_point(np.broadcast_to(target, out[:, k].shape))
+    return out
+
+
+def minima(cost: Array) -> list[int]:
     """The lowest points of a curve, each lower than both neighbours."""
     inner = np.nonzero((cost[1:-1] <= cost[:-2]) & (cost[1:-1] <= cost[2:]))[0] + 1
     return sorted(inner.tolist(), key=lambda k: float(cost[k]))[:MAX_SIMULATED]

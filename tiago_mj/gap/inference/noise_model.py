@@ -67,6 +67,10 @@ CONTACT_DEVIATIONS: Final = 4.0
 #: Predictions are clipped at this many deviations of the noise beyond the measured range; a diverged simulation lies
 #: there.
 DIVERGED_DEVIATIONS: Final = 1e6
+#: Share of the step's error that is still wrong once it was put right beside the very explanation.
+STEP_ERROR_KNOWN_TO: Final = 0.2
+#: Share of what is assumed for any two simulators that is left beside an explanation whose step error is put right.
+BESIDE: Final = 1 / 4
 #: The nominal simulator is run once more with a physics step this many times shorter.
 STEP_REFINEMENT: Final = 4
 
@@ -85,6 +89,10 @@ class Data:
         block: rows of a block.
         step: of the grid that the readings of each channel lie on, or are rounded to before noise comes in, (C,); 0 for
             none. It is part of ``noise``, and not of ``sigma``. None: no channel has one.
+        least: noise that is believed at least, (C,). None: ``noise`` itself.
+        stepless: ``sigma`` and ``common`` without what the physics step gets wrong. None: nothing of it is in them.
+        assumed: of these the variances that were assumed for any two simulators, sample by sample and alike over a
+            block, (ntrials, T, C) each. None: nothing was.
     """
 
     channels: tuple[str, ...]
@@ -95,6 +103,9 @@ class Data:
     common: Array
     block: int = 1
     step: Array | None = None
+    least: Array | None = None
+    stepless: tuple[Array, Array] | None = None
+    assumed: tuple[Array, Array] | None = None
 
     @property
     def own(self) -> Array:
@@ -117,7 +128,7 @@ def collect(plant: Plant, trials: Sequence[Trial], usable: Usable | None = None)
     """
     length = max(len(trial.time) for trial in trials)
     wanted = [("position", plant.joints), ("velocity", plant.joints), ("force", plant.sensors)]
-    channels, part, columns, noise, share, steps = [], [], [], [], [], []
+    channels, part, columns, noise, leasts, share, steps = [], [], [], [], [], [], []
     for kind, names in wanted:
         for index, name in enumerate(names):
             channel = f"{kind}.{name}"
@@ -138,18 +149,23 @@ def collect(plant: Plant, trials: Sequence[Trial], usable: Usable | None = None)
             nominal = float(plant.cell.noises[index]) if kind == "force" and plant.cell is not None else 0.0
             step = plant.grids.get(channel, 0.0)
             noise.append(noise_beside(values, least, step, nominal))
+            leasts.append(least)
             steps.append(max(step, grid_of(values)))
             share.append(SIZE_TOLERANCE[kind][0 if slide else 1])
     value = np.stack(columns, axis=-1) if columns else np.zeros((len(trials), length, 0))
     own, grid = np.array(noise), np.array(steps)
+    whole, common = sigma(value, own, np.array(share), tuple(channels), plant.period, grid)
     return Data(
         tuple(channels),
         np.array(part, dtype=int),
         value,
         np.sqrt(own**2 + grid**2 / 12),
-        *sigma(value, own, np.array(share), tuple(channels), plant.period, grid),
+        whole,
+        common,
         block=max(round(BLOCK_SECONDS / plant.period), 1),
         step=grid if grid.any() else None,
+        least=np.array(leasts),
+        assumed=(np.maximum(whole**2 - own**2 - common**2, 0.0), common**2),
     )
 
 
@@ -308,7 +324,45 @@ def with_step_tolerance(data: Data, predicted: Array, finer: Array) -> Data:
     off = (predicted - finer) * STEP_REFINEMENT / (STEP_REFINEMENT - 1)
     alike = _block_means(off, data.block)
     apart, alike = _dilated(np.abs(off - alike)), _dilated(np.abs(alike))
-    return replace(data, sigma=np.sqrt(data.sigma**2 + alike**2 + apart**2), common=np.hypot(data.common, alike))
+    return replace(
+        data,
+        sigma=np.sqrt(data.sigma**2 + alike**2 + apart**2),
+        common=np.hypot(data.common, alike),
+        stepless=data.stepless or (data.sigma, data.common),
+    )
+
+
+def beside(data: Data, predicted: Array, step_error: Array) -> Data:
+    """With what is not known beside a prediction that explains what was measured: the noise of what that leaves, in
+    which no motion hides the sensor's, and a small share of the step's error there, which is put right.
+
+    Args:
+        data: measured.
+        predicted: the prediction, its step's error put right, (ntrials, T, C).
+        step_error: what was put right, (ntrials, T, C).
+    """
+    sigma, common = data.stepless or (data.sigma, data.common)
+    own = data.own.copy()
+    for c in range(len(own)):
+        if data.step is None or not data.step[c]:  # of what lies on a grid, the grid tells
+            left = np.where(
+                np.isfinite(_without_extremes(data.value[:, :, c])), (data.value - predicted)[:, :, c], np.nan
+            )
+            own[c] = np.clip(
+                _by_differences(left), own[c] if data.least is None else min(data.least[c], own[c]), own[c]
+            )
+    grid = 0.0 if data.step is None else data.step**2 / 12
+    apart, alike = (0.0, 0.0) if data.assumed is None else ((1 - BESIDE**2) * one for one in data.assumed)
+    there = replace(
+        data,
+        noise=np.sqrt(own**2 + grid),
+        sigma=np.sqrt(np.maximum(sigma**2 - data.own**2 - apart - alike, 0.0) + own**2),
+        common=np.sqrt(np.maximum(common**2 - alike, 0.0)),
+        stepless=None,
+        assumed=None,
+    )
+    uncertain = STEP_ERROR_KNOWN_TO * step_error * (STEP_REFINEMENT - 1) / STEP_REFINEMENT
+    return with_step_tolerance(there, uncertain, np.zeros_like(uncertain))
 
 
 def with_scatter(data: Data, alike: Array) -> Data:
@@ -321,7 +375,16 @@ def with_scatter(data: Data, alike: Array) -> Data:
     common = _block_means(spread, data.block)
     share = 1 / (len(alike) - 1)
     lasting, apart = (share * (part**2).sum(axis=0) for part in (common, spread - common))
-    return replace(data, sigma=np.sqrt(data.sigma**2 + lasting + apart), common=np.sqrt(data.common**2 + lasting))
+    stepless = data.stepless and (
+        np.sqrt(data.stepless[0] ** 2 + lasting + apart),
+        np.hypot(data.stepless[1], lasting**0.5),
+    )
+    return replace(
+        data,
+        sigma=np.sqrt(data.sigma**2 + lasting + apart),
+        common=np.sqrt(data.common**2 + lasting),
+        stepless=stepless,
+    )
 
 
 def sum_by_block(values: Array, rows: int) -> Array:
@@ -360,7 +423,17 @@ def step_errors(simulated: Signals, finer: Signals) -> Signals:
 def select_trials(data: Data, trials: Sequence[int]) -> Data:
     """Of some trials."""
     index = list(trials)
-    return replace(data, value=data.value[index], sigma=data.sigma[index], common=data.common[index])
+    stepless, assumed = (
+        None if two is None else (two[0][index], two[1][index]) for two in (data.stepless, data.assumed)
+    )
+    return replace(
+        data,
+        value=data.value[index],
+        sigma=data.sigma[index],
+        common=data.common[index],
+        stepless=stepless,
+        assumed=assumed,
+    )
 
 
 def without_repeats(data: Data) -> Data:

@@ -148,6 +148,35 @@ class Predictor:
         alone, unless also ``between`` them: what the environment, or the repaired model, does."""
         return replace(self, corrected=False, rounded=True, between=between)
 
+    def corrected_beside(self, wanted: Sequence[tuple[int, Effects]]) -> Predictor:
+        """The same with the step's error in some trials found beside an explanation, not beside the nominal model.
+
+        Args:
+            wanted: trial and effects on the physics, of each; where these draw at random, nothing is found.
+        """
+        drawn = self.on.delivered is None
+        sims = [(trial, tuple(e for e in effects if not sensor_only(e))) for trial, effects in wanted]
+        some = any(e.name in RANDOM_EFFECTS for _, effects in sims for e in (*self.plant.given, *effects))
+        if self.off is None or not sims or (drawn and some):
+            return self
+        bare, parts = replay.unmeasured(self.plant), replay.parts_of(self.plant)
+        runs = []
+        for plant in (bare, _refined(bare, parts)):
+            run = replay.simulate(
+                plant, self.on, sims, threads=self.threads, seed=self.seed, deadline=self.deadline, parts=parts
+            )
+            steps = len(sims) * replay.physics_steps(plant, self.on)
+            self.tally.update(simulations=len(sims), diverged=int(run.diverged.sum()), physics_steps=steps)
+            self.simulated(steps)
+            runs.append(run)
+        if any(run.diverged.any() for run in runs):
+            return self
+        found, index = noise_model.step_errors(*runs), [trial for trial, _ in sims]
+        off = {f: getattr(self.off, f).copy() for f in Signals.__dataclass_fields__}
+        for f, one in off.items():
+            one[index] = getattr(found, f)
+        return replace(self, off=Signals(**off))
+
     def with_other_step_correction(self) -> Predictor | None:
         """The same with the step's error put right where it was not, or the other way round; None: it is not known."""
         return None if self.off is None else replace(self, corrected=not self.corrected)

@@ -33,6 +33,8 @@ MIN_SHARE_OF_BEST_GAIN: Final = 0.4
 MAX_GAIN_DEFICIT_NATS: Final = 5.0
 #: Extensions of an explanation that are fitted to the trials of the first pass. Chosen by hand; no ablation.
 MAX_EXTENSIONS: Final = 4
+#: Others of its class for which an effect of an explanation is exchanged.
+MAX_EXCHANGED: Final = 3
 #: Pairs found by superposition that are fitted to the trials of the first pass, and magnitudes tried of each effect.
 #: Chosen by hand; no ablation.
 MAX_SUPERPOSED_PAIRS: Final = 6
@@ -160,6 +162,39 @@ def superposed_pairs(few: Fitter, here: Point, promising: Sequence[Screened]) ->
     for _, start in sorted(found, key=lambda item: -item[0]):
         out.setdefault(frozenset(_kind(part) for part in start.parts), start)
     return list(out.values())[:MAX_SUPERPOSED_PAIRS]
+
+
+def of_the_same_class(everywhere: Fitter, best: Fitted, count: int, pool: Sequence[Candidate]) -> list[Start]:
+    """An explanation by several effects with each of them exchanged for others of its class, at the magnitudes that
+    explain most beside the rest of it: of every class only the one that promised most was tried.
+
+    Args:
+        everywhere: of all trials.
+        best: the explanation.
+        count: of trials that are looked at.
+        pool: what is tried.
+    """
+    there = {part.label for part in best.parts}
+    at = starts.point_of(best)
+    worst = worst_trials(everywhere.predictions([at])[0], everywhere.data, count)
+    few, out = everywhere.part(worst), []
+    for k, part in enumerate(best.parts):
+        others = [
+            c
+            for c in pool
+            if c.label not in there
+            and EFFECTS[c.effect].gap_class == EFFECTS[part.effect].gap_class
+            and (c.target is None) == (part.target is None)
+        ]
+        if not others:
+            continue
+        rest = at.without_effect(k)
+        found = screen(few, others, replace(rest, nuisance=everywhere.of(worst, rest.nuisance)))
+        for s in found.on_all[:MAX_EXCHANGED]:
+            parts, values = list(best.parts), best.values.copy()
+            parts[k], values[k] = s.candidate, s.value
+            out.append(Start(tuple(parts), values, rest.nuisance, starts.with_zero_nuisances(values, rest.nuisance)))
+    return out
 
 
 def unique(tried: Iterable[Start]) -> list[Start]:

@@ -23,7 +23,7 @@ SAMPLES_PER_INDEPENDENT: Final = 2.0
 #: one by effects does, whose form is not exactly that of a real effect, and above which another effect is sought
 #: whatever the evidence. Chosen by hand; no ablation.
 ADEQUATE_DISCREPANCY: Final = 1.2
-ADEQUATE_WITH_EFFECTS: Final = 1.5
+ADEQUATE_WITH_EFFECTS: Final = 1.2
 INADEQUATE_DISCREPANCY: Final = 4.0
 #: Log-prior below which the nuisances of an adequate fit may stand for an effect [nats]: adequate nominal models
 #: without one have -3 to -14.

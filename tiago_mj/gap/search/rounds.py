@@ -168,14 +168,14 @@ def on_all_targets(fit: Fitted, fitter: Fitter) -> list[Start]:
     return out
 
 
-def reweighted(everywhere: Fitter, fits: Sequence[Fitted]) -> list[Fitted]:
-    """Explanations by what samples count for here: the nominal model and the best fitted anew, the others evaluated
-    where they are."""
+def reweighted(everywhere: Fitter, fits: Sequence[Fitted], refitted: int = MAX_REFITTED) -> list[Fitted]:
+    """Explanations by what samples count for here: the nominal model and so many of the best fitted anew, the others
+    evaluated where they are."""
     nominal = ranking.best_nominal(fits)
     ahead = [f for f in ranking.unique_by_labels(fits) if f.parts]
     where_they_are = replace(everywhere, iterations=0)
-    again = [starts.restart(f) for f in (nominal, *ahead[:MAX_REFITTED])]
-    return everywhere.fit_all(again) + where_they_are.fit_all([starts.restart(f) for f in ahead[MAX_REFITTED:]])
+    again = [starts.restart(f) for f in (nominal, *ahead[:refitted])]
+    return everywhere.fit_all(again) + where_they_are.fit_all([starts.restart(f) for f in ahead[refitted:]])
 
 
 def without_departing_trials(everywhere: Fitter, fits: list[Fitted], at: Array) -> tuple[Fitter, list[Fitted], Array]:

@@ -22,10 +22,13 @@ from tiago_mj.gap.inference.hypotheses import Candidate
 from tiago_mj.gap.search import (
     additions,
     beginning,
+    driver_period,
     lost_commands,
     ranking,
     rounds,
     second_parameter,
+    set_point_starts,
+    sharpen,
     starts,
     step_error,
 )
@@ -116,10 +119,13 @@ def _search(asked: Question, so_far: PartialResult, out_of_time: Callable[[], bo
 
     tick("fitting the nominal model", beginning.MAX_NOMINAL_ROUNDS)
     everywhere, shared = beginning.fitter(asked, over)
-    state = beginning.with_nominal(everywhere, asked.first_trials)
+    state = replace(beginning.with_nominal(everywhere, asked.first_trials), motion=asked.motion)
 
-    def ranked(state: State) -> Ranked:
+    before = state.everywhere
+
+    def ranked(state: State, *, last: bool = False) -> Ranked:
         shown = ranking.reportable(ranking.unique_by_labels(state.fits))
+        shown = sharpen.misfits_by(before, state.everywhere, shown) if last else shown
         return Ranked(
             tuple(_with_readings(fit, asked.known, shared) for fit in shown),
             state.unseen,
@@ -144,6 +150,7 @@ def _search(asked: Question, so_far: PartialResult, out_of_time: Callable[[], bo
         state, pool, asked.motion, lambda *how_far: tick("screening", *how_far), so_far.tried.update
     )
     tell(state)
+    sought = False
     for size in range(1, MAX_EFFECTS + 1):
         if (size > 1 and over()) or not _is_warranted(state, size):
             break
@@ -151,13 +158,27 @@ def _search(asked: Question, so_far: PartialResult, out_of_time: Callable[[], bo
         found = _with_singles(state, fitted, tick) if size == 1 else _with_further_effect(state, size, fitted)
         if found is None:
             break
-        state = _departing_left_out(found)
+        state = sharpen.sharpened(_departing_left_out(found))
         tell(state)
-        if size == 1 and not over():
+        if size == 1 and not over() and _losses_are_likely(state):
             tick("lost commands", 1, gap=_leaves_a_gap(state.best))
-            state = _with_lost_commands(state, asked.motion)
+            state, sought = _with_lost_commands(state), True
             tell(state)
-    return ranked(state)
+    if not sought and not over():
+        tick("lost commands", 1, gap=_leaves_a_gap(state.best))
+        losing = _with_lost_commands(state)
+        if losing is not state:
+            state = _with_further_effect(losing, 2, fitted) or losing
+            state = sharpen.sharpened(_departing_left_out(state))
+            tell(state)
+    return ranked(state, last=True)
+
+
+def _losses_are_likely(state: State) -> bool:
+    """Whether lost commands are looked for before a second effect is."""
+    if state.motion is None or not state.losing or ranking.is_adequate(state.best):
+        return False
+    return lost_commands.are_likely(state.everywhere, state.best, state.motion)
 
 
 def _leaves_a_gap(best: Fitted) -> bool:
@@ -243,9 +264,10 @@ def _further(state: State, size: int) -> list[Start]:
         tried = [*additions.superposed_pairs(few, state.here, state.promising), *tried]
     on_few = ranking.unique_by_labels(few.fit_all(additions.unique(tried)))
     gap = not seeds or ranking.discrepancy(seeds[0]) > ranking.INADEQUATE_DISCREPANCY
+    begin = set_point_starts.beside(state, seeds[0], least) if seeds else []
     if not gap and not rounds.expected_to_add(on_few, seeds[0], few, everywhere):
-        return []
-    begin = [starts.start_on_all_trials(f, everywhere, at) for f in on_few[: rounds.MAX_ON_ALL_TRIALS]]
+        return begin
+    begin += [starts.start_on_all_trials(f, everywhere, at) for f in on_few[: rounds.MAX_ON_ALL_TRIALS]]
     if seeds and not adequate:
         begin += additions.where_it_fails(everywhere, seeds[0], at, len(few.trials), state.pool)
     if seeds:
@@ -258,6 +280,9 @@ def _fitted_to_all(state: State, begin: Sequence[Start], tell: Callable[[State],
     everywhere = state.everywhere
     state = state.with_fits(everywhere.fit_all(begin))
     tell(state)
+    if len(state.best.parts) > 1 and _leaves_a_gap(state.best) and not everywhere.out_of_time():
+        exchanged = additions.of_the_same_class(everywhere, state.best, len(state.few.trials), state.pool)
+        state = state.with_fits(everywhere.fit_all(exchanged))
     nothing = state.best.evidence - state.nominal.evidence < ranking.MIN_EVIDENCE_GAIN_NATS
     if everywhere.out_of_time() or (nothing and ranking.is_adequate(state.nominal)):
         return state
@@ -265,6 +290,9 @@ def _fitted_to_all(state: State, begin: Sequence[Start], tell: Callable[[State],
     state = replace(state, everywhere=everywhere).with_fits(fits)
     fails = ranking.discrepancy(state.best) > ranking.INADEQUATE_DISCREPANCY
     state = state.with_fits(second_parameter.refined(everywhere, state.fits, state.best, fails=fails))
+    state = set_point_starts.looked_for_again(state)
+    if _leaves_a_gap(state.best):
+        state = driver_period.tried(state)
     return state.with_fits(everywhere.fit_all(rounds.variations(state.fits, everywhere)))
 
 
@@ -274,9 +302,9 @@ def _departing_left_out(state: State) -> State:
     return replace(state, everywhere=everywhere, fits=tuple(ranking.unique_by_labels(fits)), at=at)
 
 
-def _with_lost_commands(state: State, motion: ServoMotion | None) -> State:
+def _with_lost_commands(state: State) -> State:
     """The search with commands lost that were, where that explains more, and candidates that lose them."""
-    everywhere, decoded = _decoded(state.everywhere, state.losing, state.fits, motion)
+    everywhere, decoded = _decoded(state.everywhere, state.losing, state.fits, state.motion)
     if not decoded:
         return state
     few = replace(state.few, predict=everywhere.predict, weight=everywhere.weight)

@@ -97,6 +97,7 @@ class State:
         pool: candidates that are visible, those too that gained little on the first trial.
         unseen: effects that no magnitude makes visible in these recordings.
         losing: candidates that lose commands: which were lost is decoded, not drawn.
+        motion: what the servos' motion says; None: there is nothing to be read from it.
     """
 
     few: Fitter
@@ -108,6 +109,7 @@ class State:
     pool: tuple[Candidate, ...] = ()
     unseen: tuple[str, ...] = ()
     losing: tuple[Candidate, ...] = ()
+    motion: ServoMotion | None = None
 
     @property
     def best(self) -> Fitted:

@@ -1,0 +1,58 @@
+"""How often a driver looks at its set point is found together with the width of its dead band."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks.blind import cases, recordings, robots
+from benchmarks.blind.cases import FAST_RATE, Case
+from tiago_mj.effects.spec import Entry
+from tiago_mj.gap.data.read import read_recordings
+from tiago_mj.gap.inference import hypotheses
+from tiago_mj.gap.inference.fit import Fitter, Point, Start
+from tiago_mj.gap.inference.predictor import predictor
+from tiago_mj.gap.search import driver_period
+from tiago_mj.gap.search.state import State
+from tiago_mj.gap.simulation.plant import plant_of
+
+HINGE = Case(seed=5252, setting="plain", interface="position", spread=0.0, rate=FAST_RATE, seconds=1.6, trials=3)
+WIDTH = 0.017
+
+
+@pytest.fixture(scope="module")
+def searching(tmp_path_factory: pytest.TempPathFactory) -> State:
+    """A search in recordings of the simulator itself, with a driver that looks at its set point every 5 ms."""
+    folder: Path = tmp_path_factory.mktemp("hinge")
+    (folder / robots.PLAIN_FILE).write_text(robots.PLAIN)
+    recordings.write(cases.simulate(HINGE, folder), folder)
+    trials = read_recordings([folder]).trials
+    plant = plant_of(trials, model=folder / robots.PLAIN_FILE)
+    predict, _ = predictor(plant, trials, threads=1)
+    true = Entry("command_deadband", None, {"width": WIDTH, "period": 0.005})
+    value = predict.all_trials([(true,)], range(len(trials)))[0]
+    value = value + predict.data.noise * np.random.default_rng(0).standard_normal(value.shape)
+    predict = replace(predict, data=replace(predict.data, value=value))
+    flat = np.zeros((0, *value.shape))
+    fitter = Fitter(predict, tuple(range(len(trials))), predict.data, np.ones(len(predict.data.channels)), (), flat)
+    return State(fitter.part([0]), fitter, (), np.zeros(0), Point((), np.zeros(0), np.zeros(0)))
+
+
+def test_a_driver_that_looks_now_and_then_is_found(searching: State) -> None:
+    everywhere = searching.everywhere
+    band = next(c for c in hypotheses.candidates(everywhere.predict.plant, ("command_deadband",)))
+    at_every_command = replace(band, fixed=(("period", 0.0),))
+    begin = [Start((), np.zeros(0)), Start((at_every_command,), np.array([1.02 * WIDTH]))]
+    state = replace(searching, fits=tuple(everywhere.fit_all(begin)))
+    found = driver_period.tried(state).best
+    assert dict(found.parts[0].fixed)["period"] == pytest.approx(0.005, rel=0.01)
+    assert found.values[0] == pytest.approx(WIDTH, rel=0.01)
+    assert found.evidence > state.best.evidence + 20.0
+
+
+def test_what_has_no_driver_stays_as_it_is(searching: State) -> None:
+    late = hypotheses.candidates(searching.everywhere.predict.plant, ("command_delay",))[0]
+    fits = searching.everywhere.fit_all([Start((), np.zeros(0)), Start((late,), np.array([0.01]))])
+    state = replace(searching, fits=tuple(fits))
+    assert driver_period.tried(state) is state
