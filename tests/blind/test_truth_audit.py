@@ -26,9 +26,9 @@ SAMPLE = (
     "plain/rate_limit/0",
     "plain/servo_damping/1",
     "plain/motor_cogging/0",
-    "plain/backlash/0",
+    pytest.param("plain/backlash/0", marks=pytest.mark.slow),  # 20 s of a processor each
     "plain/joint_elasticity/0",
-    "arm/payload/0",
+    pytest.param("arm/payload/0", marks=pytest.mark.slow),
 )
 PLANNED = truth_audit.planned()
 
@@ -114,6 +114,7 @@ def pressing():
     return truth_audit.opened(PLANNED["gripper/force_limit/0"])
 
 
+@pytest.mark.slow
 def test_every_nominal_number_can_be_met_on_either_side(pressing):
     one = pressing
     predict = Predictor(one.plant, one.on, one.data, threads=1, corrected=False)
