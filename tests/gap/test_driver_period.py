@@ -1,35 +1,25 @@
 """How often a driver looks at its set point is found together with the width of its dead band."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
+from made_hinge import recorded
 
-from benchmarks.blind import cases, recordings, robots
-from benchmarks.blind.cases import FAST_RATE, Case
 from tiago_mj.effects.spec import Entry
-from tiago_mj.gap.data.read import read_recordings
 from tiago_mj.gap.inference import hypotheses
 from tiago_mj.gap.inference.fit import Fitter, Point, Start
-from tiago_mj.gap.inference.predictor import predictor
 from tiago_mj.gap.search import driver_period
 from tiago_mj.gap.search.state import State
-from tiago_mj.gap.simulation.plant import plant_of
 
-HINGE = Case(seed=5252, setting="plain", interface="position", spread=0.0, rate=FAST_RATE, seconds=1.6, trials=3)
 WIDTH = 0.017
 
 
 @pytest.fixture(scope="module")
 def searching(tmp_path_factory: pytest.TempPathFactory) -> State:
     """A search in recordings of the simulator itself, with a driver that looks at its set point every 5 ms."""
-    folder: Path = tmp_path_factory.mktemp("hinge")
-    (folder / robots.PLAIN_FILE).write_text(robots.PLAIN)
-    recordings.write(cases.simulate(HINGE, folder), folder)
-    trials = read_recordings([folder]).trials
-    plant = plant_of(trials, model=folder / robots.PLAIN_FILE)
-    predict, _ = predictor(plant, trials, threads=1)
+    predict, _ = recorded(tmp_path_factory.mktemp("hinge"))
+    trials = predict.on.trials
     true = Entry("command_deadband", None, {"width": WIDTH, "period": 0.005})
     value = predict.all_trials([(true,)], range(len(trials)))[0]
     value = value + predict.data.noise * np.random.default_rng(0).standard_normal(value.shape)

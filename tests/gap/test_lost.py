@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from made_hinge import recorded
 
 from benchmarks.blind import cases, recordings, robots
 from benchmarks.blind.cases import FAST_RATE, Case, EffectChoice
@@ -15,10 +16,9 @@ from tiago_mj.gap.detectors import set_points
 from tiago_mj.gap.detectors.set_points import ServoMotion
 from tiago_mj.gap.inference import hypotheses, noise_model
 from tiago_mj.gap.inference.fit import Fitted
-from tiago_mj.gap.inference.predictor import Predictor, predictor
+from tiago_mj.gap.inference.predictor import Predictor
 from tiago_mj.gap.pipeline import diagnose
 from tiago_mj.gap.search import lost_commands, rounds
-from tiago_mj.gap.simulation.plant import plant_of
 
 HINGE = Case(seed=5252, setting="plain", interface="position", spread=0.04, rate=FAST_RATE, seconds=1.6, trials=4)
 #: Of what moves the joint by less than its noise nobody can say whether it was lost.
@@ -29,12 +29,8 @@ SHARE = 0.25
 def hinge(tmp_path_factory: pytest.TempPathFactory) -> tuple[Predictor, ServoMotion, Path]:
     """Recordings of a hinge without effects, by the independent reality with the nominal model's own numbers."""
     folder = tmp_path_factory.mktemp("hinge")
-    (folder / robots.PLAIN_FILE).write_text(robots.PLAIN)
-    recordings.write(cases.simulate(replace(HINGE, spread=0.0), folder), folder)
-    trials = read_recordings([folder]).trials
-    plant = plant_of(trials, model=folder / robots.PLAIN_FILE)
-    predict, nominal = predictor(plant, trials, threads=1)
-    seen = set_points.servo_motion(plant, predict.on, predict.data, nominal)
+    predict, nominal = recorded(folder)
+    seen = set_points.servo_motion(predict.plant, predict.on, predict.data, nominal)
     assert seen is not None
     return predict, seen, folder
 

@@ -2,38 +2,27 @@
 class, and what the physics step gets wrong."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
+from made_hinge import recorded
 
-from benchmarks.blind import cases, recordings, robots
-from benchmarks.blind.cases import FAST_RATE, Case
 from tiago_mj.effects.spec import Entry
-from tiago_mj.gap.data.read import read_recordings
 from tiago_mj.gap.detectors import set_points
 from tiago_mj.gap.detectors.set_points import ServoMotion
 from tiago_mj.gap.inference import hypotheses
 from tiago_mj.gap.inference.fit import Fitter, Point, Start
 from tiago_mj.gap.inference.hypotheses import Candidate
-from tiago_mj.gap.inference.predictor import Predictor, predictor
+from tiago_mj.gap.inference.predictor import Predictor
 from tiago_mj.gap.search import additions, set_point_starts, starts
 from tiago_mj.gap.search.state import State
-from tiago_mj.gap.simulation.plant import plant_of
-
-HINGE = Case(seed=5252, setting="plain", interface="position", spread=0.0, rate=FAST_RATE, seconds=1.6, trials=4)
 
 
 @pytest.fixture(scope="module")
 def hinge(tmp_path_factory: pytest.TempPathFactory) -> tuple[Predictor, ServoMotion]:
     """Recordings of a hinge without effects, by the independent reality with the nominal model's own numbers."""
-    folder: Path = tmp_path_factory.mktemp("hinge")
-    (folder / robots.PLAIN_FILE).write_text(robots.PLAIN)
-    recordings.write(cases.simulate(HINGE, folder), folder)
-    trials = read_recordings([folder]).trials
-    plant = plant_of(trials, model=folder / robots.PLAIN_FILE)
-    predict, nominal = predictor(plant, trials, threads=1)
-    seen = set_points.servo_motion(plant, predict.on, predict.data, nominal)
+    predict, nominal = recorded(tmp_path_factory.mktemp("hinge"))
+    seen = set_points.servo_motion(predict.plant, predict.on, predict.data, nominal)
     assert seen is not None
     return predict, seen
 

@@ -21,8 +21,8 @@ from tiago_mj.gap.detectors.set_points import ServoMotion
 from tiago_mj.gap.inference.fit import Fitted, Fitter, Point
 from tiago_mj.gap.inference.hypotheses import Candidate, Label
 from tiago_mj.gap.inference.predictor import Effects, Predictor
-from tiago_mj.gap.search import answers, starts
-from tiago_mj.gap.search.answers import LOSES, ServoCommands
+from tiago_mj.gap.search import impulse_responses, starts
+from tiago_mj.gap.search.impulse_responses import LOSES, ServoCommands
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -213,7 +213,7 @@ def decode(
         counts: what a sample counts for.
     """
     plant, on, data = predict.plant, predict.on, predict.data
-    base, learned = answers.learned(predict, effects)
+    base, learned = impulse_responses.learned(predict, effects)
     deviation = np.sqrt(np.maximum(data.sigma**2 - data.common**2, data.noise**2))
     actuated = plant.wiring.targets.actuated
     shape = (len(on.trials), len(actuated))

@@ -2,8 +2,8 @@
 
 The likelihood has no gradient for them. Before anything is fitted they are looked for in what the nominal model leaves
 (:mod:`tiago_mj.gap.detectors.set_points`), which another effect may hide. Beside an explanation, how joints answer to a
-set point that is off is learned from a simulation (:mod:`tiago_mj.gap.search.answers`), so that what each magnitude
-would change is known without simulating it.
+set point that is off is learned from a simulation (:mod:`tiago_mj.gap.search.impulse_responses`), so that what each
+magnitude would change is known without simulating it.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from tiago_mj.gap.detectors import set_points
 from tiago_mj.gap.detectors.set_points import MAX_SQUARED_RESIDUAL, PERIOD, ServoMotion
 from tiago_mj.gap.inference.fit import Fitted, Fitter, Point, Start
 from tiago_mj.gap.inference.hypotheses import Candidate
-from tiago_mj.gap.search import answers, starts
-from tiago_mj.gap.search.answers import Learned
+from tiago_mj.gap.search import impulse_responses, starts
+from tiago_mj.gap.search.impulse_responses import Learned
 from tiago_mj.gap.search.lost_commands import effects_in_every_trial
 from tiago_mj.gap.search.state import State
 
@@ -62,9 +62,9 @@ def looked_for_again(state: State) -> State:
 
 def _starts(state: State, at: Point, candidates: Sequence[Candidate], least: float) -> list[Start]:
     everywhere, motion = state.everywhere, state.motion
-    if motion is None or not candidates or any(part.effect == answers.LOSES for part in at.parts):
+    if motion is None or not candidates or any(part.effect == impulse_responses.LOSES for part in at.parts):
         return []
-    base, learned = answers.learned(everywhere.predict, effects_in_every_trial(everywhere, at))
+    base, learned = impulse_responses.learned(everywhere.predict, effects_in_every_trial(everywhere, at))
     out = []
     for candidate in candidates:
         cost = partial(_costs, everywhere, motion, candidate, base=base, learned=learned)
