@@ -28,7 +28,7 @@ Label = tuple[str, tuple[str, ...] | None]
 #: ablation.
 GRID_SHARES: Final = (0.02, 0.1, 0.5)
 #: What ends at infinity and may be more than so many times as large as at least is tried evenly in its logarithm, each
-#: magnitude so many times the next.
+#: magnitude so many times the next. Chosen by hand; no ablation.
 DECADES: Final = 50.0
 STIFFNESS_RATIO: Final = 4.0
 #: The prior density of a magnitude is flat below this share of the bound. Chosen by hand; no ablation.

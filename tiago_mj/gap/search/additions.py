@@ -33,7 +33,7 @@ MIN_SHARE_OF_BEST_GAIN: Final = 0.4
 MAX_GAIN_DEFICIT_NATS: Final = 5.0
 #: Extensions of an explanation that are fitted to the trials of the first pass. Chosen by hand; no ablation.
 MAX_EXTENSIONS: Final = 4
-#: Others of its class for which an effect of an explanation is exchanged.
+#: Others of its class for which an effect of an explanation is exchanged. Chosen by hand; no ablation.
 MAX_EXCHANGED: Final = 3
 #: Pairs found by superposition that are fitted to the trials of the first pass, and magnitudes tried of each effect.
 #: Chosen by hand; no ablation.
