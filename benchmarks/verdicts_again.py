@@ -116,6 +116,7 @@ def again(one: Case, by: Calibration) -> Judged:
         "kind": "unknown" if unknown else said.kind,
         "effects": [{**effect, "parameters": {}} for effect in ranking[best]["effects"]],
         "probability": float(said.probability[best]),
+        "evidence": ranking[best]["evidence"],
         "alternatives": [{"effects": ranking[k]["effects"]} for k in named],
         "remains": {"flag": said.remains and said.kind != "no_gap"},
     }

@@ -9,8 +9,8 @@ class of the true effect is right. An effect without a class is a class of its o
 * ``unknown_flagged``: detectable effects outside the library, called ``unknown``; ``left_out``: the library's own,
   deleted from it: ``unknown`` or a member of the class is right.
 * ``false_flags``: every case that the library can explain, called ``unknown``.
-* ``ece``: probability of the best explanation against whether it is the true one. An undetectable effect's truth is no
-  gap.
+* ``ece``: probability of the best explanation against whether it is the true one, which it is not where the library
+  lacks what there is. An undetectable effect's truth is no gap.
 * ``parameter_error``, ``interval_coverage``: single detectable effects that were named exactly; error over the
   parameter's distance from its identity.
 * ``closed_share``: closed over closable (:mod:`benchmarks.blind.oracle`), where at least :data:`CLOSABLE` is.
@@ -195,8 +195,9 @@ def right(j: Judged) -> bool:
 
 
 def stated(j: Judged) -> tuple[float, float] | None:
-    """The probability of the best explanation, and whether that is right; None where nothing is claimed."""
-    if j.answer is None or not j.explainable or j.verdict == "unknown":
+    """The probability of the best explanation, and whether that is right; None where nothing is claimed, or of what the
+    library does not have nothing shows."""
+    if j.answer is None or j.verdict == "unknown" or not (j.explainable or j.detectable):
         return None
     probability = j.answer["verdict"].get("probability")
     return None if probability is None else (float(probability), float(right(j)))

@@ -11,7 +11,8 @@ from benchmarks import calibrate, verdicts_again
 from benchmarks.blind import score
 from benchmarks.calibrate import BY_HAND
 from benchmarks.verdicts_again import Case
-from tiago_mj.gap.decision.verdict import Calibration
+from tiago_mj.gap.decision.verdict import Calibration, calibration_of, wrong
+from tiago_mj.gap.result import Evidence
 
 TRUE, RIVAL = "coulomb_friction", "force_gain"
 
@@ -77,7 +78,7 @@ def test_many_cases_find_the_temperature_at_which_probabilities_are_true() -> No
 
 def test_few_cases_leave_the_numbers_where_they_were_put_by_hand() -> None:
     few = calibrate.fit([*honest(2, 40.0), *bank(3)])
-    for name in Calibration.__dataclass_fields__:
+    for name in set(Calibration.__dataclass_fields__) - {"doubt"}:
         assert 1 / 3 < getattr(few, name) / getattr(BY_HAND, name) < 3, name
     assert calibrate.fit([]) == BY_HAND
 
@@ -173,7 +174,7 @@ def test_the_command_writes_numbers_that_the_diagnosis_reads(
     assert "temperature" in said
     assert "false_names" in said
     written = json.loads(out.read_text(), parse_constant=lambda word: pytest.fail(word))
-    assert Calibration(**{name: float(written[name]) for name in Calibration.__dataclass_fields__}).fails > 1
+    assert calibration_of(written).fails > 1
     assert written["schema"] == "tiago_mj.verdict/1"
     assert written["calibration"]["seeds"] == [1001]
     assert written["calibration"]["cases"] == 2, "a diagnosis without evidence is left out"
@@ -198,9 +199,29 @@ def test_what_the_method_had_not_seen_says_how_often_a_sure_answer_is_wrong() ->
 
     developed = [sure(TRUE)] * 50
     alone, told = calibrate.fit(developed), calibrate.fit(developed, unseen=[sure(TRUE)] * 80 + [sure(RIVAL)] * 20)
-    assert alone.lapse < 0.05
-    assert told.lapse == pytest.approx(0.2, rel=0.25)  # a share of 20 of 100, known to 20 %
-    assert calibrate.replace(told, lapse=alone.lapse) == alone
+    met = Evidence(met=0.0, price=0.0, misfit=1.0, lasting=0.5)
+    assert wrong(1, met, alone.doubt) < 0.05
+    assert wrong(1, met, told.doubt) == pytest.approx(0.2, rel=0.25)  # a share of 20 of 100, known to 20 %
+    assert calibrate.replace(told, doubt=alone.doubt) == alone
+
+
+def test_answers_that_leave_more_or_name_more_are_doubted_more_where_they_were_wrong_more_often() -> None:
+    """One in twenty is wrong that names one effect and leaves noise, four in ten that leave more, or name two."""
+
+    def said(second: bool, left: float, right: bool) -> Case:
+        ranking = [explanation(TRUE, 0.0, lasting=left), explanation(None, -1e5, lasting=900.0)]
+        if second:
+            ranking[0]["effects"].append({"name": RIVAL, "target": "all"})
+        true = [TRUE, RIVAL] if second else [TRUE]
+        return made("two" if second else "one", true if right else ["backlash"], ranking)
+
+    cases = [said(False, 0.5, k >= 6) for k in range(120)]
+    cases += [said(second, left, k >= 48) for second, left in ((False, 1.8), (True, 0.5)) for k in range(120)]
+    by = calibrate.fit(cases).doubt
+    met, more = (Evidence(met=0.0, price=0.0, misfit=left, lasting=0.5) for left in (1.0, 1.8))
+    assert wrong(1, met, by) < 0.12
+    assert wrong(1, more, by) == pytest.approx(0.4, abs=0.1)  # two deviations of 120
+    assert wrong(2, met, by) == pytest.approx(0.4, abs=0.1)
 
 
 def test_what_the_method_had_not_seen_says_how_little_a_second_effect_counts() -> None:

@@ -17,7 +17,7 @@ from tiago_mj.effects.spec import Entry
 from tiago_mj.gap import motions
 from tiago_mj.gap.analysis import outcome
 from tiago_mj.gap.data.recording import Sidecar, Trial
-from tiago_mj.gap.decision.verdict import calibration
+from tiago_mj.gap.decision.verdict import most_probable
 from tiago_mj.gap.report import advice, html, tables, verdict
 from tiago_mj.gap.report.repaired import limits
 from tiago_mj.gap.result import Evidence, Explanation, Named, Repaired, Value
@@ -174,13 +174,13 @@ def test_limits_are_of_the_joint_behind_its_gear(tmp_path):
 
 
 def test_the_highest_probability_is_explained_where_it_is_reached():
-    most = 1 - calibration().lapse
-    assert "never above 90 %" in verdict.ceiling(Explanation((COULOMB,), most, 1.0))
-    assert verdict.ceiling(Explanation((COULOMB,), 0.8 * most, 1.0)) == ""
+    met = Evidence(met=-100.0, price=-9.0, misfit=1.0, lasting=1.0)
+    most = most_probable(Explanation((COULOMB,), 1.0, 1.0, met))
+    assert re.search(r"never above 9\d %", verdict.ceiling(Explanation((COULOMB,), most, 1.0, met)))
+    assert verdict.ceiling(Explanation((COULOMB,), 0.8 * most, 1.0, met)) == ""
     why = verdict.why_ceiling()
-    assert "9.8 %" in why
     assert re.search(r"On \d{2,} simulated cases", why)
-    sure = Explanation((COULOMB,), most, 1.0)
+    sure = Explanation((COULOMB,), most, 1.0, met)
     page = html.render(replace(CASES["effect"], best=sure))
     assert 'href="#why-not-surer"' in page
     assert 'id="why-not-surer"' in page

@@ -13,7 +13,7 @@ from tiago_mj.gap.analysis.remainder import LEFT
 from tiago_mj.gap.decision.verdict import Calibration, Judged, Option, decide
 from tiago_mj.gap.result import Evidence
 
-BY = Calibration(temperature=1.0, stands=0.333, rival=0.05, fails=2.17, remains=2.0, lapse=0.1)
+BY = Calibration(temperature=1.0, stands=0.333, rival=0.05, fails=2.17, remains=2.0)
 FINE = Aside(closed=0.9, left=1.0, misfit=1.0)
 
 
@@ -142,14 +142,14 @@ def anything(random: np.random.Generator) -> tuple[list[Option], Judged, Aside]:
     if random.random() < 0.5:
         verdict = decide(options, BY)
     else:
-        share = random.dirichlet(np.full(len(options), 0.3)) * (1 - BY.lapse)
+        share = random.dirichlet(np.full(len(options), 0.3)) * 0.9
         order = tuple(int(k) for k in random.permutation(len(options))[: int(random.integers(1, len(options) + 1))])
         kind = str(random.choice(["effect", "ambiguous", "unknown", "no_gap"]))
         if kind in ("effect", "ambiguous"):
             order = tuple(k for k in order if options[k].effects) or (1,)
         if kind == "no_gap":
             order = (0,)
-        verdict = Judged(kind, share, order, bool(random.random() < 0.5))
+        verdict = Judged(kind, share, order, bool(random.random() < 0.5), sure=0.9)
     closed = None if random.random() < 0.2 else float(random.normal(0.4, 0.5))
     seen = Aside(closed, float(random.lognormal(1, 2)), float(random.lognormal(0, 1)), bool(random.random() < 0.9))
     return options, verdict, seen
@@ -169,7 +169,7 @@ def test_whatever_was_found_the_promises_are_kept(seed: int) -> None:
         assert kept.remains or (seen.left <= LEFT and seen.misfit <= BY.remains)
         assert (len(classes) > 1) == (kept.kind == "ambiguous")
     if kept.kind == "effect":
-        assert kept.probability[kept.rivals[0]] >= promises.MOST * (1 - BY.lapse)
+        assert kept.probability[kept.rivals[0]] >= promises.MOST * kept.sure
         others = [kept.probability[k] for k, one in enumerate(options) if one.classes != best.classes]
         assert verdict.probability is kept.probability
         assert all(p <= kept.probability[kept.rivals[0]] + 1e-12 for p in others)

@@ -3,9 +3,10 @@
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
-from tiago_mj.gap.decision.verdict import Calibration, Option, decide
+from tiago_mj.gap.decision.verdict import Calibration, Doubt, Option, decide
 from tiago_mj.gap.inference.hypotheses import Candidate
 from tiago_mj.gap.result import Evidence
 
@@ -74,7 +75,7 @@ def test_a_magnitude_is_at_its_bound_unless_the_effect_vanishes_there() -> None:
 
 def test_even_the_surest_answer_leaves_a_share_to_what_is_none_of_them() -> None:
     nominal, gain = option(met=-900.0, left=40.0), option("force_gain", met=-100.0, left=0.9)
-    said = decide([gain, nominal], replace(BY, lapse=0.04))
+    said = decide([gain, nominal], replace(BY, doubt=Doubt(named=float(np.log(0.04 / 0.96)))))
     assert said.kind == "effect"
     assert said.probability.sum() == pytest.approx(0.96)
 

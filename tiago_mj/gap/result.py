@@ -65,6 +65,9 @@ class Evidence:
         lasting: mean square of the worst channel's residual over quarters of a second, in units of what it should
             scatter by.
         edge: whether one of its magnitudes lies at the bound of what is possible.
+        sharp: the larger of ``misfit`` and ``lasting`` in units of what is left to tolerate beside the best
+            explanation; None: not known.
+        agreement: share of the trials in which its effects gain, of those that tell; None: not known.
     """
 
     met: float
@@ -72,6 +75,8 @@ class Evidence:
     misfit: float
     lasting: float
     edge: bool = False
+    sharp: float | None = None
+    agreement: float | None = None
 
 
 @dataclass(frozen=True)

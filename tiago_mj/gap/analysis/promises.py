@@ -110,7 +110,7 @@ def standing(judged: Judged, options: Sequence[Option], by: Calibration) -> Judg
     if options[best].evidence.edge:
         return replace(judged, kind="unknown")
     rivals = [best, *(k for k in judged.rivals[1:] if not options[k].evidence.edge)]
-    likely = judged.probability[best] >= MOST * (1 - by.lapse)
+    likely = judged.probability[best] >= MOST * judged.sure
     if not likely:  # whatever is about as likely is in the set
         rivals += _others(judged, options, by.rival * float(judged.probability[best]), rivals)
     several = any(options[k].classes != options[best].classes for k in rivals)

@@ -11,18 +11,18 @@ recordings whose effect is known: ``verdict.json``, which says how.
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from importlib import resources
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tiago_mj.effects import EFFECTS
 from tiago_mj.gap.inference.fit import Fitted
-from tiago_mj.gap.result import Evidence
+from tiago_mj.gap.result import Evidence, Explanation
 from tiago_mj.gap.search.state import Ranked
 
 Array = NDArray[np.float64]
@@ -42,6 +42,26 @@ SCHEMA: Final = "tiago_mj.verdict/1"
 
 
 @dataclass(frozen=True)
+class Doubt:
+    """Log odds that an answer is wrong however sure the evidence is: what the library does not know, or knows in
+    another form, may look like something that it knows.
+
+    Attributes:
+        nothing: where nothing is named.
+        named: where an effect is.
+        several: the same again where more than one is.
+        left: for each factor e by which more is left than noise.
+        split: for trials in which nothing is gained by an effect, as a share of those that tell.
+    """
+
+    nothing: float = -3.0
+    named: float = -3.0
+    several: float = 0.0
+    left: float = 0.0
+    split: float = 0.0
+
+
+@dataclass(frozen=True)
 class Calibration:
     """What turns evidence into a verdict.
 
@@ -57,8 +77,7 @@ class Calibration:
         remains: and above which a part of the gap is said to remain.
         widens: a magnitude is known to so many deviations of its fit, beside what no recording tells of it: deviations
             count errors that last as many.
-        lapse: share of the answers that are wrong however sure the evidence is: what the library does not know, or
-            knows in another form, may look like something that it knows. Explanations share the rest.
+        doubt: how many answers are wrong however sure the evidence is; explanations share the rest.
     """
 
     temperature: float
@@ -67,15 +86,22 @@ class Calibration:
     fails: float
     remains: float
     widens: float = 2.0
-    lapse: float = 0.05
     further: float = 1.0
+    doubt: Doubt = Doubt()
 
 
 @cache
 def calibration() -> Calibration:
     """As shipped."""
-    data = json.loads(resources.files("tiago_mj.gap.decision").joinpath(CALIBRATION).read_text(encoding="utf-8"))
-    return Calibration(**{name: float(data[name]) for name in Calibration.__dataclass_fields__})
+    return calibration_of(
+        json.loads(resources.files("tiago_mj.gap.decision").joinpath(CALIBRATION).read_text(encoding="utf-8"))
+    )
+
+
+def calibration_of(data: Mapping[str, Any]) -> Calibration:
+    """A calibration from what its file holds."""
+    numbers = {name: float(data[name]) for name in Calibration.__dataclass_fields__ if name != "doubt"}
+    return Calibration(**numbers, doubt=Doubt(**data["doubt"]))
 
 
 @cache
@@ -109,12 +135,14 @@ class Judged:
         probability: of every explanation, up to its classes, (n,); they leave a share to what is none of them.
         rivals: indices of the explanations that are not ruled out, the best first.
         remains: whether a gap is left after the best.
+        sure: share of the answers like it that are right, however sure the evidence is.
     """
 
     kind: str
     probability: Array
     rivals: tuple[int, ...]
     remains: bool
+    sure: float = 1.0
 
 
 def judge(ranked: Ranked, *, strange: bool = False, refuted: NDArray[np.bool_] | None = None) -> Judged:
@@ -139,6 +167,8 @@ def option(fit: Fitted, ranked: Ranked) -> Option:
         misfit=fit.misfit,
         lasting=fit.lasting,
         edge=any(part.at_edge(float(v)) for part, v in zip(fit.parts[:count], fit.values, strict=False)),
+        sharp=fit.sharp,
+        agreement=fit.agreement,
     )
     return Option(frozenset(part.label for part in fit.parts[:count]), classes_of(fit), evidence)
 
@@ -181,7 +211,31 @@ def decide(
         kind = "ambiguous"
     else:
         kind = "effect"
-    return Judged(kind, (1 - by.lapse) * pooled, tuple(rivals), discrepancy(options[best]) > by.remains)
+    sure = 1 - wrong(len(options[best].effects), options[best].evidence, by.doubt)
+    return Judged(kind, sure * pooled, tuple(rivals), discrepancy(options[best]) > by.remains, sure)
+
+
+def wrong(effects: int, evidence: Evidence, by: Doubt) -> float:
+    """Share of the answers like one that are wrong, however sure the evidence is.
+
+    Args:
+        effects: how many it names.
+        evidence: for it.
+        by: calibrated.
+    """
+    left = max(evidence.lasting, evidence.misfit) if evidence.sharp is None else evidence.sharp
+    log_odds = by.left * np.log(max(left, 1.0))
+    if effects:
+        agreement = 1.0 if evidence.agreement is None else evidence.agreement
+        log_odds += by.named + by.several * (effects > 1) + by.split * (1 - agreement)
+    else:
+        log_odds += by.nothing
+    return float(1 / (1 + np.exp(-log_odds)))
+
+
+def most_probable(one: Explanation) -> float:
+    """Probability of an explanation beside which no other one stands; 1 where its evidence is not known."""
+    return 1.0 if one.evidence is None else 1 - wrong(len(one.effects), one.evidence, calibration().doubt)
 
 
 def discrepancy(one: Option) -> float:

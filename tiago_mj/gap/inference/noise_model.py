@@ -439,6 +439,29 @@ def select_trials(data: Data, trials: Sequence[int]) -> Data:
     )
 
 
+def with_trials_replaced(data: Data, index: Sequence[int], some: Data) -> Data:
+    """With what is known of some trials, at these indices, as it is in ``some``."""
+
+    def merged(all_of_it: Array, part: Array) -> Array:
+        out = all_of_it.copy()
+        out[list(index)] = part
+        return out
+
+    def pair(all_of_it: tuple[Array, Array] | None, part: tuple[Array, Array] | None) -> tuple[Array, Array] | None:
+        if all_of_it is None or part is None:
+            return None
+        return merged(all_of_it[0], part[0]), merged(all_of_it[1], part[1])
+
+    return replace(
+        data,
+        value=merged(data.value, some.value),
+        sigma=merged(data.sigma, some.sigma),
+        common=merged(data.common, some.common),
+        stepless=pair(data.stepless, some.stepless),
+        assumed=pair(data.assumed, some.assumed),
+    )
+
+
 def without_repeats(data: Data) -> Data:
     """Set to NaN the load cell readings that repeat the one before exactly: these were dropped."""
     value = data.value.copy()

@@ -34,6 +34,9 @@ class Fitted:
         lasting: mean square of the worst channel's residual over blocks, see
             :func:`tiago_mj.gap.inference.likelihood.lasting`.
         misfit: mean squared residual of the worst channel, in units of floor and tolerance.
+        sharp: the larger of these two in units of noise and tolerance as they are beside the best explanation; None:
+            not known.
+        agreement: share of the trials in which its effects gain, of those that tell; None: not known.
         spreads: deviations of details that were fitted after it (:mod:`tiago_mj.gap.analysis.place`), by name.
     """
 
@@ -45,6 +48,8 @@ class Fitted:
     misfit: float
     prior: float = 0.0
     lasting: float = 0.0
+    sharp: float | None = None
+    agreement: float | None = None
     spreads: Mapping[str, float] = field(default_factory=dict)
 
     def effects(self) -> tuple[Entry, ...]:

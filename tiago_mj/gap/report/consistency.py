@@ -32,7 +32,7 @@ from tiago_mj.effects.declare import STAGES
 from tiago_mj.gap.analysis.promises import CLOSES, MOST
 from tiago_mj.gap.analysis.remainder import LEFT
 from tiago_mj.gap.analysis.shrink import NOTHING
-from tiago_mj.gap.decision.verdict import calibration
+from tiago_mj.gap.decision.verdict import most_probable
 from tiago_mj.gap.result import CARRIERS, KINDS, SHAPES, Closing, Diagnosis, Explanation, ResidualShape, Shrink
 
 #: Kinds of a verdict that names effects.
@@ -157,7 +157,7 @@ def _with_its_kind(diagnosis: Diagnosis) -> Diagnosis:
     if not best.effects or _refuted(diagnosis) or (best.evidence is not None and best.evidence.edge):
         return replace(diagnosis, kind="unknown")
     if diagnosis.kind == "ambiguous" and len({identity(one) for one in (best, *diagnosis.alternatives)}) < 2:
-        likely = not best.probability < MOST * (1 - calibration().lapse)
+        likely = not best.probability < MOST * most_probable(best)
         return replace(diagnosis, kind="effect" if likely else "unknown")
     return diagnosis
 

@@ -74,6 +74,8 @@ class _Evidence(_Part):
     misfit: _Known
     lasting: _Known
     edge: bool = False
+    sharp: _Known | None = None
+    agreement: _Known | None = None
 
 
 class _Effect(_Part):

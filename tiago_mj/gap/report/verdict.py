@@ -7,10 +7,10 @@ from typing import Final
 
 from tiago_mj.gap.analysis.outcome import STRANGE
 from tiago_mj.gap.analysis.promises import CLOSES
-from tiago_mj.gap.decision.verdict import calibration, measured_on
+from tiago_mj.gap.decision.verdict import calibration, measured_on, most_probable, wrong
 from tiago_mj.gap.report.consistency import NAMING, can_close, closed_accounted, closes, has_probability, loudest
 from tiago_mj.gap.report.words import begin, channel, clauses, labels, listed, number, percent, percent_within, title
-from tiago_mj.gap.result import Diagnosis, Explanation, Place, Stopped
+from tiago_mj.gap.result import Diagnosis, Evidence, Explanation, Place, Stopped
 from tiago_mj.progress import seconds
 
 #: Alternatives up to this number are spelled out in the first sentence; of more, only the effects' names are given.
@@ -205,19 +205,21 @@ def first(diagnosis: Diagnosis) -> str:
 
 def ceiling(explanation: Explanation) -> str:
     """Why an answer that is as sure as one can be has no higher probability; empty where another one shares it."""
-    most = 1 - calibration().lapse
+    most = most_probable(explanation)
     if not NEARLY * most <= explanation.probability <= most + 1e-6:  # an older version knew another ceiling
         return ""
-    return f"It is never above {percent(most)}, however clear the recordings are."
+    return f"Of answers like this one it is never above {percent(most)}, however clear the recordings are."
 
 
 def why_ceiling() -> str:
     """What the highest probability of an answer rests on."""
-    lapse, cases = calibration().lapse, int(measured_on("lapse"))
+    by, cases = calibration().doubt, int(measured_on("doubt"))
+    nothing, one, more = (percent(wrong(effects, Evidence(0.0, 0.0, 1.0, 1.0), by)) for effects in range(3))
     return (
-        f"On {cases} simulated cases, whose effects the diagnosis was not told, about {percent(lapse)} of the answers "
-        "would have been wrong however sure the evidence was: a cause that the library lacks can look exactly like one "
-        f"that it has. So this share is taken off every probability, and {percent(1 - lapse)} is the most."
+        f"On {cases} simulated cases, whose effects the diagnosis was not told, answers were wrong however sure the "
+        f"evidence was: about {nothing} of those that named nothing, {one} of those with one effect and {more} of "
+        "those with several; and more where more than noise was left, or not every trial gained. A cause that the "
+        "library lacks can look exactly like one that it has. So this share is taken off every probability."
     )
 
 

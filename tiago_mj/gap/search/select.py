@@ -21,6 +21,8 @@ from tiago_mj.gap.inference.fit import Fitted, Fitter, Start
 from tiago_mj.gap.inference.hypotheses import Candidate
 from tiago_mj.gap.search import (
     additions,
+    agreement,
+    all_trials,
     beginning,
     driver_period,
     lost_commands,
@@ -121,11 +123,12 @@ def _search(asked: Question, so_far: PartialResult, out_of_time: Callable[[], bo
     everywhere, shared = beginning.fitter(asked, over)
     state = replace(beginning.with_nominal(everywhere, asked.first_trials), motion=asked.motion)
 
-    before = state.everywhere
+    first = state.everywhere
 
-    def ranked(state: State, *, last: bool = False) -> Ranked:
+    def ranked(state: State, wide: Fitter | None = None) -> Ranked:
         shown = ranking.reportable(ranking.unique_by_labels(state.fits))
-        shown = sharpen.misfits_by(before, state.everywhere, shown) if last else shown
+        if wide is not None:
+            shown = sharpen.misfits_by(wide, state.everywhere, agreement.with_agreement(state.everywhere, shown))
         return Ranked(
             tuple(_with_readings(fit, asked.known, shared) for fit in shown),
             state.unseen,
@@ -134,7 +137,7 @@ def _search(asked: Question, so_far: PartialResult, out_of_time: Callable[[], bo
             not out_of_time(),
             state.everywhere.weight,
             state.everywhere.predict,
-            tuple(k for k in everywhere.trials if k not in state.everywhere.trials),
+            state.excluded,
         )
 
     def tell(state: State) -> None:
@@ -171,7 +174,11 @@ def _search(asked: Question, so_far: PartialResult, out_of_time: Callable[[], bo
             state = _with_further_effect(losing, 2, fitted) or losing
             state = sharpen.sharpened(_departing_left_out(state))
             tell(state)
-    return ranked(state, last=True)
+    wide = all_trials.wide(asked, first, state.excluded)
+    if not over():
+        tick("all trials", 1, gap=_leaves_a_gap(state.best))
+        state = _departing_left_out(all_trials.fitted(state, wide))
+    return ranked(state, wide)
 
 
 def _losses_are_likely(state: State) -> bool:
@@ -299,7 +306,9 @@ def _fitted_to_all(state: State, begin: Sequence[Start], tell: Callable[[State],
 def _departing_left_out(state: State) -> State:
     """The search without the trials whose motion departs from what the best explanation predicts."""
     everywhere, fits, at = rounds.without_departing_trials(state.everywhere, list(state.fits), state.at)
-    return replace(state, everywhere=everywhere, fits=tuple(ranking.unique_by_labels(fits)), at=at)
+    excluded = tuple(k for k in state.everywhere.trials if k not in everywhere.trials)
+    fits = ranking.unique_by_labels(fits)
+    return replace(state, everywhere=everywhere, fits=tuple(fits), at=at, excluded=(*state.excluded, *excluded))
 
 
 def _with_lost_commands(state: State) -> State:

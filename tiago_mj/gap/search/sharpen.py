@@ -55,8 +55,12 @@ def beside(everywhere: Fitter, best: Fitted) -> Fitter:
 
 def misfits_by(before: Fitter, everywhere: Fitter, fits: Sequence[Fitted]) -> list[Fitted]:
     """Explanations with what they leave in units of noise and tolerance as these were assumed at first: another
-    simulator, or a robot, is not expected to agree with this one to within the noise of its sensors."""
+    simulator, or a robot, is not expected to agree with this one to within the noise of its sensors. What they leave in
+    the units of the search is kept as ``sharp``."""
     rows = [before.trials.index(trial) for trial in everywhere.trials]
     data = noise_model.select_trials(before.data, rows)
     there = replace(everywhere, data=data, iterations=0).fit_all([starts.restart(f) for f in fits])
-    return [replace(f, misfit=g.misfit, lasting=g.lasting) for f, g in zip(fits, there, strict=True)]
+    return [
+        replace(f, misfit=g.misfit, lasting=g.lasting, sharp=ranking.discrepancy(f))
+        for f, g in zip(fits, there, strict=True)
+    ]

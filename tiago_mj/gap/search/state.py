@@ -98,6 +98,7 @@ class State:
         unseen: effects that no magnitude makes visible in these recordings.
         losing: candidates that lose commands: which were lost is decoded, not drawn.
         motion: what the servos' motion says; None: there is nothing to be read from it.
+        excluded: indices of excluded trials: their motion departs from what the best explanation predicts.
     """
 
     few: Fitter
@@ -110,6 +111,7 @@ class State:
     unseen: tuple[str, ...] = ()
     losing: tuple[Candidate, ...] = ()
     motion: ServoMotion | None = None
+    excluded: tuple[int, ...] = ()
 
     @property
     def best(self) -> Fitted:

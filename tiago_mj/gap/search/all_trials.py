@@ -1,0 +1,102 @@
+"""What was found, fitted once more to every trial, and in how many of them each explanation gains.
+
+A search fits to the trials in which the nominal model fails most: what happens to suit these few has to stand in the
+others, too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tiago_mj.gap.inference import noise_model
+from tiago_mj.gap.inference.fit import Fitted, Fitter, Start
+from tiago_mj.gap.search import ranking, sharpen, starts
+from tiago_mj.gap.search.state import Question, State
+
+Array = NDArray[np.float64]
+
+#: Explanations by effects that are fitted, the leaders of other classes and as many that are close, and Gauss-Newton
+#: steps of each: they were fitted to some of the trials before. Chosen by hand; no ablation.
+MAX_FITTED: Final = 3
+ITERATIONS: Final = 2
+
+
+def fitted(state: State, wide: Fitter) -> State:
+    """The search with its best explanations fitted to all trials, and no others but the nominal model.
+
+    Where commands were lost, it is not known which were in the trials that were not fitted: they stay out.
+
+    Args:
+        state: the search.
+        wide: of all trials but those that were excluded, with floor and tolerance as they were assumed at first.
+    """
+    before, best = state.everywhere, state.best
+    losing = before.predict.on.delivered is not None
+    if set(wide.trials) == set(before.trials) or losing or before.out_of_time():
+        return state
+    everywhere = _linearized(before, wide, best)
+    (there,) = everywhere.fit_all([_start(best, before, everywhere)])
+    everywhere = sharpen.beside(everywhere, there)
+    others = [f for f in (state.nominal, *_rivals(state)) if f is not best]
+    begin = [starts.restart(there), *(_start(f, before, everywhere) for f in others)]
+    at = _own(state.at, before, everywhere)
+    return replace(state, everywhere=everywhere, fits=tuple(everywhere.fit_all(begin)), at=at)
+
+
+def wide(asked: Question, first: Fitter, excluded: Sequence[int]) -> Fitter:
+    """The first fitter, of some trials, with all but those that are excluded; its responses are left open.
+
+    Args:
+        asked: what is to be explained.
+        first: with floor and tolerance as they were assumed at first.
+        excluded: indices of trials.
+    """
+    trials = tuple(trial for trial in asked.trials if trial not in excluded)
+    data = noise_model.select_trials(asked.data, [asked.trials.index(trial) for trial in trials])
+    rows = [k for k, trial in enumerate(first.trials) if trial in trials]
+    known = [trials.index(first.trials[k]) for k in rows]
+    data = noise_model.with_trials_replaced(data, known, noise_model.select_trials(first.data, rows))
+    return replace(first, trials=trials, data=data, responses=np.zeros((len(first.terms), *data.value.shape)))
+
+
+def _linearized(before: Fitter, wide: Fitter, best: Fitted) -> Fitter:
+    """The fitter on all trials, with the responses of all nuisances around an explanation."""
+    trials, empty = wide.trials, wide.responses
+    known = [trials.index(trial) for trial in before.trials]
+    everywhere = replace(before, trials=trials, data=wide.data, responses=empty, iterations=ITERATIONS)
+    new = [k for k in range(len(trials)) if k not in known]
+    start = _start(best, before, everywhere)
+    some = everywhere.part(new)
+    point = replace(starts.point_of(start), nuisance=everywhere.of(new, starts.point_of(start).nuisance))
+    responses = empty.copy()
+    responses[:, known] = before.responses
+    responses[:, new] = some.linearized_at(point).responses
+    return replace(everywhere, responses=responses)
+
+
+def _rivals(state: State) -> list[Fitted]:
+    """Explanations by effects that may turn out to be the best: the leaders by their classes, the best by fewer
+    effects, and what is close to the best."""
+    ahead = [f for f in ranking.unique_by_labels(state.fits) if f.parts]
+    fewer = [f for f in ahead if len(f.parts) < len(state.best.parts)][:1]
+    near = [f for f in ahead if f.evidence > state.best.evidence - ranking.NEAR_BEST_NATS][:MAX_FITTED]
+    return ranking.unique_by_labels([*ranking.unique_by_classes(ahead)[:MAX_FITTED], *fewer, *near])
+
+
+def _start(fit: Fitted, before: Fitter, everywhere: Fitter) -> Start:
+    """Where a fit to some trials ended, on all of them."""
+    return Start(fit.parts, fit.values, _own(fit.nuisance, before, everywhere))
+
+
+def _own(nuisance: Array, before: Fitter, everywhere: Fitter) -> Array:
+    """Nuisances of some trials as those of all: of the trials that were not fitted their own are 0."""
+    shared = len(before.shared)
+    own = np.zeros((len(everywhere.trials), (everywhere.size - shared) // len(everywhere.trials)))
+    for row, trial in zip(nuisance[shared:].reshape(len(before.trials), -1), before.trials, strict=True):
+        own[everywhere.trials.index(trial)] = row
+    return np.concatenate([nuisance[:shared], own.ravel()])
