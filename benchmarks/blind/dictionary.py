@@ -30,6 +30,7 @@ class Kind:
             (least, most distance from 1) under ``factor`` with ``below`` or ``above``.
         group: class of the contract.
         known: whether the library has it.
+        soft_form_of: effect of the library of which it is a softer form.
         since: version of the generator that it came with.
     """
 
@@ -38,6 +39,7 @@ class Kind:
     ranges: Mapping[str, Mapping[str, tuple[Any, ...]]]
     group: str = ""
     known: bool = True
+    soft_form_of: str = ""
     fixed: Mapping[str, Any] = field(default_factory=dict)
     since: int = 0
 
@@ -234,9 +236,18 @@ KINDS: Final[Mapping[str, Kind]] = {
         _r({"strength": (LOG, 0.3, 1.2), "frequency": (FLAT, 5.0, 10.0)}),
         known=False,
     ),
-    "supply_sag": Kind(unknown.SupplySag, "joint", _r({"current": (LOG, 4.0, 16.0)}), known=False),
+    "supply_sag": Kind(
+        unknown.SupplySag, "joint", _r({"current": (LOG, 4.0, 16.0)}), known=False, soft_form_of="force_limit"
+    ),
     "sticky_pads": Kind(unknown.StickyPads, "sensor", _r({"share": (LOG, 0.15, 1.0)}), known=False),
-    "soft_saturation": Kind(unknown.SoftSaturation, "sensor", _r({"limit": (LOG, 0.6, 2.5)}), known=False, since=7),
+    "soft_saturation": Kind(
+        unknown.SoftSaturation,
+        "sensor",
+        _r({"limit": (LOG, 0.6, 2.5)}),
+        known=False,
+        soft_form_of="force_saturation",
+        since=7,
+    ),
     "late_stamps": Kind(
         unknown.LateStamps,
         "none",

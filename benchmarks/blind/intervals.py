@@ -13,6 +13,8 @@ Array = NDArray[np.float64]
 #: A normal variable is within so many deviations in 90 % of cases.
 NINETY: Final = 1.6449
 DRAWS: Final = 2000
+#: A probability of 0 costs no more than this one: the log loss of one case is limited.
+LEAST: Final = 1e-4
 
 
 def share(hits: Sequence[bool]) -> dict[str, Any]:
@@ -48,6 +50,33 @@ def calibration_error(rows: Array, bins: int = 10) -> float:
         if len(inside):
             total += len(inside) / len(rows) * abs(inside[:, 0].mean() - inside[:, 1].mean())
     return float(total)
+
+
+def brier(rows: Array) -> float:
+    """Mean squared error of rows of (probability, 0 or 1)."""
+    return float(np.mean((rows[:, 0] - rows[:, 1]) ** 2))
+
+
+def log_loss(rows: Array) -> float:
+    """Mean of −log of what was said of what was the case, of rows of (probability, 0 or 1) [nats]."""
+    said = np.where(rows[:, 1] > 0, rows[:, 0], 1 - rows[:, 0])
+    return float(-np.log(np.maximum(said, LEAST)).mean())
+
+
+def gain_over_constant(rows: Array, loss: Callable[[Array], float]) -> float:
+    """How much lower a loss is than with the best constant for the same rows: the share that was right."""
+    constant = np.column_stack([np.full(len(rows), rows[:, 1].mean()), rows[:, 1]])
+    return loss(constant) - loss(rows)
+
+
+def reliability(rows: Array, bins: int = 5) -> list[tuple[float, float, int]]:
+    """Mean probability, share that was right, and number, of bins of as many rows each."""
+    ordered = rows[np.argsort(rows[:, 0], kind="stable")]
+    return [
+        (float(part[:, 0].mean()), float(part[:, 1].mean()), len(part))
+        for part in np.array_split(ordered, bins)
+        if len(part)
+    ]
 
 
 def spiegelhalter(rows: Array) -> float | None:

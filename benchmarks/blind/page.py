@@ -7,7 +7,10 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
-from benchmarks.blind.score import Judged, class_of, right
+import numpy as np
+
+from benchmarks.blind import intervals
+from benchmarks.blind.score import Judged, class_of, right, stated
 
 #: Wanted of each score, for the page alone: (text, whether the value does).
 REACH: Final[Mapping[str, tuple[str, Any]]] = {
@@ -19,6 +22,8 @@ REACH: Final[Mapping[str, tuple[str, Any]]] = {
     "unknown_flagged": ("≥ 85 %", lambda v: v >= 0.85),
     "false_flags": ("≤ 5 %", lambda v: v <= 0.05),
     "ece": ("≤ 0.08", lambda v: v <= 0.08),
+    "brier_gain": ("> 0", lambda v: v > 0),
+    "log_gain": ("> 0", lambda v: v > 0),
     "parameter_error": ("≤ 5 %", lambda v: v <= 0.05),
     "interval_coverage": ("85–95 %", lambda v: 0.85 <= v <= 0.95),
     "closed_share": ("≥ 90 %", lambda v: v >= 0.9),
@@ -34,9 +39,12 @@ WORDS: Final[Mapping[str, str]] = {
     "false_names": "names where nothing is",
     "unknown_flagged": "outside the library: called unknown",
     "left_out": "deleted from the library: unknown, or its class",
+    "soft_forms": "a softer form of the library's: unknown, or that",
     "false_flags": "called unknown where the library knows it",
     "undetectable": "hardly visible: rightly modest",
     "ece": "calibration error of the probabilities",
+    "brier_gain": "Brier score below the best constant's, by",
+    "log_gain": "log loss below the best constant's, by [nats]",
     "parameter_error": "median error of parameters",
     "interval_coverage": "90 % intervals that hold the truth",
     "closed_share": "closed share of what can be closed",
@@ -45,7 +53,7 @@ WORDS: Final[Mapping[str, str]] = {
     "physics_steps": "physics steps a diagnosis",
     "failed": "no diagnosis at all",
 }
-_PLAIN_NUMBERS: Final = frozenset({"set_size", "seconds", "physics_steps", "ece"})
+_PLAIN_NUMBERS: Final = frozenset({"set_size", "seconds", "physics_steps", "ece", "brier_gain", "log_gain"})
 
 _STYLE: Final = """
 :root{color-scheme:light dark;--ink:#1c2227;--paper:#fff;--line:#d5dade;--soft:#f2f4f6;--good:#18794e;--bad:#b42318;
@@ -155,13 +163,9 @@ def _confusion(judged: Sequence[Judged]) -> str:
     return "".join(out) + "</table></div>"
 
 
-def _reliability(judged: Sequence[Judged], bins: int = 10) -> str:
-    """Share of right answers over the probability that was said, as a picture."""
-    rows = [
-        (float(j.answer["verdict"]["probability"]), right(j))
-        for j in judged
-        if j.answer and j.explainable and j.verdict != "unknown" and j.answer["verdict"].get("probability") is not None
-    ]
+def _reliability(judged: Sequence[Judged]) -> str:
+    """Share of right answers over the probability that was said, of bins of as many answers each, as a picture."""
+    rows = [row for j in judged if (row := stated(j)) is not None]
     if not rows:
         return "<p>No probabilities.</p>"
     size, edge = 360, 45
@@ -184,15 +188,12 @@ def _reliability(judged: Sequence[Judged], bins: int = 10) -> str:
         shapes.append(
             f"<text x='{x0 - 6}' y='{y + 4}' text-anchor='end' fill='currentColor' font-size='12'>{tick:g}</text>"
         )
-    for k in range(bins):
-        inside = [r for r in rows if min(int(r[0] * bins), bins - 1) == k]
-        if inside:
-            x, y = at(sum(r[0] for r in inside) / len(inside), sum(r[1] for r in inside) / len(inside))
-            radius = 3 + 10 * (len(inside) / len(rows)) ** 0.5
-            shapes.append(
-                f"<circle cx='{x:.1f}' cy='{y:.1f}' r='{radius:.1f}' fill='var(--bar)' fill-opacity='.7'>"
-                f"<title>{len(inside)} cases</title></circle>"
-            )
+    for said, share, count in intervals.reliability(np.array(rows)):
+        x, y = at(said, share)
+        shapes.append(
+            f"<circle cx='{x:.1f}' cy='{y:.1f}' r='6' fill='var(--bar)' fill-opacity='.7'>"
+            f"<title>{count} cases</title></circle>"
+        )
     shapes.append(
         f"<text x='{(x0 + x1) / 2}' y='{size - 6}' text-anchor='middle' fill='currentColor' font-size='13'>"
         "probability that was said</text>"

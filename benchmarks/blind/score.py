@@ -6,11 +6,15 @@ class of the true effect is right. An effect without a class is a class of its o
 * ``top1``, ``in_set``, ``set_size``: one detectable effect of the library. Size is in classes told apart.
 * ``pairs``: two effects, each detectable.
 * ``false_names``: nothing to find; ``effect`` or ``ambiguous`` with a name is false.
-* ``unknown_flagged``: detectable effects outside the library, called ``unknown``; ``left_out``: the library's own,
-  deleted from it: ``unknown`` or a member of the class is right.
+* ``unknown_flagged``: detectable effects outside the library, called ``unknown``, without soft forms of its effects;
+  ``soft_forms``: these, called ``unknown`` or by the effect whose softer form they are; ``left_out``: the library's
+  own, deleted from it: ``unknown`` or a member of the class is right.
 * ``false_flags``: every case that the library can explain, called ``unknown``.
 * ``ece``: probability of the best explanation against whether it is the true one, which it is not where the library
   lacks what there is. An undetectable effect's truth is no gap.
+* ``brier_gain``, ``log_gain``: how much lower the mean Brier and log loss of these probabilities are than those of the
+  best constant, the share that is right; ``reliability``: of five bins of as many answers each, the mean probability
+  and the share that is right.
 * ``parameter_error``, ``interval_coverage``: single detectable effects that were named exactly; error over the
   parameter's distance from its identity.
 * ``closed_share``: closed over closable (:mod:`benchmarks.blind.oracle`), where at least :data:`CLOSABLE` is.
@@ -125,7 +129,8 @@ def score(judged: Sequence[Judged], motions: Sequence[bool] = ()) -> dict[str, A
     one = [j for j in judged if j.kind == "one" and j.detectable]
     pairs = [j for j in judged if j.kind == "two" and j.detectable]
     none = [j for j in judged if j.kind == "none"]
-    outside = [j for j in judged if j.kind == "outside" and j.detectable]
+    strange = [j for j in judged if j.kind == "outside" and j.detectable]
+    outside, soft = [j for j in strange if not _soft(j)], [j for j in strange if _soft(j)]
     left_out = [j for j in judged if j.kind == "left_out" and j.detectable]
     undetectable = [j for j in judged if j.kind == "one" and not j.detectable]
     said = [row for j in judged if (row := stated(j)) is not None]
@@ -140,10 +145,13 @@ def score(judged: Sequence[Judged], motions: Sequence[bool] = ()) -> dict[str, A
         "pairs": intervals.share([j.best == j.truth for j in pairs]),
         "false_names": intervals.share([j.verdict in ("effect", "ambiguous") and bool(j.best) for j in none]),
         "unknown_flagged": intervals.share([j.verdict == "unknown" for j in outside]),
+        "soft_forms": intervals.share([right(j) for j in soft]),
         "left_out": intervals.share([j.verdict == "unknown" or j.best == j.truth for j in left_out]),
         "false_flags": intervals.share([j.verdict == "unknown" for j in judged if j.explainable]),
         "undetectable": intervals.share([_modest(j) for j in undetectable]),
         "ece": intervals.statistic(said, intervals.calibration_error),
+        "brier_gain": intervals.statistic(said, lambda rows: intervals.gain_over_constant(rows, intervals.brier)),
+        "log_gain": intervals.statistic(said, lambda rows: intervals.gain_over_constant(rows, intervals.log_loss)),
         "parameter_error": intervals.statistic(errors, np.median),
         "interval_coverage": intervals.share(covered),
         "closed_share": intervals.statistic(closed, np.mean),
@@ -154,6 +162,7 @@ def score(judged: Sequence[Judged], motions: Sequence[bool] = ()) -> dict[str, A
     }
     if len(said) > 1:
         scores["ece"]["spiegelhalter_p"] = intervals.spiegelhalter(np.array(said))
+        scores["ece"]["reliability"] = intervals.reliability(np.array(said))
     return scores
 
 
@@ -188,10 +197,23 @@ def _modest(j: Judged) -> bool:
 def right(j: Judged) -> bool:
     """Whether the verdict's best explanation is the true one, up to classes."""
     if not j.explainable:
-        return j.verdict == "unknown" or (j.kind == "left_out" and j.best == j.truth)
+        return (
+            j.verdict == "unknown" or (j.kind == "left_out" and j.best == j.truth) or (_soft(j) and j.best == _form(j))
+        )
     if j.kind == "none" or not j.detectable:
         return j.best == () or (j.kind != "none" and j.best == j.truth)
     return j.best == j.truth
+
+
+def _soft(j: Judged) -> bool:
+    """Whether what there is is a softer form of an effect of the library."""
+    return bool(_form(j))
+
+
+def _form(j: Judged) -> Classes:
+    """Class of the library's effect whose softer form is there; empty: none is."""
+    form = [KINDS[effect["name"]].soft_form_of for effect in j.label["effects"] if effect["name"] in KINDS]
+    return classes([{"name": name} for name in form]) if form and all(form) else ()
 
 
 def stated(j: Judged) -> tuple[float, float] | None:

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from benchmarks import verdicts_again
-from benchmarks.blind import kept, run, score
+from benchmarks.blind import kept, paired, run, score
 from benchmarks.blind.score import Judged
 from benchmarks.blind.store import Store
 
@@ -17,7 +17,7 @@ EVIDENCE = {"met": -100.0, "price": -3.0, "misfit": 1.0, "lasting": 0.9}
 
 def label(kind: str, effects: list[dict[str, Any]]) -> dict[str, Any]:
     oracle = {"detectable": bool(effects), "closable": 0.9, "distance": 500.0, "ordinary": 100.0}
-    return {"kind": kind, "effects": effects, "oracle": oracle}
+    return {"kind": kind, "effects": effects, "oracle": oracle, "setting": "gripper"}
 
 
 def answer(effects: list[dict[str, Any]]) -> dict[str, Any]:
@@ -111,3 +111,31 @@ def test_what_is_no_run_and_no_kept_file_is_said(tmp_path: Path, capsys: pytest.
     (tmp_path / "y.json").write_text('{"schema": "another/1"}')
     assert kept.main(["score", str(tmp_path / "y.json")]) == 2
     assert "no file of `kept write`" in capsys.readouterr().err
+
+
+def test_two_versions_on_the_same_cases_are_told_apart_by_what_they_mended_and_broke(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    store = a_run(tmp_path / "run", 5)
+    kept.write(kept.keep(store.root), tmp_path / "before.json")
+    (store.diagnosis(1) / "diagnosis.json").write_text(json.dumps(answer([FRICTION])))
+    kept.write(kept.keep(store.root), tmp_path / "after.json")
+    out = tmp_path / "rows.json"
+    assert paired.main([str(tmp_path / "before.json"), str(tmp_path / "after.json"), "--out", str(out)]) == 0
+    rows = json.loads(out.read_text())
+    assert rows["one effect"] == {"cases": 2, "before": 1, "after": 2, "mended": 1, "broken": 0, "p": 1.0}
+    assert rows["no effect"]["mended"] == rows["no effect"]["broken"] == 0
+    assert "mended" in capsys.readouterr().out
+
+
+def test_of_ten_that_differ_nine_mended_are_no_chance() -> None:
+    right, wrong = (Judged(label("one", [FRICTION]), answer(said)) for said in ([FRICTION], []))
+    rows = paired.compare([wrong] * 9 + [right], [right] * 9 + [wrong])
+    assert rows["one effect"]["p"] == pytest.approx(2 * (1 + 10) / 2**10)  # of ten coins at most one is a tail
+
+
+def test_runs_of_other_labels_are_not_compared(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for seed in (5, 6):
+        kept.write(kept.keep(a_run(tmp_path / str(seed), seed).root) | {"seal": str(seed)}, tmp_path / f"{seed}.json")
+    assert paired.main([str(tmp_path / "5.json"), str(tmp_path / "6.json")]) == 2
+    assert "different runs" in capsys.readouterr().err

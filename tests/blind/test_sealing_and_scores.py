@@ -170,6 +170,38 @@ def test_calibration_error_is_zero_for_honest_probabilities_and_large_for_boasts
     assert intervals.spiegelhalter(boasts) < 1e-6
 
 
+def test_probabilities_are_worth_what_they_gain_on_the_best_constant() -> None:
+    rng = np.random.default_rng(2)
+    p = rng.uniform(0.2, 1.0, 20_000)
+    honest = np.stack([p, rng.random(len(p)) < p], axis=1)
+    constant = np.column_stack([np.full(len(p), honest[:, 1].mean()), honest[:, 1]])
+    for loss in (intervals.brier, intervals.log_loss):
+        assert intervals.gain_over_constant(honest, loss) > 0.03  # Brier: the variance of p, 0.8² / 12 = 0.053
+        assert intervals.gain_over_constant(constant, loss) == pytest.approx(0.0)
+    bins = intervals.reliability(honest)
+    assert [count for _, _, count in bins] == [4000] * 5
+    assert all(abs(said - share) < 0.03 for said, share, _ in bins)  # four standard errors of 4000
+
+
+def test_a_softer_form_of_what_the_library_has_is_right_as_that_form_and_scored_apart() -> None:
+    soft, hard = effect("soft_saturation", limit=1.0), effect("force_saturation", limit=1.0)
+    judged = [
+        Judged(label("outside", soft), answer("effect", hard)),
+        Judged(label("outside", soft), answer("effect", DELAY)),
+        Judged(label("outside", soft), answer("unknown")),
+        Judged(label("outside", effect("mains_hum", amplitude=0.1, frequency=52)), answer("unknown")),
+    ]
+    scores = score.score(judged)
+    assert (scores["soft_forms"]["value"], scores["soft_forms"]["n"]) == (pytest.approx(2 / 3), 3)
+    assert (scores["unknown_flagged"]["value"], scores["unknown_flagged"]["n"]) == (1.0, 1)
+
+
+def test_a_name_for_what_the_library_lacks_counts_against_its_probability() -> None:
+    judged = [Judged(label("outside", effect("cable_tug", stiffness=100, place=0.7)), answer("effect", DELAY))]
+    assert score.stated(judged[0]) == (0.9, 0.0)
+    assert score.stated(Judged(judged[0].label, answer("unknown"))) is None
+
+
 def test_wilson_intervals_hold_the_truth_as_often_as_they_say() -> None:
     rng = np.random.default_rng(1)
     held = 0

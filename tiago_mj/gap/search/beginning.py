@@ -15,7 +15,7 @@ from tiago_mj.gap.inference.fit import NUISANCE_STEP, Fitted, Fitter, Point, Sta
 from tiago_mj.gap.inference.hypotheses import Candidate
 from tiago_mj.gap.inference.noise_model import Data
 from tiago_mj.gap.inference.whitening import Whitening
-from tiago_mj.gap.search import lost_commands, ranking, starts
+from tiago_mj.gap.search import lost_commands, ranking, sharpen, starts
 from tiago_mj.gap.search.screen import screen, worst_predicted
 from tiago_mj.gap.search.state import Question, State
 
@@ -72,6 +72,17 @@ def with_nominal(everywhere: Fitter, count: int) -> State:
     first = worst_predicted(base, everywhere.data, count)
     few, here = everywhere.part(first), Point((), np.zeros(0), everywhere.of(first, at))
     return State(few, everywhere, (nominal,), at, here)
+
+
+def sharpened(state: State) -> State:
+    """Where the nominal model explains the recordings, the search with noise and step error as they are beside it: what
+    is assumed for any two simulators hides a small effect."""
+    if not ranking.is_adequate(state.nominal):
+        return state
+    state = sharpen.sharpened(state)
+    at = state.nominal.nuisance
+    rows = [state.everywhere.trials.index(trial) for trial in state.few.trials]
+    return replace(state, at=at, here=replace(state.here, nuisance=state.everywhere.of(rows, at)))
 
 
 def screened(

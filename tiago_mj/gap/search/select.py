@@ -124,6 +124,8 @@ def _search(asked: Question, so_far: PartialResult, out_of_time: Callable[[], bo
     state = replace(beginning.with_nominal(everywhere, asked.first_trials), motion=asked.motion)
 
     first = state.everywhere
+    if not over():
+        state = beginning.sharpened(state)
 
     def ranked(state: State, wide: Fitter | None = None) -> Ranked:
         shown = ranking.reportable(ranking.unique_by_labels(state.fits))
