@@ -281,7 +281,7 @@ def test_an_effect_that_closes_nothing_is_what_is_known_and_has_no_probability()
 def test_an_effect_that_the_simulators_own_numbers_hide_stays_named_without_a_probability() -> None:
     found = consistency.reconciled(closing(accounted_before=31.0, accounted=1.6))
     assert found.kind == "effect"
-    assert "with those as fitted it closes 98 %" in verdict.headline(found)
+    assert "beside those as fitted it takes 95 % off what is left" in verdict.headline(found)
     assert not consistency.has_probability(found)
     assert "No probability is given" in said_by(found)
 

@@ -290,7 +290,7 @@ def _tried(
     closed, none = closing.closed, None
     if closed is not None and closed <= promises.CLOSES:  # where the object stood may hide it
         none = leave(fit=ranked.fits[outcome.nominal(ranked)])
-        closed = max(closed, shrink.closed(none.gap, rest.gap) or 0.0)
+        closed = max(closed, shrink.gone(none.gap, rest.gap))
     aside = promises.Aside(
         closed, rest.gap, rest.misfit, held_out.can_close(best), comparable=False, loud=bool(rest.loud)
     )

@@ -67,7 +67,7 @@ class Evidence:
         edge: whether one of its magnitudes lies at the bound of what is possible.
         sharp: the larger of ``misfit`` and ``lasting`` in units of what is left to tolerate beside the best
             explanation; None: not known.
-        agreement: share of the trials in which its effects gain, of those that tell; None: not known.
+        agreement: what trials gain by its effects over what they gain and lose together [nats]; None: not known.
     """
 
     met: float

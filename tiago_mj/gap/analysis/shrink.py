@@ -94,6 +94,12 @@ def closed(before: float, after: float) -> float | None:
     return 1 - (max(after, 1.0) - 1) / (before - 1)
 
 
+def gone(before: float, after: float) -> float:
+    """Share of a mean squared residual that is gone, noise and all: what shows where a gap is no larger than the floor,
+    which is known but roughly."""
+    return 1 - after / before if before > 0 else 0.0
+
+
 def interval(drawn: Sequence[float], share: float) -> tuple[float, float]:
     """90 % interval of a share of which these were drawn; it holds the share itself, which the quantiles of few blocks,
     or of draws that had no gap to close, may leave out."""

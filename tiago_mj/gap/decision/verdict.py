@@ -51,7 +51,7 @@ class Doubt:
         named: where an effect is.
         several: the same again where more than one is.
         left: for each factor e by which more is left than noise.
-        split: for trials in which nothing is gained by an effect, as a share of those that tell.
+        split: for what trials lose by an effect, as a share of what they gain and lose together.
     """
 
     nothing: float = -3.0

@@ -36,7 +36,7 @@ class Fitted:
         misfit: mean squared residual of the worst channel, in units of floor and tolerance.
         sharp: the larger of these two in units of noise and tolerance as they are beside the best explanation; None:
             not known.
-        agreement: share of the trials in which its effects gain, of those that tell; None: not known.
+        agreement: what trials gain by its effects over what they gain and lose together [nats]; None: not known.
         spreads: deviations of details that were fitted after it (:mod:`tiago_mj.gap.analysis.place`), by name.
     """
 

@@ -31,7 +31,7 @@ from tiago_mj.effects import EFFECTS
 from tiago_mj.effects.declare import STAGES
 from tiago_mj.gap.analysis.promises import CLOSES, MOST
 from tiago_mj.gap.analysis.remainder import LEFT
-from tiago_mj.gap.analysis.shrink import NOTHING
+from tiago_mj.gap.analysis.shrink import NOTHING, gone
 from tiago_mj.gap.decision.verdict import most_probable
 from tiago_mj.gap.result import CARRIERS, KINDS, SHAPES, Closing, Diagnosis, Explanation, ResidualShape, Shrink
 
@@ -71,11 +71,10 @@ def closes(shrink: Shrink) -> bool | None:
 
 
 def closed_accounted(shrink: Shrink) -> float | None:
-    """Share of the gap that is closed once everything that nobody claims to know is given its due; None: not known."""
+    """Share of the squared residual that is gone once everything that nobody claims to know is given its due; None: not
+    known. Beside numbers as fitted as much may be gone as no gap showed before."""
     before, after = shrink.accounted_before, shrink.accounted
-    if before is None or after is None or not _known(before, after) or before - 1 <= NOTHING:
-        return None
-    return 1 - (max(after, 1.0) - 1) / (before - 1)
+    return None if before is None or after is None or not _known(before, after) else gone(before, after)
 
 
 def has_probability(diagnosis: Diagnosis) -> bool:

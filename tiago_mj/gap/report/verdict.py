@@ -114,7 +114,10 @@ def closing(diagnosis: Diagnosis, subject: str) -> str:
         hidden = closed_accounted(shrink)
         if hidden is None or hidden <= CLOSES:
             return said
-        return f"{said}, where the simulator's own numbers hide it: with those as fitted it closes {percent(hidden)}"
+        return (
+            f"{said}, where the simulator's own numbers hide it: beside those as fitted it takes {percent(hidden)} off "
+            "what is left"
+        )
     closed = percent_within(shrink.closed, shrink.low, shrink.high)
     return f"; {subject} closes {closed} of the gap on recordings that were kept aside"
 

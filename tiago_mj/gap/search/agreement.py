@@ -1,10 +1,9 @@
-"""In how many of the trials that tell of an effect an explanation gains by it."""
+"""Whether the trials agree on an effect: some excite it far more than others, but few should speak against it."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,13 +14,10 @@ from tiago_mj.gap.search import ranking, starts
 
 Array = NDArray[np.float64]
 
-#: A trial tells of an effect where its log-likelihood with and without differs by at least this [nats]: a factor of e.
-TELLS_NATS: Final = 1.0
-
 
 def with_agreement(everywhere: Fitter, fits: Sequence[Fitted]) -> list[Fitted]:
-    """Explanations with the share of trials in which they meet what was measured better than without one of their
-    effects, of those trials that tell; the least of all their effects."""
+    """Explanations with how far the trials agree on them: what those gain that gain by an effect, over what these gain
+    and the others lose [nats]; the least of all their effects."""
     if not fits:
         return []
     costs = _costs(everywhere, everywhere.predictions([starts.point_of(f) for f in fits]))
@@ -35,9 +31,9 @@ def with_agreement(everywhere: Fitter, fits: Sequence[Fitted]) -> list[Fitted]:
 
 
 def _share(gained: Array) -> float:
-    """Of the trials that tell, those that gain; all, where none tells."""
-    tells = np.abs(gained) >= TELLS_NATS
-    return float((gained[tells] > 0).mean()) if tells.any() else 1.0
+    """What trials gain of what they gain and lose together; all, where nothing is."""
+    together = float(np.abs(gained).sum())
+    return float(np.maximum(gained, 0.0).sum()) / together if together > 0 else 1.0
 
 
 def _costs(everywhere: Fitter, predicted: Array) -> Array:

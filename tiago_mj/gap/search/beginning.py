@@ -76,8 +76,12 @@ def with_nominal(everywhere: Fitter, count: int) -> State:
 
 def sharpened(state: State) -> State:
     """Where the nominal model explains the recordings, the search with noise and step error as they are beside it: what
-    is assumed for any two simulators hides a small effect."""
-    if not ranking.is_adequate(state.nominal):
+    is assumed for any two simulators hides a small effect.
+
+    Not where forces are measured: of contacts two simulators differ by more than noise, and of twelve grasps at 25 Hz
+    (blind check, seed 941) two without effect were then given one.
+    """
+    if not ranking.is_adequate(state.nominal) or "force" in state.everywhere.data.kinds:
         return state
     state = sharpen.sharpened(state)
     at = state.nominal.nuisance
