@@ -8,8 +8,8 @@ from made_hinge import HINGE
 
 from benchmarks.blind import cases, recordings, robots
 from benchmarks.blind.cases import EffectChoice
-from tiago_mj.gap.pipeline import diagnose
 from tiago_mj.gap.data.read import read_recordings
+from tiago_mj.gap.pipeline import diagnose
 from tiago_mj.gap.search import agreement, all_trials, state
 
 
