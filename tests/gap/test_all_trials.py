@@ -24,7 +24,7 @@ def test_the_best_is_fitted_to_every_trial_though_the_search_looked_at_three(tmp
     trials = read_recordings([tmp_path]).trials
     names = ("coulomb_friction", "viscous_friction", "command_delay")
     found = diagnose(trials, model=tmp_path / robots.PLAIN_FILE, names=names, threads=1)
-    ((before, after),) = seen
+    ((before, (after, _)),) = seen
     assert len(before.everywhere.trials) == 3
     assert len(after.everywhere.trials) == len(found.splits["train"]) + len(found.splits["validation"]) == 5
     assert [one.name for one in found.best.effects] == ["coulomb_friction"]

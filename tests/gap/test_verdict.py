@@ -80,6 +80,16 @@ def test_even_the_surest_answer_leaves_a_share_to_what_is_none_of_them() -> None
     assert said.probability.sum() == pytest.approx(0.96)
 
 
+def test_what_suits_one_trial_and_harms_others_is_not_named() -> None:
+    nominal, gain = option(met=-200.0, left=1.0), option("force_gain", met=-100.0, left=0.9)
+
+    def agreeing(agreement: float) -> Option:
+        return replace(gain, evidence=replace(gain.evidence, agreement=agreement))
+
+    said = [decide([agreeing(one), nominal], BY) for one in (1.0, 0.77)]
+    assert [(one.kind, one.rivals) for one in said] == [("effect", (0,)), ("no_gap", (1,))]
+
+
 def test_what_one_effect_leaves_is_not_taken_for_another() -> None:
     """An encoder is off; where a finger slows down, some 30 nats are left of what it changes."""
     nominal, one = option(met=-9000.0, left=400.0), option("encoder_bias", met=-130.0, left=0.6)

@@ -86,6 +86,7 @@ STAGES: Final = {
     "refitting": "fitting all around the best",
     "lost commands": "looking for commands that were lost",
     "pairs": "adding a second effect to the best",
+    "all trials": "fitting the best to the other recordings as well",
     "triples": "adding a third effect to the best",
     "next motion": "choosing the motion to record next",
     "comparing torques": "comparing torques along the motion",

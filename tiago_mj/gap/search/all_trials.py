@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from tiago_mj.gap.inference import noise_model
 from tiago_mj.gap.inference.fit import Fitted, Fitter, Start
-from tiago_mj.gap.search import ranking, sharpen, starts
+from tiago_mj.gap.search import beginning, ranking, sharpen, starts
 from tiago_mj.gap.search.state import Question, State
 
 Array = NDArray[np.float64]
@@ -26,8 +26,9 @@ MAX_FITTED: Final = 3
 ITERATIONS: Final = 2
 
 
-def fitted(state: State, wide: Fitter) -> State:
-    """The search with its best explanations fitted to all trials, and no others but the nominal model.
+def fitted(state: State, wide: Fitter) -> tuple[State, Fitter]:
+    """The search with its best explanations fitted to all trials, and no others but the nominal model; and ``wide``
+    with the scatter of the simulation beside the best: what sticks and slips is more sensitive than the nominal model.
 
     Where commands were lost, it is not known which were in the trials that were not fitted: they stay out.
 
@@ -37,15 +38,17 @@ def fitted(state: State, wide: Fitter) -> State:
     """
     before, best = state.everywhere, state.best
     losing = before.predict.on.delivered is not None
-    if set(wide.trials) == set(before.trials) or losing or before.out_of_time():
-        return state
+    if set(wide.trials) == set(before.trials) or losing or wide.out_of_time():
+        return state, wide
     everywhere = _linearized(before, wide, best)
     (there,) = everywhere.fit_all([_start(best, before, everywhere)])
+    everywhere = beginning.with_scatter(everywhere, there)
+    wide = replace(wide, data=everywhere.data)
     everywhere = sharpen.beside(everywhere, there)
     others = [f for f in (state.nominal, *_rivals(state)) if f is not best]
     begin = [starts.restart(there), *(_start(f, before, everywhere) for f in others)]
     at = _own(state.at, before, everywhere)
-    return replace(state, everywhere=everywhere, fits=tuple(everywhere.fit_all(begin)), at=at)
+    return replace(state, everywhere=everywhere, fits=tuple(everywhere.fit_all(begin)), at=at), wide
 
 
 def wide(asked: Question, first: Fitter, excluded: Sequence[int]) -> Fitter:
@@ -68,7 +71,7 @@ def _linearized(before: Fitter, wide: Fitter, best: Fitted) -> Fitter:
     """The fitter on all trials, with the responses of all nuisances around an explanation."""
     trials, empty = wide.trials, wide.responses
     known = [trials.index(trial) for trial in before.trials]
-    everywhere = replace(before, trials=trials, data=wide.data, responses=empty, iterations=ITERATIONS)
+    everywhere = replace(wide, predict=before.predict, weight=before.weight, given=before.given, iterations=ITERATIONS)
     new = [k for k in range(len(trials)) if k not in known]
     start = _start(best, before, everywhere)
     some = everywhere.part(new)

@@ -131,11 +131,13 @@ def _fit_nominal(fitter: Fitter) -> tuple[Fitter, Fitted]:
         best, prediction = refitted, refitted_prediction
         if gained < MIN_ROUND_GAIN_NATS:
             break
-    return (_with_scatter(fitter, best) if best.misfit < HOPELESS_NOMINAL_MISFIT else fitter), best
+    return (with_scatter(fitter, best) if best.misfit < HOPELESS_NOMINAL_MISFIT else fitter), best
 
 
-def _with_scatter(fitter: Fitter, fit: Fitted) -> Fitter:
+def with_scatter(fitter: Fitter, fit: Fitted) -> Fitter:
     """The fitter with a tolerance for the scatter of predictions under negligible moves of the nuisances."""
+    if not fitter.size:
+        return fitter
     rng = np.random.default_rng(fitter.predict.seed)
     moved = fit.nuisance + SENSITIVITY_DEVIATION * rng.standard_normal((SENSITIVITY_DRAWS, fitter.size))
     apart = fitter.predictions([starts.point_of(fit), *(Point(fit.parts, fit.values, one) for one in moved)])
