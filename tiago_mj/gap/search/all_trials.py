@@ -24,6 +24,10 @@ Array = NDArray[np.float64]
 #: steps of each: they were fitted to some of the trials before. Chosen by hand; no ablation.
 MAX_FITTED: Final = 3
 ITERATIONS: Final = 2
+#: Physics steps of all trials together at most, beyond those that were fitted anyway: eight grasps of six seconds have
+#: 24 000. A joint of an SO-101 with trials of 20 s (docs/real-data.md) took 66 million physics steps in all where eight
+#: were fitted, and 12 million where three were, with the same verdict.
+MAX_STEPS: Final = 30_000
 
 
 def fitted(state: State, wide: Fitter) -> tuple[State, Fitter]:
@@ -52,14 +56,18 @@ def fitted(state: State, wide: Fitter) -> tuple[State, Fitter]:
 
 
 def wide(asked: Question, first: Fitter, excluded: Sequence[int]) -> Fitter:
-    """The first fitter, of some trials, with all but those that are excluded; its responses are left open.
+    """The first fitter, of some trials, with all but those that are excluded, or of long ones as many as are worth it;
+    its responses are left open.
 
     Args:
         asked: what is to be explained.
         first: with floor and tolerance as they were assumed at first.
         excluded: indices of trials.
     """
-    trials = tuple(trial for trial in asked.trials if trial not in excluded)
+    others = [trial for trial in asked.trials if trial not in (*first.trials, *excluded)]
+    more = max(MAX_STEPS // max(asked.steps, 1) - len(first.trials), 0)
+    chosen = {*first.trials, *others[:more]} - set(excluded)
+    trials = tuple(trial for trial in asked.trials if trial in chosen)
     data = noise_model.select_trials(asked.data, [asked.trials.index(trial) for trial in trials])
     rows = [k for k, trial in enumerate(first.trials) if trial in trials]
     known = [trials.index(first.trials[k]) for k in rows]
