@@ -25,8 +25,7 @@ Array = NDArray[np.float64]
 MAX_FITTED: Final = 3
 ITERATIONS: Final = 2
 #: Physics steps of all trials together at most, beyond those that were fitted anyway: eight grasps of six seconds have
-#: 24 000. A joint of an SO-101 with trials of 20 s (docs/real-data.md) took 66 million physics steps in all where eight
-#: were fitted, and 12 million where three were, with the same verdict.
+#: 24 000; of trials of minutes each fit would cost many times more. Chosen by hand; no ablation.
 MAX_STEPS: Final = 30_000
 
 
