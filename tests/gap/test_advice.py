@@ -176,7 +176,7 @@ def test_limits_are_of_the_joint_behind_its_gear(tmp_path):
 def test_the_highest_probability_is_explained_where_it_is_reached():
     met = Evidence(met=-100.0, price=-9.0, misfit=1.0, lasting=1.0)
     most = most_probable(Explanation((COULOMB,), 1.0, 1.0, met))
-    assert re.search(r"never above 9\d %", verdict.ceiling(Explanation((COULOMB,), most, 1.0, met)))
+    assert re.search(r"never above \d\d %", verdict.ceiling(Explanation((COULOMB,), most, 1.0, met)))
     assert verdict.ceiling(Explanation((COULOMB,), 0.8 * most, 1.0, met)) == ""
     why = verdict.why_ceiling()
     assert re.search(r"On \d{2,} simulated cases", why)
