@@ -105,8 +105,12 @@ def again(one: Case, by: Calibration) -> Judged:
     """A case as it would be answered with other numbers."""
     said = promises.standing(decide(one.options, by, measured_on_readings=one.betrayed), one.options, by)
     ranking, notes = one.answer["ranking"], one.answer.get("notes", ())
-    if promises.CLOSES_NOTHING in notes:  # of the trials kept aside, which are not stored
-        said = replace(said, rivals=(next(k for k, option in enumerate(one.options) if not option.effects),))
+    if {promises.CLOSES_NOTHING, promises.NOTHING_TO_CLOSE} & set(
+        notes
+    ):  # of the trials kept aside, which are not stored
+        said = replace(
+            said, kind="no_gap", rivals=(next(k for k, option in enumerate(one.options) if not option.effects),)
+        )
     gave_way = {promises.CLOSES_NOTHING, promises.NOT_THOSE_ASIDE} & set(notes)
     unknown = bool(gave_way) or any(STRANGE in note for note in notes)
     best = said.rivals[0]

@@ -10,7 +10,7 @@ import pytest
 from tiago_mj.gap.analysis import promises
 from tiago_mj.gap.analysis.promises import Aside
 from tiago_mj.gap.analysis.remainder import LEFT
-from tiago_mj.gap.decision.verdict import Calibration, Judged, Option, decide
+from tiago_mj.gap.decision.verdict import Calibration, Judged, Option, decide, wrong
 from tiago_mj.gap.result import Evidence
 
 BY = Calibration(temperature=1.0, stands=0.333, rival=0.05, fails=2.17, remains=2.0)
@@ -100,6 +100,19 @@ def test_what_closes_nothing_is_not_named(kind: str) -> None:
     assert no_gap_there.kind == kind
 
 
+def test_where_there_is_nothing_to_close_there_is_no_gap() -> None:
+    """Friction suits the trials that were fitted; without it those kept aside show noise alone (seed 941, case 24)."""
+    before, seen = judged("effect", [0.85, 0.0, 0.05], 0), replace(FINE, closed=-0.03, without=0.93)
+    kept, said = promises.aside(before, seen, NAMED, BY)
+    assert (kept.kind, kept.rivals, kept.remains, said) == ("no_gap", (2,), False, (promises.NOTHING_TO_CLOSE,))
+    assert kept.probability[2] == pytest.approx(1 - wrong(0, NAMED[2].evidence, BY.doubt))
+    rival = judged("effect", [0.5, 0.3, 0.05], 0)  # the payload, which may close something, is likelier than nothing
+    gap = [option("armature"), option("payload"), option(left=3.0)]
+    left = replace(seen, without=9.0)
+    for odd in ((rival, seen, NAMED), (before, seen, gap), (before, left, NAMED)):
+        assert promises.aside(*odd, BY)[0].kind == "unknown"
+
+
 def test_what_is_left_remains() -> None:
     before = judged("effect", [0.9, 0.0, 0.0], 0)
     kept, _ = promises.aside(before, Aside(closed=0.47, left=55.0, misfit=1.0), NAMED, BY)
@@ -151,7 +164,13 @@ def anything(random: np.random.Generator) -> tuple[list[Option], Judged, Aside]:
             order = (0,)
         verdict = Judged(kind, share, order, bool(random.random() < 0.5), sure=0.9)
     closed = None if random.random() < 0.2 else float(random.normal(0.4, 0.5))
-    seen = Aside(closed, float(random.lognormal(1, 2)), float(random.lognormal(0, 1)), bool(random.random() < 0.9))
+    seen = Aside(
+        closed,
+        float(random.lognormal(1, 2)),
+        float(random.lognormal(0, 1)),
+        bool(random.random() < 0.9),
+        without=None if random.random() < 0.3 else float(random.lognormal(1, 1)),
+    )
     return options, verdict, seen
 
 
@@ -176,9 +195,14 @@ def test_whatever_was_found_the_promises_are_kept(seed: int) -> None:
     if kept.kind == "no_gap":
         assert not best.effects
         assert not kept.remains
-        assert seen.left <= LEFT or seen.misfit <= BY.fails
+        if promises.NOTHING_TO_CLOSE in said:
+            assert seen.without is not None
+            assert seen.without <= LEFT
+            assert kept.probability[kept.rivals[0]] >= kept.probability.max() > 0
+        else:
+            assert seen.left <= LEFT or seen.misfit <= BY.fails
     if said:
-        assert kept.kind == "unknown"
+        assert kept.kind == ("no_gap" if promises.NOTHING_TO_CLOSE in said else "unknown")
         assert kept.kind != verdict.kind
     again, nothing_more = promises.aside(promises.standing(kept, options, BY), seen, options, BY)
     assert (again.kind, again.rivals, again.remains, nothing_more) == (kept.kind, kept.rivals, kept.remains, ())

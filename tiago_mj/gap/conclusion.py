@@ -292,7 +292,13 @@ def _tried(
         none = leave(fit=ranked.fits[outcome.nominal(ranked)])
         closed = max(closed, shrink.gone(none.gap, rest.gap))
     aside = promises.Aside(
-        closed, rest.gap, rest.misfit, held_out.can_close(best), comparable=False, loud=bool(rest.loud)
+        closed,
+        rest.gap,
+        rest.misfit,
+        held_out.can_close(best),
+        comparable=False,
+        loud=bool(rest.loud),
+        without=none and none.gap,
     )
     kept, said = promises.aside(judged, aside, [verdict.option(fit, ranked) for fit in ranked.fits], by)
     if kept.rivals[0] != judged.rivals[0]:

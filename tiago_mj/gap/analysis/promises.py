@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tiago_mj.gap.analysis.remainder import LEFT
-from tiago_mj.gap.decision.verdict import REFUTING_RATIO, Calibration, Judged, Option
+from tiago_mj.gap.decision.verdict import REFUTING_RATIO, Calibration, Judged, Option, discrepancy, wrong
 
 Array = NDArray[np.float64]
 
@@ -35,6 +35,10 @@ DRAWS: Final = 400
 #: Sentences that say which promise of the trials kept aside made a verdict give way.
 CLOSES_NOTHING: Final = (
     "What fits the other recordings best closes nothing of the gap on those that were kept aside: it is not named."
+)
+NOTHING_TO_CLOSE: Final = (
+    "What fits the other recordings best closes nothing on those that were kept aside, where the simulator's own "
+    "numbers leave no gap: it is not named."
 )
 NOT_THOSE_ASIDE: Final = (
     "The simulator's own numbers, moved within what they are known to, explain the recordings to which they were "
@@ -51,6 +55,7 @@ class Aside:
         left: mean squared residual in units of the noise floor, with the nominal model's own numbers as they were
             fitted beside the explanation.
         misfit: mean square of the worst channel in units of floor and tolerance.
+        without: as ``left``, of the nominal model; None: not known.
         loud: whether a phase of the motion leaves more than noise and tolerance explain.
         can_close: whether it would close some if it were right: not what is drawn at random.
         comparable: whether ``misfit`` has all tolerances of the fits. Replays of commands have not: of 41 cases of the
@@ -64,6 +69,7 @@ class Aside:
     can_close: bool = True
     comparable: bool = True
     loud: bool = False
+    without: float | None = None
 
 
 def beaten(energy: Array, samples: Array, misfit: Array, fails: float, seed: int = 0) -> NDArray[np.bool_]:
@@ -140,19 +146,33 @@ def aside(judged: Judged, seen: Aside, options: Sequence[Option], by: Calibratio
         by: calibration.
 
     Returns:
-        The verdict; where its best explanation closes nothing, the nominal model is its only one.
+        The verdict; where its best explanation closes nothing, the nominal model is its only one, and there is no gap
+        where that explains the other recordings and leaves none here.
     """
     kind, rivals, said = judged.kind, judged.rivals, []
+    nominal = next(k for k, one in enumerate(options) if not one.effects)
     remains = judged.remains or seen.left > LEFT or seen.misfit > by.remains or seen.loud
     named = kind in ("effect", "ambiguous") and bool(options[rivals[0]].effects)
     if named and seen.can_close and seen.closed is not None and seen.closed <= CLOSES:
-        kind, remains = "unknown", True
-        rivals = (next(k for k, one in enumerate(options) if not one.effects),)
+        left = _without_classes(judged, options, rivals[0], by)
+        explains = discrepancy(options[nominal]) <= by.remains and seen.without is not None and seen.without <= LEFT
+        if explains and left.probability[nominal] >= left.probability.max() > 0:
+            return replace(left, kind="no_gap", rivals=(nominal,), remains=False), (NOTHING_TO_CLOSE,)
+        kind, remains, rivals = "unknown", True, (nominal,)
         said.append(CLOSES_NOTHING)
     if kind == "no_gap" and seen.comparable and seen.left > LEFT and seen.misfit > by.fails:
         kind = "unknown"
         said.append(NOT_THOSE_ASIDE)
     return replace(judged, kind=kind, rivals=rivals, remains=remains and kind != "no_gap"), tuple(said)
+
+
+def _without_classes(judged: Judged, options: Sequence[Option], out: int, by: Calibration) -> Judged:
+    """The verdict with the probability of one explanation, and of others of its classes, given to the rest."""
+    rest = np.where([one.classes == options[out].classes for one in options], 0.0, judged.probability)
+    total = sum({one.classes: p for one, p in zip(options, rest, strict=True)}.values())
+    nominal = next(one for one in options if not one.effects)
+    sure = 1 - wrong(0, nominal.evidence, by.doubt)
+    return replace(judged, probability=rest * (sure / total if total > 0 else 0.0), sure=sure)
 
 
 def spoiled(
