@@ -298,7 +298,7 @@ def _tried(
         held_out.can_close(best),
         comparable=False,
         loud=bool(rest.loud),
-        without=none and none.gap,
+        without=None if none is None else none.gap,
     )
     kept, said = promises.aside(judged, aside, [verdict.option(fit, ranked) for fit in ranked.fits], by)
     if kept.rivals[0] != judged.rivals[0]:
