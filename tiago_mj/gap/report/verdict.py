@@ -221,7 +221,7 @@ def why_ceiling() -> str:
     return (
         f"On {cases} simulated cases, whose effects the diagnosis was not told, answers were wrong however sure the "
         f"evidence was: about {nothing} of those that named nothing, {one} of those with one effect and {more} of "
-        "those with several; and more where more than noise was left, or not every trial gained. A cause that the "
+        "those with several; and more where more than noise was left. A cause that the "
         "library lacks can look exactly like one that it has. So this share is taken off every probability."
     )
 
