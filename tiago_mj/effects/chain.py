@@ -300,8 +300,10 @@ class Chain:
         """Set points that actuators integrate, after physics steps with these inputs, (nsim, nsteps, nactuators); as
         MuJoCo's Euler steps of ``act``, within ``actrange``."""
         ids, model = self._wiring.actuators, self._host.model
-        speeds = np.where(model.actuator_ctrllimited[ids], np.clip(inputs, *model.actuator_ctrlrange[ids].T), inputs)
-        low, high = np.where(model.actuator_actlimited[ids], model.actuator_actrange[ids].T, [[-np.inf], [np.inf]])
+        slowest, fastest = np.moveaxis(self._host.field("actuator_ctrlrange")[:, None, ids], -1, 0)
+        speeds = np.where(model.actuator_ctrllimited[ids], np.clip(inputs, slowest, fastest), inputs)
+        limited, ends = model.actuator_actlimited[ids], self._host.field("actuator_actrange")[:, ids]
+        low, high = np.where(limited, ends[..., 0], -np.inf), np.where(limited, ends[..., 1], np.inf)
         step = self.now.dt[:, None] / self._substeps
         for k in range(inputs.shape[1]):
             set_points = np.clip(set_points + speeds[:, k] * step, low, high)

@@ -205,10 +205,12 @@ class Stepping(Effect, ABC):
         """The set point that is passed on, (nsim, nactuators) [m, rad]; ``self.taken`` is the one before."""
 
     def change(self, now: Now) -> None:
-        # What jumps has no speed: the limit of it lies before.
+        # What jumps has no speed: the limit of it lies before, as does that of where commands lead.
         jumping = (self.present & (self.period > 0))[:, now.wiring.act >= 0]
-        limits, actuators = now.host.field("actuator_ctrlrange"), now.wiring.actuators[now.wiring.act >= 0]
-        limits[:, actuators] = np.where(jumping[..., None], (-AT_ONCE, AT_ONCE), limits[:, actuators])
+        actuators = now.wiring.actuators[now.wiring.act >= 0]
+        for field in ("actuator_ctrlrange", "actuator_actrange"):
+            limits = now.host.field(field)
+            limits[:, actuators] = np.where(jumping[..., None], (-AT_ONCE, AT_ONCE), limits[:, actuators])
 
     def start(self, now: Now) -> None:
         self._wanted, self.taken = now.set_point.copy(), now.set_point.copy()
