@@ -11,11 +11,9 @@ import pytest
 from benchmarks import truth_audit
 from benchmarks.blind.dictionary import CONSTANT, KINDS
 from tiago_mj.effects import EFFECTS
-from tiago_mj.effects.spec import Entry
 from tiago_mj.gap.analysis import place
-from tiago_mj.gap.detectors import set_points
 from tiago_mj.gap.inference import hypotheses
-from tiago_mj.gap.inference.predictor import Predictor, predictor
+from tiago_mj.gap.inference.predictor import Predictor
 
 #: A sample of the audit, over stages, rates and robots, of what takes seconds; docs/truth-audit.md has all.
 SAMPLE = (
@@ -125,19 +123,3 @@ def test_every_nominal_number_can_be_met_on_either_side(pressing):
         down, up = (np.abs(moved[2 * k + side] - nominal).max() for side in (0, 1))
         assert down >= 0.1 * up, term
         assert up >= 0.1 * down, term
-
-
-def test_a_drivers_dead_band_and_period_are_read_off_the_motion_beside_what_is_known():
-    one = opened("plain/command_deadband/0")
-    known = Entry("encoder_bias", None, {"offset": 1e-4})
-    plant = replace(one.plant, given=(known, Entry("command_delay", None, {"seconds": 1e-4})))
-    predict, nominal = predictor(plant, one.on.trials, threads=1)
-    fastest = np.abs(nominal.velocity).max(axis=(0, 1))
-    pool = hypotheses.candidates(plant, ["command_deadband"], fastest)
-    motion = set_points.servo_motion(plant, predict.on, predict.data, nominal)
-    found = set_points.magnitudes(plant, predict.on, motion, pool, range(5))
-    (driver,) = [c for c in found if dict(c.fixed)["period"]]
-    true = one.made.case.effects[0].parameters["width"]
-    # A step of the widths that are looked at around the best is 1.4 %, of the periods 12 %.
-    assert min(abs(np.log(np.array(driver.grid) / true))) < 0.03
-    assert dict(driver.fixed)["period"] == pytest.approx(CONSTANT["command_deadband"]["period"], rel=0.25)

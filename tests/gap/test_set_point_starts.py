@@ -58,10 +58,23 @@ def test_a_grid_is_found_beside_a_delay_that_hides_it(hinge: tuple[Predictor, Se
     state = searching(measured, motion, "command_quantization")
     late = candidate(measured, "command_delay")
     (fit,) = state.everywhere.fit_all([Start((late,), np.array([seconds]))])
-    (found,) = set_point_starts.beside(state, fit, least=5.0)
+    found, *by_driver = set_point_starts.beside(state, fit, least=5.0)
+    assert all(dict(each.parts[-1].fixed)["period"] > 0 for each in by_driver)  # often: nearly the same
     tried = [values[-1] for values, _ in ((found.values, None), *found.alternatives)]
     assert min(abs(value - step) for value in tried) < 0.002 * step  # a line at 1 rad moves by a tenth of a step
     assert [part.effect for part in found.parts] == ["command_delay", "command_quantization"]
+
+
+def test_a_drivers_dead_band_and_period_are_found_together(hinge: tuple[Predictor, ServoMotion]) -> None:
+    predict, motion = hinge
+    width, period = 0.019, 0.005
+    measured = with_effects(predict, Entry("command_deadband", None, {"width": width, "period": period}))
+    state = searching(measured, motion, "command_deadband")
+    (fit,) = state.everywhere.fit_all([Start((), np.zeros(0))])
+    found = set_point_starts.beside(state, fit, least=5.0)
+    best = state.with_fits(state.everywhere.fit_all(found)).best
+    assert dict(best.parts[0].fixed)["period"] == period
+    assert best.values[0] == pytest.approx(width, rel=0.005)  # flat between two widths that set points tell apart
 
 
 def test_where_no_grid_is_none_is_tried(hinge: tuple[Predictor, ServoMotion]) -> None:

@@ -273,7 +273,7 @@ class CommandDeadband(Stepping):
     signal_only = True
 
     width = parameter(LENGTH, identity=0.0, default=0.0003, bounds=((0.0, 0.003), (0.0, 0.1)))
-    period = parameter("s", identity=None, default=0.0, bounds=(0.0, 0.05), tried=(0.0, 0.001, 0.005, 0.02))
+    period = parameter("s", identity=None, default=0.0, bounds=(0.0, 0.05), tried=(0.0, 0.005))
 
     def took(self, wanted: Array) -> Array:
         return np.where(np.abs(wanted - self.taken) >= self.width, wanted, self.taken)

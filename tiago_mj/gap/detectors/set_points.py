@@ -8,7 +8,7 @@ this best become starts of ordinary fits.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -37,16 +37,6 @@ MAX_SIMULATED: Final = 3
 #: share of a step: between them is nothing to see. No more than so many, the widest steps.
 GRID_SHIFT: Final = 0.25
 MAX_GRIDS: Final = 8000
-#: How often a driver may look at its set point, where that is a number of the effect [s], each beside so many
-#: magnitudes; then from half as often to twice as often, in so many steps. On dead bands of 0.2 and 0.9 mm that were
-#: looked at every 5 ms it finds 0.29 and 0.88 mm (benchmarks/truth_audit.py, gripper/command_deadband).
-DRIVER_PERIODS: Final = (0.001, 0.002, 0.004, 0.008, 0.016, 0.032)
-DRIVER_WIDTHS: Final = 60
-DRIVER_RANGE: Final = 2.0
-DRIVER_STEPS: Final = 13
-#: Longest steps at which a driver is followed, first and then [s], and trials in which it is: those that move most.
-DRIVER_STEP: Final = (2e-3, 1e-3)
-DRIVER_TRIALS: Final = 3
 #: Share of the way that a servo is behind by which its position is known worse: what nominal gains are known to.
 LAG_SHARE: Final = 0.1
 #: Squared residuals are clipped at this, in units of their variance, since other causes may act there. Chosen by hand;
@@ -174,94 +164,51 @@ def magnitudes(
                 like = fine[total <= total.min() + 1.0]
                 spread = max(float(np.ptp(like)) / 2, 1e-4 * float(best[0]))
                 out[k] = replace(pool[k], grid=tuple(sorted({*pool[k].grid, *best.tolist()})), spread=spread)
-    for name in dict.fromkeys(c.effect for c in pool):
-        if EFFECTS[name].stage == "command" and PERIOD in EFFECTS[name].parameters:
-            out = _with_driver(plant, on, motion, out, name, trials)
     return tuple(out)
 
 
-def _with_driver(
-    plant: Plant, on: Grid, motion: ServoMotion, pool: Sequence[Candidate], name: str, trials: Sequence[int]
-) -> list[Candidate]:
-    """The pool, in which an effect that acts whenever a driver looks at the set point is left with one period for each
-    choice of targets: the one that explains best what was seen, with the magnitude that does."""
-    mine = [k for k, c in enumerate(pool) if c.effect == name and dict(c.fixed).get(PERIOD)]
-    first = {pool[k].target: k for k in reversed(mine)}
-    if len(first) == len(mine):  # nothing to choose
-        return list(pool)
-    columns = {target: _columns(pool[k], plant.wiring.targets.command) for target, k in first.items()}
-    lively = sorted(trials, key=lambda t: -float(np.nansum(np.abs(np.diff(motion.requested[t], axis=0)))))
-    some, wide = sorted(lively[:DRIVER_TRIALS]), pool[mine[0]]
-    even = np.geomspace(0.01, 1.0, DRIVER_WIDTHS) * (wide.high - wide.identity) + wide.identity
-    pairs = np.array([(width, period) for width in even for period in DRIVER_PERIODS])
-    cost = _driver_costs(plant, on, motion, wide, pairs, some, DRIVER_STEP[0])
-    best = {target: pairs[int(np.argmin(cost[:, column].sum(axis=1)))] for target, column in columns.items()}
-    factors = np.geomspace(1 / DRIVER_RANGE, DRIVER_RANGE, DRIVER_STEPS)
-    widths = np.geomspace(even[0] / even[1], even[1] / even[0], DRIVER_STEPS)
-    around = {t: np.array([(w * a, p * b) for a in widths for b in factors]) for t, (w, p) in best.items()}
-    near = _driver_costs(plant, on, motion, wide, np.concatenate(list(around.values())), some, DRIVER_STEP[1])
-    out = dict(enumerate(pool))
-    for target, each in zip(around, np.split(near, len(around)), strict=True):
-        total = each[:, columns[target]].sum(axis=1)
-        width, period = around[target][int(np.argmin(total))]
-        like = around[target][total <= total.min() + 1.0, 0]
-        one = pool[first[target]]
-        out[first[target]] = replace(
-            one,
-            fixed=tuple((key, float(f"{period:.3g}") if key == PERIOD else v) for key, v in one.fixed),
-            grid=tuple(sorted({*one.grid, float(min(width, one.high))})),
-            spread=max(float(np.ptp(like)) / 2, 1e-4 * float(width)),
-        )
-    return [out[k] for k in sorted(out) if k not in mine or k in first.values()]
+def driven(
+    plant: Plant, on: Grid, motion: ServoMotion, wide: Candidate, pairs: Array, trials: Sequence[int], longest: float
+) -> Iterator[Array]:
+    """How far off pairs of a magnitude and a driver's period put the set points, for each of the T - 1 commands
+    (npairs, ntrials, nsteps, nactuators), in steps of at most ``longest`` [s]."""
+    these, parts = list(trials), max(math.ceil(plant.period / longest - 1e-6), 1)
+    shape = (len(pairs), len(these), motion.requested.shape[2])
+    size = shape[0] * shape[1]
 
+    def flat(each: Array) -> Array:  # of every trial, for every pair
+        return np.broadcast_to(each, (len(pairs), *each.shape)).reshape(size, *each.shape[1:])
 
-def _driver_costs(
-    plant: Plant,
-    on: Grid,
-    motion: ServoMotion,
-    wide: Candidate,
-    pairs: Array,
-    trials: Sequence[int],
-    longest: float,
-) -> Array:
-    """Misfit of pairs of a magnitude and a driver's period, (npairs, 2) to (npairs, nactuators); the servo follows what
-    the driver passes on in steps of at most ``longest`` [s]."""
-    total = np.zeros((len(pairs), motion.requested.shape[2]))
     entries = [(Entry(wide.effect, None, {wide.parameter: float(w), PERIOD: float(p)}),) for w, p in pairs]
-    parts = max(math.ceil(plant.period / longest - 1e-6), 1)
-    share = 1 - (1 - np.minimum(motion.share, 1 - 1e-9)) ** (1 / parts)
-    path = _slewed(plant, on, motion.start, motion.requested)
-    for t in trials:
-        chain = only_commands(plant, entries)
-        now = chain.now
-        now.set_point, now.substeps = np.broadcast_to(motion.start[t], total.shape).copy(), parts
-        now.dt = np.full(len(pairs), plant.period)
-        now.takes_set_points = plant.wiring.servo & (plant.wiring.act < 0)
-        effect = next(each for each in chain.effects if each.name == wide.effect)  # beside those that are given
-        effect.start(now)
-        passed, ahead = now.set_point.copy(), np.zeros(total.shape)
-        for k in range(motion.requested.shape[1]):
-            now.dt = np.full(len(pairs), on.period[t, k])
-            step = on.period[t, k] / parts
-            speed = (path[t, k + 1] - path[t, k]) / on.period[t, k]
-            asked = np.where(now.takes_set_points, path[t, k + 1], speed)
-            jumps = effect.given(np.broadcast_to(asked, (len(pairs), parts, total.shape[1])), now)
-            for j in range(parts):
-                passed = np.where(now.takes_set_points, jumps[:, j], passed + jumps[:, j] * step)
-                nominal = np.where(now.takes_set_points, path[t, k + 1], path[t, k] + (j + 1) * step * speed)
-                ahead = ahead + share * (passed - nominal - ahead)
-            total += np.minimum(
-                ((motion.position_residual[t, k + 1] - ahead) / motion.deviation[t, k + 1]) ** 2, MAX_SQUARED_RESIDUAL
-            )
-    return total
+    path = _slewed(plant, on, motion.start, motion.requested)[these]
+    chain = only_commands(plant, [entry for entry in entries for _ in these])
+    now = chain.now
+    now.set_point, now.substeps, now.dt = flat(motion.start[these]), parts, np.full(size, plant.period)
+    now.takes_set_points = plant.wiring.servo & (plant.wiring.act < 0)
+    effect = next(each for each in chain.effects if each.name == wide.effect)  # beside those that are given
+    effect.start(now)
+    passed = now.set_point.reshape(shape)
+    for k in range(motion.requested.shape[1]):
+        now.dt = flat(on.period[these, k])
+        period = on.period[these, k, None]
+        step, speed = period / parts, (path[:, k + 1] - path[:, k]) / period
+        asked = flat(np.where(now.takes_set_points, path[:, k + 1], speed))
+        jumps = effect.given(np.repeat(asked[:, None], parts, axis=1), now).reshape(*shape[:2], parts, shape[2])
+        off = np.empty(jumps.shape)
+        for j in range(parts):
+            passed = np.where(now.takes_set_points, jumps[:, :, j], passed + jumps[:, :, j] * step)
+            nominal = np.where(now.takes_set_points, path[:, k + 1], path[:, k] + (j + 1) * step * speed)
+            off[:, :, j] = passed - nominal
+        yield off
 
 
-def dense(wide: Candidate, farthest: float) -> Array:
-    """Magnitudes to look at, rising; set points are as far as that from the joint's zero [m, rad]."""
+def dense(wide: Candidate, farthest: float, shift: float = GRID_SHIFT) -> Array:
+    """Magnitudes to look at, rising; set points are as far as that from the joint's zero [m, rad], where a grid's lines
+    move by ``shift`` of a step from one to the next."""
     even = wide.identity + np.geomspace(0.01, 1.0, DENSE_MAGNITUDES) * (wide.high - wide.identity)
     if wide.parameter != "step":
         return even
-    lines = np.arange(1 / even[-1], 1 / even[0], GRID_SHIFT / max(farthest, even[-1]))[:MAX_GRIDS]
+    lines = np.arange(1 / even[-1], 1 / even[0], shift / max(farthest, even[-1]))[:MAX_GRIDS]
     return np.unique(np.concatenate([even, 1 / lines]))
 
 

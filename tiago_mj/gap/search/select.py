@@ -232,7 +232,10 @@ def _with_singles(state: State, tell: Callable[[State], None], tick: Tick) -> St
     state = replace(state, fits=tuple(rounds.reweighted(state.everywhere, state.fits)))
     times = len(state.everywhere.trials) / len(few.trials)
     near = rounds.worth_all_trials([f for f in on_few if f.parts], ranking.best_nominal(on_few), times)
-    state = _fitted_to_all(state, [starts.start_on_all_trials(f, state.everywhere, state.at) for f in near], tell)
+    begin = [starts.start_on_all_trials(f, state.everywhere, state.at) for f in near]
+    if _leaves_a_gap(state.nominal) and not few.out_of_time():
+        begin += set_point_starts.beside(state, state.nominal, additions.MIN_PREDICTED_GAIN_NATS)
+    state = _fitted_to_all(state, begin, tell)
     if ranking.discrepancy(state.best) > ranking.INADEQUATE_DISCREPANCY and not few.out_of_time():
         state = state.with_weight(np.maximum(state.everywhere.weight, MIN_WEIGHT_WHILE_UNEXPLAINED))
         state = replace(state, fits=tuple(rounds.reweighted(state.everywhere, state.fits)))

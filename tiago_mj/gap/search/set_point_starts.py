@@ -8,8 +8,9 @@ magnitude would change is known without simulating it.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from functools import partial
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import groupby
 from typing import Final
 
 import numpy as np
@@ -18,10 +19,13 @@ from numpy.typing import NDArray
 from tiago_mj.effects import EFFECTS
 from tiago_mj.effects.declare import overrides
 from tiago_mj.gap.detectors import set_points
-from tiago_mj.gap.detectors.set_points import MAX_SQUARED_RESIDUAL, PERIOD, ServoMotion
+from tiago_mj.gap.detectors.set_points import MAGNITUDES_AROUND_BEST, PERIOD, ServoMotion
+from tiago_mj.gap.inference import likelihood
 from tiago_mj.gap.inference.fit import Fitted, Fitter, Point, Start
 from tiago_mj.gap.inference.hypotheses import Candidate
+from tiago_mj.gap.inference.noise_model import Data
 from tiago_mj.gap.search import impulse_responses, starts
+from tiago_mj.gap.search.driver_period import PERIODS, with_period
 from tiago_mj.gap.search.impulse_responses import Learned
 from tiago_mj.gap.search.lost_commands import effects_in_every_trial
 from tiago_mj.gap.search.state import State
@@ -29,7 +33,16 @@ from tiago_mj.gap.search.state import State
 Array = NDArray[np.float64]
 
 #: Magnitudes that are looked at together, for the memory that their changes take.
-AT_ONCE: Final = 256
+AT_ONCE: Final = 512
+#: Trials in which all magnitudes are looked at; the best are in all. The likelihood's peaks are narrow: a grid's lines
+#: move by this share of a step from one magnitude to the next (on a hinge beside a delay its peak is 0.5 % wide).
+SCANNED_TRIALS: Final = 2
+FINE_GRID_SHIFT: Final = 0.1
+#: Where a driver looks now and then: magnitudes beside each period (1.5 % apart: on a hinge a peak was 2 % wide), those
+#: around each of the best, and the longest step at which a driver is followed [s].
+DRIVER_WIDTHS: Final = 300
+DRIVER_WIDTHS_AROUND_BEST: Final = 7
+DRIVER_STEP: Final = 2e-3
 #: Rounds in which the magnitude of what is explained is looked for again, at most, and what one has to gain for another
 #: [nats]. Chosen by hand; no ablation.
 MAX_ROUNDS: Final = 3
@@ -38,10 +51,13 @@ MIN_ROUND_GAIN_NATS: Final = 3.0
 
 def beside(state: State, fit: Fitted, least: float) -> list[Start]:
     """Starts on all trials of an explanation with a grid or dead band beside it, each at the magnitudes that explain
-    most of what it leaves; none where they are expected to gain less than ``least`` [nats]."""
-    there = {part.label for part in fit.parts}
+    most of what it leaves; none where they are expected to gain less than ``least`` [nats]. Beside the nominal model
+    they are looked for with its numbers as they are given: as fitted they have absorbed part of what is looked for."""
+    there, at = {part.label for part in fit.parts}, starts.point_of(fit)
     mine = [c for c in state.pool if _acts_on_set_points(c) and c.label not in there]
-    return _starts(state, starts.point_of(fit), mine, least)
+    if not fit.parts:
+        at = replace(at, nuisance=np.zeros_like(at.nuisance))
+    return _starts(state, at, mine, least)
 
 
 def looked_for_again(state: State) -> State:
@@ -64,88 +80,169 @@ def _starts(state: State, at: Point, candidates: Sequence[Candidate], least: flo
     everywhere, motion = state.everywhere, state.motion
     if motion is None or not candidates or any(part.effect == impulse_responses.LOSES for part in at.parts):
         return []
-    base, learned = impulse_responses.learned(everywhere.predict, effects_in_every_trial(everywhere, at))
+    beside = Beside.of(everywhere, motion, at)
     out = []
-    for candidate in candidates:
-        cost = partial(_costs, everywhere, motion, candidate, base=base, learned=learned)
-        values = _magnitudes(everywhere, motion, candidate)
-        coarse = cost(values=np.append(values, candidate.identity))
-        near = [k for k in set_points.minima(coarse[:-1]) if coarse[-1] - coarse[k] > least]
-        fine = [
-            np.linspace(values[max(k - 1, 0)], values[min(k + 1, len(values) - 1)], set_points.MAGNITUDES_AROUND_BEST)
-            for k in near
-        ]
-        found = [float(some[int(np.argmin(cost(values=some)))]) for some in fine]
-        if found:
-            several = [np.array([*at.values, value]) for value in found]
-            also = tuple((value, at.nuisance) for value in several[1:])
-            out.append(Start((*at.parts, candidate), several[0], at.nuisance, also))
+    for (_, by_driver), group in groupby(sorted(candidates, key=_kind), key=_kind):
+        out += (_with_driver if by_driver else _at_commands)(beside, list(group), least)
     return out
 
 
+def _at_commands(beside: Beside, candidates: Sequence[Candidate], least: float) -> list[Start]:
+    """Starts at the magnitudes that explain most where each command is rounded or ignored as it comes."""
+    out, at = [], beside.at
+    values = set_points.dense(candidates[0], beside.farthest, FINE_GRID_SHIFT)
+    few = beside.in_liveliest(SCANNED_TRIALS).gains(candidates, _pairs(values, 0.0))
+    for candidate, gains in zip(candidates, few, strict=True):
+        found = []
+        for k in set_points.minima(-gains):
+            fine = _around(values, k, MAGNITUDES_AROUND_BEST)
+            near = beside.gains([candidate], _pairs(fine, 0.0))[0]
+            if near.max() > least:
+                found.append((np.array([*at.values, fine[int(np.argmax(near))]]), at.nuisance))
+        if found:
+            out.append(Start((*at.parts, candidate), found[0][0], at.nuisance, tuple(found[1:])))
+    return out
+
+
+def _with_driver(beside: Beside, candidates: Sequence[Candidate], least: float) -> list[Start]:
+    """Starts at the magnitudes and periods that explain most where a driver rounds or ignores what it looks at.
+
+    The likelihood's peaks are narrow: all pairs are looked at in few trials, the best of each period in all of them.
+    """
+    out, at, wide = [], beside.at, candidates[0]
+    values = wide.identity + np.geomspace(0.01, 1.0, DRIVER_WIDTHS) * (wide.high - wide.identity)
+    every = np.concatenate([_pairs(values, period) for period in PERIODS])
+    few = beside.in_liveliest(SCANNED_TRIALS).gains(candidates, every).reshape(len(candidates), len(PERIODS), -1)
+    for candidate, gains in zip(candidates, few, strict=True):
+        peaks = [(period, k) for period, one in zip(PERIODS, gains, strict=True) for k in set_points.minima(-one)]
+        near = np.concatenate([_pairs(_around(values, k, DRIVER_WIDTHS_AROUND_BEST), period) for period, k in peaks])
+        (there,) = beside.gains([candidate], near)
+        best: dict[float, tuple[float, float]] = {}
+        for gain, (value, period) in zip(there.tolist(), near.tolist(), strict=True):
+            best[period] = max(best.get(period, (-np.inf, value)), (gain, value))
+        ahead = sorted(best.items(), key=lambda item: -item[1][0])[: set_points.MAX_SIMULATED]
+        out += [
+            Start((*at.parts, with_period(candidate, period)), np.array([*at.values, value]), at.nuisance)
+            for period, (gain, value) in ahead
+            if gain > least
+        ]
+    return out
+
+
+def _pairs(values: Array, period: float) -> Array:
+    """Magnitudes, each beside a period, (nvalues, 2)."""
+    return np.column_stack([values, np.full(len(values), period)])
+
+
+def _around(values: Array, k: int, count: int) -> Array:
+    """So many magnitudes between the neighbours of one."""
+    return np.linspace(values[max(k - 1, 0)], values[min(k + 1, len(values) - 1)], count)
+
+
+def _kind(candidate: Candidate) -> tuple[str, bool]:
+    """What candidates are looked at together by: effect, and whether it acts when a driver looks."""
+    return candidate.effect, bool(dict(candidate.fixed).get(PERIOD))
+
+
 def _acts_on_set_points(candidate: Candidate) -> bool:
-    """Whether it does so at every command, and not smoothly, as a limit."""
+    """Whether it does so at every command, or whenever a driver looks, and not smoothly, as a limit."""
     declared = EFFECTS[candidate.effect]
-    smooth = not np.isfinite(candidate.identity)
-    return (
-        declared.stage == "command"
-        and overrides(declared, "set_point")
-        and not smooth
-        and not dict(candidate.fixed).get(PERIOD)
-    )
+    return declared.stage == "command" and overrides(declared, "set_point") and bool(np.isfinite(candidate.identity))
 
 
-def _magnitudes(fitter: Fitter, motion: ServoMotion, candidate: Candidate) -> Array:
-    """Magnitudes to look at, rising."""
-    return set_points.dense(candidate, float(np.nanmax(np.abs(motion.requested[list(fitter.trials)]))))
+@dataclass(frozen=True)
+class Beside:
+    """An explanation beside which grids and dead bands are looked for.
+
+    Attributes:
+        fitter, motion, at: of the recordings, and the explanation.
+        frame: what explanations are scored with there.
+        base: its predictions, (ntrials, T, C).
+        learned: from what joints' answers are known.
+    """
+
+    fitter: Fitter
+    motion: ServoMotion
+    at: Point
+    frame: likelihood.Frame
+    base: Array
+    learned: Learned
+
+    @classmethod
+    def of(cls, fitter: Fitter, motion: ServoMotion, at: Point) -> Beside:
+        """Simulate it, without and with commands lost at random."""
+        base, learned = impulse_responses.learned(fitter.predict, effects_in_every_trial(fitter, at))
+        fitter = replace(fitter, data=_free(fitter, motion))
+        return cls(fitter, motion, at, _frame(fitter, at), base[list(fitter.trials)], learned)
+
+    def in_liveliest(self, count: int) -> Beside:
+        """The same in so many of the trials: those that are asked to move most."""
+        moved = [float(np.nansum(np.abs(np.diff(self.motion.requested[t], axis=0)))) for t in self.fitter.trials]
+        rows = sorted(np.argsort(moved)[-count:].tolist())
+        fitter, at = self.fitter.part(rows), replace(self.at, nuisance=self.fitter.of(rows, self.at.nuisance))
+        return replace(self, fitter=fitter, at=at, frame=_frame(fitter, at), base=self.base[rows])
+
+    @property
+    def farthest(self) -> float:
+        """How far set points are from the joints' zeros [m, rad]."""
+        return float(np.nanmax(np.abs(self.motion.requested[list(self.fitter.trials)])))
+
+    def gains(self, candidates: Sequence[Candidate], pairs: Array) -> Array:
+        """What pairs of a magnitude and a driver's period [s] explain, (npairs, 2) to (ncandidates, npairs) [nats], for
+        each of the candidates, which are one effect; the nominal numbers are integrated out."""
+        wide = replace(candidates[0], target=None)
+        answers = [self._answers(candidate) for candidate in candidates]
+        nothing = likelihood.log_likelihood(self.frame, self.base[None])[0]
+        out = np.empty((len(candidates), len(pairs)))
+        for first in range(0, len(pairs), AT_ONCE):
+            some = slice(first, first + AT_ONCE)
+            off = self._offsets(wide, pairs[some])
+            for each, mine in zip(out, answers, strict=True):
+                predicted = np.repeat(self.base[None], len(off), axis=0)
+                for a, c, response in mine:
+                    predicted[:, :, 1:, c] += _convolved(off[..., a], response)
+                each[some] = likelihood.log_likelihood(self.frame, predicted) - nothing
+        return out
+
+    def _answers(self, candidate: Candidate) -> list[tuple[int, int, Array]]:
+        """Actuators that the candidate acts on, channels of their joints, and how these answer, (rows,)."""
+        plant, data = self.fitter.predict.plant, self.fitter.predict.data
+        commands = plant.wiring.targets.command
+        index = [commands.index(name) for name in candidate.target or commands]
+        out = []
+        for a, joint in enumerate(plant.wiring.targets.actuated):
+            names = (f"position.{plant.joints[joint]}", f"velocity.{plant.joints[joint]}")
+            mine = [c for c, name in enumerate(data.channels) if name in names]
+            if a in index and mine:
+                known = np.isfinite(data.value[:, 1:, mine]) & np.isfinite(self.motion.deviation[:, 1:, a, None])
+                _, responses = self.learned.of(self.motion, a, mine, known, late=True)
+                out += [(a, c, one) for c, one in zip(mine, responses, strict=True)]
+        return out
+
+    def _offsets(self, wide: Candidate, pairs: Array) -> Array:
+        """How far off pairs put the set points, on average over a row, (npairs, ntrials, T - 1, nactuators)."""
+        plant, on, motion = self.fitter.predict.plant, self.fitter.predict.on, self.motion
+        if pairs[0, 1]:
+            steps = set_points.driven(plant, on, motion, wide, pairs, self.fitter.trials, DRIVER_STEP)
+            return np.stack([off.mean(axis=2) for off in steps], axis=2)
+        passed = [set_points.passed(plant, on, motion, wide, pairs[:, 0], t) for t in self.fitter.trials]
+        return np.stack(passed, axis=1) - motion.requested[list(self.fitter.trials)]
 
 
-def _costs(
-    fitter: Fitter, motion: ServoMotion, candidate: Candidate, *, values: Array, base: Array, learned: Learned
-) -> Array:
-    """Cost of each magnitude in the fitted trials, (nvalues,) [nats]."""
-    plant, data, trials = fitter.predict.plant, fitter.data, list(fitter.trials)
-    commands = plant.wiring.targets.command
-    index = [commands.index(name) for name in candidate.target or commands]
-    total = np.zeros(len(values))
-    own = np.sqrt(data.sigma**2 - data.common**2)
+def _frame(fitter: Fitter, at: Point) -> likelihood.Frame:
+    return likelihood.frame(fitter.data, fitter.weight, fitter.responses, fitter.per_trial, at.nuisance)
+
+
+def _free(fitter: Fitter, motion: ServoMotion) -> Data:
+    """What was measured of the actuated joints while nothing was touched: how a joint answers there is learned."""
+    plant, trials = fitter.predict.plant, list(fitter.trials)
+    value = np.full_like(fitter.data.value, np.nan)
     for a, joint in enumerate(plant.wiring.targets.actuated):
-        names = (f"position.{plant.joints[joint]}", f"velocity.{plant.joints[joint]}")
-        mine = [c for c, name in enumerate(data.channels) if name in names]
-        if a not in index or not mine:
-            continue
-        whole = fitter.predict.data.value[:, 1:, mine]
-        known = np.isfinite(whole) & np.isfinite(motion.deviation[:, 1:, a, None])
-        _, response = learned.of(motion, a, mine, known, late=True)
-        left = np.where(known[trials], (data.value - base[trials])[:, 1:, mine], 0.0)
-        for some, offsets in _offsets(fitter, motion, candidate, values, a):
-            for c in range(len(mine)):
-                change = _convolved(offsets, response[c])
-                ratio = (left[None, :, :, c] - change) / own[None, :, 1:, mine[c]]
-                square = np.where(known[trials][None, :, :, c], ratio**2, 0.0)
-                cost = np.minimum(square, MAX_SQUARED_RESIDUAL).sum(axis=(1, 2))
-                total[some] += 0.5 * fitter.weight[mine[c]] ** 2 * cost
-    return total
-
-
-def _offsets(
-    fitter: Fitter, motion: ServoMotion, candidate: Candidate, values: Array, actuator: int
-) -> Iterator[tuple[slice, Array]]:
-    """How far off magnitudes put the set points of an actuator, some at a time, (n, ntrials, T - 1)."""
-    predict = fitter.predict
-    for first in range(0, len(values), AT_ONCE):
-        some = slice(first, first + AT_ONCE)
-        yield (
-            some,
-            np.stack(
-                [
-                    set_points.passed(predict.plant, predict.on, motion, candidate, values[some], t)[:, :, actuator]
-                    - motion.requested[t, :, actuator]
-                    for t in fitter.trials
-                ],
-                axis=1,
-            ),
-        )
+        for c, name in enumerate(fitter.data.channels):
+            if name in (f"position.{plant.joints[joint]}", f"velocity.{plant.joints[joint]}"):
+                free = np.isfinite(motion.deviation[trials, :, a])
+                value[:, : free.shape[1], c] = np.where(free, fitter.data.value[:, : free.shape[1], c], np.nan)
+    return replace(fitter.data, value=value)
 
 
 def _convolved(offsets: Array, response: Array) -> Array:
