@@ -278,7 +278,7 @@ def _further(state: State, size: int) -> list[Start]:
         tried = [*additions.superposed_pairs(few, state.here, state.promising), *tried]
     on_few = ranking.unique_by_labels(few.fit_all(additions.unique(tried)))
     gap = not seeds or ranking.discrepancy(seeds[0]) > ranking.INADEQUATE_DISCREPANCY
-    begin = set_point_starts.beside(state, seeds[0], least) if seeds else []
+    begin = [start for seed in set_point_starts.worth(seeds) for start in set_point_starts.beside(state, seed, least)]
     if not gap and not rounds.expected_to_add(on_few, seeds[0], few, everywhere):
         return begin
     begin += [starts.start_on_all_trials(f, everywhere, at) for f in on_few[: rounds.MAX_ON_ALL_TRIALS]]

@@ -60,6 +60,13 @@ def beside(state: State, fit: Fitted, least: float) -> list[Start]:
     return _starts(state, at, mine, least)
 
 
+def worth(seeds: Sequence[Fitted]) -> list[Fitted]:
+    """Explanations beside which they are looked for: the best, and the best that is no grid or dead band itself. With a
+    driver's period such a one does not miss a delay, which resembles it."""
+    free = [fit for fit in seeds if not any(_acts_on_set_points(part) for part in fit.parts)]
+    return [*seeds[:1], *(fit for fit in free[:1] if fit is not seeds[0])]
+
+
 def looked_for_again(state: State) -> State:
     """The search with the grid or dead band of its best explanation looked for again beside the rest of it, as long as
     that brings something."""
