@@ -93,7 +93,7 @@ def _make(arguments: argparse.Namespace, out: Path, progress: Progress, began: f
     pictures = {"force": figures.png(figures.force(done.trace)), "curve": figures.png(figures.curve(curve))}
     if arm is not None:
         pictures["arm"] = figures.png(figures.arm(arm))
-    if answer is not None:
+    if answer is not None and answer.diagnosis.overlays:  # none where time was over before it could be drawn
         pictures["gap"] = figures.png(figures.gap(answer.diagnosis.overlays[0], *hidden.SHOWN))
     for name, content in pictures.items():
         atomic.write_bytes(out / f"{name}.png", content)

@@ -233,7 +233,7 @@ def _with_singles(state: State, tell: Callable[[State], None], tick: Tick) -> St
     times = len(state.everywhere.trials) / len(few.trials)
     near = rounds.worth_all_trials([f for f in on_few if f.parts], ranking.best_nominal(on_few), times)
     begin = [starts.start_on_all_trials(f, state.everywhere, state.at) for f in near]
-    if _leaves_a_gap(state.nominal) and not few.out_of_time():
+    if _leaves_a_gap(ranking.by_evidence(on_few)[0]) and not few.out_of_time():
         begin += set_point_starts.beside(state, state.nominal, additions.MIN_PREDICTED_GAIN_NATS)
     state = _fitted_to_all(state, begin, tell)
     if ranking.discrepancy(state.best) > ranking.INADEQUATE_DISCREPANCY and not few.out_of_time():
@@ -278,7 +278,11 @@ def _further(state: State, size: int) -> list[Start]:
         tried = [*additions.superposed_pairs(few, state.here, state.promising), *tried]
     on_few = ranking.unique_by_labels(few.fit_all(additions.unique(tried)))
     gap = not seeds or ranking.discrepancy(seeds[0]) > ranking.INADEQUATE_DISCREPANCY
-    begin = [start for seed in set_point_starts.worth(seeds) for start in set_point_starts.beside(state, seed, least)]
+    begin = [
+        start
+        for seed in set_point_starts.worth(seeds)
+        for start in set_point_starts.beside(state, seed, least, drivers=not adequate)
+    ]
     if not gap and not rounds.expected_to_add(on_few, seeds[0], few, everywhere):
         return begin
     begin += [starts.start_on_all_trials(f, everywhere, at) for f in on_few[: rounds.MAX_ON_ALL_TRIALS]]

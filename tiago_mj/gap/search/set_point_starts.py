@@ -49,12 +49,15 @@ MAX_ROUNDS: Final = 3
 MIN_ROUND_GAIN_NATS: Final = 3.0
 
 
-def beside(state: State, fit: Fitted, least: float) -> list[Start]:
+def beside(state: State, fit: Fitted, least: float, *, drivers: bool = True) -> list[Start]:
     """Starts on all trials of an explanation with a grid or dead band beside it, each at the magnitudes that explain
-    most of what it leaves; none where they are expected to gain less than ``least`` [nats]. Beside the nominal model
-    they are looked for with its numbers as they are given: as fitted they have absorbed part of what is looked for."""
+    most of what it leaves; none where they are expected to gain less than ``least`` [nats].
+
+    Beside the nominal model they are looked for with its numbers as they are given: as fitted they have absorbed part
+    of what is looked for. Without ``drivers`` none that look now and then.
+    """
     there, at = {part.label for part in fit.parts}, starts.point_of(fit)
-    mine = [c for c in state.pool if _acts_on_set_points(c) and c.label not in there]
+    mine = [c for c in state.pool if _acts_on_set_points(c) and c.label not in there and (drivers or not _kind(c)[1])]
     if not fit.parts:
         at = replace(at, nuisance=np.zeros_like(at.nuisance))
     return _starts(state, at, mine, least)
