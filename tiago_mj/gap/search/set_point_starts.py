@@ -125,6 +125,8 @@ def _with_driver(beside: Beside, candidates: Sequence[Candidate], least: float) 
     few = beside.in_liveliest(SCANNED_TRIALS).gains(candidates, every).reshape(len(candidates), len(PERIODS), -1)
     for candidate, gains in zip(candidates, few, strict=True):
         peaks = [(period, k) for period, one in zip(PERIODS, gains, strict=True) for k in set_points.minima(-one)]
+        if not peaks:  # what is explained rises up to a bound, or falls from one, whatever the period
+            continue
         near = np.concatenate([_pairs(_around(values, k, DRIVER_WIDTHS_AROUND_BEST), period) for period, k in peaks])
         (there,) = beside.gains([candidate], near)
         best: dict[float, tuple[float, float]] = {}
