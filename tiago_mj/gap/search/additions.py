@@ -51,16 +51,16 @@ MIN_GAIN_BESIDE_ADEQUATE_NATS: Final = 15.0
 def singles(screened: Sequence[Screened], moved: Sequence[Label], count: int = MAX_SINGLES) -> list[Screened]:
     """So many effects to be fitted alone, best first.
 
-    The best of every effect, then of every effect and target; no more than half of them of one class, so that rivals
-    get their chance. Beyond these the effects, by label, that change what the nominal model's numbers were moved for:
-    beside those numbers they gain nothing.
+    The best of every effect on all its targets and on one of them, then of every effect and target; no more than half
+    of them of one class, so that rivals get their chance. Beyond these the effects, by label, that change what the
+    nominal model's numbers were moved for: beside those numbers they gain nothing.
     """
     out: list[Screened] = []
     seen: set[Label] = set()
     classes: dict[str, int] = {}
-    leaders: dict[str, Screened] = {}
+    leaders: dict[tuple[str, bool], Screened] = {}
     for s in screened:
-        leaders.setdefault(s.candidate.effect, s)
+        leaders.setdefault((s.candidate.effect, s.candidate.target is None), s)
     most = max((s.gain for s in screened), default=0.0)
     least = max(MIN_SHARE_OF_BEST_GAIN * most if most > DECISIVE_GAIN_NATS else most - MAX_GAIN_DEFICIT_NATS, 0.0)
     for s in (*leaders.values(), *screened):
