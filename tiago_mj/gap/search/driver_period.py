@@ -7,22 +7,18 @@ numbers integrated out.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tiago_mj.gap.detectors.set_points import PERIOD
-from tiago_mj.gap.inference import likelihood
-from tiago_mj.gap.inference.fit import Fitter, Point
+from tiago_mj.gap.inference.fit import Point
 from tiago_mj.gap.inference.hypotheses import Candidate
-from tiago_mj.gap.search import starts
+from tiago_mj.gap.search import scan, starts
 from tiago_mj.gap.search.ranking import by_evidence
 from tiago_mj.gap.search.state import State
-
-Array = NDArray[np.float64]
 
 #: Periods that are tried first [s]: shorter than a physics step, and those of the usual control loops, 1 kHz to 25 Hz.
 PERIODS: Final = (1e-4, 0.001, 0.002, 0.0025, 0.004, 0.005, 0.006, 0.008, 0.01, 0.0125, 0.016, 0.02, 0.025, 0.04)
@@ -39,40 +35,30 @@ FINE_WIDTHS: Final = tuple(np.linspace(0.997, 1.003, 25).tolist())
 
 def tried(state: State) -> State:
     """The search with the period of a driver that is part of its best explanation tried at several values."""
-    best, few, everywhere = state.best, state.few, state.everywhere
+    best, everywhere = state.best, state.everywhere
     mine = [k for k, part in enumerate(best.parts) if PERIOD in dict(part.fixed)]
     if not mine or everywhere.out_of_time():
         return state
     which, at = mine[0], starts.point_of(best)
     at = replace(at, nuisance=np.zeros_like(at.nuisance))  # above all the delay has absorbed what the period does
-    if set(few.trials) <= set(everywhere.trials):
-        rows = [everywhere.trials.index(trial) for trial in few.trials]
-        here = replace(at, nuisance=everywhere.of(rows, at.nuisance))
-    else:
-        few, here = everywhere, at
+
+    def beside(there: Point, pairs: Iterable[tuple[float, float]]) -> list[Point]:
+        return [_with(there, which, period, width) for period, width in pairs]
+
     pairs = [(period, at.values[which] * share) for period in (0.0, *PERIODS) for share in WIDTHS]
-    first = [pairs[k] for k in _ranked(few, here, which, pairs)[:MAX_PAIRS]]
+    first = [pairs[k] for k in scan.likeliest_in_few(state, beside(at, pairs), MAX_PAIRS)]
     step = everywhere.predict.plant.max_timestep
-    near = sorted(
-        {(p * a, w * b) for p, w in first for a in (NEAR_PERIODS if p > step else (1.0,)) for b in NEAR_WIDTHS}
+    near = beside(
+        at,
+        sorted({(p * a, w * b) for p, w in first for a in (NEAR_PERIODS if p > step else (1.0,)) for b in NEAR_WIDTHS}),
     )
-    found = [near[k] for k in _ranked(everywhere, at, which, near)[:MAX_PAIRS]]
-    points = [_with(at, which, period, width) for period, width in found]
-    fits = everywhere.fit_all([starts.start_at(one) for one in points])
+    found = [near[k] for k in scan.likeliest(everywhere, near, MAX_PAIRS)]
+    fits = everywhere.fit_all([starts.start_at(one) for one in found])
     there = starts.point_of(by_evidence(fits)[0])
     period = dict(there.parts[which].fixed)[PERIOD]
-    fine = [(period, there.values[which] * share) for share in FINE_WIDTHS]
-    begin = [
-        starts.start_at(_with(there, which, *fine[k])) for k in _ranked(everywhere, there, which, fine)[:MAX_PAIRS]
-    ]
+    fine = beside(there, [(period, there.values[which] * share) for share in FINE_WIDTHS])
+    begin = [starts.start_at(fine[k]) for k in scan.likeliest(everywhere, fine, MAX_PAIRS)]
     return state.with_fits([*fits, *everywhere.fit_all(begin)])
-
-
-def _ranked(fitter: Fitter, at: Point, which: int, pairs: Sequence[tuple[float, float]]) -> list[int]:
-    """Pairs of a period and a width, by index, the likeliest first."""
-    on = likelihood.frame(fitter.data, fitter.weight, fitter.responses, fitter.per_trial, at.nuisance)
-    predicted = fitter.predictions([_with(at, which, period, width) for period, width in pairs])
-    return [int(k) for k in np.argsort(-likelihood.log_likelihood(on, predicted))]
 
 
 def _with(at: Point, which: int, period: float, width: float) -> Point:

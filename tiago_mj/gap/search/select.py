@@ -169,11 +169,11 @@ def _search(asked: Question, so_far: PartialResult, out_of_time: Callable[[], bo
             tick("lost commands", 1, gap=_leaves_a_gap(state.best))
             state, sought = _with_lost_commands(state), True
             tell(state)
-    if not sought and not over():
+    if not sought and not out_of_time():  # nor by its budget: they may be all that there is
         tick("lost commands", 1, gap=_leaves_a_gap(state.best))
         losing = _with_lost_commands(state)
         if losing is not state:
-            state = _with_further_effect(losing, 2, fitted) or losing
+            state = losing if over() else _with_further_effect(losing, 2, fitted) or losing
             state = sharpen.sharpened(_departing_left_out(state))
             tell(state)
     # Not by the search's budget of physics steps: whatever that found is not told before it was seen on all trials.
@@ -307,7 +307,7 @@ def _fitted_to_all(state: State, begin: Sequence[Start], tell: Callable[[State],
     everywhere, fits = rounds.around_the_best(everywhere, state.fits)
     state = replace(state, everywhere=everywhere).with_fits(fits)
     fails = ranking.discrepancy(state.best) > ranking.INADEQUATE_DISCREPANCY
-    state = state.with_fits(second_parameter.refined(everywhere, state.fits, state.best, fails=fails))
+    state = state.with_fits(second_parameter.refined(state, fails=fails))
     state = set_point_starts.looked_for_again(state)
     if _leaves_a_gap(state.best):
         state = driver_period.tried(state)
