@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from tiago_mj.gap.inference import noise_model
 from tiago_mj.gap.inference.fit import Fitted, Fitter, Start
-from tiago_mj.gap.search import beginning, ranking, sharpen, starts
+from tiago_mj.gap.search import additions, beginning, ranking, rounds, sharpen, starts
 from tiago_mj.gap.search.state import Question, State
 
 Array = NDArray[np.float64]
@@ -48,8 +48,8 @@ def fitted(state: State, wide: Fitter) -> tuple[State, Fitter]:
     everywhere = beginning.with_scatter(everywhere, there)
     wide = replace(wide, data=everywhere.data)
     everywhere = sharpen.beside(everywhere, there)
-    others = [f for f in (state.nominal, *_rivals(state)) if f is not best]
-    begin = [starts.restart(there), *(_start(f, before, everywhere) for f in others)]
+    nominal = [starts.restart(state.nominal)] if best.parts else []
+    begin = [starts.restart(there), *(_start(s, before, everywhere) for s in (*nominal, *_rivals(state)))]
     at = _own(state.at, before, everywhere)
     return replace(state, everywhere=everywhere, fits=tuple(everywhere.fit_all(begin)), at=at), wide
 
@@ -89,18 +89,22 @@ def _linearized(before: Fitter, wide: Fitter, best: Fitted) -> Fitter:
     return replace(everywhere, responses=responses)
 
 
-def _rivals(state: State) -> list[Fitted]:
+def _rivals(state: State) -> list[Start]:
     """Explanations by effects that may turn out to be the best: the leaders by their classes, the best by fewer
-    effects, and what is close to the best."""
-    ahead = [f for f in ranking.unique_by_labels(state.fits) if f.parts]
-    fewer = [f for f in ahead if len(f.parts) < len(state.best.parts)][:1]
-    near = [f for f in ahead if f.evidence > state.best.evidence - ranking.NEAR_BEST_NATS][:MAX_FITTED]
-    return ranking.unique_by_labels([*ranking.unique_by_classes(ahead)[:MAX_FITTED], *fewer, *near])
+    effects, the best without each of its own, and what is close to the best."""
+    ahead, best = [f for f in ranking.unique_by_labels(state.fits) if f.parts], state.best
+    fewer = [f for f in ahead if len(f.parts) < len(best.parts)][:1]
+    near = [f for f in ahead if f.evidence > best.evidence - ranking.NEAR_BEST_NATS][:MAX_FITTED]
+    found = ranking.unique_by_labels([*ranking.unique_by_classes(ahead)[:MAX_FITTED], *fewer, *near])
+    kept = [[i for i in range(len(best.parts)) if i != k] for k in range(len(best.parts))]
+    reduced = [s for s in (rounds.reduced_to(best, some) for some in kept) if s is not None]
+    return additions.unique([*(starts.restart(f) for f in found if f is not best), *reduced])
 
 
-def _start(fit: Fitted, before: Fitter, everywhere: Fitter) -> Start:
+def _start(fit: Fitted | Start, before: Fitter, everywhere: Fitter) -> Start:
     """Where a fit to some trials ended, on all of them."""
-    return Start(fit.parts, fit.values, _own(fit.nuisance, before, everywhere))
+    at = starts.point_of(fit)
+    return Start(at.parts, at.values, _own(at.nuisance, before, everywhere))
 
 
 def _own(nuisance: Array, before: Fitter, everywhere: Fitter) -> Array:

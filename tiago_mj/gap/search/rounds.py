@@ -139,13 +139,13 @@ def variations(fits: Sequence[Fitted], everywhere: Fitter) -> list[Start]:
     best, known = ahead[0], {labels_of(f) for f in fits}
     near = [f for f in ahead if f.evidence > best.evidence - ranking.NEAR_BEST_NATS]
     out = [s for s in (starts.absorbed_by_nuisances(f, everywhere) for f in near) if s is not None]
-    dropped = [_without(f, [k for k in range(len(f.parts)) if ranking.differs_from_identity(f, k)]) for f in near]
-    dropped += [_without(best, [i for i in range(len(best.parts)) if i != k]) for k in range(len(best.parts))]
+    dropped = [reduced_to(f, [k for k in range(len(f.parts)) if ranking.differs_from_identity(f, k)]) for f in near]
+    dropped += [reduced_to(best, [i for i in range(len(best.parts)) if i != k]) for k in range(len(best.parts))]
     out += [s for s in dropped if s is not None and frozenset(p.label for p in s.parts) not in known]
     return out + on_all_targets(best, everywhere)
 
 
-def _without(fit: Fitted, kept: Sequence[int]) -> Start | None:
+def reduced_to(fit: Fitted, kept: Sequence[int]) -> Start | None:
     """An explanation of several effects by some of them; None where that is none or all of them."""
     if not 0 < len(kept) < len(fit.parts):
         return None
