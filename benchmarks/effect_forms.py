@@ -23,10 +23,10 @@ from benchmarks.blind.dictionary import ABOVE, BELOW, CONSTANT, FACTOR, FLAT, GR
 from benchmarks.machine import save
 from tiago_mj.effects import EFFECTS
 from tiago_mj.effects.spec import Entry
-from tiago_mj.gap.data.read import read_recordings
 from tiago_mj.gap.inference import likelihood
 from tiago_mj.gap.inference.predictor import RANDOM_EFFECTS, Predictor, predictor
 from tiago_mj.gap.simulation.plant import plant_of
+from tiago_mj.recordings.read import read_recordings
 
 NAME: Final = "effect_forms"
 #: How far up its range a magnitude is taken.

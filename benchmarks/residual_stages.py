@@ -23,10 +23,10 @@ from benchmarks.blind.dictionary import GRIPPER, KINDS, PLAIN
 from benchmarks.machine import save
 from tiago_mj.effects import EFFECTS
 from tiago_mj.gap.analysis import locate, unexplained
-from tiago_mj.gap.data.read import read_recordings
 from tiago_mj.gap.inference.predictor import predictor
 from tiago_mj.gap.simulation import phases
 from tiago_mj.gap.simulation.session import session
+from tiago_mj.recordings.read import read_recordings
 
 #: Stages of the generator's effects that the library has not.
 OUTSIDE: Final = {

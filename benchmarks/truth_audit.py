@@ -38,12 +38,12 @@ from benchmarks.machine import RESULTS, machine, save
 from tiago_mj.effects import EFFECTS
 from tiago_mj.effects.declare import overrides
 from tiago_mj.effects.spec import Entry
-from tiago_mj.gap.data.read import read_recordings
 from tiago_mj.gap.inference import noise_model
 from tiago_mj.gap.inference.predictor import Predictor
 from tiago_mj.gap.simulation import replay
 from tiago_mj.gap.simulation.plant import Plant, plant_of
 from tiago_mj.models import names
+from tiago_mj.recordings.read import read_recordings
 
 Array = NDArray[np.float64]
 

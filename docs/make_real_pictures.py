@@ -11,11 +11,11 @@ from pathlib import Path
 import matplotlib as mpl
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
-from tiago_mj.gap.data import lint
-from tiago_mj.gap.data.read import read_recordings
 from tiago_mj.gap.pipeline import diagnose
 from tiago_mj.gap.result import Diagnosis
 from tiago_mj.gap.simulation.plant import plant_of
+from tiago_mj.recordings import lint
+from tiago_mj.recordings.read import read_recordings
 
 mpl.use("Agg")
 import matplotlib.pyplot as plt  # after the backend is chosen

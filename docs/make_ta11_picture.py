@@ -15,9 +15,9 @@ import matplotlib as mpl
 import numpy as np
 
 from tiago_mj.effects import read_effects
-from tiago_mj.gap.data.read import read_recordings
 from tiago_mj.gap.simulation import replay
 from tiago_mj.gap.simulation.plant import plant_of
+from tiago_mj.recordings.read import read_recordings
 from tiago_mj.sensing.ta11_curve import Line, fit_line
 
 mpl.use("Agg")

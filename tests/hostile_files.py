@@ -13,17 +13,17 @@ import numpy as np
 import yaml
 
 from tiago_mj.effects import read_effects
-from tiago_mj.gap.data.read import read_recordings
-from tiago_mj.gap.data.read.bags import topic_map
-from tiago_mj.gap.data.read.mapping import column_map, load_map
-from tiago_mj.gap.data.recording import RecordingError
-from tiago_mj.gap.motions.play import read_motion
 from tiago_mj.gap.report import json as report_json
-from tiago_mj.gap.tools.imports.lerobot_folder import open_folder
-from tiago_mj.gap.tools.imports.minari_folder import open_dataset
-from tiago_mj.gap.tools.imports.xl330 import MOTOR, read_run
 from tiago_mj.models.convert import extras
 from tiago_mj.models.convert.errors import ConversionError
+from tiago_mj.recordings.imports.lerobot_folder import open_folder
+from tiago_mj.recordings.imports.minari_folder import open_dataset
+from tiago_mj.recordings.imports.xl330 import MOTOR, read_run
+from tiago_mj.recordings.motions.play import read_motion
+from tiago_mj.recordings.read import read_recordings
+from tiago_mj.recordings.read.bags import topic_map
+from tiago_mj.recordings.read.mapping import column_map, load_map
+from tiago_mj.recordings.recording import RecordingError
 from tiago_mj.sensing.sheet import read_load_cell
 
 JOINT = "gripper_right_finger_joint"

@@ -14,11 +14,11 @@ import mujoco
 import numpy as np
 import pytest
 
-from tiago_mj.gap.data import lint
-from tiago_mj.gap.data.read import read_recordings
 from tiago_mj.gap.simulation import replay
 from tiago_mj.gap.simulation.plant import plant_of
 from tiago_mj.models.convert import convert
+from tiago_mj.recordings import lint
+from tiago_mj.recordings.read import read_recordings
 
 ROOT = Path(__file__).resolve().parents[1]
 PENDULUM = ROOT / "examples" / "pendulum"

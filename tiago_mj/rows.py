@@ -1,6 +1,6 @@
 """Small tables of words and numbers (CSV) that somebody else wrote: bounded, and every fault is one line.
 
-Recordings have readers of their own (:mod:`tiago_mj.gap.data.read`), which take numbers alone and many more of them.
+Recordings have readers of their own (:mod:`tiago_mj.recordings.read`), which take numbers alone and many more of them.
 """
 
 from __future__ import annotations

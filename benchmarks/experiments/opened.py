@@ -15,8 +15,6 @@ from benchmarks.blind import cases, recordings, robots
 from benchmarks.blind.cases import Made
 from benchmarks.blind.dictionary import PLAIN
 from benchmarks.experiments.kept_cases import Kept
-from tiago_mj.gap.data import lint
-from tiago_mj.gap.data.read import read_recordings
 from tiago_mj.gap.detectors import readings, ripples, set_points
 from tiago_mj.gap.detectors.readings import Known
 from tiago_mj.gap.detectors.set_points import ServoMotion
@@ -31,6 +29,8 @@ from tiago_mj.gap.search.beginning import SENSITIVITY_DEVIATION, SENSITIVITY_DRA
 from tiago_mj.gap.simulation import sizes
 from tiago_mj.gap.simulation.plant import Plant, plant_of
 from tiago_mj.gap.simulation.session import split
+from tiago_mj.recordings import lint
+from tiago_mj.recordings.read import read_recordings
 
 Array = NDArray[np.float64]
 

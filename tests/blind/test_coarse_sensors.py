@@ -9,13 +9,13 @@ import pytest
 from benchmarks.blind import cases, recordings, robots
 from benchmarks.blind.cases import Case, EffectChoice
 from benchmarks.blind.facts import Grid
-from tiago_mj.gap.data import lint
-from tiago_mj.gap.data.read import read_recordings
 from tiago_mj.gap.inference import likelihood
 from tiago_mj.gap.inference.predictor import predictor
 from tiago_mj.gap.pipeline import diagnose
 from tiago_mj.gap.result import Diagnosis
 from tiago_mj.gap.simulation.plant import plant_of
+from tiago_mj.recordings import lint
+from tiago_mj.recordings.read import read_recordings
 
 #: Eight bits over 16.5 sensor units (100 N): a step of 0.064, eight times the noise, which at rest reads 0 throughout.
 CELLS = Grid("force", 8, span=16.5)

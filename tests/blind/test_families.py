@@ -8,12 +8,12 @@ import pytest
 import benchmarks.effect_forms
 from benchmarks.blind import cases, recordings, robots
 from benchmarks.blind.cases import FAST_RATE, Case, EffectChoice
-from tiago_mj.gap.data.read import read_recordings
 from tiago_mj.gap.detectors import set_points
 from tiago_mj.gap.inference import hypotheses
 from tiago_mj.gap.inference.predictor import predictor
 from tiago_mj.gap.pipeline import diagnose
 from tiago_mj.gap.simulation.plant import plant_of
+from tiago_mj.recordings.read import read_recordings
 
 PLAIN = Case(seed=4242, setting="plain", interface="position", spread=0.04, rate=FAST_RATE, seconds=1.6, trials=4)
 

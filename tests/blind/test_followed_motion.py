@@ -11,7 +11,7 @@ from benchmarks.blind import cases, next_motion, recordings
 from benchmarks.blind.cases import Case, EffectChoice
 from benchmarks.blind.run import Diagnoser
 from benchmarks.blind.store import Store
-from tiago_mj.gap.data.read import read_recordings
+from tiago_mj.recordings.read import read_recordings
 
 FRICTION, LAG = {"name": "coulomb_friction", "target": "all"}, {"name": "command_lag", "target": "all"}
 

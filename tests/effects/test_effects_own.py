@@ -15,10 +15,10 @@ from tiago_mj.cli import main
 from tiago_mj.effects import EFFECTS, Effect, effect, parameter, read_effects
 from tiago_mj.effects.contact import ContactStiffness
 from tiago_mj.effects.force_sensor import ForceGain
-from tiago_mj.gap.data.read import read_recordings
 from tiago_mj.gap.inference.hypotheses import candidates
 from tiago_mj.gap.pipeline import diagnose
 from tiago_mj.gap.simulation.plant import plant_of
+from tiago_mj.recordings.read import read_recordings
 
 README = Path(__file__).parents[2] / "README.md"
 STIFFNESS, KP, OPEN = (

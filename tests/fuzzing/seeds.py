@@ -218,7 +218,7 @@ def tiny_settings() -> Any:
 
 
 def xl330(folder: Path) -> None:
-    from tiago_mj.gap.tools.imports.xl330 import MOTOR
+    from tiago_mj.recordings.imports.xl330 import MOTOR
 
     entries = [
         {"timestamp": 0.005 * k, "position": 0.01 * k, "speed": 0.1, "goal_position": 0.01 * k, "torque_enable": True,
@@ -243,7 +243,7 @@ def ta11(folder: Path) -> None:
 
 
 def tiago_arm(folder: Path) -> None:
-    from tiago_mj.gap.tools.imports.tiago_arm import JOINTS
+    from tiago_mj.recordings.imports.tiago_arm import JOINTS
 
     for quantity in ("position", "velocity", "effort"):
         table = {"t": np.arange(ROWS) / 100, **{f"- {j}_{quantity}": np.sin(np.arange(ROWS) / 9) for j in JOINTS}}

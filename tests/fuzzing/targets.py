@@ -13,8 +13,8 @@ import hostile_files
 import numpy as np
 
 from fuzzing import seeds
-from tiago_mj.gap.data.recording import RecordingError
 from tiago_mj.models.convert.errors import ConversionError
+from tiago_mj.recordings.recording import RecordingError
 
 
 @dataclass(frozen=True)
@@ -44,17 +44,17 @@ class Target:
 
 
 def _recordings(folder: Path, map_file: str | None = None, within: str = "") -> Any:
-    from tiago_mj.gap.data.lint import inspect
-    from tiago_mj.gap.data.read import read_recordings
+    from tiago_mj.recordings.lint import inspect
+    from tiago_mj.recordings.read import read_recordings
 
     result = read_recordings([folder / within], map_file=None if map_file is None else folder / map_file)
     return result, inspect(result.trials)
 
 
 def _with_model(folder: Path) -> Any:
-    from tiago_mj.gap.data.lint import inspect_all
-    from tiago_mj.gap.data.read import read_recordings
     from tiago_mj.gap.simulation.plant import plant_of
+    from tiago_mj.recordings.lint import inspect_all
+    from tiago_mj.recordings.read import read_recordings
 
     result = read_recordings([folder / "r"])
     plant = plant_of(result.trials)
@@ -62,15 +62,15 @@ def _with_model(folder: Path) -> Any:
 
 
 def _bag(name: str, folder: Path) -> Any:
-    from tiago_mj.gap.data.lint import inspect
-    from tiago_mj.gap.data.read import read_recordings
+    from tiago_mj.recordings.lint import inspect
+    from tiago_mj.recordings.read import read_recordings
 
     result = read_recordings([folder / name], defaults={"robot": "arm.xml"})
     return result, inspect(result.trials)
 
 
 def _motions(folder: Path) -> Any:
-    from tiago_mj.gap.motions.play import read_motion
+    from tiago_mj.recordings.motions.play import read_motion
 
     return [read_motion(folder / name).at(25) for name in ("m.csv", "y.yaml")]
 
@@ -213,7 +213,7 @@ def _models(folder: Path) -> Any:
 
 def _import(kind: str, folder: Path, **options: Any) -> Any:
     """Import, write and lint, as the command does."""
-    from tiago_mj.gap.tools.imports import command
+    from tiago_mj.recordings.imports import command
 
     words = ["import", kind, str(folder / options.pop("source", "")), "--out", str(folder / "out"), "--json"]
     for name, value in options.items():

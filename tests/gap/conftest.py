@@ -3,10 +3,10 @@
 import pytest
 
 from tiago_mj.cli import main
-from tiago_mj.gap.data.read import read_recordings
 from tiago_mj.gap.inference import noise_model
 from tiago_mj.gap.simulation import replay
 from tiago_mj.gap.simulation.plant import plant_of
+from tiago_mj.recordings.read import read_recordings
 
 
 @pytest.fixture(scope="module")

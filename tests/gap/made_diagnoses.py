@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tiago_mj.gap.data.recording import Finding
 from tiago_mj.gap.result import (
     BANDS,
     PHASES,
@@ -24,6 +23,7 @@ from tiago_mj.gap.result import (
     Shrink,
     Value,
 )
+from tiago_mj.recordings.recording import Finding
 
 RIGHT, LEFT = "gripper_right_finger_joint", "gripper_left_finger_joint"
 MOVES = tuple(f"{kind}.{joint}" for kind in ("position", "velocity") for joint in (RIGHT, LEFT))

@@ -4,10 +4,10 @@ from pathlib import Path
 
 from benchmarks.blind import cases, recordings, robots
 from benchmarks.blind.cases import FAST_RATE, Case
-from tiago_mj.gap.data.read import read_recordings
 from tiago_mj.gap.inference.predictor import Predictor, predictor
 from tiago_mj.gap.simulation.plant import plant_of
 from tiago_mj.gap.simulation.replay import Signals
+from tiago_mj.recordings.read import read_recordings
 
 HINGE = Case(seed=5252, setting="plain", interface="position", spread=0.0, rate=FAST_RATE, seconds=1.6, trials=4)
 

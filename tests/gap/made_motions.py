@@ -12,10 +12,10 @@ import mujoco
 import numpy as np
 
 from tiago_mj.effects import Entry
-from tiago_mj.gap.data.recording import Sidecar, Trial
 from tiago_mj.gap.result import Diagnosis, Explanation, Value
 from tiago_mj.gap.torque import diagnose_inverse
 from tiago_mj.models.files import model_file
+from tiago_mj.recordings.recording import Sidecar, Trial
 
 RATE, TIMESTEP = 100, 0.002
 STICKS = {"solimp": (0.9999, 0.9999, 0.001, 0.5, 2.0), "solref": (0.002, 1.0)}

@@ -14,14 +14,14 @@ from tiago_mj.cli import main
 from tiago_mj.effects import EFFECTS, describe
 from tiago_mj.effects.declare import STAGES
 from tiago_mj.effects.spec import Entry
-from tiago_mj.gap import motions
 from tiago_mj.gap.analysis import outcome
-from tiago_mj.gap.data.recording import Sidecar, Trial
 from tiago_mj.gap.decision.verdict import most_probable
 from tiago_mj.gap.report import advice, html, tables, verdict
 from tiago_mj.gap.report.repaired import limits
 from tiago_mj.gap.result import Evidence, Explanation, Named, Repaired, Value
 from tiago_mj.gap.simulation.plant import plant_of
+from tiago_mj.recordings import motions
+from tiago_mj.recordings.recording import Sidecar, Trial
 
 HINGE = """<mujoco><worldbody><body><joint name="elbow" axis="0 1 0"/><geom type="capsule" size=".02"
  fromto="0 0 0 0.3 0 0"/></body></worldbody><actuator><{actuator}/></actuator></mujoco>"""

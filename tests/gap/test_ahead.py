@@ -103,7 +103,7 @@ def test_the_share_never_falls_whatever_stages_come_and_come_again(ticks):
 def test_a_diagnosis_tells_the_physics_steps_that_it_makes(monkeypatch):
     """Through the pipeline: the work told at the end is the result's, and from the search on more is expected."""
     from tiago_mj.gap.pipeline import diagnose
-    from tiago_mj.gap.tools.record.environment import Plan, record
+    from tiago_mj.recordings.record.environment import Plan, record
     from tiago_mj.rollout.policies import make_policy
 
     plan = Plan("tiago_mj/GripperTactile-v0", {}, {"coulomb_friction": {"force": 3.0}}, None, "pi")

@@ -8,9 +8,9 @@ from made_hinge import HINGE
 
 from benchmarks.blind import cases, recordings, robots
 from benchmarks.blind.cases import EffectChoice
-from tiago_mj.gap.data.read import read_recordings
 from tiago_mj.gap.pipeline import diagnose
 from tiago_mj.gap.search import agreement, all_trials, state
+from tiago_mj.recordings.read import read_recordings
 
 
 def test_the_best_is_fitted_to_every_trial_though_the_search_looked_at_three(tmp_path, monkeypatch):

@@ -10,9 +10,9 @@ from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_typestore
 
 from tiago_mj.cli import main
-from tiago_mj.gap.data.read import read_recordings
-from tiago_mj.gap.data.recording import RecordingError
 from tiago_mj.models import names
+from tiago_mj.recordings.read import read_recordings
+from tiago_mj.recordings.recording import RecordingError
 
 RIGHT, LEFT = names.FINGERS
 START = 1_700_000_000_000_000_000

@@ -9,12 +9,12 @@ import pytest
 
 from tiago_mj.effects import EFFECTS
 from tiago_mj.effects.spec import Entry
-from tiago_mj.gap.data.recording import Sidecar, Trial
 from tiago_mj.gap.inference import hypotheses
 from tiago_mj.gap.inference.predictor import RANDOM_EFFECTS
 from tiago_mj.gap.simulation import replay
 from tiago_mj.gap.simulation.plant import Plant, plant_of
-from tiago_mj.gap.tools.record.environment import Plan, record
+from tiago_mj.recordings.record.environment import Plan, record
+from tiago_mj.recordings.recording import Sidecar, Trial
 from tiago_mj.rollout.policies import make_policy
 
 PENDULUM = """

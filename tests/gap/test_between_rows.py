@@ -10,13 +10,13 @@ import pytest
 from numpy.typing import NDArray
 
 from tiago_mj.effects.spec import Entry
-from tiago_mj.gap.data.recording import Sidecar, Trial
 from tiago_mj.gap.inference import noise_model
 from tiago_mj.gap.inference.predictor import Predictor, predictor
 from tiago_mj.gap.simulation import replay
 from tiago_mj.gap.simulation.plant import Plant, plant_of
 from tiago_mj.gap.simulation.replay import Signals
-from tiago_mj.gap.tools.record.environment import Plan, record
+from tiago_mj.recordings.record.environment import Plan, record
+from tiago_mj.recordings.recording import Sidecar, Trial
 from tiago_mj.rollout.policies import make_policy
 from tiago_mj.sensing.load_cell import LoadCell
 

@@ -22,8 +22,6 @@ from tiago_mj.deadline import Deadline, OutOfTimeError
 from tiago_mj.effects import EFFECTS
 from tiago_mj.effects.spec import read_effects
 from tiago_mj.gap import command, conclusion, report
-from tiago_mj.gap.data.recording import Sidecar, Trial
-from tiago_mj.gap.data.write import write_trial
 from tiago_mj.gap.pipeline import diagnose
 from tiago_mj.gap.report import advice, terminal, verdict
 from tiago_mj.gap.report import json as as_json
@@ -33,6 +31,8 @@ from tiago_mj.gap.simulation import replay
 from tiago_mj.gap.simulation.plant import plant_of
 from tiago_mj.gap.torque import diagnose_inverse
 from tiago_mj.gap.torque.search import Search
+from tiago_mj.recordings.recording import Sidecar, Trial
+from tiago_mj.recordings.write import write_trial
 
 HINGE = """
 <mujoco model="hinge"><option timestep="0.002"/><worldbody><body><joint name="swing" axis="0 0 1" damping="0.1"/>

@@ -10,12 +10,12 @@ import yaml
 
 import tiago_mj  # noqa: F401
 from tiago_mj.cli import main
-from tiago_mj.gap.data.read import read_recordings
-from tiago_mj.gap.data.recording import RecordingError
-from tiago_mj.gap.data.write import write_trial
 from tiago_mj.gap.tools.calibrate_sensor import FALSE_CONTACTS, calibrate
 from tiago_mj.gap.tools.calibrate_sensor.rest import at_rest
-from tiago_mj.gap.tools.record.environment import Plan, record
+from tiago_mj.recordings.read import read_recordings
+from tiago_mj.recordings.record.environment import Plan, record
+from tiago_mj.recordings.recording import RecordingError
+from tiago_mj.recordings.write import write_trial
 from tiago_mj.rollout.policies import make_policy
 from tiago_mj.sensing.load_cell import LoadCell, named_load_cell
 

@@ -10,13 +10,13 @@ import pytest
 import tiago_mj  # noqa: F401
 from tiago_mj.cli import main
 from tiago_mj.effects import EFFECTS, read_effects
-from tiago_mj.gap.data.grid import grid_step
-from tiago_mj.gap.data.read import read_recordings
 from tiago_mj.gap.decision.verdict import most_probable
 from tiago_mj.gap.pipeline import diagnose
 from tiago_mj.gap.simulation import replay
 from tiago_mj.gap.simulation.plant import plant_of
 from tiago_mj.gap.simulation.session import split
+from tiago_mj.recordings.grid import grid_step
+from tiago_mj.recordings.read import read_recordings
 
 #: Enough rivals to be confused with, few enough for a test.
 SHORT = (

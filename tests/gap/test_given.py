@@ -9,11 +9,11 @@ from made_motions import diagnosed, pendulum, record
 
 from tiago_mj.cli import main
 from tiago_mj.effects import read_effects
-from tiago_mj.gap.data.read import read_recordings
 from tiago_mj.gap.inference import noise_model
 from tiago_mj.gap.inference.predictor import predictor
 from tiago_mj.gap.simulation import replay
 from tiago_mj.gap.simulation.plant import plant_of
+from tiago_mj.recordings.read import read_recordings
 
 FRICTION = {"coulomb_friction": {"force": 2.5}}
 PAIRS = [

@@ -8,11 +8,11 @@ import pytest
 from real_recordings import real
 
 from tiago_mj.cli import main
-from tiago_mj.gap.data.lint import inspect, refuse, usable
-from tiago_mj.gap.data.read import read_recordings
-from tiago_mj.gap.data.recording import RecordingError
-from tiago_mj.gap.tools.imports import public, so101, tiago_arm, xl330
 from tiago_mj.models import names
+from tiago_mj.recordings.imports import public, so101, tiago_arm, xl330
+from tiago_mj.recordings.lint import inspect, refuse, usable
+from tiago_mj.recordings.read import read_recordings
+from tiago_mj.recordings.recording import RecordingError
 
 
 def codes(findings):

@@ -9,10 +9,10 @@ from made_motions import ARM, diagnosed, holds, named, pendulum, record, robot, 
 from real_recordings import real
 
 from tiago_mj.effects import EFFECTS
-from tiago_mj.gap.data.recording import Trial
 from tiago_mj.gap.decision.verdict import most_probable
 from tiago_mj.gap.result import Diagnosis
-from tiago_mj.gap.tools.imports import tiago_arm
+from tiago_mj.recordings.imports import tiago_arm
+from tiago_mj.recordings.recording import Trial
 
 FRICTION = np.array([2.0, 4.0, 1.5, 1.0])
 DAMPING = np.array([10.0, 8.0, 4.0, 3.0])

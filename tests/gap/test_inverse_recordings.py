@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from made_motions import ARM, diagnosed, named, pendulum, record, robot, trial
 
-from tiago_mj.gap.data.lint import inspect
-from tiago_mj.gap.data.recording import RecordingError, Trial
 from tiago_mj.gap.report import json as report
 from tiago_mj.gap.torque import diagnose_inverse
 from tiago_mj.gap.torque.channels import Usable, choose
+from tiago_mj.recordings.lint import inspect
+from tiago_mj.recordings.recording import RecordingError, Trial
 
 
 def test_a_dead_effort_channel_is_left_out_and_named() -> None:

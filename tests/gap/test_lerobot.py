@@ -8,8 +8,8 @@ import pyarrow.parquet as pq
 import pytest
 
 from tiago_mj.cli import main
-from tiago_mj.gap.data.read import read_recordings
 from tiago_mj.gap.simulation.plant import plant_of
+from tiago_mj.recordings.read import read_recordings
 
 #: Names as an SO-101 has them.
 ARM = ("shoulder_pan", "elbow_flex", "gripper")

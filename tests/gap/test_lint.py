@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import tiago_mj
-from tiago_mj.gap.data.lint import JointRanges, check_names, inspect, refuse, usable
-from tiago_mj.gap.data.recording import CODES, KINDS, Finding, RecordingError, channels
-from tiago_mj.gap.tools.record import Motion, Plan, make, random_motion, record
 from tiago_mj.models import names
+from tiago_mj.recordings.lint import JointRanges, check_names, inspect, refuse, usable
+from tiago_mj.recordings.record import Motion, Plan, make, random_motion, record
+from tiago_mj.recordings.recording import CODES, KINDS, Finding, RecordingError, channels
 from tiago_mj.rollout.policies import make_policy
 
 RIGHT, LEFT = names.FINGERS

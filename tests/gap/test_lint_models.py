@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from tiago_mj.cli import main
-from tiago_mj.gap.data.lint import believed, inspect_all, refuse, summary, usable
-from tiago_mj.gap.data.read import read_recordings
-from tiago_mj.gap.data.recording import Finding, RecordingError
-from tiago_mj.gap.data.write import write_trial
 from tiago_mj.gap.inference import noise_model
 from tiago_mj.gap.simulation.plant import plant_of
-from tiago_mj.gap.tools.record import Motion
-from tiago_mj.gap.tools.record.plain import record_model
+from tiago_mj.recordings.lint import believed, inspect_all, refuse, summary, usable
+from tiago_mj.recordings.read import read_recordings
+from tiago_mj.recordings.record import Motion
+from tiago_mj.recordings.record.plain import record_model
+from tiago_mj.recordings.recording import Finding, RecordingError
+from tiago_mj.recordings.write import write_trial
 
 ARM = """
 <mujoco>

@@ -11,7 +11,6 @@ from made_hinge import recorded
 from benchmarks.blind import cases, recordings, robots
 from benchmarks.blind.cases import FAST_RATE, Case, EffectChoice
 from tiago_mj.effects.spec import Entry
-from tiago_mj.gap.data.read import read_recordings
 from tiago_mj.gap.detectors import set_points
 from tiago_mj.gap.detectors.set_points import ServoMotion
 from tiago_mj.gap.inference import hypotheses, noise_model
@@ -19,6 +18,7 @@ from tiago_mj.gap.inference.fit import Fitted
 from tiago_mj.gap.inference.predictor import Predictor
 from tiago_mj.gap.pipeline import diagnose
 from tiago_mj.gap.search import lost_commands, rounds
+from tiago_mj.recordings.read import read_recordings
 
 HINGE = Case(seed=5252, setting="plain", interface="position", spread=0.04, rate=FAST_RATE, seconds=1.6, trials=4)
 #: Of what moves the joint by less than its noise nobody can say whether it was lost.

@@ -12,12 +12,12 @@ import pytest
 
 import tiago_mj  # noqa: F401  (registers the environments)
 from tiago_mj.cli import main
-from tiago_mj.gap import motions
-from tiago_mj.gap.motions import make
-from tiago_mj.gap.motions.menu import items
-from tiago_mj.gap.tools.record import Plan, read_motion, record
-from tiago_mj.gap.tools.record import make as make_env
 from tiago_mj.models import names
+from tiago_mj.recordings import motions
+from tiago_mj.recordings.motions import make
+from tiago_mj.recordings.motions.menu import items
+from tiago_mj.recordings.record import Plan, read_motion, record
+from tiago_mj.recordings.record import make as make_env
 
 ITEMS = {item.name: item for item in items()}
 PAGE = Path(__file__).parents[2] / "docs" / "motions.md"

@@ -8,12 +8,12 @@ import pandas as pd
 import pytest
 
 from tiago_mj.cli import main
-from tiago_mj.gap.data import lint
-from tiago_mj.gap.data.lint.names import check_names
-from tiago_mj.gap.data.read import read_recordings
-from tiago_mj.gap.data.recording import RecordingError
 from tiago_mj.gap.simulation import replay
 from tiago_mj.gap.simulation.plant import plant_of
+from tiago_mj.recordings import lint
+from tiago_mj.recordings.lint.names import check_names
+from tiago_mj.recordings.read import read_recordings
+from tiago_mj.recordings.recording import RecordingError
 
 ARM = """
 <mujoco>

@@ -11,22 +11,22 @@ import pytest
 import tiago_mj  # noqa: F401  (registers the environments)
 from tiago_mj.cli import main
 from tiago_mj.deadline import Deadline, OutOfTimeError
-from tiago_mj.gap import motions
-from tiago_mj.gap.data.read import read_recordings
-from tiago_mj.gap.data.recording import channel, channels
 from tiago_mj.gap.decision.verdict import classes_of
 from tiago_mj.gap.design import rehearse
 from tiago_mj.gap.design.next_motion import next_motion
 from tiago_mj.gap.design.rehearse import PRESS
 from tiago_mj.gap.inference import hypotheses, noise_model
 from tiago_mj.gap.inference.fit import Fitted
-from tiago_mj.gap.motions.menu import OPEN, items
 from tiago_mj.gap.pipeline import diagnose
 from tiago_mj.gap.report import json as written
 from tiago_mj.gap.search import ranking
 from tiago_mj.gap.simulation.plant import plant_of
-from tiago_mj.gap.tools.record import Plan, read_motion, record
 from tiago_mj.models import names
+from tiago_mj.recordings import motions
+from tiago_mj.recordings.motions.menu import OPEN, items
+from tiago_mj.recordings.read import read_recordings
+from tiago_mj.recordings.record import Plan, read_motion, record
+from tiago_mj.recordings.recording import channel, channels
 
 #: What plain squeezes hardly tell apart: each holds back some of the force, or of the motion that makes it.
 ALIKE = {

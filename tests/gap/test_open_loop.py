@@ -9,7 +9,7 @@ from tiago_mj.effects.chain import Chain
 from tiago_mj.effects.spec import Entry
 from tiago_mj.gap.simulation import replay
 from tiago_mj.gap.simulation.plant import plant_of
-from tiago_mj.gap.tools.record.environment import Plan, record
+from tiago_mj.recordings.record.environment import Plan, record
 from tiago_mj.rollout.policies import make_policy
 
 MIXED = (

@@ -13,7 +13,6 @@ from tiago_mj.effects import EFFECTS, read_effects
 from tiago_mj.effects.model_file import changed
 from tiago_mj.effects.spec import arrays
 from tiago_mj.gap.analysis import outcome, place
-from tiago_mj.gap.data.recording import Trial
 from tiago_mj.gap.inference import noise_model
 from tiago_mj.gap.inference.fit import Fitted
 from tiago_mj.gap.inference.hypotheses import candidates, terms
@@ -22,6 +21,7 @@ from tiago_mj.gap.report.repaired import entry
 from tiago_mj.gap.search.state import Ranked
 from tiago_mj.gap.simulation import replay
 from tiago_mj.gap.simulation.plant import Plant
+from tiago_mj.recordings.recording import Trial
 
 NOISE = 2e-4
 

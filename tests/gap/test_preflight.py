@@ -17,7 +17,7 @@ from made_motions import record as recorded_motion
 import tiago_mj  # noqa: F401
 from tiago_mj.cli import main
 from tiago_mj.effects import EFFECTS
-from tiago_mj.gap.data.write import write_trial
+from tiago_mj.recordings.write import write_trial
 
 
 @pytest.fixture(scope="module")

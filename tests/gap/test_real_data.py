@@ -14,15 +14,15 @@ from real_recordings import real
 
 from tiago_mj.cli import main
 from tiago_mj.effects import EFFECTS
-from tiago_mj.gap.data import lint, travel
-from tiago_mj.gap.data.nominal_priors import known_to
-from tiago_mj.gap.data.read import read_recordings
-from tiago_mj.gap.data.recording import RecordingError, Sidecar, Trial
-from tiago_mj.gap.data.trials import correlation_time, cut, cut_long, repeatability, too_long
 from tiago_mj.gap.inference import noise_model
 from tiago_mj.gap.pipeline import diagnose
 from tiago_mj.gap.simulation.plant import plant_of
-from tiago_mj.gap.tools.imports import so101
+from tiago_mj.recordings import lint, travel
+from tiago_mj.recordings.imports import so101
+from tiago_mj.recordings.nominal_priors import known_to
+from tiago_mj.recordings.read import read_recordings
+from tiago_mj.recordings.recording import RecordingError, Sidecar, Trial
+from tiago_mj.recordings.trials import correlation_time, cut, cut_long, repeatability, too_long
 
 #: Rhoban/bam, bam/params/xl330/m1.json: reflected inertia [kg·m²] that its authors fitted to their own runs.
 PUBLISHED_ARMATURE = 0.0018

@@ -8,11 +8,11 @@ import pytest
 
 import tiago_mj  # noqa: F401  (registers the environments)
 from tiago_mj.cli import main
-from tiago_mj.gap.data.read import read_recordings
-from tiago_mj.gap.data.recording import RecordingError, Sidecar, Trial, channels
 from tiago_mj.gap.simulation.plant import plant_of
-from tiago_mj.gap.tools.record import Plan, make, random_motion, read_motion, record, record_model
 from tiago_mj.models import names
+from tiago_mj.recordings.read import read_recordings
+from tiago_mj.recordings.record import Plan, make, random_motion, read_motion, record, record_model
+from tiago_mj.recordings.recording import RecordingError, Sidecar, Trial, channels
 from tiago_mj.rollout.policies import make_policy
 
 RIGHT, LEFT = names.FINGERS

@@ -12,10 +12,10 @@ import pyarrow.parquet as pq
 import pytest
 
 from tiago_mj import extra
-from tiago_mj.gap.data.read import read_recordings
-from tiago_mj.gap.data.read.tables import MAX_ROWS
-from tiago_mj.gap.data.recording import RecordingError, Sidecar, Trial, channels
-from tiago_mj.gap.data.write import write_trial
+from tiago_mj.recordings.read import read_recordings
+from tiago_mj.recordings.read.tables import MAX_ROWS
+from tiago_mj.recordings.recording import RecordingError, Sidecar, Trial, channels
+from tiago_mj.recordings.write import write_trial
 
 JOINT = "gripper_right_finger_joint"
 FACTS = {"robot": "tiago_mj/GripperTactile-v0", "interface": "velocity", "rate_hz": 100.0}

@@ -13,12 +13,12 @@ import yaml
 
 from tiago_mj.effects import read_effects
 from tiago_mj.gap import apply
-from tiago_mj.gap.data.recording import Sidecar, Trial
 from tiago_mj.gap.report import calibration, html, terminal, write
 from tiago_mj.gap.report.repaired import repaired
 from tiago_mj.gap.result import Diagnosis, Explanation, Shrink
 from tiago_mj.gap.simulation import replay
 from tiago_mj.gap.simulation.plant import Plant, plant_of
+from tiago_mj.recordings.recording import Sidecar, Trial
 
 ARM = """
 <mujoco>

@@ -13,10 +13,10 @@ from made_motions import PENDULUM, pendulum, record
 from tiago_mj.cli import main
 from tiago_mj.effects import read_effects
 from tiago_mj.gap import apply
-from tiago_mj.gap.data.read import read_recordings
-from tiago_mj.gap.data.write import write_trial
 from tiago_mj.gap.simulation import replay
 from tiago_mj.gap.simulation.plant import plant_of
+from tiago_mj.recordings.read import read_recordings
+from tiago_mj.recordings.write import write_trial
 
 POSITION = '<position name="swing" joint="swing" kp="9" kv=".3" ctrlrange="-1 1"/>'
 SERVO = PENDULUM.replace('<motor name="swing" joint="swing"/>', POSITION)

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 
 from tiago_mj.cli import main
-from tiago_mj.gap.data.read import read_recordings
 from tiago_mj.gap.simulation import replay
 from tiago_mj.gap.simulation.plant import plant_of
 from tiago_mj.models import scene
+from tiago_mj.recordings.read import read_recordings
 
 
 def test_a_trial_with_another_object_is_replayed_as_in_a_scene_that_has_it(tmp_path):

@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 from made_diagnoses import CASES, GRIPPER, Read, diagnosis, every_case, overlay, places, squeezed
 
-from tiago_mj.gap.data.recording import Finding
 from tiago_mj.gap.report import html as page
 from tiago_mj.gap.report import overlays, shrinking, tables, verdict
 from tiago_mj.gap.result import Named, NextMotion, Value
+from tiago_mj.recordings.recording import Finding
 
 
 @every_case

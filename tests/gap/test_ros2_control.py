@@ -6,8 +6,8 @@ from rosbags.rosbag2 import Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from tiago_mj.cli import main
-from tiago_mj.gap.data.read import read_recordings
-from tiago_mj.gap.data.recording import RecordingError
+from tiago_mj.recordings.read import read_recordings
+from tiago_mj.recordings.recording import RecordingError
 
 JOINTS = ("shoulder", "elbow")
 START = 1_700_000_000_000_000_000

@@ -13,13 +13,13 @@ from tiago_mj import cli
 from tiago_mj.effects import EFFECTS
 from tiago_mj.effects.spec import Entry, read_effects
 from tiago_mj.gap import command, report
-from tiago_mj.gap.data.recording import RecordingError, Sidecar, Trial
 from tiago_mj.gap.inference import noise_model
 from tiago_mj.gap.inference.predictor import Predictor, predictor
 from tiago_mj.gap.pipeline import diagnose
 from tiago_mj.gap.search import select
 from tiago_mj.gap.simulation import replay, stability
 from tiago_mj.gap.simulation.plant import Plant, plant_of
+from tiago_mj.recordings.recording import RecordingError, Sidecar, Trial
 
 ARM = """
 <mujoco model="arm"><option timestep="0.002"/><worldbody><body name="upper" pos="0 0 1">
@@ -171,7 +171,7 @@ def test_what_was_found_until_something_ends_the_search_is_the_answer(tmp_path, 
 
 
 def test_an_interrupted_command_writes_its_best_verdict_and_says_so(tmp_path, monkeypatch, capsys):
-    from tiago_mj.gap.data.write import write_trial
+    from tiago_mj.recordings.write import write_trial
 
     for trial in played(arm(tmp_path), {"coulomb_friction": {"force": 0.6}}, tmp_path):
         write_trial(trial, tmp_path / "logs")

@@ -6,9 +6,9 @@ from scipy import signal
 
 from tiago_mj.gap.analysis import locate
 from tiago_mj.gap.analysis.locate import Signal
-from tiago_mj.gap.data import robust
-from tiago_mj.gap.data.autocorrelation import integrated_time
 from tiago_mj.gap.result import PHASES
+from tiago_mj.recordings import robust
+from tiago_mj.recordings.autocorrelation import integrated_time
 
 FREE, HOLD = PHASES.index("free motion"), PHASES.index("hold")
 

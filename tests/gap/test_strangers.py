@@ -14,11 +14,11 @@ import pytest
 from benchmarks.strangers import __main__ as main
 from benchmarks.strangers import case, record, truths
 from benchmarks.strangers.models import STRANGERS, Stranger
-from tiago_mj.gap.data import lint
-from tiago_mj.gap.data.read import read_recordings
-from tiago_mj.gap.data.recording import Finding, Trial
 from tiago_mj.gap.simulation import replay
 from tiago_mj.gap.simulation.plant import Plant, plant_of
+from tiago_mj.recordings import lint
+from tiago_mj.recordings.read import read_recordings
+from tiago_mj.recordings.recording import Finding, Trial
 
 SMALL = {"logs": 2, "seconds": 2.5, "rate": 100.0}
 PLAYED = [name for name, one in STRANGERS.items() if one.interface != "effort"]

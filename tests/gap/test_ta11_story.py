@@ -8,14 +8,14 @@ from real_recordings import real
 
 from tiago_mj.cli import main
 from tiago_mj.effects import EFFECTS, read_effects
-from tiago_mj.gap.data import lint
-from tiago_mj.gap.data.read import read_recordings
-from tiago_mj.gap.data.recording import RecordingError
 from tiago_mj.gap.inference import noise_model
 from tiago_mj.gap.pipeline import diagnose
 from tiago_mj.gap.simulation import replay
 from tiago_mj.gap.simulation.plant import plant_of
-from tiago_mj.gap.tools.imports import ta11_curve
+from tiago_mj.recordings import lint
+from tiago_mj.recordings.imports import ta11_curve
+from tiago_mj.recordings.read import read_recordings
+from tiago_mj.recordings.recording import RecordingError
 from tiago_mj.sensing.ta11_curve import MEASURED, fit_line, replay_object
 
 

@@ -7,9 +7,9 @@ import pytest
 
 from tiago_mj.cli import main
 from tiago_mj.gap import pipeline
-from tiago_mj.gap.data.read import read_recordings
 from tiago_mj.gap.report import json as report_json
 from tiago_mj.gap.report.read import load
+from tiago_mj.recordings.read import read_recordings
 
 SINGULAR = "Inertia matrix is too close to singular at DOF {}. Check model. Time = {}."
 

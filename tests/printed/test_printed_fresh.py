@@ -17,11 +17,11 @@ from printed_tables import fixtures, left_out, pendulum, recordings, way_of
 from test_printed_pages import in_order
 
 from tiago_mj.demo import arm_torque
-from tiago_mj.gap.data.read import read_recordings
 from tiago_mj.gap.report import terminal, write
 from tiago_mj.gap.report.repaired import with_model
 from tiago_mj.gap.result import Diagnosis
 from tiago_mj.gap.simulation.plant import plant_of
+from tiago_mj.recordings.read import read_recordings
 
 sys.path.insert(0, str(ROOT / "tests" / "gap"))
 from made_diagnoses import CASES, COULOMB, TIED, diagnosis

@@ -10,8 +10,8 @@ from benchmarks.real import logs, run
 from benchmarks.real.cases import CASES, REGRESSIONS, files
 from benchmarks.real.declare import COMMANDS, EFFORTS
 from benchmarks.real.robots import emps, kuka_kr300, xl330
-from tiago_mj.gap.data import lint
-from tiago_mj.gap.data.read import read_recordings
+from tiago_mj.recordings import lint
+from tiago_mj.recordings.read import read_recordings
 
 ROOT = Path(__file__).resolve().parents[2]
 KEPT = json.loads((ROOT / "benchmarks" / "results" / "real_regression.json").read_text())["results"]

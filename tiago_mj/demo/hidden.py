@@ -100,11 +100,11 @@ def find(seed: int, folder: Path, tick: Callable[..., None]) -> Answer:
     """
     extra.load("pandas", "the diagnosis")
     limits = extra.load("threadpoolctl", "the diagnosis").threadpool_limits
-    from tiago_mj.gap.data import lint
     from tiago_mj.gap.pipeline import diagnose
     from tiago_mj.gap.report import write
     from tiago_mj.gap.simulation.plant import plant_of
-    from tiago_mj.gap.tools.record.environment import Plan, record
+    from tiago_mj.recordings import lint
+    from tiago_mj.recordings.record.environment import Plan, record
     from tiago_mj.rollout.policies import make_policy
 
     name, parameter, truth = draw(seed)

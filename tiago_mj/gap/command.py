@@ -18,9 +18,9 @@ from typing import TYPE_CHECKING, Final
 
 from tiago_mj import extra, outputs
 from tiago_mj.deadline import Deadline, OutOfTimeError
-from tiago_mj.gap.data.recording import RecordingError, Trial
-from tiago_mj.gap.data.trials import LONGEST, MOST_ROWS, too_long
 from tiago_mj.progress import Progress
+from tiago_mj.recordings.recording import RecordingError, Trial
+from tiago_mj.recordings.trials import LONGEST, MOST_ROWS, too_long
 
 if TYPE_CHECKING:
     from tiago_mj.gap.result import Diagnosis
@@ -167,7 +167,7 @@ def _run(arguments: argparse.Namespace, entered: float) -> int:
     deadline = Deadline(math.inf if arguments.time_budget is None else arguments.time_budget, entered)
     extra.load("pandas", "reading recordings")
     threadpool_limits = extra.load("threadpoolctl", "the same answer on every machine").threadpool_limits
-    from tiago_mj.gap.data.read import read_recordings
+    from tiago_mj.recordings.read import read_recordings
 
     loaded = deadline.spent()
     try:
@@ -179,8 +179,8 @@ def _run(arguments: argparse.Namespace, entered: float) -> int:
         )
         # What cannot be used is said before the rest is loaded, which takes a second.
         from tiago_mj.effects import read_effects
-        from tiago_mj.gap.data import lint
         from tiago_mj.gap.simulation.plant import plant_of
+        from tiago_mj.recordings import lint
 
         given = read_effects(arguments.effects)
         plant = plant_of(read.trials, env=arguments.env, model=arguments.model, given=given)

@@ -17,7 +17,6 @@ from tiago_mj.effects import Entry
 from tiago_mj.gap.ahead import Ahead, AheadInTime, Listener
 from tiago_mj.gap.analysis import locate, task
 from tiago_mj.gap.conclusion import concluded, provisional, simulations, unanswered
-from tiago_mj.gap.data.recording import Finding, Trial
 from tiago_mj.gap.detectors.proposals import proposals
 from tiago_mj.gap.inference import hypotheses, noise_model
 from tiago_mj.gap.inference.predictor import predictor
@@ -31,6 +30,7 @@ from tiago_mj.gap.simulation.along_a_motion import along_a_motion, efforts_along
 from tiago_mj.gap.simulation.session import FITTED, Session
 from tiago_mj.gap.simulation.session import session as session_of
 from tiago_mj.gap.torque import diagnose_inverse
+from tiago_mj.recordings.recording import Finding, Trial
 
 
 def diagnose(

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from tiago_mj.deadline import OutOfTimeError
 from tiago_mj.effects.spec import Entry
-from tiago_mj.gap.data.recording import Finding
+from tiago_mj.recordings.recording import Finding
 
 Array = NDArray[np.float64]
 

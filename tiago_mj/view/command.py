@@ -75,7 +75,7 @@ def _recordings(arguments: argparse.Namespace) -> int:
     if arguments.model is not None and arguments.env is not None:
         raise ValueError("--env and --model both say which robot this is: give one")
     extra.load("pandas", "reading recordings")
-    from tiago_mj.gap.data.recording import RecordingError
+    from tiago_mj.recordings.recording import RecordingError
     from tiago_mj.view import page, player
     from tiago_mj.view.recordings import library
 

@@ -9,13 +9,13 @@ from typing import Any
 
 from tiago_mj.effects import read_effects
 from tiago_mj.effects.spec import Entry
-from tiago_mj.gap.data.read import read_recordings
-from tiago_mj.gap.data.recording import RecordingError, Trial
-from tiago_mj.gap.data.trials import cut_long
 from tiago_mj.gap.report.read import load
 from tiago_mj.gap.result import Diagnosis
 from tiago_mj.gap.simulation.along_a_motion import torques_along_a_motion
 from tiago_mj.gap.simulation.plant import Plant, plant_of
+from tiago_mj.recordings.read import read_recordings
+from tiago_mj.recordings.recording import RecordingError, Trial
+from tiago_mj.recordings.trials import cut_long
 from tiago_mj.view.story import Story, tell
 
 DIAGNOSIS, CALIBRATION = "diagnosis.json", "calibration.yaml"

@@ -20,7 +20,6 @@ from tiago_mj.deadline import Deadline
 from tiago_mj.effects import EFFECTS
 from tiago_mj.effects.spec import Entry
 from tiago_mj.gap.analysis import outcome
-from tiago_mj.gap.data.recording import Trial
 from tiago_mj.gap.inference import noise_model
 from tiago_mj.gap.report import verdict, words
 from tiago_mj.gap.report.overlays import stretches
@@ -29,6 +28,7 @@ from tiago_mj.gap.simulation import phases, replay
 from tiago_mj.gap.simulation.along_a_motion import along_a_motion
 from tiago_mj.gap.simulation.plant import Plant
 from tiago_mj.models import names, scene
+from tiago_mj.recordings.recording import Trial
 
 Array = NDArray[np.float64]
 

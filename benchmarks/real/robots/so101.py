@@ -17,8 +17,8 @@ import numpy as np
 from benchmarks.real import signals
 from benchmarks.real.declare import COMMANDS, NOTHING, REGRESSION, WHOLE, Case, Cause, File, Source
 from benchmarks.real.logs import Array, Log, log
-from tiago_mj.gap.data.trials import cut
-from tiago_mj.gap.tools.imports import so101
+from tiago_mj.recordings.imports import so101
+from tiago_mj.recordings.trials import cut
 
 STIFFNESS: Final = so101.STIFFNESS
 SOURCE: Final = Source(

@@ -14,7 +14,7 @@ import numpy as np
 
 from benchmarks.real.declare import BOTH, NOTHING, REGRESSION, SEMI, Case, Cause, Source
 from benchmarks.real.logs import Log
-from tiago_mj.gap.tools.imports import ta11_curve
+from tiago_mj.recordings.imports import ta11_curve
 from tiago_mj.sensing.ta11_curve import MEASURED, is_sent
 
 #: The 68 forces are facts that this package carries itself: there is nothing to fetch.

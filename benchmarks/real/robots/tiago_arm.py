@@ -17,8 +17,8 @@ import numpy as np
 from benchmarks.real import signals
 from benchmarks.real.declare import EFFORTS, NOTHING, REGRESSION, WHOLE, Case, Cause, File, Source
 from benchmarks.real.logs import Array, Log, log
-from tiago_mj.gap.tools.imports import tiago_arm
 from tiago_mj.models.files import model_file
+from tiago_mj.recordings.imports import tiago_arm
 
 ROBOT: Final = tiago_arm.ROBOT
 JOINTS: Final = tiago_arm.JOINTS

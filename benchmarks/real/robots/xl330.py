@@ -27,7 +27,7 @@ from benchmarks.real.declare import (
     Source,
 )
 from benchmarks.real.logs import Array, Log, log
-from tiago_mj.gap.tools.imports import xl330
+from tiago_mj.recordings.imports import xl330
 
 JOINT: Final = xl330.JOINT
 MASS, LENGTH, VOLTS = 0.49, 0.1, 7.4

@@ -15,14 +15,14 @@ from numpy.typing import NDArray
 from tiago_mj.effects import EFFECTS
 from tiago_mj.gap.analysis import promises, shrink
 from tiago_mj.gap.analysis.remainder import own_numbers
-from tiago_mj.gap.data import travel
-from tiago_mj.gap.data.recording import Trial
 from tiago_mj.gap.inference import likelihood, noise_model
 from tiago_mj.gap.inference.fit import Fitted
 from tiago_mj.gap.inference.hypotheses import Term, terms
 from tiago_mj.gap.inference.noise_model import Data
 from tiago_mj.gap.inference.predictor import Predictor
 from tiago_mj.gap.simulation.plant import Plant
+from tiago_mj.recordings import travel
+from tiago_mj.recordings.recording import Trial
 
 Array = NDArray[np.float64]
 

@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 from tiago_mj.effects import EFFECTS
 from tiago_mj.effects.spec import Entry
 from tiago_mj.gap.analysis.remainder import own_numbers
-from tiago_mj.gap.data import travel
-from tiago_mj.gap.data.recording import Trial
 from tiago_mj.gap.decision import verdict
 from tiago_mj.gap.detectors.readings import Tone
 from tiago_mj.gap.inference.fit import Fitted
@@ -20,6 +18,8 @@ from tiago_mj.gap.inference.noise_model import Data
 from tiago_mj.gap.result import Explanation, Named, Overlay, Value
 from tiago_mj.gap.search.state import Ranked
 from tiago_mj.gap.simulation.plant import Plant
+from tiago_mj.recordings import travel
+from tiago_mj.recordings.recording import Trial
 
 Array = NDArray[np.float64]
 

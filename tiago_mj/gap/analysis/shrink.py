@@ -13,10 +13,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from tiago_mj.gap.data.autocorrelation import integrated_time
 from tiago_mj.gap.inference import noise_model
 from tiago_mj.gap.inference.noise_model import Data
 from tiago_mj.gap.result import PHASES, Closing, Shrink
+from tiago_mj.recordings.autocorrelation import integrated_time
 
 Array = NDArray[np.float64]
 

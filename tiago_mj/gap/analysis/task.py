@@ -24,10 +24,10 @@ from tiago_mj.envs.choices import Interval, ObjectChoice
 from tiago_mj.envs.flat import core_of
 from tiago_mj.envs.hold_force import HoldForce
 from tiago_mj.envs.state import State
-from tiago_mj.gap.data.recording import RecordingError, Trial
 from tiago_mj.gap.result import Diagnosis, Named
 from tiago_mj.gap.simulation.plant import Plant, grasp_object
 from tiago_mj.models import names
+from tiago_mj.recordings.recording import RecordingError, Trial
 
 Array = NDArray[np.float64]
 

@@ -26,7 +26,6 @@ from scipy.stats import norm
 
 from tiago_mj.deadline import Deadline
 from tiago_mj.effects.spec import Entry
-from tiago_mj.gap.data.recording import Trial
 from tiago_mj.gap.decision.verdict import calibration, classes_of, temperature_of
 from tiago_mj.gap.design.rehearse import Rehearsal, rehearse, with_numerics
 from tiago_mj.gap.detectors.readings import MEASURES
@@ -36,6 +35,7 @@ from tiago_mj.gap.inference.hypotheses import Term
 from tiago_mj.gap.inference.noise_model import Data
 from tiago_mj.gap.result import NextMotion
 from tiago_mj.gap.simulation.plant import Plant
+from tiago_mj.recordings.recording import Trial
 
 Array = NDArray[np.float64]
 Effects = tuple[Entry, ...]

@@ -11,17 +11,17 @@ from numpy.typing import NDArray
 
 from tiago_mj.deadline import Deadline
 from tiago_mj.effects.spec import Entry
-from tiago_mj.gap import motions
-from tiago_mj.gap.data.recording import Trial
 from tiago_mj.gap.inference import noise_model
 from tiago_mj.gap.inference.noise_model import Data
 from tiago_mj.gap.inference.predictor import RANDOM_EFFECTS, Predictor
-from tiago_mj.gap.motions.menu import OPEN, items
-from tiago_mj.gap.motions.play import Motion, read_motion
 from tiago_mj.gap.simulation import replay
 from tiago_mj.gap.simulation.plant import Plant, Start
 from tiago_mj.gap.simulation.replay import Grid
 from tiago_mj.models import names
+from tiago_mj.recordings import motions
+from tiago_mj.recordings.motions.menu import OPEN, items
+from tiago_mj.recordings.motions.play import Motion, read_motion
+from tiago_mj.recordings.recording import Trial
 
 Array = NDArray[np.float64]
 Effects = tuple[Entry, ...]

@@ -15,12 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import signal, stats
 
-from tiago_mj.gap.data import robust
-from tiago_mj.gap.data.grid import grid_step
 from tiago_mj.gap.inference.hypotheses import Candidate
 from tiago_mj.gap.inference.noise_model import Data
 from tiago_mj.gap.simulation.phases import still
 from tiago_mj.gap.simulation.plant import Plant
+from tiago_mj.recordings import robust
+from tiago_mj.recordings.grid import grid_step
 
 Array = NDArray[np.float64]
 

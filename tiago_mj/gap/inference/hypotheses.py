@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from tiago_mj.effects import EFFECTS
 from tiago_mj.effects.nominal import STOCKS, removable
 from tiago_mj.effects.spec import Entry
-from tiago_mj.gap.data.nominal_priors import deviation
 from tiago_mj.gap.simulation.plant import Plant
 from tiago_mj.gap.simulation.sizes import Size
+from tiago_mj.recordings.nominal_priors import deviation
 
 Array = NDArray[np.float64]
 #: Effect and targets, None for all.

@@ -19,9 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg
 
-from tiago_mj.gap.data.autocorrelation import FEWEST, integrated_time
 from tiago_mj.gap.inference import between
 from tiago_mj.gap.inference.noise_model import Data, repeat_over_blocks, sum_by_block
+from tiago_mj.recordings.autocorrelation import FEWEST, integrated_time
 
 Array = NDArray[np.float64]
 

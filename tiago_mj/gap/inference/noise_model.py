@@ -20,12 +20,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
-from tiago_mj.gap.data import robust
-from tiago_mj.gap.data.grid import grid_step
-from tiago_mj.gap.data.recording import RecordingError, Trial
 from tiago_mj.gap.inference import between
 from tiago_mj.gap.simulation.plant import Plant
 from tiago_mj.gap.simulation.replay import Signals
+from tiago_mj.recordings import robust
+from tiago_mj.recordings.grid import grid_step
+from tiago_mj.recordings.recording import RecordingError, Trial
 
 Array = NDArray[np.float64]
 #: Names of channels that can be believed: in all trials, or by the file of each trial, or that it is a part of.

@@ -21,11 +21,11 @@ from numpy.typing import NDArray
 from tiago_mj.deadline import Deadline
 from tiago_mj.effects import EFFECTS
 from tiago_mj.effects.spec import Entry
-from tiago_mj.gap.data.recording import RecordingError, Trial
 from tiago_mj.gap.inference import likelihood, noise_model
 from tiago_mj.gap.simulation import replay, stability
 from tiago_mj.gap.simulation.plant import Plant, substeps
 from tiago_mj.gap.simulation.replay import Grid, Signals, sensor_only
+from tiago_mj.recordings.recording import RecordingError, Trial
 
 Array = NDArray[np.float64]
 Effects = tuple[Entry, ...]

@@ -10,7 +10,6 @@ from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, ConfigDict, Field
 
-from tiago_mj.gap.data.recording import Finding
 from tiago_mj.gap.result import (
     SCHEMA,
     Closing,
@@ -28,6 +27,7 @@ from tiago_mj.gap.result import (
 )
 from tiago_mj.loading import load_json
 from tiago_mj.quoting import quoted
+from tiago_mj.recordings.recording import Finding
 from tiago_mj.schema import Open, SchemaError, checked
 
 #: Null where nothing is known; NaN in memory.

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from tiago_mj.gap.data.recording import Array, RecordingError, Trial
 from tiago_mj.gap.simulation.plant import Plant
+from tiago_mj.recordings.recording import Array, RecordingError, Trial
 
 
 def torques_along_a_motion(plant: Plant, trials: Sequence[Trial]) -> bool:

@@ -21,17 +21,17 @@ from tiago_mj.effects import check_entries
 from tiago_mj.effects.chain import Wiring
 from tiago_mj.effects.spec import Entry
 from tiago_mj.effects.wiring import wire
-from tiago_mj.gap.data.grid import grid_step
-from tiago_mj.gap.data.lint.names import check_names
-from tiago_mj.gap.data.nominal_priors import grids, known_to
-from tiago_mj.gap.data.recording import RecordingError, Sidecar, Trial
-from tiago_mj.gap.data.robot import MODELS, Robot
 from tiago_mj.loading import is_file
 from tiago_mj.models import names, scene
 from tiago_mj.models.actuators import driven_joint, replayed_interfaces
 from tiago_mj.models.bounded import check_speed, load_model
 from tiago_mj.models.objects import KEYS, SHAPES, GraspObject
 from tiago_mj.quoting import quoted
+from tiago_mj.recordings.grid import grid_step
+from tiago_mj.recordings.lint.names import check_names
+from tiago_mj.recordings.nominal_priors import grids, known_to
+from tiago_mj.recordings.recording import RecordingError, Sidecar, Trial
+from tiago_mj.recordings.robot import MODELS, Robot
 from tiago_mj.sensing.load_cell import LoadCell
 from tiago_mj.sensing.sources import PadForces
 
@@ -80,10 +80,10 @@ class Plant:
         file: of a plain model.
         relative: whether a command is a change from the measured position, as of controllers that follow it.
         known: how well the recordings say that numbers of the model are known
-            (:mod:`tiago_mj.gap.data.nominal_priors`).
+            (:mod:`tiago_mj.recordings.nominal_priors`).
         given: effects that are known already: part of every simulation, whatever else is tried.
         grids: step of the grid of every channel that is said to have one
-            (:func:`tiago_mj.gap.data.nominal_priors.grids`).
+            (:func:`tiago_mj.recordings.nominal_priors.grids`).
     """
 
     name: str

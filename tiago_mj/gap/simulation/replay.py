@@ -24,9 +24,9 @@ from tiago_mj.effects.chain import EACH_STEP, EACH_SUBSTEP, Chain
 from tiago_mj.effects.declare import overrides
 from tiago_mj.effects.host import BatchHost
 from tiago_mj.effects.spec import Entry
-from tiago_mj.gap.data.recording import Trial
 from tiago_mj.gap.simulation.plant import Plant
 from tiago_mj.models import scene
+from tiago_mj.recordings.recording import Trial
 
 Array = NDArray[np.float64]
 Effects = tuple[Entry, ...]

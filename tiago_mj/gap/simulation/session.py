@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Final
 
 from tiago_mj.effects import Entry
-from tiago_mj.gap.data.recording import Trial
-from tiago_mj.gap.data.trials import cut_long
 from tiago_mj.gap.simulation.along_a_motion import torques_along_a_motion
 from tiago_mj.gap.simulation.plant import Plant, plant_of
+from tiago_mj.recordings.recording import Trial
+from tiago_mj.recordings.trials import cut_long
 
 #: Splits that explanations are fitted to; the test trials are kept aside.
 FITTED: Final = ("train", "validation")

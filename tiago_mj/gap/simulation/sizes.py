@@ -14,9 +14,9 @@ from typing import Final
 import numpy as np
 
 from tiago_mj.effects.inertia import removable_inertia
-from tiago_mj.gap.data.recording import Trial
 from tiago_mj.gap.simulation.plant import Plant
 from tiago_mj.gap.simulation.replay import Signals
+from tiago_mj.recordings.recording import Trial
 
 #: Bounds of an effect in units of the joint's size: a friction that takes all of the actuator's force, a damping that
 #: takes three times of it at the fastest that the joint was, gears that reflect thirty times the inertia of what is

@@ -12,10 +12,10 @@ from typing import Final
 import mujoco
 import numpy as np
 
-from tiago_mj.gap.data.recording import RecordingError
 from tiago_mj.gap.simulation import replay
 from tiago_mj.gap.simulation.plant import Plant
 from tiago_mj.gap.simulation.replay import Grid, Signals
+from tiago_mj.recordings.recording import RecordingError
 
 #: Physics steps that are tried, as shares of the one that diverges.
 STEP_SHARES: Final = (1 / 2, 1 / 4, 1 / 10)

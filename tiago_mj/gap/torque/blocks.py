@@ -9,8 +9,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from tiago_mj.gap.data.autocorrelation import integrated_time
 from tiago_mj.gap.torque.strips import Course
+from tiago_mj.recordings.autocorrelation import integrated_time
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.intp]

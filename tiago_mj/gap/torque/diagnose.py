@@ -14,8 +14,6 @@ import numpy as np
 from tiago_mj.deadline import Deadline, OutOfTimeError
 from tiago_mj.effects import EFFECTS, Entry
 from tiago_mj.gap.analysis import outcome
-from tiago_mj.gap.data.nominal_priors import known_to
-from tiago_mj.gap.data.recording import Finding, RecordingError, Trial
 from tiago_mj.gap.result import Diagnosis, Explanation, Named, Place, Stopped, Value, fault_of
 from tiago_mj.gap.torque import intervals, notes, tables
 from tiago_mj.gap.torque.band import clearest
@@ -25,6 +23,8 @@ from tiago_mj.gap.torque.judge import Verdict, judge
 from tiago_mj.gap.torque.pool import OWN
 from tiago_mj.gap.torque.search import Scored, Search
 from tiago_mj.gap.torque.terms import ON_THE_EFFORT, Term
+from tiago_mj.recordings.nominal_priors import known_to
+from tiago_mj.recordings.recording import Finding, RecordingError, Trial
 
 #: 90 % of a normal distribution lie within so many standard deviations.
 NINETY: Final = 1.645

@@ -9,14 +9,14 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from tiago_mj.gap.data.nominal_priors import deviation
-from tiago_mj.gap.data.recording import RecordingError
 from tiago_mj.gap.torque import blocks as blocking
 from tiago_mj.gap.torque.normal import Normal, Rows
 from tiago_mj.gap.torque.strips import Course
 from tiago_mj.gap.torque.structure import Shape, shapes
 from tiago_mj.gap.torque.terms import ON_THE_EFFORT, Term, all_terms, per_unit, reading_gain
 from tiago_mj.gap.torque.torques import Torques
+from tiago_mj.recordings.nominal_priors import deviation
+from tiago_mj.recordings.recording import RecordingError
 
 Array = NDArray[np.float64]
 

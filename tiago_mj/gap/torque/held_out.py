@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 
 from tiago_mj.gap.analysis import promises
 from tiago_mj.gap.analysis.remainder import Remainder, with_accounted
-from tiago_mj.gap.data.travel import ENDS, SMALL
 from tiago_mj.gap.result import Shrink
 from tiago_mj.gap.torque.evidence import TOLERANCE, Evidence
 from tiago_mj.gap.torque.intervals import segments
 from tiago_mj.gap.torque.pool import misfit, own_numbers, residual
 from tiago_mj.gap.torque.search import Scored
 from tiago_mj.gap.torque.tables import channel_name
+from tiago_mj.recordings.travel import ENDS, SMALL
 
 Array = NDArray[np.float64]
 

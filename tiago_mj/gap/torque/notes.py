@@ -6,11 +6,11 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from tiago_mj.gap.data import travel
-from tiago_mj.gap.data.recording import Trial, sampled
 from tiago_mj.gap.torque.channels import Usable
 from tiago_mj.gap.torque.judge import Verdict
 from tiago_mj.gap.torque.search import Scored, Search
+from tiago_mj.recordings import travel
+from tiago_mj.recordings.recording import Trial, sampled
 
 
 def sentences(trials: Sequence[Trial], usable: Usable, search: Search, verdict: Verdict) -> tuple[str, ...]:

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from scipy import ndimage, signal
 
 from tiago_mj import inverse
-from tiago_mj.gap.data import robust
-from tiago_mj.gap.data.recording import RecordingError, Trial
+from tiago_mj.recordings import robust
+from tiago_mj.recordings.recording import RecordingError, Trial
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

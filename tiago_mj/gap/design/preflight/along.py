@@ -16,8 +16,6 @@ from numpy.typing import NDArray
 from scipy import linalg
 
 from tiago_mj.effects import EFFECTS
-from tiago_mj.gap.data.nominal_priors import known_to
-from tiago_mj.gap.data.recording import Finding, RecordingError, Trial
 from tiago_mj.gap.design.preflight.excitation import CLEAR, Excited, Preflight
 from tiago_mj.gap.simulation.along_a_motion import efforts_along
 from tiago_mj.gap.simulation.plant import Plant
@@ -25,6 +23,8 @@ from tiago_mj.gap.torque.band import clearest
 from tiago_mj.gap.torque.diagnose import check_given
 from tiago_mj.gap.torque.evidence import Evidence
 from tiago_mj.gap.torque.terms import Term, possible
+from tiago_mj.recordings.nominal_priors import known_to
+from tiago_mj.recordings.recording import Finding, RecordingError, Trial
 
 Array = NDArray[np.float64]
 

@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from tiago_mj import atomic, extra, outputs
-from tiago_mj.gap.data.recording import Finding, RecordingError
 from tiago_mj.progress import told
 from tiago_mj.quantities import quantity
+from tiago_mj.recordings.recording import Finding, RecordingError
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -40,7 +40,7 @@ def run(arguments: argparse.Namespace) -> int:
     extra.load("pandas", "reading recordings")
     if not arguments.json:
         extra.load("rich", "the table")
-    from tiago_mj.gap.data.read import read_recordings
+    from tiago_mj.recordings.read import read_recordings
 
     try:
         robot = arguments.env or (str(arguments.model) if arguments.model else None)
@@ -48,8 +48,8 @@ def run(arguments: argparse.Namespace) -> int:
         read = read_recordings(arguments.recordings, map_file=arguments.map, defaults=defaults, robot=robot)
         # What cannot be used is said before the rest is loaded, which takes a second.
         from tiago_mj.effects import read_effects
-        from tiago_mj.gap.data import lint
         from tiago_mj.gap.simulation.plant import plant_of
+        from tiago_mj.recordings import lint
 
         given = read_effects(arguments.effects)
         plant = plant_of(read.trials, env=arguments.env, model=arguments.model, given=given)
@@ -115,7 +115,7 @@ def _show(data: dict[str, Any], findings: Sequence[Finding]) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    from tiago_mj.gap.data.lint.summary import summary
+    from tiago_mj.recordings.lint.summary import summary
 
     console = Console()
     count = f"{data['trials']} recording{'s' if data['trials'] > 1 else ''}"

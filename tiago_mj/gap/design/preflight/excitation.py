@@ -20,7 +20,6 @@ from scipy import linalg
 
 from tiago_mj import mujoco_log
 from tiago_mj.effects import EFFECTS
-from tiago_mj.gap.data.recording import RecordingError, Trial
 from tiago_mj.gap.detectors.readings import ONLY_READ_OFF
 from tiago_mj.gap.inference import hypotheses, likelihood, noise_model
 from tiago_mj.gap.inference.fit import NUISANCE_STEP
@@ -28,6 +27,7 @@ from tiago_mj.gap.inference.hypotheses import Candidate
 from tiago_mj.gap.inference.predictor import Predictor
 from tiago_mj.gap.simulation import replay, sizes, stability
 from tiago_mj.gap.simulation.plant import Plant
+from tiago_mj.recordings.recording import RecordingError, Trial
 
 Array = NDArray[np.float64]
 

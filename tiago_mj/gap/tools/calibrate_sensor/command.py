@@ -10,8 +10,8 @@ from pathlib import Path
 import yaml
 
 from tiago_mj import atomic, extra, outputs
-from tiago_mj.gap.data.recording import RecordingError
 from tiago_mj.progress import told
+from tiago_mj.recordings.recording import RecordingError
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -46,10 +46,10 @@ def run(arguments: argparse.Namespace) -> int:
     """Calibrate, write, and say in short what was found."""
     extra.load("pandas", "reading recordings")
     from tiago_mj.effects import read_effects
-    from tiago_mj.gap.data import lint
-    from tiago_mj.gap.data.read import read_recordings
     from tiago_mj.gap.tools.calibrate_sensor.rest import FALSE_CONTACTS
     from tiago_mj.gap.tools.calibrate_sensor.sheet import UNKNOWN, Calibration, calibrate, text
+    from tiago_mj.recordings import lint
+    from tiago_mj.recordings.read import read_recordings
 
     if arguments.out.suffix not in (".yaml", ".yml"):
         raise ValueError(f"--out {arguments.out}: give a file that ends with .yaml")

@@ -15,11 +15,11 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from tiago_mj.gap.data import robust
-from tiago_mj.gap.data.recording import Array, Trial
 from tiago_mj.gap.simulation.plant import Plant
 from tiago_mj.gap.simulation.replay import Signals
 from tiago_mj.models import names
+from tiago_mj.recordings import robust
+from tiago_mj.recordings.recording import Array, Trial
 
 Mask = NDArray[np.bool_]
 

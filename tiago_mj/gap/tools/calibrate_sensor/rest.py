@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from tiago_mj.gap.data import robust
-from tiago_mj.gap.data.autocorrelation import integrated_time
-from tiago_mj.gap.data.recording import Array, RecordingError, Trial
+from tiago_mj.recordings import robust
+from tiago_mj.recordings.autocorrelation import integrated_time
+from tiago_mj.recordings.recording import Array, RecordingError, Trial
 
 #: Share of readings without contact that may exceed the threshold: 5 standard deviations of a normal distribution, the
 #: simulated sensor's default. The paper's code had 3 (one reading in 740), which is several false contacts an episode.

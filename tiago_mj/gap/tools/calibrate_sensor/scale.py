@@ -19,12 +19,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from tiago_mj.gap.data.autocorrelation import integrated_time
-from tiago_mj.gap.data.recording import Array, Trial
 from tiago_mj.gap.simulation import phases, replay, stability
 from tiago_mj.gap.simulation.plant import Plant
 from tiago_mj.gap.tools.calibrate_sensor import drive
 from tiago_mj.gap.tools.calibrate_sensor.rest import Rest
+from tiago_mj.recordings.autocorrelation import integrated_time
+from tiago_mj.recordings.recording import Array, Trial
 
 #: A pad is pressed above this [N]; rows pressed less than this share of the largest force tell no slope.
 TOUCHING: Final = 0.05

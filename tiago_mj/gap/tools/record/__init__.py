@@ -1,7 +1,0 @@
-"""Recording: environments and plain models logged as a real robot would be."""
-
-from tiago_mj.gap.motions.play import Motion, random_motion, read_motion
-from tiago_mj.gap.tools.record.environment import Plan, make, record
-from tiago_mj.gap.tools.record.plain import record_model
-
-__all__ = ["Motion", "Plan", "make", "random_motion", "read_motion", "record", "record_model"]

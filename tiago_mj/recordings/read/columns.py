@@ -1,0 +1,268 @@
+"""From a table to a trial: columns find their channels, units are applied, the clock is put right."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from difflib import get_close_matches
+from pathlib import PurePath
+from typing import Any, Final
+
+import numpy as np
+
+from tiago_mj.quoting import quoted
+from tiago_mj.recordings.read.clock import check_clock, repair_clock
+from tiago_mj.recordings.read.commands import by_actuator, interface_of_model
+from tiago_mj.recordings.read.mapping import Target
+from tiago_mj.recordings.read.tables import Table
+from tiago_mj.recordings.read.torque import TORQUE, says_torque, without_torque_off
+from tiago_mj.recordings.read.units import factor
+from tiago_mj.recordings.recording import KINDS, Array, Finding, RecordingError, Sidecar, Trial
+from tiago_mj.recordings.robot import Robot, nearest
+from tiago_mj.recordings.sidecar import parse_sidecar
+from tiago_mj.recordings.usable import check_values
+
+#: Columns that are listed in a message.
+LISTED: Final = 6
+#: How alike a mistyped kind is to one of the contract's, as difflib measures it: ``positon``, ``commands``.
+SLIP: Final = 0.85
+#: A column of stamps that has its unit in its name, taken where there is no column ``time``.
+_STAMPS: Final = re.compile(r"^(?:time|timestamp|stamp|t)[ _]?[\[(]?(s|ms|us|µs|ns)[\])]?$", re.IGNORECASE)
+
+
+def trial_from_table(
+    table: Table,
+    columns: Mapping[str, Target],
+    defaults: Mapping[str, Any],
+    replayed: bool = True,
+    robot: Robot | None = None,
+) -> tuple[list[Trial], list[Finding]]:
+    """A trial, or the parts of it that are left where its torque was off, and what was found while making it.
+
+    Args:
+        table: as it stands in its file.
+        columns: of the map file; a column that is not there goes by its own name.
+        defaults: what the sidecar lacks.
+        replayed: whether commands or efforts must be there.
+        robot: that was recorded, where its model is at hand: it knows commands by the names of their joints, too, and
+            what they are where nothing else says it.
+
+    Raises:
+        RecordingError: the table cannot be used; one line says why.
+    """
+    file = table.source
+    sidecar = parse_sidecar(table.sidecar, table.sidecar_file, {**table.facts, **defaults})
+    _check_known(sidecar, file, table.sidecar_file)
+    targets, findings = _targets(table, columns)
+    findings += table.findings
+    if table.cut:
+        message = "the file ends within its last row, which is left out: was it copied whole?"
+        findings.append(Finding("too_short", file, "", message, repaired=True))
+    units = sidecar.units or {}
+    unused = set(units) - {target.column for target in targets.values()} - set(targets) - {"time", *KINDS}
+    if unused:
+        raise RecordingError(
+            f"{table.sidecar_file}: units name the column {quoted(min(unused))}, which {file} does not have: mend the "
+            "name"
+        )
+    channels: dict[str, dict[str, Array]] = {kind: {} for kind in KINDS}
+    time: Array | None = None
+    declared = False
+    torque: dict[str, Array] = {}
+    taken: dict[str, str] = {}
+    stated: dict[str, str] = {}
+    for column, target in targets.items():
+        if target.column is None:
+            continue
+        if target.column in taken:
+            raise RecordingError(
+                f"{file}: columns {taken[target.column]!r} and {column!r} both are {target.column}: map one to null"
+            )
+        taken[target.column] = column
+        kind, _, name = target.column.partition(".")
+        unit = target.unit or units.get(column) or units.get(target.column) or units.get(kind)
+        values = table.columns[column]
+        check_values(values, column, file)
+        scale = target.scale
+        if unit is not None:
+            scale *= _factor(kind, unit, column, file)
+            findings += _converted(kind, unit, column, file, scale)
+            stated[target.column] = unit
+        if scale != 1.0:
+            values = values * scale
+            check_values(values, column, file)
+        if kind == "time":
+            time, declared = values, unit is not None
+        elif kind == TORQUE:
+            torque[column] = values
+        elif np.isnan(values).all() and len(values):
+            findings.append(Finding("empty", file, target.column, "it has no value in any row; left out"))
+        else:
+            channels[kind][name] = values
+    if time is None:
+        there = ", ".join(list(table.columns)[:6])
+        raise RecordingError(f"{file}: column time is missing (there are {there}): name it 'time' or map it with --map")
+    check_clock(time, file)
+    time, repairs = repair_clock(time, sidecar.rate_hz, file, declared=declared)
+    if robot is not None:
+        channels["command"], renamed = by_actuator(channels["command"], robot, file)
+        findings += renamed
+        if sidecar.interface is None and (said := interface_of_model(channels["command"], robot, file)) is not None:
+            sidecar = replace(sidecar, interface=said[0])
+            findings.append(said[1])
+    _check_enough(channels, sidecar, file, table.sidecar_file, replayed)
+    stem = PurePath(file).stem
+    name = sidecar.trial or stem
+    if sidecar.rate_hz == 0.0:
+        sidecar = replace(sidecar, rate_hz=_rate(time, channels))
+    trial = Trial(
+        name=name,
+        time=time,
+        sidecar=replace(sidecar, trial=name, units=None),
+        source=file,
+        units=stated,
+        left_out=frozenset(column for column, target in columns.items() if target.column is None),
+        part_of=(),
+        **{KINDS[kind]: found for kind, found in channels.items()},
+    )
+    trials, cuts = without_torque_off(trial, torque)
+    return trials, [*repairs, *findings, *cuts]
+
+
+def _targets(table: Table, columns: Mapping[str, Target]) -> tuple[dict[str, Target], list[Finding]]:
+    """Where every column of the table goes; columns of no known kind are listed."""
+    file = table.source
+    for column in columns:
+        if column in table.text and columns[column].column is not None:
+            held = table.text[column]
+            raise RecordingError(
+                f"{file}: column {column}: it holds {quoted(held)}, not numbers: mend the cells or map it to null"
+            )
+    targets: dict[str, Target] = {}
+    findings: list[Finding] = []
+    stamps, stamps_unit = _named_stamps(table, columns)
+    for column in [*table.columns, *table.text]:
+        kind, _, name = column.partition(".")
+        ours = column == "time" or (kind in KINDS and name != "")
+        if column in columns:
+            if column in table.columns:
+                targets[column] = columns[column]
+        elif ours and column in table.text:
+            raise RecordingError(
+                f"{file}: column {column}: it holds {quoted(table.text[column])}, not numbers: mend the cells"
+            )
+        elif ours:
+            targets[column] = Target(column)
+        elif says_torque(column) and column in table.columns:
+            targets[column] = Target(f"{TORQUE}.{column}")
+        elif column == stamps:
+            targets[column] = Target("time", stamps_unit)
+        elif meant := _meant(column, table, columns):
+            raise RecordingError(
+                f"{file}: column {quoted(column)}: did you mean {meant!r}? Mend the name, or map the column (--map), "
+                "to null to leave it out"
+            )
+        else:
+            findings.append(
+                Finding(
+                    "missing_column",
+                    file,
+                    column,
+                    "its name is none of the contract's (kind.name), so it is left out; map it with --map to use it",
+                )
+            )
+    return targets, findings
+
+
+def check_mapped(columns: Mapping[str, Target], tables: Sequence[Table], file: str) -> None:
+    """Refuse a map file that names a column which no recording has; one that is mapped to null may be absent.
+
+    Args:
+        columns: of the map file.
+        tables: all of the recordings.
+        file: name of the map file.
+
+    Raises:
+        RecordingError: says which column, and which one may be meant.
+    """
+    there = dict.fromkeys(column for table in tables for column in (*table.columns, *table.text))
+    for column, target in columns.items():
+        if target.column is None or column in there:
+            continue
+        unmapped = [name for name in there if name not in columns]
+        meant = nearest(column, unmapped)
+        listed = f"{', '.join(unmapped[:LISTED])}{' ...' if len(unmapped) > LISTED else ''}"
+        mend = f"did you mean {meant!r}?" if meant else f"the map leaves over {listed or 'none of theirs'}"
+        raise RecordingError(f"map file {file}: column {quoted(column)}: no recording has it; {mend}")
+
+
+def _meant(column: str, table: Table, columns: Mapping[str, Target]) -> str | None:
+    """What a column is a slip of: one of the map file's that this table lacks, or a kind of the contract's."""
+    there = {*table.columns, *table.text}
+    known = there | {target.column for name, target in columns.items() if name in there}
+    lacking = [name for name, target in columns.items() if name not in there and target.column not in (None, *known)]
+    kind, _, name = column.partition(".")
+    near = next(iter(get_close_matches(kind, list(KINDS), 1, SLIP)), None) if name else None
+    return f"{near}.{name}" if near else nearest(column, lacking)
+
+
+def _named_stamps(table: Table, columns: Mapping[str, Target]) -> tuple[str | None, str | None]:
+    """The one column whose name says that it holds stamps and in which unit; None where ``time`` is there or mapped."""
+    if "time" in table.columns or any(t.column == "time" and c in table.columns for c, t in columns.items()):
+        return None, None
+    named = {column: match[1].lower() for column in table.columns if (match := _STAMPS.match(column))}
+    return next(iter(named.items())) if len(named) == 1 else (None, None)
+
+
+def _check_known(sidecar: Sidecar, file: str, sidecar_file: str) -> None:
+    if not sidecar.robot:
+        raise RecordingError(
+            f'{file}: which robot is recorded is unknown: write "robot" into {sidecar_file}, or give --env or --model '
+            "(of import: --robot)"
+        )
+
+
+def _check_enough(
+    channels: Mapping[str, Mapping[str, Array]], sidecar: Sidecar, file: str, sidecar_file: str, replayed: bool
+) -> None:
+    if not any(channels[kind] for kind in ("position", "velocity", "force")):
+        raise RecordingError(
+            f"{file}: no column is measured motion or force (missing_column): name them position.JOINT, velocity.JOINT "
+            "or force.SENSOR, or map them with --map"
+        )
+    if replayed and not channels["command"] and not channels["effort"]:
+        raise RecordingError(
+            f"{file}: neither command.ACTUATOR nor effort.JOINT is there, so nothing can be replayed (missing_column): "
+            "record the commands, or map them with --map"
+        )
+    if channels["command"] and sidecar.interface is None:
+        raise RecordingError(
+            f'{file}: what its commands are is unknown: write "interface": "velocity", "position" or "effort" '
+            f"into {sidecar_file}"
+        )
+
+
+def _rate(time: Array, channels: Mapping[str, Mapping[str, Array]]) -> float:
+    """Rate of the commands, else of the positions, else of the rows [Hz]."""
+    for kind in ("command", "position"):
+        for values in channels[kind].values():
+            stamps = time[~np.isnan(values)]
+            if len(stamps) > 2:
+                return round(float(1 / np.median(np.diff(stamps))), 6)
+    return round(float(1 / np.median(np.diff(time))), 6)
+
+
+def _factor(kind: str, unit: str, column: str, file: str) -> float:
+    try:
+        return factor(kind, unit)
+    except ValueError as fault:
+        raise RecordingError(f"{file}: column {column}: {fault}") from fault
+
+
+def _converted(kind: str, unit: str, column: str, file: str, scale: float) -> list[Finding]:
+    """A stated unit that was applied is said, where it changed anything."""
+    if scale == 1.0:
+        return []
+    code = "time_unit" if kind == "time" else "degrees" if unit.startswith("deg") else "unit_scale"
+    return [Finding(code, file, column, f"stated to be in {unit}; multiplied by {scale:.6g}", repaired=True)]

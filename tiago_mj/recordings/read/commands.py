@@ -1,0 +1,68 @@
+"""Commands as the model takes them: named by their actuators, of an interface that is known."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from tiago_mj.quoting import quoted
+from tiago_mj.recordings.recording import Array, Finding, RecordingError
+from tiago_mj.recordings.robot import Robot
+
+
+def by_actuator(commands: Mapping[str, Array], robot: Robot, file: str) -> tuple[dict[str, Array], list[Finding]]:
+    """Commands that are named by a joint under the name of the one actuator that drives it.
+
+    Args:
+        commands: by the names of their columns, (T,) each.
+        robot: whose actuators they are of; an actuator's own name counts more than a joint's.
+        file: for messages.
+
+    Returns:
+        Commands by actuator, and what was taken for what. A name that is neither stays as it is.
+
+    Raises:
+        RecordingError: several actuators drive that joint, or its actuator has a column of its own, too.
+    """
+    named: dict[str, Array] = {}
+    findings: list[Finding] = []
+    for name, sent in commands.items():
+        drives = robot.drives(name)
+        if name in robot.actuators or not drives:
+            named[name] = sent
+            continue
+        if len(drives) > 1:
+            raise RecordingError(
+                f"{file}: column command.{name}: the joint {quoted(name)} is driven by {', '.join(drives)}: name the "
+                "column after one of them, or map it (--map)"
+            )
+        (actuator,) = drives
+        if actuator in commands:
+            raise RecordingError(
+                f"{file}: columns command.{actuator} and command.{name} both are of the actuator {quoted(actuator)}, "
+                "which drives that joint: map one to null (--map)"
+            )
+        named[actuator] = sent
+        message = f"it is named by a joint; taken for the command of its actuator {actuator!r}"
+        findings.append(Finding("missing_column", file, f"command.{name}", message, repaired=True))
+    return named, findings
+
+
+def interface_of_model(commands: Mapping[str, Array], robot: Robot, file: str) -> tuple[str, Finding] | None:
+    """What the commands are by the actuators that take them, and the line that says so; None where they do not tell.
+
+    Raises:
+        RecordingError: the actuators take commands of several kinds.
+    """
+    takes = {name: robot.interfaces[name][0] for name in commands if robot.interfaces.get(name)}
+    if not takes:
+        return None
+    kinds = {kind: name for name, kind in takes.items()}
+    if len(kinds) > 1:
+        listed = ", ".join(f"{name} {kind}" for kind, name in kinds.items())
+        raise RecordingError(
+            f"{file}: what its commands are is unknown, and the model's actuators take several kinds ({listed}): write "
+            '"interface" into the sidecar or the map file'
+        )
+    (kind,) = kinds
+    message = f"nothing says what its commands are; read as what the model's actuators take: {kind}"
+    return kind, Finding("missing_column", file, "", message, repaired=True)
