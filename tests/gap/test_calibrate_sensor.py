@@ -10,14 +10,14 @@ import yaml
 
 import tiago_mj  # noqa: F401
 from tiago_mj.cli import main
-from tiago_mj.gap.tools.calibrate_sensor import FALSE_CONTACTS, calibrate
-from tiago_mj.gap.tools.calibrate_sensor.rest import at_rest
 from tiago_mj.recordings.read import read_recordings
 from tiago_mj.recordings.record.environment import Plan, record
 from tiago_mj.recordings.recording import RecordingError
 from tiago_mj.recordings.write import write_trial
 from tiago_mj.rollout.policies import make_policy
 from tiago_mj.sensing.load_cell import LoadCell, named_load_cell
+from tiago_mj.sensor_calibration import FALSE_CONTACTS, calibrate
+from tiago_mj.sensor_calibration.rest import at_rest
 
 #: A cell unlike the TA11: another scale, fingers that differ, a zero that is off.
 MINE = LoadCell(scale=(80.0, 120.0), noise=(0.004, 0.012), bias=(0.02, -0.03))

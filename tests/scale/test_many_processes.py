@@ -11,8 +11,9 @@ from pathlib import Path
 import pytest
 import scale_bench
 
-from tiago_mj import atomic, cli, diagnose_all, extra, mujoco_log, scale
+from tiago_mj import atomic, cli, extra, mujoco_log, scale
 from tiago_mj.effects import EFFECTS
+from tiago_mj.gap import diagnose_all
 
 
 def printed(capsys, *words):

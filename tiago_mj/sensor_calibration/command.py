@@ -46,10 +46,10 @@ def run(arguments: argparse.Namespace) -> int:
     """Calibrate, write, and say in short what was found."""
     extra.load("pandas", "reading recordings")
     from tiago_mj.effects import read_effects
-    from tiago_mj.gap.tools.calibrate_sensor.rest import FALSE_CONTACTS
-    from tiago_mj.gap.tools.calibrate_sensor.sheet import UNKNOWN, Calibration, calibrate, text
     from tiago_mj.recordings import lint
     from tiago_mj.recordings.read import read_recordings
+    from tiago_mj.sensor_calibration.rest import FALSE_CONTACTS
+    from tiago_mj.sensor_calibration.sheet import UNKNOWN, Calibration, calibrate, text
 
     if arguments.out.suffix not in (".yaml", ".yml"):
         raise ValueError(f"--out {arguments.out}: give a file that ends with .yaml")
@@ -79,7 +79,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _say(found: object, path: Path) -> None:
-    from tiago_mj.gap.tools.calibrate_sensor.sheet import Calibration
+    from tiago_mj.sensor_calibration.sheet import Calibration
 
     assert isinstance(found, Calibration)
     sizes = {scale.sensor: scale for scale in found.scales}

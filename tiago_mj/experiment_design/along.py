@@ -2,7 +2,7 @@
 
 Without commands (or where efforts are commanded) torques are compared along the measured motion, by inverse dynamics.
 An effect's signature is the torque per unit of its strength, in units of what the efforts resolve, less what the
-model's own uncertain numbers could make as well, as of :mod:`tiago_mj.gap.design.preflight.excitation`.
+model's own uncertain numbers could make as well, as of :mod:`tiago_mj.experiment_design.excitation`.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy import linalg
 
 from tiago_mj.effects import EFFECTS
-from tiago_mj.gap.design.preflight.excitation import CLEAR, Excited, Preflight
+from tiago_mj.experiment_design.excitation import CLEAR, Excited, Preflight
 from tiago_mj.gap.simulation.along_a_motion import efforts_along
 from tiago_mj.gap.simulation.plant import Plant
 from tiago_mj.gap.torque.band import clearest

@@ -6,7 +6,7 @@ scale is the mean over grasps, its 90 % interval Student's over them.
 
 The simulated force is (servo stiffness) × (servo error), so what is found is in units of the model's servo: 5 % in its
 stiffness are 5 % in the scale. What the real drive loses on the way to the pad widens the interval by as much, or makes
-a scale impossible (:mod:`tiago_mj.gap.tools.calibrate_sensor.drive`).
+a scale impossible (:mod:`tiago_mj.sensor_calibration.drive`).
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ from scipy import stats
 
 from tiago_mj.gap.simulation import phases, replay, stability
 from tiago_mj.gap.simulation.plant import Plant
-from tiago_mj.gap.tools.calibrate_sensor import drive
-from tiago_mj.gap.tools.calibrate_sensor.rest import Rest
 from tiago_mj.recordings.autocorrelation import integrated_time
 from tiago_mj.recordings.recording import Array, Trial
+from tiago_mj.sensor_calibration import drive
+from tiago_mj.sensor_calibration.rest import Rest
 
 #: A pad is pressed above this [N]; rows pressed less than this share of the largest force tell no slope.
 TOUCHING: Final = 0.05

@@ -5,8 +5,8 @@ threshold``, with the noise taken from readings without contact, and the scale s
 the real range.
 """
 
-from tiago_mj.gap.tools.calibrate_sensor.rest import FALSE_CONTACTS, Rest, at_rest
-from tiago_mj.gap.tools.calibrate_sensor.scale import Scale, scales
-from tiago_mj.gap.tools.calibrate_sensor.sheet import Calibration, calibrate, text
+from tiago_mj.sensor_calibration.rest import FALSE_CONTACTS, Rest, at_rest
+from tiago_mj.sensor_calibration.scale import Scale, scales
+from tiago_mj.sensor_calibration.sheet import Calibration, calibrate, text
 
 __all__ = ["FALSE_CONTACTS", "Calibration", "Rest", "Scale", "at_rest", "calibrate", "scales", "text"]

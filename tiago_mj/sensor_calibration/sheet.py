@@ -13,13 +13,13 @@ from scipy import stats
 import tiago_mj
 from tiago_mj.effects import EFFECTS, Entry
 from tiago_mj.gap.simulation.plant import plant_of
-from tiago_mj.gap.tools.calibrate_sensor.rest import FALSE_CONTACTS, Rest, at_rest
-from tiago_mj.gap.tools.calibrate_sensor.scale import Scale, scales, simulated
 from tiago_mj.models import names
 from tiago_mj.recordings.recording import RecordingError, Trial
 from tiago_mj.registration import import_and_make
 from tiago_mj.sensing.load_cell import TA11_CONTACT_UNIT
 from tiago_mj.sensing.sheet import SCHEMA
+from tiago_mj.sensor_calibration.rest import FALSE_CONTACTS, Rest, at_rest
+from tiago_mj.sensor_calibration.scale import Scale, scales, simulated
 
 #: Share of the newtons that press from which it is said that the drive's force may be off by so much.
 TOLD: Final = 0.02

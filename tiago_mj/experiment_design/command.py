@@ -55,8 +55,8 @@ def run(arguments: argparse.Namespace) -> int:
         plant = plant_of(read.trials, env=arguments.env, model=arguments.model, given=given)
         findings = (*read.findings, *lint.inspect_all(read.trials, plant))
         lint.refuse(read.trials, findings)
-        from tiago_mj.gap.design.preflight.along import preflight_along
-        from tiago_mj.gap.design.preflight.excitation import preflight
+        from tiago_mj.experiment_design.along import preflight_along
+        from tiago_mj.experiment_design.excitation import preflight
         from tiago_mj.gap.simulation.along_a_motion import along_a_motion
 
         usable = lint.believed(read.trials, findings)

@@ -1,1 +1,0 @@
-"""Commands beside the diagnosis: record, import, calibrate load cells, step a repaired model."""
