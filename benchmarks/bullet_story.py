@@ -31,9 +31,9 @@ import numpy as np
 
 from benchmarks.blind import bullet, motions, recordings, robots
 from benchmarks.machine import machine, save
-from tiago_mj import atomic
 from tiago_mj.gap.simulation import replay
 from tiago_mj.gap.simulation.plant import plant_of
+from tiago_mj.io import atomic
 from tiago_mj.recordings.read import read_recordings
 
 RESULT: Final = "bullet_story"

@@ -40,12 +40,12 @@ from scipy.optimize import minimize
 from benchmarks.blind import score
 from benchmarks.blind.score import Judged
 from benchmarks.verdicts_again import Case, again, read
-from tiago_mj import atomic
 from tiago_mj.effects import EFFECTS
 from tiago_mj.gap.decision import verdict
 from tiago_mj.gap.decision.verdict import SCHEMA, Calibration, Doubt, probabilities
 from tiago_mj.gap.inference.hypotheses import form_deviation
 from tiago_mj.gap.result import Evidence
+from tiago_mj.io import atomic
 
 Array = NDArray[np.float64]
 Verdicts = Sequence[Judged]

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from tiago_mj import held
+from tiago_mj.io import held
 
 HINGE = """<mujoco><option timestep="0.002"/><worldbody><body>
 <joint name="hinge" axis="0 1 0" damping="0.05"/><geom size=".05" mass="0.1" pos="0 0 -.2"/></body></worldbody>

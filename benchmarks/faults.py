@@ -38,7 +38,8 @@ import fault_commands
 from fault_commands import Command, digests
 from machine import machine
 
-from tiago_mj import cli, held
+from tiago_mj import cli
+from tiago_mj.io import held
 
 #: Modules that start something when they are imported, which a fork must do itself.
 NOT_AHEAD = ("OpenGL", "mujoco.egl", "mujoco.osmesa", "__main__", "joblib.externals.loky")

@@ -19,11 +19,12 @@ from typing import Any, Final
 import numpy as np
 from machine import RESULTS, save
 
-from tiago_mj import atomic, figures
+from tiago_mj import figures
 from tiago_mj.evaluate import bound, report
 from tiago_mj.evaluate.command import bounds_of
 from tiago_mj.evaluate.metrics import summarise
 from tiago_mj.evaluate.play import Played, play_policy
+from tiago_mj.io import atomic
 from tiago_mj.learn import plots
 from tiago_mj.rollout.options import make_env
 

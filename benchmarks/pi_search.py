@@ -26,9 +26,9 @@ import numpy as np
 from machine import save
 
 import tiago_mj
-from tiago_mj import atomic
 from tiago_mj.control import tuned
 from tiago_mj.control.force_pi import ForcePI, Gains
+from tiago_mj.io import atomic
 
 ENV = "tiago_mj/GripperTactile-v0"
 EPISODE = 300

@@ -41,10 +41,10 @@ from numpy.typing import NDArray
 from benchmarks.blind import cases, plan, recordings, robots
 from benchmarks.blind.dictionary import ARM, GRIPPER, PLAIN
 from tests.gap import made_motions
-from tiago_mj import atomic
 from tiago_mj.gap import ahead, command, pipeline
+from tiago_mj.io import atomic
+from tiago_mj.io.progress import Progress
 from tiago_mj.models.files import model_file
-from tiago_mj.progress import Progress
 
 Array = NDArray[np.float64]
 

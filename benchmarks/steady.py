@@ -20,9 +20,10 @@ from typing import Any, Final
 from learning_figures import Panel, dots
 from machine import RESULTS, save
 
-from tiago_mj import atomic, figures
+from tiago_mj import figures
 from tiago_mj.evaluate.metrics import Metrics, summarise
 from tiago_mj.evaluate.play import play_policy
+from tiago_mj.io import atomic
 from tiago_mj.learn import plots
 from tiago_mj.learn.agent_file import load_agent
 from tiago_mj.learn.cut import cut, met

@@ -85,8 +85,8 @@ def _hyperparameters(path: Path) -> Any:
 
 
 def _ranges(path: Path) -> Any:
+    from tiago_mj.io.loading import load_yaml
     from tiago_mj.learn.randomise import read_ranges
-    from tiago_mj.loading import load_yaml
 
     return read_ranges(load_yaml(path, "the ranges are no YAML"), "ranges")
 

@@ -9,7 +9,7 @@ import sys
 
 import pytest
 
-from tiago_mj import atomic
+from tiago_mj.io import atomic
 
 NAMES = ("a.json", "b.yaml")
 

@@ -20,12 +20,12 @@ import pytest
 
 import tiago_mj  # noqa: F401  (registers the environments)
 from tiago_mj import cli
+from tiago_mj.io.quoting import HIDDEN
 from tiago_mj.learn.agent_file import Agent, load_agent
 from tiago_mj.models import bounded
 from tiago_mj.models.bounded import BODIES, load_model
 from tiago_mj.models.convert.errors import ConversionError
 from tiago_mj.models.convert.urdf_to_mjcf import convert
-from tiago_mj.quoting import HIDDEN
 from tiago_mj.recordings.read import read_recordings
 from tiago_mj.recordings.recording import RecordingError
 

@@ -19,8 +19,9 @@ import numpy as np
 import pytest
 
 import tiago_mj
-from tiago_mj import cli, extra
+from tiago_mj import cli
 from tiago_mj.film import Film, strip_indices
+from tiago_mj.io import extra
 from tiago_mj.rollout import command
 from tiago_mj.rollout.options import environment_id, read_options
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tiago_mj import extra
+from tiago_mj.io import extra
 
 
 class Installed:

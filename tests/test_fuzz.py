@@ -20,8 +20,8 @@ from fuzzing.verdicts import ACCEPTED, REFUSED, Watch, by_command, tried
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
-from tiago_mj import loading
-from tiago_mj.quoting import HIDDEN
+from tiago_mj.io import loading
+from tiago_mj.io.quoting import HIDDEN
 
 CORPUS = Path(__file__).parent / "corpus"
 SECONDS, MEGABYTES = 20.0, 500.0

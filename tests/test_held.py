@@ -13,7 +13,7 @@ from contextlib import ExitStack
 
 import pytest
 
-from tiago_mj import atomic, held
+from tiago_mj.io import atomic, held
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="files cannot be locked there")
 

@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 from hostile_files import HOSTILE_JSON, HOSTILE_YAML, READERS, VALUES, mutated, scrambled
 
-from tiago_mj.loading import MAX_DEPTH, MAX_VALUES, load_json, load_yaml
-from tiago_mj.quoting import HIDDEN, QUOTED, is_number, one_line, quoted
-from tiago_mj.schema import Open, SchemaError, checked
+from tiago_mj.io.loading import MAX_DEPTH, MAX_VALUES, load_json, load_yaml
+from tiago_mj.io.quoting import HIDDEN, QUOTED, is_number, one_line, quoted
+from tiago_mj.io.schema import Open, SchemaError, checked
 
 #: Of any reader, on any file, as docs/trust.md promises: a bomb took minutes and gigabytes. The dearest file takes less
 #: than a second of a free processor, and several of one that other programs use, too.

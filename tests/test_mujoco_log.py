@@ -5,7 +5,7 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from tiago_mj import mujoco_log
+from tiago_mj.io import mujoco_log
 
 TOO_STIFF = """
 <mujoco><worldbody><body><joint name="hinge" axis="0 1 0"/><geom size=".05" pos="0 0 -.2"/></body></worldbody>

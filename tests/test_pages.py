@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tiago_mj import pages
+from tiago_mj.io import pages
 
 sys.path.insert(0, str(Path(__file__).parent / "gap"))
 from made_diagnoses import CASES

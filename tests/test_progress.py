@@ -11,8 +11,8 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from tiago_mj import progress
-from tiago_mj.progress import Estimate, Progress
+from tiago_mj.io import progress
+from tiago_mj.io.progress import Estimate, Progress
 
 
 class Clock:

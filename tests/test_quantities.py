@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from tiago_mj.quantities import number, quantity
+from tiago_mj.io.quantities import number, quantity
 
 SAID = {
     (0.0005, "m"): "0.5 mm",

@@ -13,7 +13,7 @@ import sys
 from pathlib import Path
 from typing import Final
 
-from tiago_mj import extra, outputs
+from tiago_mj.io import extra, outputs
 
 #: Folder that a checkout holds this package in.
 CHECKOUT: Final = Path(__file__).resolve().parents[1]

@@ -113,8 +113,8 @@ def _run(argv: Sequence[str] | None) -> int:
     given = list(sys.argv[1:] if argv is None else argv)
     headless.hush_unmade_viewers()
     arguments = build_parser(next((word for word in given if not word.startswith("-")), None)).parse_args(given)
-    from tiago_mj import mujoco_log
-    from tiago_mj.quoting import one_line
+    from tiago_mj.io import mujoco_log
+    from tiago_mj.io.quoting import one_line
 
     try:
         with mujoco_log.counted() as warned:
@@ -135,7 +135,7 @@ def _run(argv: Sequence[str] | None) -> int:
 
 def _told(fault: Exception, arguments: argparse.Namespace) -> str:
     """What a user is told of it: of the system's own errors which file and what to do, not their number."""
-    from tiago_mj.quoting import unquoted
+    from tiago_mj.io.quoting import unquoted
 
     if not isinstance(fault, OSError) or fault.errno is None:
         return str(fault)

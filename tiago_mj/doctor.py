@@ -16,8 +16,9 @@ from typing import Any, Final
 from packaging.requirements import Requirement
 from packaging.version import Version
 
-from tiago_mj import __version__, extra
-from tiago_mj.extra import NAME
+from tiago_mj import __version__
+from tiago_mj.io import extra
+from tiago_mj.io.extra import NAME
 
 #: Distributions whose versions say most when something is reported.
 TOLD: Final = ("mujoco", "gymnasium", "gymnasium-robotics", "numpy", "scipy", "stable-baselines3", "torch")

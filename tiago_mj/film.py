@@ -13,10 +13,11 @@ import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
-from tiago_mj import atomic, drawing, extra, outputs
+from tiago_mj import drawing
 from tiago_mj.envs import checks
 from tiago_mj.envs.flat import core_of
-from tiago_mj.quoting import one_line
+from tiago_mj.io import atomic, extra, outputs
+from tiago_mj.io.quoting import one_line
 
 Frame = NDArray[np.uint8]
 

@@ -22,7 +22,7 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any, Final, TypeVar
 
-from tiago_mj import extra
+from tiago_mj.io import extra
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")
@@ -116,7 +116,7 @@ def _parallel(
     **options: Any,
 ) -> list[Any]:
     """One task a dispatch: tasks last seconds, and a lost process shall cost no more than one."""
-    from tiago_mj import mujoco_log
+    from tiago_mj.io import mujoco_log
 
     call = joblib.delayed(function)
     try:
@@ -150,7 +150,7 @@ class _Call:
 
     def __call__(self, task: Any) -> tuple[Any, dict[str, int]]:
         """The result, and MuJoCo's warnings by kind."""
-        from tiago_mj import mujoco_log
+        from tiago_mj.io import mujoco_log
 
         with mujoco_log.counted() as warned:
             result = self.function(task)

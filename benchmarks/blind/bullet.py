@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.blind import cases, motions, reality, recordings, robots
-from tiago_mj import extra
+from tiago_mj.io import extra
 from tiago_mj.models import names, scene
 from tiago_mj.models.files import model_file
 

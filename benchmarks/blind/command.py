@@ -13,7 +13,7 @@ from benchmarks.blind import baselines, cases, next_motion, plan, run, score
 from benchmarks.blind.cases import Case
 from benchmarks.blind.page import WORDS, number, page
 from benchmarks.blind.store import Store
-from tiago_mj import atomic, held
+from tiago_mj.io import atomic, held
 
 #: The numbers of the diagnosis's verdict, and what they were fitted to.
 VERDICT: Final = Path(tiago_mj.__file__).parent / "gap" / "verdict.json"

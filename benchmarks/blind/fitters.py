@@ -30,7 +30,7 @@ from benchmarks.blind import cases, reality, robots
 from benchmarks.blind.dictionary import ARM, GRIPPER, PLAIN
 from benchmarks.blind.effects import commands, friction, things
 from benchmarks.blind.effects.base import Effect, World
-from tiago_mj import atomic, extra
+from tiago_mj.io import atomic, extra
 from tiago_mj.models import names
 
 Array = NDArray[np.float64]

@@ -23,7 +23,7 @@ from benchmarks.blind.page import WORDS, number
 from benchmarks.blind.score import Judged
 from benchmarks.blind.store import Store
 from benchmarks.machine import machine
-from tiago_mj import atomic
+from tiago_mj.io import atomic
 
 SCHEMA: Final = "tiago_mj.blind/1"
 #: Of an answer; of its ranking only these.

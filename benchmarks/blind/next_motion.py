@@ -24,7 +24,7 @@ from benchmarks.blind.dictionary import PLAIN
 from benchmarks.blind.run import Diagnoser, call_command
 from benchmarks.blind.score import Judged
 from benchmarks.blind.store import Store
-from tiago_mj import atomic
+from tiago_mj.io import atomic
 
 Array = NDArray[np.float64]
 

@@ -20,7 +20,7 @@ from scipy.stats import binomtest
 
 from benchmarks.blind import kept, score
 from benchmarks.blind.score import Judged
-from tiago_mj import atomic
+from tiago_mj.io import atomic
 
 #: Rows, and which cases enter each.
 ROWS: Final[Mapping[str, Callable[[Judged], bool]]] = {

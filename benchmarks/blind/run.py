@@ -20,8 +20,8 @@ from benchmarks.blind import cases, labels, oracle, recordings, robots
 from benchmarks.blind.cases import Case
 from benchmarks.blind.dictionary import PLAIN
 from benchmarks.blind.store import Store
-from tiago_mj import atomic
 from tiago_mj.cli import FULL
+from tiago_mj.io import atomic
 
 #: Of drives: what they say where nothing can be written any more.
 UNWRITTEN = (FULL, *(os.strerror(number).lower() for number in (errno.ENOSPC, errno.EDQUOT, errno.EROFS)))

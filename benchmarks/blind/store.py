@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from tiago_mj import atomic
+from tiago_mj.io import atomic
 
 #: The seal, and that of a run's first cases.
 SEAL: Final = "seal.txt"

@@ -13,7 +13,7 @@ from typing import Any
 
 from benchmarks.experiments.kept_cases import Kept, every
 from benchmarks.machine import RESULTS, machine
-from tiago_mj import atomic
+from tiago_mj.io import atomic
 
 
 def path_of(name: str) -> Path:

@@ -16,7 +16,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from tiago_mj.extra import load
+from tiago_mj.io.extra import load
 
 Array = NDArray[np.float64]
 

@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from fuzzing.targets import Target
-from tiago_mj import mujoco_log
-from tiago_mj.quoting import HIDDEN
+from tiago_mj.io import mujoco_log
+from tiago_mj.io.quoting import HIDDEN
 
 #: Characters of a complaint.
 LONGEST: Final = 2500
@@ -52,9 +52,9 @@ class Watch:
         if folder is None:
             return
         if event in _NEVER:
-            if event in ("subprocess.Popen", "os.kill") and _within("tiago_mj.apart"):
+            if event in ("subprocess.Popen", "os.kill") and _within("tiago_mj.io.apart"):
                 return  # what reads in a process of its own, bounded by the system
-            if event in ("os.link", "os.chown") and _within("tiago_mj.atomic") and self._is_below(arguments):
+            if event in ("os.link", "os.chown") and _within("tiago_mj.io.atomic") and self._is_below(arguments):
                 return  # how a folder is exchanged whole: links to the files that stay, and the old folder's group
             self.seen.append(f"{event} {str(arguments)[:200]}")
         elif event == "exec" and not _of_code(arguments[0]):
@@ -138,7 +138,7 @@ def tried(target: Target, folder: Path, watch: Watch | None = None) -> tuple[str
                 said, verdict = f"{fault}"[:500], f"{type(fault).__name__} from {_place(fault)}"
     if seen:
         verdict = f"did {seen[0]}"
-    # What MuJoCo says of a model that it takes is the command's to tell (tiago_mj.mujoco_log).
+    # What MuJoCo says of a model that it takes is the command's to tell (tiago_mj.io.mujoco_log).
     several = [one for one in warned if issubclass(one.category, (RuntimeWarning, UserWarning))]
     told = [one for one in several if "Check model" not in str(one.message)]
     if told and verdict in (ACCEPTED, REFUSED):

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from tiago_mj.gap import ahead
 from tiago_mj.gap.ahead import TYPICAL, Ahead, AheadInTime, Typical
-from tiago_mj.progress import Estimate
+from tiago_mj.io.progress import Estimate
 
 
 class Heard(list):

@@ -18,7 +18,6 @@ import pytest
 from made_motions import pendulum, record
 
 from tiago_mj import cli
-from tiago_mj.deadline import Deadline, OutOfTimeError
 from tiago_mj.effects import EFFECTS
 from tiago_mj.effects.spec import read_effects
 from tiago_mj.gap import command, conclusion, report
@@ -31,6 +30,7 @@ from tiago_mj.gap.simulation import replay
 from tiago_mj.gap.simulation.plant import plant_of
 from tiago_mj.gap.torque import diagnose_inverse
 from tiago_mj.gap.torque.search import Search
+from tiago_mj.io.deadline import Deadline, OutOfTimeError
 from tiago_mj.recordings.recording import Sidecar, Trial
 from tiago_mj.recordings.write import write_trial
 

@@ -10,10 +10,10 @@ import pyarrow.dataset
 import pytest
 
 import tiago_mj  # noqa: F401  (registers the environments)
-from tiago_mj import extra
 from tiago_mj.cli import main
 from tiago_mj.envs.flat import core_of
 from tiago_mj.gap.simulation.plant import plant_of
+from tiago_mj.io import extra
 from tiago_mj.recordings.read import read_recordings
 
 STEPS = 40

@@ -10,7 +10,6 @@ import pytest
 
 import tiago_mj  # noqa: F401  (registers the environments)
 from tiago_mj.cli import main
-from tiago_mj.deadline import Deadline, OutOfTimeError
 from tiago_mj.gap.decision.verdict import classes_of
 from tiago_mj.gap.design import rehearse
 from tiago_mj.gap.design.next_motion import next_motion
@@ -21,6 +20,7 @@ from tiago_mj.gap.pipeline import diagnose
 from tiago_mj.gap.report import json as written
 from tiago_mj.gap.search import ranking
 from tiago_mj.gap.simulation.plant import plant_of
+from tiago_mj.io.deadline import Deadline, OutOfTimeError
 from tiago_mj.models import names
 from tiago_mj.recordings import motions
 from tiago_mj.recordings.motions.menu import OPEN, items

@@ -11,7 +11,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from tiago_mj import extra
+from tiago_mj.io import extra
 from tiago_mj.recordings.read import read_recordings
 from tiago_mj.recordings.read.tables import MAX_ROWS
 from tiago_mj.recordings.recording import RecordingError, Sidecar, Trial, channels

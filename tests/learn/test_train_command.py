@@ -18,7 +18,8 @@ from small_training import hyperparameters
 
 pytest.importorskip("stable_baselines3", reason="needs the extra 'train'")
 
-from tiago_mj import cli, extra
+from tiago_mj import cli
+from tiago_mj.io import extra
 from tiago_mj.learn import curves
 from tiago_mj.learn.agent_file import load_agent
 
@@ -306,7 +307,7 @@ def _is_there(pid):
 
 def test_two_trainings_in_one_folder_are_refused(small, tmp_path, capsys, monkeypatch):
     fcntl = pytest.importorskip("fcntl")
-    monkeypatch.setattr("tiago_mj.held.PATIENCE", 0.0)
+    monkeypatch.setattr("tiago_mj.io.held.PATIENCE", 0.0)
     out = tmp_path / "run"
     assert cli.main(words(out, small, "--steps", "80")) == 0
     with (out / "seed-0" / "lock").open("w") as other:

@@ -11,9 +11,10 @@ from pathlib import Path
 import pytest
 import scale_bench
 
-from tiago_mj import atomic, cli, extra, mujoco_log, scale
+from tiago_mj import cli, scale
 from tiago_mj.effects import EFFECTS
 from tiago_mj.gap import diagnose_all
+from tiago_mj.io import atomic, extra, mujoco_log
 
 
 def printed(capsys, *words):

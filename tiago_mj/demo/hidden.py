@@ -15,11 +15,11 @@ import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
-from tiago_mj import extra
-from tiago_mj.deadline import Deadline
 from tiago_mj.effects import EFFECTS
 from tiago_mj.envs.flat import core_of
 from tiago_mj.film import Film
+from tiago_mj.io import extra
+from tiago_mj.io.deadline import Deadline
 
 Array = NDArray[np.float64]
 Frame = NDArray[np.uint8]

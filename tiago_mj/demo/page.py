@@ -10,9 +10,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from tiago_mj import pages
 from tiago_mj.demo.arm_torque import HOW_TO_GET
 from tiago_mj.demo.report import headline
+from tiago_mj.io import pages
 
 TYPES: Final = {".png": "image/png", ".jpg": "image/jpeg", ".mp4": "video/mp4"}
 

@@ -10,8 +10,8 @@ import numpy as np
 from tiago_mj.demo.arm_torque import HOW_TO_GET, SOURCE, ArmComparison
 from tiago_mj.demo.grasp import ENV, Grasp
 from tiago_mj.demo.hidden import Answer
+from tiago_mj.io.quantities import quantity
 from tiago_mj.models import names
-from tiago_mj.quantities import quantity
 from tiago_mj.rollout import Trace
 from tiago_mj.sensing import ta11_curve
 

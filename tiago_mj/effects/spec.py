@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tiago_mj.effects.declare import EFFECTS, Detail, Effect, Parameter
-from tiago_mj.loading import is_file
-from tiago_mj.quantities import SMALLER, quantity
-from tiago_mj.quoting import did_you_mean, is_one_of, quoted
+from tiago_mj.io.loading import is_file
+from tiago_mj.io.quantities import SMALLER, quantity
+from tiago_mj.io.quoting import did_you_mean, is_one_of, quoted
 
 Array = NDArray[np.float64]
 

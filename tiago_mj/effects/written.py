@@ -8,9 +8,9 @@ from typing import Any, Final, Literal
 
 from pydantic import Field
 
-from tiago_mj.loading import is_file, load_yaml, parse_json
-from tiago_mj.quoting import quoted, unquoted
-from tiago_mj.schema import Closed, Endless, Open, SchemaError, checked
+from tiago_mj.io.loading import is_file, load_yaml, parse_json
+from tiago_mj.io.quoting import quoted, unquoted
+from tiago_mj.io.schema import Closed, Endless, Open, SchemaError, checked
 
 SCHEMA: Final = "tiago_mj.calibration/1"
 _NUMBER: Final = "give a number"

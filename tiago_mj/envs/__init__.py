@@ -1,5 +1,5 @@
 """Environments: one base, one file a task."""
 
-from tiago_mj import hushed
+from tiago_mj.io import hushed
 
 hushed.import_gymnasium_robotics()

@@ -11,7 +11,7 @@ from gymnasium import error
 from numpy.typing import NDArray
 
 from tiago_mj import headless
-from tiago_mj.quoting import quoted
+from tiago_mj.io.quoting import quoted
 
 Array = NDArray[np.float64]
 

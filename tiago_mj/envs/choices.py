@@ -9,8 +9,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from tiago_mj.io.quoting import quoted
 from tiago_mj.models.objects import GraspObject, described_object, named_object
-from tiago_mj.quoting import quoted
 
 #: A number, or (low, high) to draw it uniformly at every reset.
 Range = float | tuple[float, float] | Sequence[float]

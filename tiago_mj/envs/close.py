@@ -12,8 +12,8 @@ from tiago_mj.envs.choices import Range, interval
 from tiago_mj.envs.fixed import Fixed
 from tiago_mj.envs.robot_env import RobotEnv
 from tiago_mj.envs.state import State
+from tiago_mj.io.quoting import is_number, is_one_of, quoted
 from tiago_mj.models import names
-from tiago_mj.quoting import is_number, is_one_of, quoted
 
 Array = NDArray[np.float64]
 

@@ -15,8 +15,8 @@ from tiago_mj.envs.choices import Objects, Range
 from tiago_mj.envs.hold_force import HoldForce
 from tiago_mj.envs.robot_env import VELOCITY_BOUND
 from tiago_mj.envs.state import State
+from tiago_mj.io.quoting import is_number, quoted
 from tiago_mj.models import names
-from tiago_mj.quoting import is_number, quoted
 
 Array = NDArray[np.float64]
 

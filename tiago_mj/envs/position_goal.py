@@ -15,9 +15,9 @@ from tiago_mj.envs.fixed import Fixed
 from tiago_mj.envs.robot_env import FORCE_BOUND, VELOCITY_BOUND, WORLD_BOUND, RobotEnv
 from tiago_mj.envs.start import Start
 from tiago_mj.envs.state import State
+from tiago_mj.io.quoting import is_number, is_one_of, quoted
 from tiago_mj.models import names, scene
 from tiago_mj.models.objects import GraspObject
-from tiago_mj.quoting import is_number, is_one_of, quoted
 
 Array = NDArray[np.float64]
 

@@ -19,17 +19,17 @@ from gymnasium import spaces
 from gymnasium_robotics.envs.robot_env import MujocoRobotEnv
 from numpy.typing import NDArray
 
-from tiago_mj import mujoco_log
 from tiago_mj.envs import checks, copies
 from tiago_mj.envs.choices import ObjectChoice, check_fits
 from tiago_mj.envs.drive import CONTROLS, Drive
 from tiago_mj.envs.fixed import Fixed
 from tiago_mj.envs.sensors import OneOf, Sensors
 from tiago_mj.envs.start import Start, contact_of, grasp_frame, put_object
+from tiago_mj.io import mujoco_log
+from tiago_mj.io.quoting import did_you_mean, is_number, is_one_of, quoted
 from tiago_mj.models import names, scene
 from tiago_mj.models.files import model_file
 from tiago_mj.models.objects import GraspObject
-from tiago_mj.quoting import did_you_mean, is_number, is_one_of, quoted
 from tiago_mj.sensing.load_cell import LoadCell, MovingAverage, named_load_cell
 from tiago_mj.sensing.noise import NoiseBlocks
 

@@ -10,12 +10,13 @@ from typing import Any
 
 import gymnasium
 
-from tiago_mj import atomic, figures, outputs
+from tiago_mj import figures
 from tiago_mj.envs.flat import core_of
 from tiago_mj.evaluate import bound, plots, report
 from tiago_mj.evaluate.play import play_policy
 from tiago_mj.film import Film, check_encoder
-from tiago_mj.progress import Progress
+from tiago_mj.io import atomic, outputs
+from tiago_mj.io.progress import Progress
 from tiago_mj.rollout import options
 
 #: What the command writes.

@@ -9,9 +9,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from tiago_mj import atomic, extra, outputs
-from tiago_mj.progress import told
-from tiago_mj.quantities import quantity
+from tiago_mj.io import atomic, extra, outputs
+from tiago_mj.io.progress import told
+from tiago_mj.io.quantities import quantity
 from tiago_mj.recordings.recording import Finding, RecordingError
 
 

@@ -18,7 +18,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg
 
-from tiago_mj import mujoco_log
 from tiago_mj.effects import EFFECTS
 from tiago_mj.gap.detectors.readings import ONLY_READ_OFF
 from tiago_mj.gap.inference import hypotheses, likelihood, noise_model
@@ -27,6 +26,7 @@ from tiago_mj.gap.inference.hypotheses import Candidate
 from tiago_mj.gap.inference.predictor import Predictor
 from tiago_mj.gap.simulation import replay, sizes, stability
 from tiago_mj.gap.simulation.plant import Plant
+from tiago_mj.io import mujoco_log
 from tiago_mj.recordings.recording import RecordingError, Trial
 
 Array = NDArray[np.float64]

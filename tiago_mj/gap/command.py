@@ -16,9 +16,9 @@ from multiprocessing import current_process
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from tiago_mj import extra, outputs
-from tiago_mj.deadline import Deadline, OutOfTimeError
-from tiago_mj.progress import Progress
+from tiago_mj.io import extra, outputs
+from tiago_mj.io.deadline import Deadline, OutOfTimeError
+from tiago_mj.io.progress import Progress
 from tiago_mj.recordings.recording import RecordingError, Trial
 from tiago_mj.recordings.trials import LONGEST, MOST_ROWS, too_long
 
@@ -234,7 +234,7 @@ def _pictures(
 ) -> tuple[Diagnosis, Pictures | None]:
     """The robots to be seen; None where drawing them failed, which must not cost the answer, and where there is no time
     for it (``needed`` seconds) or the user ended it, which the diagnosis then says."""
-    from tiago_mj.quoting import one_line
+    from tiago_mj.io.quoting import one_line
 
     if deadline.over(needed) or isinstance(diagnosis.ended, KeyboardInterrupt):
         note = "The robots are not drawn: " + (

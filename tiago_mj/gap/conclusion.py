@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 import tiago_mj
-from tiago_mj.deadline import Deadline, OutOfTimeError
 from tiago_mj.effects import Entry
 from tiago_mj.gap.analysis import held_out, locate, outcome, place, promises, shrink, unexplained
 from tiago_mj.gap.analysis.remainder import remainder, with_accounted
@@ -27,6 +26,7 @@ from tiago_mj.gap.search.state import Ranked, Tick
 from tiago_mj.gap.simulation import phases
 from tiago_mj.gap.simulation.replay import Signals
 from tiago_mj.gap.simulation.session import FITTED, Session
+from tiago_mj.io.deadline import Deadline, OutOfTimeError
 
 Array = NDArray[np.float64]
 T = TypeVar("T")

@@ -25,8 +25,9 @@ from itertools import islice
 from pathlib import Path
 from typing import Any, Final
 
-from tiago_mj import __version__, atomic, cli, held, outputs, scale
-from tiago_mj.progress import told
+from tiago_mj import __version__, cli, scale
+from tiago_mj.io import atomic, held, outputs
+from tiago_mj.io.progress import told
 
 #: Written into ``--out``: what came of every folder.
 SUMMARY: Final = "diagnoses.json"

@@ -11,8 +11,6 @@ from pathlib import Path
 import numpy as np
 
 import tiago_mj
-from tiago_mj import mujoco_log
-from tiago_mj.deadline import Deadline, OutOfTimeError
 from tiago_mj.effects import Entry
 from tiago_mj.gap.ahead import Ahead, AheadInTime, Listener
 from tiago_mj.gap.analysis import locate, task
@@ -30,6 +28,8 @@ from tiago_mj.gap.simulation.along_a_motion import along_a_motion, efforts_along
 from tiago_mj.gap.simulation.session import FITTED, Session
 from tiago_mj.gap.simulation.session import session as session_of
 from tiago_mj.gap.torque import diagnose_inverse
+from tiago_mj.io import mujoco_log
+from tiago_mj.io.deadline import Deadline, OutOfTimeError
 from tiago_mj.recordings.recording import Finding, Trial
 
 

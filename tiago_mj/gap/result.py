@@ -13,8 +13,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from tiago_mj.deadline import OutOfTimeError
 from tiago_mj.effects.spec import Entry
+from tiago_mj.io.deadline import OutOfTimeError
 from tiago_mj.recordings.recording import Finding
 
 Array = NDArray[np.float64]

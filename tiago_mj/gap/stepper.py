@@ -22,7 +22,7 @@ from tiago_mj.effects.host import ScalarHost
 from tiago_mj.effects.model_file import MARK
 from tiago_mj.effects.wiring import wire
 from tiago_mj.gap.simulation.plant import substeps
-from tiago_mj.quoting import quoted
+from tiago_mj.io.quoting import quoted
 from tiago_mj.recordings.record.plain import interface_of, scalar_joints
 
 Array = NDArray[np.float64]

@@ -16,9 +16,9 @@ import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
-from tiago_mj import arrays, atomic
-from tiago_mj.loading import parse_json
-from tiago_mj.quoting import is_one_of, quoted
+from tiago_mj.io import arrays, atomic
+from tiago_mj.io.loading import parse_json
+from tiago_mj.io.quoting import is_one_of, quoted
 
 SCHEMA: Final = "tiago_mj.agent/1"
 #: What makes a file one of these.
@@ -162,7 +162,7 @@ def from_arrays(header: Mapping[str, Any], found: Mapping[str, NDArray[Any]]) ->
     """An agent of what :meth:`Agent.arrays` and its header say.
 
     Raises:
-        ValueError, or another of :data:`tiago_mj.arrays.FAULTS`: they make no agent.
+        ValueError, or another of :data:`tiago_mj.io.arrays.FAULTS`: they make no agent.
     """
     count = sum(key.startswith("weight_") for key in found)
     if odd := [key for key, value in found.items() if value.dtype.kind not in "fiu"]:

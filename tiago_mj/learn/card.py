@@ -9,10 +9,10 @@ from typing import Any, Final, Literal
 
 from pydantic import Field
 
+from tiago_mj.io.loading import load_json
+from tiago_mj.io.schema import Open, checked
 from tiago_mj.learn.settings import Parts, Settings
 from tiago_mj.learn.zoo_form import read_hyperparameters
-from tiago_mj.loading import load_json
-from tiago_mj.schema import Open, checked
 
 SCHEMA: Final = "tiago_mj.card/1"
 #: Hyperparameters that are shown, as they were used, under other names.

@@ -24,9 +24,9 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from tiago_mj import arrays, atomic
-from tiago_mj.loading import MAX_WHOLE, parse_json
-from tiago_mj.quoting import quoted
+from tiago_mj.io import arrays, atomic
+from tiago_mj.io.loading import MAX_WHOLE, parse_json
+from tiago_mj.io.quoting import quoted
 
 SCHEMA: Final = "tiago_mj.checkpoint/1"
 FILE: Final = "checkpoint.zip"

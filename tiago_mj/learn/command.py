@@ -11,7 +11,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from tiago_mj import atomic, extra, figures, held, outputs, scale
+from tiago_mj import figures, scale
+from tiago_mj.io import atomic, extra, held, outputs
 from tiago_mj.learn import card, curves, duration, plots, progress
 from tiago_mj.learn.loop import BEST, Task, train_seed
 from tiago_mj.learn.settings import Settings, claim, provenance
@@ -168,8 +169,8 @@ def _ranges(path: Path | None) -> Any:
     """The contents of a file of ranges, checked."""
     if path is None:
         return None
+    from tiago_mj.io.loading import load_yaml
     from tiago_mj.learn.randomise import read_ranges
-    from tiago_mj.loading import load_yaml
 
     return read_ranges(load_yaml(path, f"--randomise {path} cannot be read"), f"--randomise {path}")
 

@@ -12,8 +12,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from tiago_mj import atomic
-from tiago_mj.rows import read_numbers
+from tiago_mj.io import atomic
+from tiago_mj.io.rows import read_numbers
 
 Array = NDArray[np.float64]
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from tiago_mj import arrays
+from tiago_mj.io import arrays
 from tiago_mj.learn import checkpoint
 from tiago_mj.learn.agent_file import Agent
 

@@ -6,7 +6,7 @@ import os
 import time
 from typing import Any, Final
 
-from tiago_mj import progress
+from tiago_mj.io import progress
 
 #: Seconds that are measured, and at most waited for in all.
 MEASURED: Final = 2.0

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from tiago_mj import atomic, held
+from tiago_mj.io import atomic, held
 from tiago_mj.learn.settings import Settings
 
 BEST, LAST, MODEL = "best.npz", "last.npz", "model.zip"

@@ -11,10 +11,10 @@ from typing import Any, Final
 
 from pydantic import Field
 
-from tiago_mj import atomic
-from tiago_mj.loading import load_json
-from tiago_mj.progress import EVERY, Progress
-from tiago_mj.schema import Open, checked
+from tiago_mj.io import atomic
+from tiago_mj.io.loading import load_json
+from tiago_mj.io.progress import EVERY, Progress
+from tiago_mj.io.schema import Open, checked
 
 FILE: Final = "progress.json"
 #: Seconds between looks at what the seeds say.

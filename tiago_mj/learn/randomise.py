@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv
 
-from tiago_mj.quoting import is_number, quoted, unquoted
+from tiago_mj.io.quoting import is_number, quoted, unquoted
 
 Ranges = Mapping[str, Mapping[str, Sequence[float]]]
 

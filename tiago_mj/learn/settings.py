@@ -13,10 +13,11 @@ from typing import Any, Final, Literal
 
 from pydantic import Field
 
-from tiago_mj import __version__, atomic
-from tiago_mj.loading import load_json
+from tiago_mj import __version__
+from tiago_mj.io import atomic
+from tiago_mj.io.loading import load_json
+from tiago_mj.io.schema import Open, SchemaError, checked
 from tiago_mj.registration import ENVIRONMENTS, NAMESPACE
-from tiago_mj.schema import Open, SchemaError, checked
 
 SCHEMA: Final = "tiago_mj.training/1"
 FILE: Final = "settings.json"

@@ -11,9 +11,9 @@ from importlib.resources import as_file, files
 from pathlib import Path
 from typing import Any, Final
 
-from tiago_mj import atomic, outputs
+from tiago_mj.io import atomic, outputs
+from tiago_mj.io.quoting import quoted
 from tiago_mj.learn.agent_file import SUFFIX, load_agent
-from tiago_mj.quoting import quoted
 
 #: A name that no other kind of policy can have.
 NAME: Final = re.compile(r"[a-z][a-z0-9-]{2,40}")

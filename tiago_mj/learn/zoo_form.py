@@ -19,12 +19,12 @@ from typing import Annotated, Any, Final, Literal
 
 from pydantic import BeforeValidator, Field
 
-from tiago_mj import extra
-from tiago_mj.loading import load_yaml
-from tiago_mj.quoting import is_number, is_one_of, quoted
+from tiago_mj.io import extra
+from tiago_mj.io.loading import load_yaml
+from tiago_mj.io.quoting import is_number, is_one_of, quoted
+from tiago_mj.io.schema import Closed, SchemaError
+from tiago_mj.io.schema import checked as schema_checked
 from tiago_mj.registration import NAMESPACE
-from tiago_mj.schema import Closed, SchemaError
-from tiago_mj.schema import checked as schema_checked
 
 #: Algorithm: class of stable-baselines3. The hyperparameters shipped for it are ``hyperparameters/NAME.yml``.
 ALGORITHMS: Final[Mapping[str, str]] = {

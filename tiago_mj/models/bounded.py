@@ -17,9 +17,9 @@ from xml.parsers import expat
 
 import mujoco
 
-from tiago_mj import apart, mujoco_log
+from tiago_mj.io import apart, mujoco_log
+from tiago_mj.io.quoting import one_line, quoted
 from tiago_mj.models.files import refuse_urdf
-from tiago_mj.quoting import one_line, quoted
 
 #: Bodies of a model, copies counted, and copies of anything: MuJoCo takes 0.2 s to compile as many; robots have 100.
 BODIES: Final = 1000

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
-from tiago_mj.loading import is_pipe
+from tiago_mj.io.loading import is_pipe
 
 #: Bytes in which an XML file's first element is sought.
 _BEGINNING = 1_000_000

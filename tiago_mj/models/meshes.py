@@ -15,7 +15,7 @@ from typing import Any
 
 import mujoco
 
-from tiago_mj import extra
+from tiago_mj.io import extra
 from tiago_mj.models.convert import meshes, shapes, urdf
 from tiago_mj.models.files import model_file
 

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tiago_mj.compliance import Compliance
+from tiago_mj.io.quoting import did_you_mean, is_number, is_one_of, quoted
 from tiago_mj.models import names
-from tiago_mj.quoting import did_you_mean, is_number, is_one_of, quoted
 
 SHAPES: Final[Mapping[str, mujoco.mjtGeom]] = MappingProxyType(
     {"cylinder": mujoco.mjtGeom.mjGEOM_CYLINDER, "box": mujoco.mjtGeom.mjGEOM_BOX}

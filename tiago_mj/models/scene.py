@@ -16,10 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tiago_mj import compliance
+from tiago_mj.io.quoting import is_one_of, quoted
 from tiago_mj.models import names
 from tiago_mj.models.files import model_file
 from tiago_mj.models.objects import SHAPES, GraspObject, give_object
-from tiago_mj.quoting import is_one_of, quoted
 
 ROBOTS: Final = ("gripper_ta11", "tiago_ta11", "tiago_pal_gripper")
 SERVOS: Final = ("pal", "ideal")

@@ -16,7 +16,7 @@ from collections.abc import Mapping, Sequence
 
 from tiago_mj.effects import EFFECTS
 from tiago_mj.effects.spec import Entry
-from tiago_mj.quoting import is_number, quoted
+from tiago_mj.io.quoting import is_number, quoted
 from tiago_mj.recordings.recording import MEASURED, RecordingError, Trial, channels
 
 

@@ -13,7 +13,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from tiago_mj.quoting import one_line
+from tiago_mj.io.quoting import one_line
 
 Array = NDArray[np.float64]
 

@@ -8,7 +8,7 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, Final
 
-from tiago_mj.loading import is_file
+from tiago_mj.io.loading import is_file
 from tiago_mj.recordings.recording import RecordingError
 
 #: Endings of what is simulated as a file, and not as one of the environments.

@@ -10,11 +10,11 @@ from typing import Annotated, Any, Final, Literal
 import numpy as np
 from pydantic import AfterValidator, Field
 
-from tiago_mj.loading import load_json
-from tiago_mj.quoting import quoted
+from tiago_mj.io.loading import load_json
+from tiago_mj.io.quoting import quoted
+from tiago_mj.io.schema import Closed, Open, SchemaError, checked
 from tiago_mj.recordings.recording import INTERFACES, SCHEMA, RecordingError, Sidecar
 from tiago_mj.recordings.usable import RATE, is_rate
-from tiago_mj.schema import Closed, Open, SchemaError, checked
 
 #: What recorders write as they like.
 _FREE: Final = ("goal", "motion", "source")

@@ -6,7 +6,7 @@ from typing import Any, Final, TypeGuard
 
 import numpy as np
 
-from tiago_mj.quoting import is_number
+from tiago_mj.io.quoting import is_number
 from tiago_mj.recordings.recording import KINDS, Array, RecordingError, Trial, channel, channels
 
 #: Stamps in nanoseconds since 1970 are 2e18; what is larger is no number that was measured.

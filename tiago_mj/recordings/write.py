@@ -6,9 +6,9 @@ import json
 from pathlib import Path
 from typing import Final
 
-from tiago_mj import atomic
-from tiago_mj.extra import pyarrow
-from tiago_mj.quoting import quoted
+from tiago_mj.io import atomic
+from tiago_mj.io.extra import pyarrow
+from tiago_mj.io.quoting import quoted
 from tiago_mj.recordings.recording import KINDS, Trial, channel, channels
 from tiago_mj.recordings.sidecar import sidecar_mapping
 

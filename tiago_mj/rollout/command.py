@@ -12,7 +12,7 @@ import numpy as np
 
 from tiago_mj import scale
 from tiago_mj.film import STRIP_FRAMES, SUFFIXES, Film, film_file
-from tiago_mj.progress import Progress
+from tiago_mj.io.progress import Progress
 from tiago_mj.rollout import options
 from tiago_mj.rollout.episode import Episode
 from tiago_mj.rollout.policies import RANDOM

@@ -8,8 +8,8 @@ from typing import Any
 
 import gymnasium
 
-from tiago_mj.loading import parse_json
-from tiago_mj.quoting import quoted
+from tiago_mj.io.loading import parse_json
+from tiago_mj.io.quoting import quoted
 from tiago_mj.registration import ENVIRONMENTS, NAMESPACE
 
 

@@ -9,16 +9,16 @@ from typing import Any, Final
 import gymnasium
 import numpy as np
 
-from tiago_mj import arrays, extra
 from tiago_mj.control.force_pi import ForcePI
 from tiago_mj.control.scripted import Scripted
 from tiago_mj.control.tuned import tuned_pi
 from tiago_mj.envs.flat import core_of
 from tiago_mj.envs.hold_force import HoldForce
+from tiago_mj.io import arrays, extra
+from tiago_mj.io.loading import MAX_BYTES, parse_json
+from tiago_mj.io.quoting import quoted
 from tiago_mj.learn.agent_file import SUFFIX, Agent, load_agent
 from tiago_mj.learn.shipped import shipped_agents
-from tiago_mj.loading import MAX_BYTES, parse_json
-from tiago_mj.quoting import quoted
 from tiago_mj.rollout.episode import Policy
 
 #: Algorithms of stable-baselines3 by a setting that only they store; DDPG is stored as the TD3 that it is made of.

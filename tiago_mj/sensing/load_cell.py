@@ -33,7 +33,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from tiago_mj.quoting import is_number, quoted
+from tiago_mj.io.quoting import is_number, quoted
 
 Array = NDArray[np.float64]
 

@@ -18,9 +18,9 @@ from typing import Annotated, Any, Final
 
 from pydantic import Field
 
-from tiago_mj.loading import load_yaml
-from tiago_mj.quoting import quoted
-from tiago_mj.schema import Open, SchemaError, checked
+from tiago_mj.io.loading import load_yaml
+from tiago_mj.io.quoting import quoted
+from tiago_mj.io.schema import Open, SchemaError, checked
 from tiago_mj.sensing.load_cell import LoadCell
 
 SCHEMA: Final = "tiago_mj.sensor/1"

@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tiago_mj.columns import columns, joined
+from tiago_mj.io.quoting import quoted
 from tiago_mj.models import names
-from tiago_mj.quoting import quoted
 
 Array = NDArray[np.float64]
 

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import yaml
 
-from tiago_mj import atomic, extra, outputs
-from tiago_mj.progress import told
+from tiago_mj.io import atomic, extra, outputs
+from tiago_mj.io.progress import told
 from tiago_mj.recordings.recording import RecordingError
 
 

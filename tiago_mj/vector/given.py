@@ -10,7 +10,7 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
-from tiago_mj.quoting import quoted
+from tiago_mj.io.quoting import quoted
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -18,7 +18,7 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
-from tiago_mj import extra
+from tiago_mj.io import extra
 from tiago_mj.vector.env import VectorRobotEnv
 
 try:

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from importlib.util import find_spec
 from typing import Final
 
-from tiago_mj.deadline import Deadline
 from tiago_mj.gap.report.repaired import entry
 from tiago_mj.gap.result import Diagnosis
 from tiago_mj.gap.simulation.plant import Plant, plant_of
+from tiago_mj.io.deadline import Deadline
 from tiago_mj.recordings.recording import Trial
 from tiago_mj.view import page
 from tiago_mj.view.recordings import as_diagnosed

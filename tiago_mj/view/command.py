@@ -7,7 +7,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from tiago_mj import extra, outputs
+from tiago_mj.io import extra, outputs
 from tiago_mj.view.server import HOST, PORT, check, serving
 
 

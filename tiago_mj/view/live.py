@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from tiago_mj.effects import Entry
 from tiago_mj.gap.report import words
-from tiago_mj.quantities import scaled
-from tiago_mj.quoting import one_line
+from tiago_mj.io.quantities import scaled
+from tiago_mj.io.quoting import one_line
 from tiago_mj.view import colours, scene
 from tiago_mj.view.charts import Chart, thin
 from tiago_mj.view.server import wait

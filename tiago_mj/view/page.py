@@ -11,7 +11,7 @@ from typing import Final
 import markupsafe
 import numpy as np
 
-from tiago_mj import atomic, pages
+from tiago_mj.io import atomic, pages
 from tiago_mj.view import colours, plots
 from tiago_mj.view.server import serving
 from tiago_mj.view.stage import Stage

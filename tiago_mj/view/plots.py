@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from tiago_mj.gap.report import words
 from tiago_mj.gap.report.overlays import thinned
-from tiago_mj.quantities import bare, number, scaled
+from tiago_mj.io.quantities import bare, number, scaled
 from tiago_mj.view.story import Mark, Story, curves
 
 Array = NDArray[np.float64]

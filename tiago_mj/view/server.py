@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any, Final
 
-from tiago_mj import extra
+from tiago_mj.io import extra
 
 HOST: Final = "127.0.0.1"
 PORT: Final = 8080

@@ -16,7 +16,6 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from tiago_mj.deadline import Deadline
 from tiago_mj.effects import EFFECTS
 from tiago_mj.effects.spec import Entry
 from tiago_mj.gap.analysis import outcome
@@ -27,6 +26,7 @@ from tiago_mj.gap.result import PHASES, Diagnosis, Overlay
 from tiago_mj.gap.simulation import phases, replay
 from tiago_mj.gap.simulation.along_a_motion import along_a_motion
 from tiago_mj.gap.simulation.plant import Plant
+from tiago_mj.io.deadline import Deadline
 from tiago_mj.models import names, scene
 from tiago_mj.recordings.recording import Trial
 

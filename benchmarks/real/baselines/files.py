@@ -13,7 +13,7 @@ import numpy as np
 
 from benchmarks.real import logs
 from benchmarks.real.logs import Array
-from tiago_mj.extra import load
+from tiago_mj.io.extra import load
 from tiago_mj.models.files import model_file
 
 

@@ -22,7 +22,7 @@ from mujoco import rollout
 from benchmarks.real.baselines.files import NotForThis, Recording, known, nominal, recordings, servos
 from benchmarks.real.declare import Case
 from benchmarks.real.logs import Array
-from tiago_mj import extra
+from tiago_mj.io import extra
 
 #: Least share of the loss that a fit must take away, and what a second parameter must matter of the first.
 FOUND, SECOND = 0.2, 0.5

@@ -13,7 +13,7 @@ import numpy as np
 
 from benchmarks.real.declare import COMMANDS, NOTHING, PUBLISHED, SEMI, WHOLE, Case, Cause, File, Source
 from benchmarks.real.logs import Log, log
-from tiago_mj.loading import load_json
+from tiago_mj.io.loading import load_json
 
 JOINT: Final = "pendulum"
 _STAMPS: Final = {

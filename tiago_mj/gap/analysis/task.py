@@ -19,13 +19,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from tiago_mj.deadline import Deadline, OutOfTimeError
 from tiago_mj.envs.choices import Interval, ObjectChoice
 from tiago_mj.envs.flat import core_of
 from tiago_mj.envs.hold_force import HoldForce
 from tiago_mj.envs.state import State
 from tiago_mj.gap.result import Diagnosis, Named
 from tiago_mj.gap.simulation.plant import Plant, grasp_object
+from tiago_mj.io.deadline import Deadline, OutOfTimeError
 from tiago_mj.models import names
 from tiago_mj.recordings.recording import RecordingError, Trial
 

@@ -15,7 +15,6 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from tiago_mj.deadline import OutOfTimeError
 from tiago_mj.gap.analysis import locate, residual_shape
 from tiago_mj.gap.analysis.regressors import Course
 from tiago_mj.gap.analysis.remainder import own_numbers
@@ -29,6 +28,7 @@ from tiago_mj.gap.simulation import phases
 from tiago_mj.gap.simulation.plant import Plant
 from tiago_mj.gap.simulation.replay import Grid, Signals
 from tiago_mj.gap.simulation.session import Session
+from tiago_mj.io.deadline import OutOfTimeError
 
 Array = NDArray[np.float64]
 

@@ -24,7 +24,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm
 
-from tiago_mj.deadline import Deadline
 from tiago_mj.effects.spec import Entry
 from tiago_mj.gap.decision.verdict import calibration, classes_of, temperature_of
 from tiago_mj.gap.design.rehearse import Rehearsal, rehearse, with_numerics
@@ -35,6 +34,7 @@ from tiago_mj.gap.inference.hypotheses import Term
 from tiago_mj.gap.inference.noise_model import Data
 from tiago_mj.gap.result import NextMotion
 from tiago_mj.gap.simulation.plant import Plant
+from tiago_mj.io.deadline import Deadline
 from tiago_mj.recordings.recording import Trial
 
 Array = NDArray[np.float64]

@@ -9,7 +9,6 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from tiago_mj.deadline import Deadline
 from tiago_mj.effects.spec import Entry
 from tiago_mj.gap.inference import noise_model
 from tiago_mj.gap.inference.noise_model import Data
@@ -17,6 +16,7 @@ from tiago_mj.gap.inference.predictor import RANDOM_EFFECTS, Predictor
 from tiago_mj.gap.simulation import replay
 from tiago_mj.gap.simulation.plant import Plant, Start
 from tiago_mj.gap.simulation.replay import Grid
+from tiago_mj.io.deadline import Deadline
 from tiago_mj.models import names
 from tiago_mj.recordings import motions
 from tiago_mj.recordings.motions.menu import OPEN, items

@@ -15,7 +15,6 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from tiago_mj.deadline import Deadline
 from tiago_mj.effects import EFFECTS
 from tiago_mj.effects.declare import overrides
 from tiago_mj.effects.spec import Entry
@@ -23,6 +22,7 @@ from tiago_mj.gap.inference.hypotheses import Candidate
 from tiago_mj.gap.inference.noise_model import Data
 from tiago_mj.gap.simulation.plant import Plant
 from tiago_mj.gap.simulation.replay import Grid, Signals, only_commands
+from tiago_mj.io.deadline import Deadline
 
 Array = NDArray[np.float64]
 

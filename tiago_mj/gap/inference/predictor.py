@@ -18,13 +18,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tiago_mj.deadline import Deadline
 from tiago_mj.effects import EFFECTS
 from tiago_mj.effects.spec import Entry
 from tiago_mj.gap.inference import likelihood, noise_model
 from tiago_mj.gap.simulation import replay, stability
 from tiago_mj.gap.simulation.plant import Plant, substeps
 from tiago_mj.gap.simulation.replay import Grid, Signals, sensor_only
+from tiago_mj.io.deadline import Deadline
 from tiago_mj.recordings.recording import RecordingError, Trial
 
 Array = NDArray[np.float64]
@@ -60,7 +60,7 @@ class Predictor:
         tally: numbers of ``simulations``, of those that ``diverged`` and of ``physics_steps``, of this one and all that
             were made of it.
         simulated: told the physics steps of every batch, once it is done.
-        deadline: asked while simulations run, which it ends (:class:`tiago_mj.deadline.OutOfTimeError`).
+        deadline: asked while simulations run, which it ends (:class:`tiago_mj.io.deadline.OutOfTimeError`).
     """
 
     plant: Plant

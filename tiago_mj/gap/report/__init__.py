@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Final
 
-from tiago_mj import atomic
 from tiago_mj.gap.report import calibration, html, json
 from tiago_mj.gap.report.consistency import checked
 from tiago_mj.gap.result import Diagnosis
+from tiago_mj.io import atomic
 
 #: The user's own model with what was found.
 REPAIRED: Final = "repaired.xml"

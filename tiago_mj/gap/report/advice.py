@@ -11,14 +11,14 @@ from dataclasses import dataclass
 from pathlib import PurePath
 from typing import Final
 
-from tiago_mj import extra
 from tiago_mj.effects import EFFECTS, describe
 from tiago_mj.effects.declare import STAGES
 from tiago_mj.gap.report import residual, verdict, words
 from tiago_mj.gap.report.consistency import closes
 from tiago_mj.gap.result import Diagnosis, Explanation, Named, Place
+from tiago_mj.io import extra
+from tiago_mj.io.progress import seconds
 from tiago_mj.models import names
-from tiago_mj.progress import seconds
 from tiago_mj.registration import full_id, import_and_make
 
 #: Motion of the menu that shows most of what a stage of the signal chain may have, of fingers and of the arm.

@@ -7,11 +7,11 @@ from typing import Any
 
 import yaml
 
-from tiago_mj import atomic
 from tiago_mj.effects.spec import Entry
 from tiago_mj.effects.written import SCHEMA
 from tiago_mj.gap.report.json import clean, fingerprint, target
 from tiago_mj.gap.result import Diagnosis, Named, Value
+from tiago_mj.io import atomic
 from tiago_mj.registration import import_and_make
 
 HEADER = """\

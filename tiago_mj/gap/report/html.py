@@ -16,10 +16,10 @@ from typing import Any, Final, Protocol
 
 from markupsafe import Markup, escape
 
-from tiago_mj import atomic, extra, pages
 from tiago_mj.gap.report import advice, overlays, residual, shrinking, tables, verdict, words
 from tiago_mj.gap.report.consistency import checked, has_probability
 from tiago_mj.gap.result import PHASES, Diagnosis
+from tiago_mj.io import atomic, extra, pages
 from tiago_mj.recordings.lint.summary import summary
 
 KIND_NAMES: Final = {

@@ -14,9 +14,9 @@ from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
 
-from tiago_mj import atomic
 from tiago_mj.gap.report.read import keys, load, target
 from tiago_mj.gap.result import PHASES, SCHEMA, Closing, Diagnosis, Named, NextMotion, Place
+from tiago_mj.io import atomic
 
 __all__ = ["as_data", "clean", "fingerprint", "load", "target", "text", "write"]
 

@@ -25,10 +25,10 @@ from tiago_mj.gap.result import (
     TrialModels,
     Value,
 )
-from tiago_mj.loading import load_json
-from tiago_mj.quoting import quoted
+from tiago_mj.io.loading import load_json
+from tiago_mj.io.quoting import quoted
+from tiago_mj.io.schema import Open, SchemaError, checked
 from tiago_mj.recordings.recording import Finding
-from tiago_mj.schema import Open, SchemaError, checked
 
 #: Null where nothing is known; NaN in memory.
 _Known = Annotated[

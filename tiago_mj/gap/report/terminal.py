@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from tiago_mj import extra
 from tiago_mj.gap.report import advice, residual, shrinking, tables, verdict, words
 from tiago_mj.gap.report.consistency import checked
 from tiago_mj.gap.result import Diagnosis
+from tiago_mj.io import extra
 from tiago_mj.recordings.lint.summary import summary
 
 #: Lines of each list, and of the channels before and after.

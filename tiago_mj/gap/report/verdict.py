@@ -11,7 +11,7 @@ from tiago_mj.gap.decision.verdict import calibration, measured_on, most_probabl
 from tiago_mj.gap.report.consistency import NAMING, can_close, closed_accounted, closes, has_probability, loudest
 from tiago_mj.gap.report.words import begin, channel, clauses, labels, listed, number, percent, percent_within, title
 from tiago_mj.gap.result import Diagnosis, Evidence, Explanation, Place, Stopped
-from tiago_mj.progress import seconds
+from tiago_mj.io.progress import seconds
 
 #: Alternatives up to this number are spelled out in the first sentence; of more, only the effects' names are given.
 SPELLED = 2

@@ -11,8 +11,8 @@ from typing import Final
 from tiago_mj.effects import EFFECTS
 from tiago_mj.gap.report.clauses import CLAUSES, LESS
 from tiago_mj.gap.result import Explanation, Named, Value
+from tiago_mj.io.quantities import bare, fixed, number, quantity, scaled
 from tiago_mj.models import names
-from tiago_mj.quantities import bare, fixed, number, quantity, scaled
 
 __all__ = ["bare", "fixed", "number", "quantity", "scaled"]
 

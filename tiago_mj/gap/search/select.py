@@ -13,7 +13,6 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from tiago_mj.deadline import Deadline
 from tiago_mj.gap.detectors.readings import ONLY_READ_OFF, Known
 from tiago_mj.gap.detectors.set_points import ServoMotion
 from tiago_mj.gap.inference.fit import Fitted, Fitter, Start
@@ -35,6 +34,7 @@ from tiago_mj.gap.search import (
 )
 from tiago_mj.gap.search.screen import screen
 from tiago_mj.gap.search.state import Question, Ranked, State, Tick
+from tiago_mj.io.deadline import Deadline
 from tiago_mj.recordings.recording import RecordingError
 
 Array = NDArray[np.float64]

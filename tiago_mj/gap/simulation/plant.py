@@ -21,12 +21,12 @@ from tiago_mj.effects import check_entries
 from tiago_mj.effects.chain import Wiring
 from tiago_mj.effects.spec import Entry
 from tiago_mj.effects.wiring import wire
-from tiago_mj.loading import is_file
+from tiago_mj.io.loading import is_file
+from tiago_mj.io.quoting import quoted
 from tiago_mj.models import names, scene
 from tiago_mj.models.actuators import driven_joint, replayed_interfaces
 from tiago_mj.models.bounded import check_speed, load_model
 from tiago_mj.models.objects import KEYS, SHAPES, GraspObject
-from tiago_mj.quoting import quoted
 from tiago_mj.recordings.grid import grid_step
 from tiago_mj.recordings.lint.names import check_names
 from tiago_mj.recordings.nominal_priors import grids, known_to

@@ -18,13 +18,13 @@ import mujoco.batch
 import numpy as np
 from numpy.typing import NDArray
 
-from tiago_mj.deadline import Deadline
 from tiago_mj.effects import EFFECTS
 from tiago_mj.effects.chain import EACH_STEP, EACH_SUBSTEP, Chain
 from tiago_mj.effects.declare import overrides
 from tiago_mj.effects.host import BatchHost
 from tiago_mj.effects.spec import Entry
 from tiago_mj.gap.simulation.plant import Plant
+from tiago_mj.io.deadline import Deadline
 from tiago_mj.models import scene
 from tiago_mj.recordings.recording import Trial
 

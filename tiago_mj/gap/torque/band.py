@@ -12,11 +12,11 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 import mujoco
 import numpy as np
 
-from tiago_mj.deadline import Deadline, OutOfTimeError
 from tiago_mj.effects import Entry
 from tiago_mj.gap.torque.channels import Usable, choose
 from tiago_mj.gap.torque.evidence import Evidence
 from tiago_mj.gap.torque.strips import HEADROOMS
+from tiago_mj.io.deadline import Deadline, OutOfTimeError
 from tiago_mj.recordings.recording import Finding, RecordingError, Trial
 
 

@@ -10,10 +10,10 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from tiago_mj.deadline import Deadline
 from tiago_mj.effects import EFFECTS, Entry
 from tiago_mj.gap.torque.strips import HEADROOMS, Course, lay_out
 from tiago_mj.gap.torque.torques import Torques
+from tiago_mj.io.deadline import Deadline
 from tiago_mj.recordings.lint.sensors import switched_off
 from tiago_mj.recordings.recording import Finding, RecordingError, Trial, sampled
 

@@ -11,7 +11,6 @@ from typing import Final
 import mujoco
 import numpy as np
 
-from tiago_mj.deadline import Deadline, OutOfTimeError
 from tiago_mj.effects import EFFECTS, Entry
 from tiago_mj.gap.analysis import outcome
 from tiago_mj.gap.result import Diagnosis, Explanation, Named, Place, Stopped, Value, fault_of
@@ -23,6 +22,7 @@ from tiago_mj.gap.torque.judge import Verdict, judge
 from tiago_mj.gap.torque.pool import OWN
 from tiago_mj.gap.torque.search import Scored, Search
 from tiago_mj.gap.torque.terms import ON_THE_EFFORT, Term
+from tiago_mj.io.deadline import Deadline, OutOfTimeError
 from tiago_mj.recordings.nominal_priors import known_to
 from tiago_mj.recordings.recording import Finding, RecordingError, Trial
 

@@ -16,13 +16,13 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from tiago_mj.deadline import Deadline
 from tiago_mj.effects import EFFECTS, Effect, Entry
 from tiago_mj.effects.chain import Now, Wiring
 from tiago_mj.effects.declare import overrides
 from tiago_mj.effects.spec import arrays
 from tiago_mj.effects.wiring import wire
 from tiago_mj.gap.torque.strips import Course
+from tiago_mj.io.deadline import Deadline
 
 Array = NDArray[np.float64]
 

@@ -9,11 +9,11 @@ import sys
 from dataclasses import asdict
 from pathlib import Path
 
-from tiago_mj import outputs
+from tiago_mj.io import outputs
+from tiago_mj.io.progress import told
 from tiago_mj.models.convert.errors import ConversionError
 from tiago_mj.models.convert.report import ConversionReport
 from tiago_mj.models.convert.urdf_to_mjcf import BASES, COLLISIONS, VISUALS, convert
-from tiago_mj.progress import told
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from tiago_mj.quoting import one_line
+from tiago_mj.io.quoting import one_line
 
 #: Characters of each part of a message.
 _LONGEST: Final = 500

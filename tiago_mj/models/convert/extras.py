@@ -12,10 +12,10 @@ from typing import Any
 
 from pydantic import Field
 
-from tiago_mj.loading import is_file, load_yaml
+from tiago_mj.io.loading import is_file, load_yaml
+from tiago_mj.io.quoting import quoted
+from tiago_mj.io.schema import Open, SchemaError, checked
 from tiago_mj.models.convert.errors import ConversionError
-from tiago_mj.quoting import quoted
-from tiago_mj.schema import Open, SchemaError, checked
 
 Settings = Mapping[str, Any]
 #: That include each other.

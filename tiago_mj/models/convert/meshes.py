@@ -12,7 +12,7 @@ from urllib.parse import unquote
 import numpy as np
 import trimesh
 
-from tiago_mj import extra
+from tiago_mj.io import extra
 from tiago_mj.models.convert.errors import ConversionError
 from tiago_mj.models.convert.urdf import Shape
 

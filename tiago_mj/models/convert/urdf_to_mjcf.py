@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from tiago_mj import held
+from tiago_mj.io import held
 from tiago_mj.models.convert import additions, surroundings, tree, urdf
 from tiago_mj.models.convert import extras as extras_file
 from tiago_mj.models.convert.assembly import Assembly, Options

@@ -7,7 +7,7 @@ from typing import Final
 from xml.etree import ElementTree as ET
 from xml.parsers import expat
 
-from tiago_mj.loading import is_pipe
+from tiago_mj.io.loading import is_pipe
 from tiago_mj.models.convert.errors import ConversionError
 
 Lines = dict[ET.Element, int]

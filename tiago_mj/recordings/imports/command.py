@@ -10,9 +10,9 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from tiago_mj import atomic, outputs
-from tiago_mj.progress import told
-from tiago_mj.quoting import quoted
+from tiago_mj.io import atomic, outputs
+from tiago_mj.io.progress import told
+from tiago_mj.io.quoting import quoted
 from tiago_mj.recordings.imports import lerobot, minari, so101, ta11_curve, tiago_arm, xl330
 from tiago_mj.recordings.lint import inspect
 from tiago_mj.recordings.read import read_recordings

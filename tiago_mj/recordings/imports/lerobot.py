@@ -17,7 +17,7 @@ from typing import Final
 
 import numpy as np
 
-from tiago_mj.extra import pyarrow
+from tiago_mj.io.extra import pyarrow
 from tiago_mj.recordings.imports.lerobot_folder import Episode, Folder, open_folder
 from tiago_mj.recordings.imports.lerobot_units import Arm, Scale, arm_of, scales
 from tiago_mj.recordings.recording import SCHEMA, Array, Finding, RecordingError, Sidecar, Trial

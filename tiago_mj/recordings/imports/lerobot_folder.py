@@ -12,8 +12,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from tiago_mj.loading import load_json, parse_json
-from tiago_mj.quoting import is_one_of, quoted, unquoted
+from tiago_mj.io.loading import load_json, parse_json
+from tiago_mj.io.quoting import is_one_of, quoted, unquoted
 from tiago_mj.recordings.read.tables import MAX_COLUMNS, MAX_ROWS, check_size, read_parquet
 from tiago_mj.recordings.recording import Array, RecordingError
 from tiago_mj.recordings.usable import RATE, is_rate

@@ -25,8 +25,8 @@ from tiago_mj.envs.flat import core_of
 from tiago_mj.envs.hold_force import HoldForce
 from tiago_mj.envs.hold_steady import HoldForceSteady
 from tiago_mj.envs.position_goal import PositionGoal
+from tiago_mj.io.quoting import quoted
 from tiago_mj.models import names
-from tiago_mj.quoting import quoted
 from tiago_mj.recordings.imports.minari_folder import Dataset, Episode, open_dataset
 from tiago_mj.recordings.read.columns import trial_from_table
 from tiago_mj.recordings.read.mapping import FACTS, column_map, load_map

@@ -14,12 +14,12 @@ from typing import Any, Final
 
 import numpy as np
 
-from tiago_mj.extra import load, pyarrow
-from tiago_mj.loading import load_json, parse_json
-from tiago_mj.quoting import quoted
+from tiago_mj.io.extra import load, pyarrow
+from tiago_mj.io.loading import load_json, parse_json
+from tiago_mj.io.quoting import quoted
+from tiago_mj.io.schema import Open, SchemaError, checked
 from tiago_mj.recordings.read.tables import MAX_BYTES, MAX_CELLS, MAX_COLUMNS, check_size
 from tiago_mj.recordings.recording import Array, RecordingError
-from tiago_mj.schema import Open, SchemaError, checked
 
 PARTS: Final = ("observations", "actions", "infos")
 _FILE: Final = "main_data.hdf5"

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from tiago_mj.extra import load
+from tiago_mj.io.extra import load
 from tiago_mj.recordings.recording import RecordingError
 
 DOWNLOAD: Final = "download"

@@ -17,13 +17,13 @@ from typing import Final
 
 import numpy as np
 
-from tiago_mj.loading import load_text, parse_json
-from tiago_mj.quoting import one_line, quoted
+from tiago_mj.io.loading import load_text, parse_json
+from tiago_mj.io.quoting import one_line, quoted
+from tiago_mj.io.rows import numbers, read_rows
 from tiago_mj.recordings.imports.public import DataSet, folder_of, need
 from tiago_mj.recordings.read.clock import MIN_ROWS
 from tiago_mj.recordings.recording import SCHEMA, Array, RecordingError, Sidecar, Trial
 from tiago_mj.recordings.trials import cut, repeatability
-from tiago_mj.rows import numbers, read_rows
 
 _MOTIONS: Final = {
     "backlash_detection": (

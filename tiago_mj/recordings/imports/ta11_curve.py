@@ -19,10 +19,10 @@ from typing import Any, Final
 
 import numpy as np
 
+from tiago_mj.io.rows import numbers, read_rows
 from tiago_mj.models import names
 from tiago_mj.models.objects import GraspObject
 from tiago_mj.recordings.recording import SCHEMA, RecordingError, Sidecar, Trial
-from tiago_mj.rows import numbers, read_rows
 from tiago_mj.sensing.load_cell import PAPER_SCALE, SERVO_STIFFNESS, TA11_NOISE, TA11_SLOPE
 from tiago_mj.sensing.ta11_curve import (
     CONTROL_HZ,

@@ -6,7 +6,7 @@ import json
 
 import numpy as np
 
-from tiago_mj import atomic
+from tiago_mj.io import atomic
 from tiago_mj.recordings.motions import FOLDER, RATES, file_name
 from tiago_mj.recordings.motions.menu import Item, items
 

@@ -18,8 +18,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from tiago_mj.loading import load_yaml
-from tiago_mj.quoting import is_number, is_one_of, quoted, unquoted
+from tiago_mj.io.loading import load_yaml
+from tiago_mj.io.quoting import is_number, is_one_of, quoted, unquoted
 from tiago_mj.recordings import motions
 from tiago_mj.recordings.read.tables import read_table
 from tiago_mj.recordings.recording import INTERFACES, Array

@@ -10,8 +10,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from tiago_mj.loading import is_file
-from tiago_mj.quoting import quoted, unquoted
+from tiago_mj.io.loading import is_file
+from tiago_mj.io.quoting import quoted, unquoted
 from tiago_mj.recordings.read.columns import check_mapped, trial_from_table
 from tiago_mj.recordings.read.mapping import FACTS, column_map, load_map
 from tiago_mj.recordings.read.tables import TEXT, Table, read_table

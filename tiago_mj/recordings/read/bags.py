@@ -25,16 +25,16 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from tiago_mj import apart
-from tiago_mj.extra import load
-from tiago_mj.loading import load_yaml
+from tiago_mj.io import apart
+from tiago_mj.io.extra import load
+from tiago_mj.io.loading import load_yaml
+from tiago_mj.io.quoting import quoted
+from tiago_mj.io.schema import Closed, SchemaError, checked
 from tiago_mj.models import names
-from tiago_mj.quoting import quoted
 from tiago_mj.recordings.read import ros2_control
 from tiago_mj.recordings.read.tables import Table, check_names, check_size
 from tiago_mj.recordings.recording import KINDS, Array, Finding, RecordingError
 from tiago_mj.recordings.usable import check_values
-from tiago_mj.schema import Closed, SchemaError, checked
 
 #: The real TIAGo with TA11 load cells: finger commands are positions, readings come right before left.
 TIAGO_TOPICS: Final[Mapping[str, Mapping[str, Any]]] = {
@@ -131,7 +131,7 @@ def read_bag(path: Path, content: Mapping[str, Any], sidecar: Mapping[str, Any],
 
 
 def read_streams(path: str, topics: Any) -> apart.Answer:
-    """What a bag holds, as :mod:`tiago_mj.apart` hands it over.
+    """What a bag holds, as :mod:`tiago_mj.io.apart` hands it over.
 
     Args:
         path: of the bag.

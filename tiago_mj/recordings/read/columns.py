@@ -11,7 +11,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from tiago_mj.quoting import quoted
+from tiago_mj.io.quoting import quoted
 from tiago_mj.recordings.read.clock import check_clock, repair_clock
 from tiago_mj.recordings.read.commands import by_actuator, interface_of_model
 from tiago_mj.recordings.read.mapping import Target

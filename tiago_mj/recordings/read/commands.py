@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from tiago_mj.quoting import quoted
+from tiago_mj.io.quoting import quoted
 from tiago_mj.recordings.recording import Array, Finding, RecordingError
 from tiago_mj.recordings.robot import Robot
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from tiago_mj.extra import load
+from tiago_mj.io.extra import load
 
 DECIMAL_COMMAS: Final = "decimal commas"
 _DELIMITERS: Final = {",": "commas", ";": "semicolons", "\t": "tabs"}

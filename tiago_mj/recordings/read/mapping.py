@@ -23,12 +23,12 @@ from typing import Any, Final
 
 from pydantic import Field
 
-from tiago_mj.loading import load_yaml
-from tiago_mj.quoting import quoted
+from tiago_mj.io.loading import load_yaml
+from tiago_mj.io.quoting import quoted
+from tiago_mj.io.schema import Closed, SchemaError, checked
 from tiago_mj.recordings.read.torque import TORQUE
 from tiago_mj.recordings.read.units import factor
 from tiago_mj.recordings.recording import KINDS, RecordingError
-from tiago_mj.schema import Closed, SchemaError, checked
 
 #: Of a sidecar, what a map file may say for all its recordings.
 FACTS: Final = ("robot", "rate_hz", "interface", "servo", "sensing", "object")

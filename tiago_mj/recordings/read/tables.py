@@ -17,8 +17,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from tiago_mj.extra import pyarrow
-from tiago_mj.quoting import HIDDEN, QUOTED, quoted, unquoted
+from tiago_mj.io.extra import pyarrow
+from tiago_mj.io.quoting import HIDDEN, QUOTED, quoted, unquoted
 from tiago_mj.recordings.read import csv_dialect
 from tiago_mj.recordings.recording import Array, Finding, RecordingError
 

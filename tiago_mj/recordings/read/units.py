@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Final
 
-from tiago_mj.quoting import quoted
+from tiago_mj.io.quoting import quoted
 
 _DEGREE: Final = math.pi / 180
 

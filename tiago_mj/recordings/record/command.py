@@ -10,11 +10,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from tiago_mj import atomic, outputs
 from tiago_mj.effects import read_effects
-from tiago_mj.loading import is_file, parse_json
-from tiago_mj.progress import Progress
-from tiago_mj.quoting import one_line, quoted
+from tiago_mj.io import atomic, outputs
+from tiago_mj.io.loading import is_file, parse_json
+from tiago_mj.io.progress import Progress
+from tiago_mj.io.quoting import one_line, quoted
 from tiago_mj.recordings.motions.play import Motion, read_motion
 from tiago_mj.recordings.record import minari
 from tiago_mj.recordings.record.environment import Plan, record

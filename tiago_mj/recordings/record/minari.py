@@ -17,8 +17,8 @@ from typing import Any, Final
 import gymnasium
 import numpy as np
 
-from tiago_mj import held
-from tiago_mj.extra import load
+from tiago_mj.io import held
+from tiago_mj.io.extra import load
 
 #: Minari's own variable: where its datasets are.
 DATASETS: Final = "MINARI_DATASETS_PATH"

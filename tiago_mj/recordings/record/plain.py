@@ -14,9 +14,9 @@ from tiago_mj.effects import check_entries, read_effects
 from tiago_mj.effects.chain import Chain
 from tiago_mj.effects.host import ScalarHost, has_diverged
 from tiago_mj.effects.wiring import wire
+from tiago_mj.io.quoting import quoted
 from tiago_mj.models import bounded
 from tiago_mj.models.actuators import actuator_interface
-from tiago_mj.quoting import quoted
 from tiago_mj.recordings.motions.play import Motion, random_motion
 from tiago_mj.recordings.recording import SCHEMA, Array, Sidecar, Trial
 from tiago_mj.recordings.usable import RATE as A_RATE

@@ -24,8 +24,8 @@ from typing import Any, BinaryIO, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from tiago_mj.arrays import opened, read_array
-from tiago_mj.quoting import one_line
+from tiago_mj.io.arrays import opened, read_array
+from tiago_mj.io.quoting import one_line
 
 #: What a function takes and gives: JSON, and arrays by name.
 Answer = tuple[Any, Mapping[str, NDArray[Any]]]
@@ -116,7 +116,7 @@ class Reader:
         if there is None or self._owner != os.getpid() or there.poll() is not None:
             places = os.pathsep.join(path for path in sys.path if path)
             there = subprocess.Popen(
-                [sys.executable, "-P", "-m", "tiago_mj.apart", *self._name],
+                [sys.executable, "-P", "-m", "tiago_mj.io.apart", *self._name],
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=subprocess.DEVNULL,

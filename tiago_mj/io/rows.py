@@ -15,8 +15,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from tiago_mj.loading import load_text
-from tiago_mj.quoting import one_line, quoted
+from tiago_mj.io.loading import load_text
+from tiago_mj.io.quoting import one_line, quoted
 
 Array = NDArray[np.float64]
 
@@ -32,7 +32,7 @@ def read_rows(
     """Some columns of a CSV file, row by row.
 
     Args:
-        path: of the file, UTF-8 text of at most :data:`tiago_mj.loading.MAX_BYTES`.
+        path: of the file, UTF-8 text of at most :data:`tiago_mj.io.loading.MAX_BYTES`.
         names: of the columns that must be there.
         lead, mend: how a complaint begins and ends.
         error: that is raised.

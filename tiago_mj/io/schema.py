@@ -16,7 +16,7 @@ import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 from pydantic_core import PydanticCustomError
 
-from tiago_mj.quoting import QUOTED, did_you_mean, is_one_of, quoted
+from tiago_mj.io.quoting import QUOTED, did_you_mean, is_one_of, quoted
 
 M = TypeVar("M", bound=BaseModel)
 #: How alike a key must be to one that is known, to be taken for a slip: ``rate_Hz``, ``radius``.

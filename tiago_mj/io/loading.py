@@ -19,7 +19,7 @@ from typing import Any, Final, NoReturn
 
 import yaml
 
-from tiago_mj.quoting import HIDDEN, one_line, quoted, unquoted
+from tiago_mj.io.quoting import HIDDEN, one_line, quoted, unquoted
 
 #: Of a file. The largest that this package writes or imports, a log of a motor test bench, has 0.3 MB.
 MAX_BYTES: Final = 16_000_000

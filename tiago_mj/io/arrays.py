@@ -15,7 +15,7 @@ from typing import Any, BinaryIO, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from tiago_mj.quoting import one_line
+from tiago_mj.io.quoting import one_line
 
 #: Of an archive that is unpacked whole [bytes]; an agent has less than 1 MB.
 MOST: Final = 100_000_000

@@ -1,7 +1,7 @@
 """Files that are either whole or not there: written beside their place under another name, then renamed.
 
 A set of files that belong together appears at once (:func:`replacing_set`). A process may be killed at any moment: what
-is left is what was there before, or what was to be there. See :mod:`tiago_mj.held` for what it leaves beside that.
+is left is what was there before, or what was to be there. See :mod:`tiago_mj.io.held` for what it leaves beside that.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from contextvars import ContextVar
 from pathlib import Path
 from typing import Any, Final
 
-from tiago_mj import held
+from tiago_mj.io import held
 
 #: Files, folders and links of a folder that is exchanged for another; in a larger one files are renamed one by one.
 MOST: Final = 20_000

@@ -12,8 +12,8 @@ from argparse import ArgumentTypeError
 from pathlib import Path
 from typing import Final
 
-from tiago_mj import held
-from tiago_mj.quoting import one_line, unquoted
+from tiago_mj.io import held
+from tiago_mj.io.quoting import one_line, unquoted
 
 #: Bytes that are written and removed again: a full drive takes names, but no content.
 TRIED: Final = 4096

@@ -10,7 +10,7 @@ from typing import Any
 import jinja2
 from markupsafe import Markup
 
-from tiago_mj.quoting import visible
+from tiago_mj.io.quoting import visible
 
 #: Elements have styles of their own, whose colours and places follow from numbers: they cannot run anything.
 STYLES = "style-src 'unsafe-inline'"
