@@ -28,11 +28,11 @@ import yaml
 from learning_figures import Panel, dots
 from machine import RESULTS, save
 
-from tiago_mj import figures
 from tiago_mj.evaluate.metrics import summarise
 from tiago_mj.evaluate.play import play_policy
 from tiago_mj.io import atomic
 from tiago_mj.rollout.options import make_env
+from tiago_mj.view import figures
 
 ENV: Final = "GripperTactileSteady-v0"
 #: What is withheld: of the stages command, actuator and force sensor.

@@ -20,13 +20,13 @@ import trainings
 from learning_figures import courses
 from machine import RESULTS, save
 
-from tiago_mj import figures
 from tiago_mj.evaluate.metrics import summarise
 from tiago_mj.evaluate.play import play_policy
 from tiago_mj.io import atomic
 from tiago_mj.learn import curves
 from tiago_mj.models import names
 from tiago_mj.rollout.options import make_env
+from tiago_mj.view import figures
 
 NAME: Final = "learning_claims"
 ENV: Final = "GripperTactileSteady-v0"

@@ -22,7 +22,7 @@ sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "physics")]
 
 import squeeze_bench as bench  # noqa: E402
 
-from tiago_mj import compliance as cp  # noqa: E402
+from tiago_mj.models import compliance as cp  # noqa: E402
 
 GEOMS = ("right", "object")
 #: The spring-damper itself: an impedance with next to no virtual mass (n · 0.02 / Â), and a step that it is stable at.

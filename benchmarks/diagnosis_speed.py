@@ -49,7 +49,6 @@ from machine import save
 from numpy.typing import NDArray
 
 import tiago_mj  # noqa: F401
-from tiago_mj import compliance
 from tiago_mj.effects.transmission import STICKING_SOLIMP, STICKING_SOLREF
 from tiago_mj.gap.inference import hypotheses, likelihood, noise_model
 from tiago_mj.gap.inference.fit import Fitter, Point, Start
@@ -57,7 +56,7 @@ from tiago_mj.gap.inference.hypotheses import Candidate, Term
 from tiago_mj.gap.inference.predictor import Predictor
 from tiago_mj.gap.simulation import replay
 from tiago_mj.gap.simulation.plant import Plant, plant_of
-from tiago_mj.models import names, scene
+from tiago_mj.models import compliance, names, scene
 from tiago_mj.recordings.record.environment import Plan, record
 from tiago_mj.recordings.recording import Trial
 from tiago_mj.rollout.policies import make_policy

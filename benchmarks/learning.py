@@ -19,7 +19,6 @@ from typing import Any, Final
 import numpy as np
 from machine import RESULTS, save
 
-from tiago_mj import figures
 from tiago_mj.evaluate import bound, report
 from tiago_mj.evaluate.command import bounds_of
 from tiago_mj.evaluate.metrics import summarise
@@ -27,6 +26,7 @@ from tiago_mj.evaluate.play import Played, play_policy
 from tiago_mj.io import atomic
 from tiago_mj.learn import plots
 from tiago_mj.rollout.options import make_env
+from tiago_mj.view import figures
 
 #: First seed of the episodes: those of training and of its evaluations are lower.
 FIRST_SEED: Final = 900_000

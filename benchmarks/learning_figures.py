@@ -12,7 +12,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
-from tiago_mj.figures import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, STYLE, VERMILLION
+from tiago_mj.view.figures import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, STYLE, VERMILLION
 
 #: Colour and marker of each row, from the top.
 ROWS: Final = ((BLUE, "o"), (VERMILLION, "s"), (GREEN, "D"), (PURPLE, "^"), (ORANGE, "v"), (BLACK, "P"))

@@ -20,7 +20,6 @@ from typing import Any, Final
 from learning_figures import Panel, dots
 from machine import RESULTS, save
 
-from tiago_mj import figures
 from tiago_mj.evaluate.metrics import Metrics, summarise
 from tiago_mj.evaluate.play import play_policy
 from tiago_mj.io import atomic
@@ -28,6 +27,7 @@ from tiago_mj.learn import plots
 from tiago_mj.learn.agent_file import load_agent
 from tiago_mj.learn.cut import cut, met
 from tiago_mj.rollout.options import make_env
+from tiago_mj.view import figures
 
 NAME: Final = "learning_steady"
 #: First seed of the episodes: those of training and of its evaluations are lower.

@@ -12,11 +12,11 @@ import gymnasium  # isort: skip
 import imageio.v3 as iio
 from make_pictures import IMAGES, antialiased
 
-from tiago_mj.drawing import Camera
-from tiago_mj.film import Film
 from tiago_mj.io import atomic
 from tiago_mj.rollout.episode import play
 from tiago_mj.rollout.policies import make_policy
+from tiago_mj.view.drawing import Camera
+from tiago_mj.view.film import Film
 
 FILMS = IMAGES / "agents"
 #: Agent: environment and its options, episodes, and how many steps of each are shown.

@@ -20,10 +20,10 @@ import pytest
 
 import tiago_mj
 from tiago_mj import cli
-from tiago_mj.film import Film, strip_indices
 from tiago_mj.io import extra
 from tiago_mj.rollout import command
 from tiago_mj.rollout.options import environment_id, read_options
+from tiago_mj.view.film import Film, strip_indices
 
 
 def complaint(capsys: pytest.CaptureFixture[str], *words: str) -> str:

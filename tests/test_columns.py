@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tiago_mj.columns import columns, joined
+from tiago_mj.sensing.columns import columns, joined
 
 
 @pytest.mark.parametrize("leading", [(), (1,), (5,), (2, 3)])

@@ -6,8 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from tiago_mj import inverse
-from tiago_mj.models import names
+from tiago_mj.models import inverse, names
 
 PENDULUM = """
 <mujoco><worldbody><body>

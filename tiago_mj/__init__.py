@@ -4,8 +4,8 @@ On Linux without a display it also sets ``MUJOCO_GL=egl`` where the variable is 
 That is read when ``mujoco`` is imported: import ``tiago_mj`` first, or set the variable yourself.
 """
 
-from tiago_mj.headless import choose_gl
 from tiago_mj.registration import ENVIRONMENTS, register
+from tiago_mj.view.headless import choose_gl
 
 __version__ = "0.1.0"
 __all__ = ["ENVIRONMENTS", "__version__", "register"]

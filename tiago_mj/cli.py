@@ -17,7 +17,8 @@ from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Final, NoReturn
 
-from tiago_mj import __version__, headless
+from tiago_mj import __version__
+from tiago_mj.view import headless
 
 #: Command: module, and what it does.
 COMMANDS: Final[Mapping[str, tuple[str, str]]] = MappingProxyType(

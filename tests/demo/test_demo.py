@@ -12,10 +12,11 @@ import gymnasium
 import numpy as np
 import pytest
 
-from tiago_mj import cli, figures
+from tiago_mj import cli
 from tiago_mj.demo import arm_torque, hidden, page, report
 from tiago_mj.demo.grasp import grasp, strip
 from tiago_mj.effects import EFFECTS
+from tiago_mj.view import figures
 
 ROOT = Path(__file__).resolve().parents[2]
 REALDATA = Path(os.environ.get("TIAGO_MJ_REALDATA", ROOT.parent / "shared" / "realdata"))

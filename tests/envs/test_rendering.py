@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import tiago_mj  # noqa: F401
-from tiago_mj import headless
 from tiago_mj.envs import checks
+from tiago_mj.view import headless
 
 
 def render_in_a_process(mode, **environment):

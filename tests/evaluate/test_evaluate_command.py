@@ -11,7 +11,7 @@ import pytest
 from tiago_mj import cli
 from tiago_mj.evaluate import command
 from tiago_mj.evaluate.command import names_of
-from tiago_mj.film import Film
+from tiago_mj.view.film import Film
 
 
 def complaint(capsys, *words):

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import squeeze_bench as bench
 
-from tiago_mj import compliance as cp
+from tiago_mj.models import compliance as cp
 
 SOFT = cp.Compliance(1e4, 100.0)
 

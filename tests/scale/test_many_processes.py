@@ -11,10 +11,11 @@ from pathlib import Path
 import pytest
 import scale_bench
 
-from tiago_mj import cli, scale
+from tiago_mj import cli
 from tiago_mj.effects import EFFECTS
 from tiago_mj.gap import diagnose_all
 from tiago_mj.io import atomic, extra, mujoco_log
+from tiago_mj.rollout import scale
 
 
 def printed(capsys, *words):

@@ -20,8 +20,9 @@ from small_training import hyperparameters
 ray = pytest.importorskip("ray", reason="needs the extra 'scale'")
 pytest.importorskip("joblib", reason="needs the extra 'scale'")
 
-from tiago_mj import cli, scale
+from tiago_mj import cli  # noqa: E402
 from tiago_mj.io import held  # noqa: E402
+from tiago_mj.rollout import scale  # noqa: E402
 
 #: The head notices after about 5 s instead of 15 s that a node is gone.
 SOON = {"health_check_period_ms": 1000, "health_check_failure_threshold": 5}

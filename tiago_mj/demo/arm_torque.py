@@ -16,8 +16,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from tiago_mj import inverse
-from tiago_mj.models import names
+from tiago_mj.models import inverse, names
 
 Array = NDArray[np.float64]
 

@@ -14,15 +14,16 @@ from typing import Any, Final
 import mujoco
 import numpy as np
 
-from tiago_mj import __version__, figures
+from tiago_mj import __version__
 from tiago_mj.demo import arm_torque, hidden, page, report
 from tiago_mj.demo.grasp import Grasp, grasp, strip
 from tiago_mj.demo.whole import whole
-from tiago_mj.film import Frame, write_frames
 from tiago_mj.gap.command import Told
 from tiago_mj.io import atomic, extra, outputs
 from tiago_mj.io.progress import Progress
 from tiago_mj.sensing import ta11_curve
+from tiago_mj.view import figures
+from tiago_mj.view.film import Frame, write_frames
 
 #: Largest film that is put into the page [bytes]; a larger one is left beside it, with the filmstrip in the page.
 FILM_LIMIT: Final = 3_000_000

@@ -9,9 +9,9 @@ import gymnasium
 import numpy as np
 
 from tiago_mj.control.force_pi import ForcePI
-from tiago_mj.film import Film, strip_indices
 from tiago_mj.models import names
 from tiago_mj.rollout import Episode, Trace, play, summarise
+from tiago_mj.view.film import Film, strip_indices
 
 ENV: Final = "tiago_mj/GripperTactile-v0"
 #: Width and height of a frame [pixel].

@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 
 from tiago_mj.effects import EFFECTS
 from tiago_mj.envs.flat import core_of
-from tiago_mj.film import Film
 from tiago_mj.io import extra
 from tiago_mj.io.deadline import Deadline
+from tiago_mj.view.film import Film
 
 Array = NDArray[np.float64]
 Frame = NDArray[np.uint8]

@@ -8,11 +8,11 @@ import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
-from tiago_mj import drawing
 from tiago_mj.control.force_pi import ForcePI
 from tiago_mj.envs.flat import core_of
-from tiago_mj.film import strip_indices
 from tiago_mj.rollout import Trace, play
+from tiago_mj.view import drawing
+from tiago_mj.view.film import strip_indices
 
 Frame = NDArray[np.uint8]
 

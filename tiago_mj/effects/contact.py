@@ -8,9 +8,9 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from tiago_mj import compliance
 from tiago_mj.effects.declare import Array, Effect, effect, parameter
 from tiago_mj.effects.now import Now
+from tiago_mj.models import compliance
 
 #: Share of its half width that an object may lack: the rest is still an object.
 THINNEST: Final = 0.9

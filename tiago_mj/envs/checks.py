@@ -10,8 +10,8 @@ import numpy as np
 from gymnasium import error
 from numpy.typing import NDArray
 
-from tiago_mj import headless
 from tiago_mj.io.quoting import quoted
+from tiago_mj.view import headless
 
 Array = NDArray[np.float64]
 

@@ -7,13 +7,13 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from tiago_mj.columns import columns
 from tiago_mj.envs.choices import Range, interval
 from tiago_mj.envs.fixed import Fixed
 from tiago_mj.envs.robot_env import RobotEnv
 from tiago_mj.envs.state import State
 from tiago_mj.io.quoting import is_number, is_one_of, quoted
 from tiago_mj.models import names
+from tiago_mj.sensing.columns import columns
 
 Array = NDArray[np.float64]
 

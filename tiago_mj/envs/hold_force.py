@@ -7,13 +7,13 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from tiago_mj.columns import columns
 from tiago_mj.envs.choices import Objects, Range, interval, object_choice
 from tiago_mj.envs.fixed import Fixed
 from tiago_mj.envs.robot_env import FORCE_BOUND, RobotEnv
 from tiago_mj.envs.state import State
 from tiago_mj.io.quoting import is_one_of, quoted
 from tiago_mj.models import names
+from tiago_mj.sensing.columns import columns
 from tiago_mj.sensing.load_cell import GOAL_NEWTONS
 
 Array = NDArray[np.float64]

@@ -10,13 +10,13 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from tiago_mj.columns import columns, joined, positive
 from tiago_mj.envs.choices import Objects, Range
 from tiago_mj.envs.hold_force import HoldForce
 from tiago_mj.envs.robot_env import VELOCITY_BOUND
 from tiago_mj.envs.state import State
 from tiago_mj.io.quoting import is_number, quoted
 from tiago_mj.models import names
+from tiago_mj.sensing.columns import columns, joined, positive
 
 Array = NDArray[np.float64]
 

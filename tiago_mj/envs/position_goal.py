@@ -9,7 +9,6 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from tiago_mj.columns import columns, joined
 from tiago_mj.envs.choices import ObjectChoice, Objects, Range, Region, object_choice
 from tiago_mj.envs.fixed import Fixed
 from tiago_mj.envs.robot_env import FORCE_BOUND, VELOCITY_BOUND, WORLD_BOUND, RobotEnv
@@ -18,6 +17,7 @@ from tiago_mj.envs.state import State
 from tiago_mj.io.quoting import is_number, is_one_of, quoted
 from tiago_mj.models import names, scene
 from tiago_mj.models.objects import GraspObject
+from tiago_mj.sensing.columns import columns, joined
 
 Array = NDArray[np.float64]
 

@@ -10,14 +10,14 @@ from typing import Any
 
 import gymnasium
 
-from tiago_mj import figures
 from tiago_mj.envs.flat import core_of
 from tiago_mj.evaluate import bound, plots, report
 from tiago_mj.evaluate.play import play_policy
-from tiago_mj.film import Film, check_encoder
 from tiago_mj.io import atomic, outputs
 from tiago_mj.io.progress import Progress
 from tiago_mj.rollout import options
+from tiago_mj.view import figures
+from tiago_mj.view.film import Film, check_encoder
 
 #: What the command writes.
 DATA, PICTURE, FILM = "evaluation.json", "episodes.png", ".mp4"

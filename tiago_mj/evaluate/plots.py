@@ -13,8 +13,8 @@ from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 from tiago_mj.evaluate.play import Played
-from tiago_mj.figures import BLACK, GREY, SIDE_STYLE, STYLE
 from tiago_mj.rollout import Trace
+from tiago_mj.view.figures import BLACK, GREY, SIDE_STYLE, STYLE
 
 #: Width of a controller's column, and height of a row [inch].
 COLUMN, ROW = 3.6, 2.5

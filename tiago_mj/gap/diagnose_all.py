@@ -25,9 +25,10 @@ from itertools import islice
 from pathlib import Path
 from typing import Any, Final
 
-from tiago_mj import __version__, cli, scale
+from tiago_mj import __version__, cli
 from tiago_mj.io import atomic, held, outputs
 from tiago_mj.io.progress import told
+from tiago_mj.rollout import scale
 
 #: Written into ``--out``: what came of every folder.
 SUMMARY: Final = "diagnoses.json"

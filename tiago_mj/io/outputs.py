@@ -1,6 +1,6 @@
 """Where a command is to write, tried when its command line is read: before any work that would then be lost.
 
-:func:`folder` and :func:`file` are types of ``argparse`` options, and :func:`tiago_mj.film.film_file` is one, too. What
+``folder`` and ``file`` are types of ``argparse`` options, and :func:`tiago_mj.view.film.film_file` is one, too. What
 cannot be written is said in one line, with exit status 2.
 """
 

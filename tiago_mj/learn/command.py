@@ -11,13 +11,13 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from tiago_mj import figures, scale
 from tiago_mj.io import atomic, extra, held, outputs
 from tiago_mj.learn import card, curves, duration, plots, progress
 from tiago_mj.learn.loop import BEST, Task, train_seed
 from tiago_mj.learn.settings import Settings, claim, provenance
 from tiago_mj.learn.zoo_form import ALGORITHMS, read_hyperparameters
-from tiago_mj.rollout import options
+from tiago_mj.rollout import options, scale
+from tiago_mj.view import figures
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -11,7 +11,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
-from tiago_mj.figures import BLACK, BLUE, GREEN, GREY, ORANGE, STYLE, VERMILLION
+from tiago_mj.view.figures import BLACK, BLUE, GREEN, GREY, ORANGE, STYLE, VERMILLION
 
 #: A training's two curves in ``curves.json``: name, label, colour, line.
 CURVES: Final = (

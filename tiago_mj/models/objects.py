@@ -1,7 +1,7 @@
 """Objects to grasp: what they are, and how a compiled model is given one.
 
 An object is one free body with one geom, upright on the table. Its contact with the pads is compliant
-(:mod:`tiago_mj.compliance`); its contact with the table is MuJoCo's default.
+(:mod:`tiago_mj.models.compliance`); its contact with the table is MuJoCo's default.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from tiago_mj.compliance import Compliance
 from tiago_mj.io.quoting import did_you_mean, is_number, is_one_of, quoted
 from tiago_mj.models import names
+from tiago_mj.models.compliance import Compliance
 
 SHAPES: Final[Mapping[str, mujoco.mjtGeom]] = MappingProxyType(
     {"cylinder": mujoco.mjtGeom.mjGEOM_CYLINDER, "box": mujoco.mjtGeom.mjGEOM_BOX}

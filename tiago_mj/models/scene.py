@@ -15,9 +15,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from tiago_mj import compliance
 from tiago_mj.io.quoting import is_one_of, quoted
-from tiago_mj.models import names
+from tiago_mj.models import compliance, names
 from tiago_mj.models.files import model_file
 from tiago_mj.models.objects import SHAPES, GraspObject, give_object
 
@@ -38,7 +37,7 @@ GRIPPER_QUATERNION: Final = (0.5, 0.5, -0.5, -0.5)
 GOAL_SITE: Final = "goal"
 
 #: Contact points that share the load of one flat pad on an object of that shape, as MuJoCo's collider finds them
-#: (:func:`tiago_mj.contact_points.shared_contact_points`; a test compares).
+#: (:func:`tiago_mj.models.contact_points.shared_contact_points`; a test compares).
 CONTACT_POINTS: Final = {"cylinder": 2, "box": 4}
 
 

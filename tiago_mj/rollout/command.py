@@ -10,13 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from tiago_mj import scale
-from tiago_mj.film import STRIP_FRAMES, SUFFIXES, Film, film_file
 from tiago_mj.io.progress import Progress
-from tiago_mj.rollout import options
+from tiago_mj.rollout import options, scale
 from tiago_mj.rollout.episode import Episode
 from tiago_mj.rollout.policies import RANDOM
 from tiago_mj.rollout.sweep import Batch, play_all, play_in
+from tiago_mj.view.film import STRIP_FRAMES, SUFFIXES, Film, film_file
 
 HEADER = ("episode", "seed", "return", "success", "both contacts", "final right", "final left", "peak")
 UNITS = ("", "", "", "", "s", "sensor u.", "sensor u.", "sensor u.")

@@ -9,7 +9,7 @@ from typing import Any, Final
 
 import gymnasium
 
-from tiago_mj import scale
+from tiago_mj.rollout import scale
 from tiago_mj.rollout.episode import Episode, Policy, Trace, play, summarise
 from tiago_mj.rollout.options import make_env
 from tiago_mj.rollout.policies import RANDOM, make_policy
@@ -86,7 +86,7 @@ def play_all(
 
     Args:
         batch: what is played.
-        jobs, backend: as :func:`tiago_mj.scale.run_all` takes them.
+        jobs, backend: as :func:`tiago_mj.rollout.scale.run_all` takes them.
         done: called with the number of episodes that are done since it was called last.
     """
     size = max(1, min(EPISODES, len(batch.seeds) // (jobs or os.cpu_count() or 1)))

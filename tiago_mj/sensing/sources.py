@@ -18,9 +18,9 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from tiago_mj.columns import columns, joined
 from tiago_mj.io.quoting import quoted
 from tiago_mj.models import names
+from tiago_mj.sensing.columns import columns, joined
 
 Array = NDArray[np.float64]
 

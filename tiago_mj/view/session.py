@@ -20,10 +20,10 @@ from tiago_mj.effects.nominal import removable
 from tiago_mj.envs.flat import core_of
 from tiago_mj.learn.shipped import shipped_agents
 from tiago_mj.models import scene
-from tiago_mj.pad_forces import force_goal, pad_forces
 from tiago_mj.rollout import options
 from tiago_mj.rollout.episode import Policy
 from tiago_mj.rollout.policies import RANDOM, make_policy
+from tiago_mj.view.pad_forces import force_goal, pad_forces
 
 Array = NDArray[np.float64]
 

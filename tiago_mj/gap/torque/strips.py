@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage, signal
 
-from tiago_mj import inverse
+from tiago_mj.models import inverse
 from tiago_mj.recordings import robust
 from tiago_mj.recordings.recording import RecordingError, Trial
 

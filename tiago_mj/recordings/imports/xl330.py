@@ -18,10 +18,10 @@ from typing import Any, Final
 import numpy as np
 from pydantic import Field
 
-from tiago_mj import inverse
 from tiago_mj.io.loading import load_json
 from tiago_mj.io.quoting import one_line, quoted
 from tiago_mj.io.schema import Open, checked
+from tiago_mj.models import inverse
 from tiago_mj.recordings.imports.public import DataSet, folder_of
 from tiago_mj.recordings.read.clock import MIN_ROWS
 from tiago_mj.recordings.recording import SCHEMA, Array, RecordingError, Sidecar, Trial

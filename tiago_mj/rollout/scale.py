@@ -161,7 +161,7 @@ class _Call:
 
 
 def _recalled(pickled: bytes, starter: int | None, folder: str | None) -> _Call:
-    from tiago_mj import headless
+    from tiago_mj.view import headless
 
     headless.hush_unmade_viewers()
     if starter is not None:

@@ -34,7 +34,7 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tiago_mj.contact_points import inverse_weight, lookup, shared_contact_points
+from tiago_mj.models.contact_points import inverse_weight, lookup, shared_contact_points
 
 Array = NDArray[np.float64]
 

@@ -13,11 +13,11 @@ import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
-from tiago_mj import drawing
 from tiago_mj.envs import checks
 from tiago_mj.envs.flat import core_of
 from tiago_mj.io import atomic, extra, outputs
 from tiago_mj.io.quoting import one_line
+from tiago_mj.view import drawing
 
 Frame = NDArray[np.uint8]
 
@@ -116,7 +116,7 @@ class Film:
         """Frames of what was taken, each (height, width, 3); drawn once.
 
         Args:
-            processes: see :func:`tiago_mj.drawing.draw`.
+            processes: see :func:`tiago_mj.view.drawing.draw`.
             done: told how many frames are drawn.
 
         Raises:

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from tiago_mj.models import names
 from tiago_mj.models.scene import GOAL_SITE
-from tiago_mj.pad_forces import PadForce, pad_forces
+from tiago_mj.view.pad_forces import PadForce, pad_forces
 
 Array = NDArray[np.float64]
 Frame = NDArray[np.uint8]
