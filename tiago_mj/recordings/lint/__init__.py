@@ -2,8 +2,8 @@
 
 Reading repairs what is certain (:mod:`tiago_mj.recordings.read.clock`). What is found here is of two kinds. Some
 findings *refuse* a recording, as anything learnt from it would be false: wrong units, signs and names, a clock that
-contradicts its rate. The others *inform*: a quantum, a plateau, jitter; and where a channel cannot be believed (dead, stuck,
-without sign, not the derivative that it claims to be), :func:`usable` leaves it out.
+contradicts its rate. The others *inform*: a quantum, a plateau, jitter; and where a channel cannot be believed (dead,
+stuck, without sign, not the derivative that it claims to be), :func:`usable` leaves it out.
 """
 
 from __future__ import annotations
