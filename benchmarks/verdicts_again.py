@@ -87,7 +87,7 @@ def read(root: Path) -> tuple[list[Case], dict[str, Any]]:
         return [one for one in rows if one is not None], run
     if not (root / "labels.json").exists():
         raise ValueError(
-            f"{root.name}/labels.json is missing: finish the run first (tiago-mj blind … --out {root.name})"
+            f"{root.name}/labels.json is missing: finish the run first (python -m benchmarks.blind … --out {root.name})"
         )
     labels = json.loads((root / "labels.json").read_text())
     run = json.loads((root / ".sealed" / "run.json").read_text())

@@ -1,4 +1,4 @@
-"""Commands that are killed leave the old files or the new ones: the check of benchmarks/faults.py, with few kills."""
+"""Commands that are killed leave the old files or the new ones: the check of tests/long/faults.py, with few kills."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 pytest.importorskip("pyarrow", reason="needs the extra 'gap'")
-SCRIPT = Path(__file__).parents[1] / "benchmarks" / "faults.py"
+SCRIPT = Path(__file__).parent / "long" / "faults.py"
 
 
 @pytest.mark.slow

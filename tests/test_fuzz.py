@@ -1,7 +1,7 @@
 """Mutated files of every reader, and files that once broke one: a result or one line, soon, and nothing run.
 
 Which mutations are tried is derived from the readers' names, so that every run tries the same. Many more are tried by
-``benchmarks/fuzz.py``.
+``tests/long/fuzz.py``.
 """
 
 import json
@@ -25,7 +25,7 @@ from tiago_mj.io.quoting import HIDDEN
 
 CORPUS = Path(__file__).parent / "corpus"
 SECONDS, MEGABYTES = 20.0, 500.0
-#: Of every reader by default; benchmarks/fuzz.py tries some thousand.
+#: Of every reader by default; tests/long/fuzz.py tries some thousand.
 INPUTS = 12
 #: Bombs that take seconds to build, or to be ended by a limit of time.
 LONG = (

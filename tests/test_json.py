@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tiago_mj import blind, cli
+from benchmarks.blind import __main__ as blind
+from tiago_mj import cli
 
 ROOT = Path(__file__).parents[1]
 PENDULUM = ROOT / "examples" / "pendulum"
@@ -153,19 +154,15 @@ def test_demo(tmp_path, capsys):
 def test_blind_prints_the_scores_alone(tmp_path, capsys, monkeypatch):
     """What the check itself prints goes to standard error."""
 
-    class Command:
-        add_arguments, run = staticmethod(blind.add_arguments), staticmethod(blind.run)
+    def check(arguments):
+        print("a line for people")
+        (arguments.out / "seal.txt").write_text("abc\n")
+        (arguments.out / "scores.json").write_text('{"top1": {"value": 1.0}}')
+        return 0
 
-        @staticmethod
-        def blind(arguments):
-            print("a line for people")
-            (arguments.out / "seal.txt").write_text("abc\n")
-            (arguments.out / "scores.json").write_text('{"top1": {"value": 1.0}}')
-            return 0
-
-    monkeypatch.setattr(blind.importlib, "import_module", lambda name: Command)
-    monkeypatch.setattr(blind.extra, "load", lambda *words: None)
-    data = said(capsys, "blind", "--cases", "1", "--seed", "1", "--out", tmp_path)
+    monkeypatch.setattr(blind.command, "blind", check)
+    assert blind.main(["--cases", "1", "--seed", "1", "--out", str(tmp_path), "--json"]) == 0
+    data = json.loads(capsys.readouterr().out)
     assert data == {"seal": "abc", "scores": {"top1": {"value": 1.0}}}
 
 

@@ -19,7 +19,6 @@ FOLDERS = (
     ("evaluate", "--env", "GripperTactile-v0", "--policy", "pi", "--out"),
     ("train", "--env", "GripperTactile-v0", "--out"),
     ("demo", "--out"),
-    ("blind", "--cases", "1", "--seed", "1", "--out"),
     ("agents", "--export", "nowhere", "--name", "mine", "--to"),
 )
 FILES = (

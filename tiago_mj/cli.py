@@ -41,7 +41,6 @@ COMMANDS: Final[Mapping[str, tuple[str, str]]] = MappingProxyType(
         "import": ("tiago_mj.recordings.imports.command", "turn public recordings and ROS bags into recordings"),
         "doctor": ("tiago_mj.doctor", "say what works on this machine, and how to mend what does not"),
         "completion": ("tiago_mj.completion", "print a script that completes this command in a shell"),
-        "blind": ("tiago_mj.blind", "check the diagnosis on data whose effect is withheld from it"),
     }
 )
 
@@ -114,6 +113,15 @@ def _run(argv: Sequence[str] | None) -> int:
     given = list(sys.argv[1:] if argv is None else argv)
     headless.hush_unmade_viewers()
     arguments = build_parser(next((word for word in given if not word.startswith("-")), None)).parse_args(given)
+    return guarded(f"tiago-mj {arguments.command}", arguments)
+
+
+def guarded(prog: str, arguments: argparse.Namespace) -> int:
+    """Run what a command line asks for (``run`` of its arguments), as ``tiago-mj`` does.
+
+    Returns:
+        Exit status: what it returns; 2 where something it was given is unusable, said in one line on stderr.
+    """
     from tiago_mj.io import mujoco_log
     from tiago_mj.io.quoting import one_line
 
@@ -121,7 +129,7 @@ def _run(argv: Sequence[str] | None) -> int:
         with mujoco_log.counted() as warned:
             status: int = arguments.run(arguments)
         for sentence in mujoco_log.sentences(warned) if status != 2 else ():  # of what is unusable one line is said
-            print(f"tiago-mj {arguments.command}: {sentence}", file=sys.stderr)
+            print(f"{prog}: {sentence}", file=sys.stderr)
         return status
     except KeyboardInterrupt:
         return 130
@@ -130,7 +138,7 @@ def _run(argv: Sequence[str] | None) -> int:
             raise
         if os.environ.get(TRACEBACK) or not isinstance(fault, _foreseen()):
             raise
-        print(f"tiago-mj {arguments.command}: {one_line(_told(fault, arguments))}", file=sys.stderr)
+        print(f"{prog}: {one_line(_told(fault, arguments))}", file=sys.stderr)
         return 2
 
 

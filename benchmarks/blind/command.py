@@ -1,4 +1,4 @@
-"""The whole check, as ``tiago-mj blind`` runs it."""
+"""The whole check, as ``python -m benchmarks.blind`` runs it."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from benchmarks.blind.store import Store
 from tiago_mj.io import atomic, held
 
 #: The numbers of the diagnosis's verdict, and what they were fitted to.
-VERDICT: Final = Path(tiago_mj.__file__).parent / "gap" / "verdict.json"
+VERDICT: Final = Path(tiago_mj.__file__).parent / "gap" / "decision" / "verdict.json"
 #: Least trials of a case: one each to fit, to choose and to report with.
 LEAST_TRIALS: Final = 3
 #: Shortest trial [s].
@@ -27,7 +27,7 @@ def blind(arguments: argparse.Namespace, say: Any = print) -> int:
     """Generate, seal, diagnose, unseal, score; goes on where it stopped.
 
     Args:
-        arguments: of ``tiago-mj blind``.
+        arguments: of ``python -m benchmarks.blind``.
         say: told what is done.
 
     Raises:
@@ -118,7 +118,7 @@ def calibration_seeds(path: Path = VERDICT) -> list[int]:
 
 def command(arguments: argparse.Namespace) -> str:
     """The command line that makes the same run elsewhere."""
-    words = ["tiago-mj", "blind", "--cases", str(arguments.cases), "--seed", str(arguments.seed)]
+    words = ["python", "-m", "benchmarks.blind", "--cases", str(arguments.cases), "--seed", str(arguments.seed)]
     for name in ("kinds", "settings", "rates", "trials", "seconds", "generator"):
         if getattr(arguments, name):
             words += [f"--{name}", str(getattr(arguments, name))]

@@ -3,10 +3,10 @@
     python -m benchmarks.blind.fitters DIR --method sysid|cma [--cases N]
 
 They fit the recordings of a run with the blind check's own nominal simulation and write an answer of the diagnosis's
-form to ``cases/NNN/baselines/NAME.json``; the next ``tiago-mj blind`` of that folder scores them beside the diagnosis.
-A fitter names nothing by itself. What is taken for its answer is the reading that a user would make of the fit: the
-parameter that the fit cannot do without on a trial that it has not seen; a second one where it matters nearly as much;
-nothing where the fit gains little.
+form to ``cases/NNN/baselines/NAME.json``; the next ``python -m benchmarks.blind`` of that folder scores them beside the
+diagnosis. A fitter names nothing by itself. What is taken for its answer is the reading that a user would make of the
+fit: the parameter that the fit cannot do without on a trial that it has not seen; a second one where it matters nearly
+as much; nothing where the fit gains little.
 """
 
 from __future__ import annotations
@@ -257,7 +257,7 @@ def answer(problem: Problem, method: str) -> dict[str, Any]:
 def main() -> None:
     """Fit the cases of a run."""
     parser = argparse.ArgumentParser(description="Fit every parameter at once: baselines of the blind check.")
-    parser.add_argument("run", type=Path, metavar="DIR", help="folder of a run of tiago-mj blind")
+    parser.add_argument("run", type=Path, metavar="DIR", help="folder of a run of python -m benchmarks.blind")
     parser.add_argument("--method", choices=tuple(METHODS), required=True)
     parser.add_argument("--cases", type=int, metavar="N", help="only the first ones")
     given = parser.parse_args()

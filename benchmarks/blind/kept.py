@@ -45,7 +45,7 @@ def keep(root: Path, commit: str | None = None) -> dict[str, Any]:
     run = store.run()
     answered = [k for k in range(run["cases"]) if store.answered(k)]
     if not answered:
-        raise ValueError(f"{root.name}: no case has its answer yet; diagnose it first (tiago-mj blind … --out DIR)")
+        raise ValueError(f"{root.name}: no case has its answer yet; run python -m benchmarks.blind … --out DIR")
     seal = store.seal(run["cases"])
     rows = []
     for k in answered:
@@ -126,7 +126,7 @@ def main(words: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.blind.kept", description=(__doc__ or "").split("\n")[0])
     verbs = parser.add_subparsers(dest="verb", required=True)
     writing = verbs.add_parser("write", help="keep a run, finished or not")
-    writing.add_argument("run", type=Path, metavar="RUN", help="its folder (tiago-mj blind … --out RUN)")
+    writing.add_argument("run", type=Path, metavar="RUN", help="its folder (python -m benchmarks.blind … --out RUN)")
     writing.add_argument("file", type=Path, metavar="FILE")
     writing.add_argument("--commit", metavar="HASH", help="of the code that diagnosed, where it is not this checkout's")
     scoring = verbs.add_parser("score", help="score the cases of kept runs together")

@@ -86,7 +86,7 @@ class Store:
         """
         path = self.root / ".sealed" / "run.json"
         if not path.exists():
-            raise ValueError(f"{self.root.name} holds no run: give the folder of one (tiago-mj blind … --out DIR)")
+            raise ValueError(f"{self.root.name} holds no run: give one of python -m benchmarks.blind")
         return dict(json.loads(path.read_text()))
 
     def seal(self, count: int) -> str:

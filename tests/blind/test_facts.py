@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from benchmarks.blind import cases, facts, labels, oracle, plan, recordings, robots
+from benchmarks.blind.__main__ import main as blind
 from benchmarks.blind.cases import Case, EffectChoice
 from benchmarks.blind.dictionary import KINDS, UNKNOWN
 from benchmarks.blind.facts import Grid
-from tiago_mj import cli
 
 #: Of the first 120 cases of seed 13 as the version of the kept runs drew them.
 KEPT = "54edaa275a1574e735dbf3a64f03f962a66cfe533c8f0fb9806259bfded06ae9"
@@ -31,8 +31,8 @@ def test_the_cases_of_kept_runs_can_be_drawn_again() -> None:
 
 
 def test_a_version_that_nobody_can_make_any_more_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    words = ["blind", "--cases", "1", "--seed", "1", "--generator", "5", "--out", str(tmp_path / "run")]
-    assert cli.main(words) == 2
+    words = ["--cases", "1", "--seed", "1", "--generator", "5", "--out", str(tmp_path / "run")]
+    assert blind(words) == 2
     assert "--generator is 5: give one of 6, 7" in capsys.readouterr().err
 
 

@@ -5,7 +5,6 @@ from pathlib import Path
 
 import pytest
 
-import benchmarks.effect_forms
 from benchmarks.blind import cases, recordings, robots
 from benchmarks.blind.cases import FAST_RATE, Case, EffectChoice
 from tiago_mj.gap.detectors import set_points
@@ -98,21 +97,3 @@ def test_the_grid_of_fast_set_points_is_found_to_a_tenth_of_a_line(tmp_path: Pat
     both = [c for c in set_points.magnitudes(plant, predict.on, seen, pool, range(3)) if c.target is None]
     lines = 0.045 / step  # from closed to open
     assert min(abs(value / step - 1) for c in both for value in c.grid) < 0.1 / lines
-
-
-@pytest.mark.parametrize(
-    ("name", "rate", "interface"),
-    [
-        ("coupling_error", 25.0, "velocity"),
-        ("command_lag", 25.0, "position"),
-        ("asymmetric_friction", 240.0, "velocity"),
-        ("command_quantization", 240.0, "position"),
-    ],
-)
-def test_an_effect_replayed_at_its_true_parameters_leaves_noise(name: str, rate: float, interface: str) -> None:
-    """Of all effects: benchmarks/results/effect_forms.json. A block's mean scatters by some tenths around 1, the
-    library's physics step of 2 ms adds about as much as the noise (the truth audit has finer ones); dry friction
-    differs where a joint comes to rest."""
-    row = benchmarks.effect_forms.compared(name, rate, interface)
-    assert max(row["without"].values()) > 20
-    assert max(row["with"]["lasting"], row["with"]["misfit"]) < (5 if "friction" in name else 2.5)

@@ -333,7 +333,7 @@ def test_scores_and_page_are_written_in_the_contracts_form(tmp_path: Path) -> No
     store.failure(1).write_text("exit status 1")
     digest = store.seal(2)
     labels = store.unseal(2)
-    write_scores(store, plan.plan(2, 1), labels, digest, "tiago-mj blind", say=lambda _: None)
+    write_scores(store, plan.plan(2, 1), labels, digest, "python -m benchmarks.blind", say=lambda _: None)
     written = json.loads((tmp_path / "scores.json").read_text(), parse_constant=lambda word: pytest.fail(word))
     for name in SCORES:
         assert {"value", "low", "high", "n"} <= set(written[name]), name
@@ -403,18 +403,6 @@ def test_the_command_goes_on_in_its_folder_and_refuses_anothers(tmp_path: Path) 
     assert before == {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*") if path.is_file()}
     with pytest.raises(ValueError, match="another run"):
         blind(argparse.Namespace(**{**options, "seed": 4}), said.append)
-
-
-def test_without_a_checkout_the_command_says_what_to_do(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    import tiago_mj.blind
-
-    monkeypatch.setattr(tiago_mj.blind, "CHECKOUT", tmp_path)
-    assert cli.main(["blind", "--cases", "1", "--seed", "1", "--out", str(tmp_path / "out")]) == 2
-    said = capsys.readouterr().err
-    assert "in a clone of the repository" in said
-    assert len(said.strip().splitlines()) == 1
 
 
 def test_half_of_the_cases_run_at_the_environments_rate_and_can_be_chosen() -> None:

@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 
 from benchmarks import verdicts_again
+from benchmarks.blind.__main__ import main as blind
 from benchmarks.blind.score import Judged, classes
-from tiago_mj import cli
 from tiago_mj.gap.decision import verdict
 
 #: Grasps of 1 s at 240 Hz, three a case, and no pairs: a diagnosis costs what it simulates.
@@ -22,8 +22,8 @@ APART = ["--no-next-motion"]
 def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Eight cases of the gripper, diagnosed two at once."""
     out = tmp_path_factory.mktemp("blind") / "run"
-    words = ["blind", "--cases", "8", "--seed", "12", *SMALL, "--out", str(out)]
-    assert cli.main([*words, *APART, "--jobs", "1", "--at-once", "2", "--workers", "2"]) == 0
+    words = ["--cases", "8", "--seed", "12", *SMALL, "--out", str(out)]
+    assert blind([*words, *APART, "--jobs", "1", "--at-once", "2", "--workers", "2"]) == 0
     return out
 
 

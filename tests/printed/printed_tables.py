@@ -309,7 +309,7 @@ FAR: Final = (
     Far(r"^tiago-mj diagnose .* --out '?reports/", Way("line", 120), "of made-up reports", pages=False),
     Far(r"^tiago-mj train .*--seeds (5|10|3)", Way("line", 120), HOURS),
     Far(r"^tiago-mj train .*--out trained", Way("line", 120), HOURS, pages=False),
-    Far(r"^tiago-mj blind", Way("line", 120), HOURS),
+    Far(r"^python -m benchmarks\.blind --", Way("line", 120), HOURS),
     Far(r"^python (-m )?benchmarks[./](?!blind\.kept)", Way("line", 12), HOURS),
     Far(r"^python docs/make_(engine_pictures|effects_page)", Way("line", 30), "draws what it finds; says nothing"),
     Far(r"--episodes 1000", Way("line", 60), HOURS),

@@ -1,6 +1,6 @@
 """Kill every command that writes, at many random moments, and check what is left; then go on, and compare.
 
-    python benchmarks/faults.py --kills 50 --out benchmarks/results/faults.json
+    python tests/long/faults.py --kills 50 --out benchmarks/results/faults.json
 
 Each command runs with small inputs into a folder that was used before, or into a new one, and is killed (SIGKILL): half
 of the times at a moment drawn evenly over its run, half of the times just after it has changed something in the folder
@@ -33,11 +33,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-sys.path.insert(0, str(Path(__file__).parent))
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+sys.path.insert(0, str(Path(__file__).resolve().parent))
 import fault_commands
 from fault_commands import Command, digests
-from machine import machine
 
+from benchmarks.blind.__main__ import main as blind_check
+from benchmarks.machine import machine
 from tiago_mj import cli
 from tiago_mj.io import held
 
@@ -97,7 +99,7 @@ class Lab:
             os.chdir(self.root)
             if words[0] in FRESH:
                 os.execv(sys.executable, [sys.executable, "-m", "tiago_mj.cli", *words])
-            status = cli.main(list(words))
+            status = blind_check(words[1:]) if words[0] == "blind" else cli.main(list(words))
         except SystemExit as stop:
             status = stop.code if isinstance(stop.code, int) else 1
             if isinstance(stop.code, str):
@@ -415,7 +417,7 @@ def main() -> None:
                 "two_at_once": tried(two_at_once, lab, of),
             }
             print(name, json.dumps(results[name]), flush=True)
-            words = f"python benchmarks/faults.py --kills {given.kills} --seed {given.seed} --out FILE"
+            words = f"python tests/long/faults.py --kills {given.kills} --seed {given.seed} --out FILE"
             data = {"command": words, "machine": made_on, "results": results}
             given.out.write_text(json.dumps(data, indent=1) + "\n")
     parts = [part for of_one in results.values() for part in of_one.values() if isinstance(part, dict)]

@@ -1,22 +1,18 @@
-"""``tiago-mj blind``: check the diagnosis on data whose effect is withheld from it.
-
-The check itself lives outside the package, in a checkout's ``benchmarks/blind``: it shares no code with the diagnosis.
-"""
+"""``python -m benchmarks.blind``: check the diagnosis on data whose effect is withheld from it."""
 
 from __future__ import annotations
 
 import argparse
 import contextlib
-import importlib
 import json
 import sys
-from pathlib import Path
-from typing import Final
+from collections.abc import Sequence
 
+from benchmarks.blind import command
+from tiago_mj import cli
 from tiago_mj.io import extra, outputs
 
-#: Folder that a checkout holds this package in.
-CHECKOUT: Final = Path(__file__).resolve().parents[1]
+PROG = "python -m benchmarks.blind"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -47,22 +43,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Load the check from the checkout and run it.
-
-    Raises:
-        ValueError: there is no checkout.
-    """
-    if not (CHECKOUT / "benchmarks" / "blind" / "command.py").is_file():
-        raise ValueError(
-            "the blind check is not part of the installed package: repeat the command in a clone of the repository, "
-            f"after {extra.pip()} -c {extra.CONSTRAINTS} -e '.[gap,blind]' in it"
-        )
+    """Generate, diagnose and score what is asked for."""
     extra.load("pyarrow", "the blind check")
-    sys.path.insert(0, str(CHECKOUT))
-    command = importlib.import_module("benchmarks.blind.command")
     if not arguments.json:
-        status: int = command.blind(arguments)
-        return status
+        return command.blind(arguments)
     with contextlib.redirect_stdout(sys.stderr):
         status = command.blind(arguments)
     scores, seal = arguments.out / "scores.json", arguments.out / "seal.txt"
@@ -70,3 +54,15 @@ def run(arguments: argparse.Namespace) -> int:
     made["scores"] = json.loads(scores.read_text(encoding="utf-8")) if scores.exists() else None
     print(json.dumps(made, indent=1))
     return status
+
+
+def main(words: Sequence[str] | None = None) -> int:
+    """Command line."""
+    parser = cli.Parser(prog=PROG, description="Check the diagnosis on data whose effect is withheld from it.")
+    add_arguments(parser)
+    parser.set_defaults(run=run)
+    return cli.guarded(PROG, parser.parse_args(words))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

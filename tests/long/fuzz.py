@@ -1,6 +1,6 @@
 """Hostile files for every reader: none may hang, take much memory, run anything, or end in more than one line.
 
-    python benchmarks/fuzz.py --inputs 100000 --out benchmarks/results/fuzz.json
+    python tests/long/fuzz.py --inputs 100000 --out benchmarks/results/fuzz.json
 
 Input K is a valid input of one reader in which one file was changed (``tests/fuzzing/mutate.py``); seed and K alone say
 which and how, so that ``--again K`` tries one anew (HDF5 and DAE files hold the time at which they were written, so
@@ -31,8 +31,8 @@ import traceback
 from pathlib import Path
 from typing import Any
 
-HERE = Path(__file__).resolve().parent
-sys.path[:0] = [str(HERE), str(HERE.parent / "tests")]
+ROOT = Path(__file__).resolve().parents[2]
+sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
 
 SECONDS, MEGABYTES = 20.0, 500.0
 #: Address space beyond what a process has when all libraries are loaded [bytes].
@@ -260,9 +260,9 @@ def main() -> None:
     tally = run(arguments.seed, arguments.inputs)
     results = tally.data(arguments.seed, time.monotonic() - began)
     if arguments.out:
-        from machine import machine
+        from benchmarks.machine import machine
 
-        command = f"python benchmarks/fuzz.py --inputs {arguments.inputs} --seed {arguments.seed}"
+        command = f"python tests/long/fuzz.py --inputs {arguments.inputs} --seed {arguments.seed}"
         content = {"command": command, "machine": machine(), "results": results}
         arguments.out.parent.mkdir(parents=True, exist_ok=True)
         arguments.out.write_text(json.dumps(content, indent=1) + "\n")

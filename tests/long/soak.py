@@ -1,6 +1,6 @@
 """Long random runs of every environment: nothing that is not finite, no growth of memory, the same bits every time.
 
-    python benchmarks/soak.py [--steps 2000000] [--bound-steps 60] [--bounds-again] [ID ...]
+    python tests/long/soak.py [--steps 2000000] [--bound-steps 60] [--bounds-again] [ID ...]
 
 * **Steps**: so many control steps, the same number for each id, half of them scalar, half by the vector environment;
   actions uniform, at their limits, or closing the fingers, in turns of an episode. Every observation, reward and
@@ -32,12 +32,14 @@ from typing import Any
 import gymnasium
 import mujoco
 import numpy as np
-from machine import RESULTS, machine, save
-from measuring import in_a_process, resident_mb
 
 import tiago_mj
 from tiago_mj.effects import EFFECTS, Entry
 from tiago_mj.envs.flat import core_of
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "benchmarks"))
+from machine import RESULTS, machine, save
+from measuring import in_a_process, resident_mb
 
 STEPS, BOUND_STEPS, BIT_STEPS = 2_000_000, 60, 120
 MANY, THREADS = 64, (1, 2, 5)
