@@ -250,6 +250,10 @@ def test_a_fault_is_neither(rubbing, tmp_path, monkeypatch) -> None:
     page, shown = says_nothing_more(found, tmp_path)
     assert "ValueError" in page
     assert "ValueError" in shown
+    assert "numbers without sense" in (tmp_path / report.FAULT).read_text()
+    assert "around_the_best" in (tmp_path / report.FAULT).read_text()
+    report.write(replace(found, ended=None), tmp_path)
+    assert not (tmp_path / report.FAULT).exists()
 
 
 def test_a_budget_that_is_not_spent_changes_nothing(rubbing) -> None:

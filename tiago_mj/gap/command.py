@@ -212,45 +212,46 @@ def _run(arguments: argparse.Namespace, entered: float) -> int:
                 trust=arguments.trust,
                 tick=Told(progress),
             )
-    except RecordingError as fault:
-        print(f"tiago-mj diagnose: {fault}", file=sys.stderr)
+    except RecordingError as unusable:
+        print(f"tiago-mj diagnose: {unusable}", file=sys.stderr)
         return 2
     if arguments.model is None and plant.file is not None:  # that the recordings name: a report says which
         arguments.model = plant.file
     diagnosis = replace(diagnosis, command=shlex.join(words(arguments)))
-    diagnosis, seen = _pictures(plant, read.trials, diagnosis, deadline, max(DRAWING[0] * loaded, DRAWING[1]))
-    paths = write(diagnosis, arguments.out, seen)
+    needed = max(DRAWING[0] * loaded, DRAWING[1])
+    diagnosis, seen, fault = _pictures(plant, read.trials, diagnosis, deadline, needed)
+    paths = write(diagnosis, arguments.out, seen, fault)
     if arguments.json:
         print(json.text(diagnosis))
     else:
         terminal.show(diagnosis, paths)
     if diagnosis.ended is None:
-        return 0
+        return 0 if fault is None else 1
     return 130 if isinstance(diagnosis.ended, KeyboardInterrupt) else 1
 
 
 def _pictures(
     plant: Plant, trials: Sequence[Trial], diagnosis: Diagnosis, deadline: Deadline, needed: float
-) -> tuple[Diagnosis, Pictures | None]:
-    """The robots to be seen; None where drawing them failed, which must not cost the answer, and where there is no time
-    for it (``needed`` seconds) or the user ended it, which the diagnosis then says."""
+) -> tuple[Diagnosis, Pictures | None, Exception | None]:
+    """The robots to be seen, and a fault of this program where drawing them met one, which must not cost the answer;
+    None where there is no time for it (``needed`` seconds) or the user ended it, which the diagnosis then says."""
     from tiago_mj.io.quoting import one_line
 
     if deadline.over(needed) or isinstance(diagnosis.ended, KeyboardInterrupt):
         note = "The robots are not drawn: " + (
             "the time budget left no time for it." if diagnosis.ended is None else "the diagnosis was ended early."
         )
-        return replace(diagnosis, notes=(*diagnosis.notes, note)), None
+        return replace(diagnosis, notes=(*diagnosis.notes, note)), None, None
     from tiago_mj.view.beside import pictures
 
     try:
-        return diagnosis, pictures(plant, trials, diagnosis, deadline)
+        return diagnosis, pictures(plant, trials, diagnosis, deadline), None
     except (OutOfTimeError, KeyboardInterrupt):
         note = "The robots are not drawn: there was no time for it."
-        return replace(diagnosis, notes=(*diagnosis.notes, note)), None
-    except Exception as fault:
-        print(f"tiago-mj diagnose: the robots could not be drawn: {one_line(fault)}", file=sys.stderr)
-        return diagnosis, None
+        return replace(diagnosis, notes=(*diagnosis.notes, note)), None, None
+    except Exception as met:
+        print(f"tiago-mj diagnose: the robots could not be drawn: {one_line(met)}", file=sys.stderr)
+        return diagnosis, None, met
 
 
 def words(arguments: argparse.Namespace) -> list[str]:

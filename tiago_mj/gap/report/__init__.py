@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import traceback
 from pathlib import Path
 from typing import Final
 
@@ -12,15 +13,17 @@ from tiago_mj.io import atomic
 
 #: The user's own model with what was found.
 REPAIRED: Final = "repaired.xml"
-
-
 #: The robots, to be watched in a browser.
 SCENE: Final = "scene.html"
+#: Where a fault of this program came from.
+FAULT: Final = "fault.txt"
 #: Every file that there may be.
-PARTS: Final = ("diagnosis.json", "calibration.yaml", REPAIRED, SCENE, "report.html")
+PARTS: Final = ("diagnosis.json", "calibration.yaml", REPAIRED, SCENE, "report.html", FAULT)
 
 
-def write(diagnosis: Diagnosis, folder: Path, seen: html.Seen | None = None) -> dict[str, Path]:
+def write(
+    diagnosis: Diagnosis, folder: Path, seen: html.Seen | None = None, fault: Exception | None = None
+) -> dict[str, Path]:
     """Write all files into ``folder``, which is made where it is missing: all or none; paths by name. A file of an
     earlier diagnosis that this one does not have is removed.
 
@@ -28,6 +31,7 @@ def write(diagnosis: Diagnosis, folder: Path, seen: html.Seen | None = None) -> 
         diagnosis: the answer.
         folder: of the files.
         seen: pictures of the robots; None: the report has none.
+        fault: of this program, whose traceback is written, too; None: what ended the search, if that was one.
     """
     diagnosis = checked(diagnosis)
     page = html.render(diagnosis, seen)
@@ -39,5 +43,7 @@ def write(diagnosis: Diagnosis, folder: Path, seen: html.Seen | None = None) -> 
         if seen is not None and seen.scene:
             atomic.write_text(new / SCENE, seen.scene)
         atomic.write_text(new / "report.html", page)
+        if isinstance(met := fault or diagnosis.ended, Exception):
+            atomic.write_text(new / FAULT, "".join(traceback.format_exception(met)))
         names = sorted(path.name for path in new.iterdir())
     return {name: folder / name for name in sorted(names, key=PARTS.index)}
