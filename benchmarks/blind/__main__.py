@@ -30,6 +30,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--generator", type=int, metavar="N", help="version of the cases, the newest by default; 6 made the kept runs"
     )
+    parser.add_argument(
+        "--efforts", action="store_true", help="recordings hold motion and measured efforts instead of commands"
+    )
     parser.add_argument("--workers", type=int, default=1, metavar="N", help="processes that record cases (1)")
     parser.add_argument("--jobs", type=int, default=0, metavar="N", help="threads of one diagnosis; 0: all processors")
     parser.add_argument("--at-once", type=int, default=1, metavar="N", help="diagnoses that run side by side (1)")

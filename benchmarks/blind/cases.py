@@ -9,8 +9,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.blind import motions, reality, robots
-from benchmarks.blind.dictionary import ARM, GRIPPER, KINDS, PLAIN, draw
+from benchmarks.blind import effort_sensors, motions, reality, robots, six_joints
+from benchmarks.blind.dictionary import ARM, GRIPPER, KINDS, PLAIN, SIX, draw
 from benchmarks.blind.effects.base import Effect
 from benchmarks.blind.facts import Grid, converters
 from tiago_mj.models import names
@@ -22,7 +22,7 @@ VERSION: Final = 8
 #: Versions whose cases can still be made, to the last bit: those of the kept runs.
 VERSIONS: Final = (6, 7, 8)
 #: Fields of a case, with the version that they came with.
-SINCE: Final = {"version": 7, "grids": 7, "narrow": 7}
+SINCE: Final = {"version": 7, "grids": 7, "narrow": 7, "effort": 9}
 #: Since this version the physics take steps as fine as need be, and a command that waits for one joint leaves the
 #: others alone.
 FINE: Final = 8
@@ -59,7 +59,7 @@ class Case:
 
     Attributes:
         seed: of everything drawn.
-        setting: ``gripper``, ``arm`` or ``plain``.
+        setting: ``gripper``, ``arm``, ``plain`` or ``six``.
         interface: ``velocity`` or ``position``.
         offset: of the object, as the user knows it [m].
         effects: none, one or two.
@@ -72,6 +72,8 @@ class Case:
         version: of the generator that drew it.
         grids: converters of its sensors, which the sidecars state.
         narrow: how far joints move in the recordings that are no test trials, over how far they do in those.
+        effort: what measures the drives' torques (:mod:`benchmarks.blind.effort_sensors`): recordings then hold these
+            instead of commands; "": nothing.
     """
 
     seed: int
@@ -89,6 +91,7 @@ class Case:
     version: int = VERSION
     grids: tuple[Grid, ...] = ()
     narrow: float = 1.0
+    effort: str = ""
 
     @property
     def kind(self) -> str:
@@ -125,7 +128,7 @@ ARM_RAISED: Final = 0.3
 
 def joints_of(setting: str) -> tuple[str, ...]:
     """Names of a setting's joints."""
-    return {GRIPPER: names.FINGERS, ARM: names.TIAGO_JOINTS, PLAIN: ("hinge",)}[setting]
+    return {GRIPPER: names.FINGERS, ARM: names.TIAGO_JOINTS, PLAIN: ("hinge",), SIX: six_joints.JOINTS}[setting]
 
 
 def effect_targets(setting: str, name: str, rng: np.random.Generator) -> str | tuple[str, ...]:
@@ -133,8 +136,8 @@ def effect_targets(setting: str, name: str, rng: np.random.Generator) -> str | t
     kind = KINDS[name]
     if kind.on == "none" or setting == PLAIN or name in ("supply_sag", "mount_resonance"):
         return "all"
-    if setting == ARM:
-        return (str(rng.choice(names.ARM[:4])),)
+    if setting in (ARM, SIX):
+        return (str(rng.choice(names.ARM[:4] if setting == ARM else six_joints.JOINTS)),)
     if rng.random() < 0.6:
         return "all"
     return (str(rng.choice(names.SIDES if kind.on == "sensor" else names.FINGERS)),)
@@ -186,7 +189,7 @@ def simulate(case: Case, folder: Path | None = None) -> Made:
         styles = [motions.Style(pace=pace, start=float(at)) for at in setup.start[:, 0]]
         programs = motions.finger_programs(case.trials, case.seed, styles)
     else:
-        moving = list(range(n)) if case.setting == PLAIN else [robot.joints.index(j) for j in ARM_JOINTS]
+        moving = [robot.joints.index(j) for j in ARM_JOINTS] if case.setting == ARM else list(range(n))
         reach, fastest = _limits(robot, case.setting)
         programs = [
             motions.joint_program(
@@ -199,7 +202,7 @@ def simulate(case: Case, folder: Path | None = None) -> Made:
             )
             for k in range(case.trials)
         ]
-    smooth = ARM_ACCELERATION if case.setting == ARM else None
+    smooth = {ARM: ARM_ACCELERATION, SIX: six_joints.ACCELERATION}.get(case.setting)
     conductor = motions.Conductor(programs, robot, setup.interface, setup.start, 1 / case.rate, smooth)
     recorded = reality.simulate(robot, measured_with(case, robot), setup, conductor)
     return Made(case, robot, recorded, setup, dict(robot.truth), folder)
@@ -214,18 +217,23 @@ def play(case: Case, commands: Array, repeats: int, folder: Path | None = None) 
 
 
 def setup_of(case: Case, robot: robots.Robot, trials: int, rows: int, seed: int) -> reality.Setup:
-    """How trials of a case begin."""
+    """How trials of a case begin.
+
+    Where efforts are measured, servos go from one set point to the next in a straight line, as drives do: after a jump
+    the torque falls until the next, and what is read at its end would look like less damping.
+    """
     start = np.tile(robot.start[robot.qpos], (trials, 1))
     if case.setting == ARM:
         start[:, robot.joints.index(names.TORSO[0])] = ARM_RAISED
     return reality.Setup(
-        interface="direct" if case.setting == PLAIN else case.interface,
+        interface="direct" if case.setting in robots.MODELS and not case.effort else case.interface,
         rate=case.rate,
         rows=rows,
         offsets=case.offset + case.placement * np.random.default_rng([seed, 2]).standard_normal(trials),
         start=start,
         noise_seed=seed,
         each_arrives=case.version >= FINE,
+        effort=effort_sensors.sensor(case.effort, case.seed, robot) if case.effort else None,
     )
 
 
@@ -233,6 +241,8 @@ def _limits(robot: robots.Robot, setting: str) -> tuple[Array, Array]:
     n = len(robot.joints)
     if setting == PLAIN:
         return np.full(n, 1.2), np.full(n, 2.5)
+    if setting == SIX:
+        return np.full(n, six_joints.REACH), np.full(n, six_joints.FASTEST)
     torso = np.isin(robot.joints, names.TORSO)
     start = robot.start[robot.qpos]
     room = np.minimum(start - robot.low, robot.high - start)

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import tiago_mj
-from benchmarks.blind import baselines, cases, next_motion, plan, run, score
+from benchmarks.blind import baselines, cases, efforts, next_motion, plan, run, score
 from benchmarks.blind.cases import Case
 from benchmarks.blind.page import WORDS, number, page
 from benchmarks.blind.store import Store
@@ -43,19 +43,7 @@ def blind(arguments: argparse.Namespace, say: Any = print) -> int:
 
 def _blind(arguments: argparse.Namespace, store: Store, only: Any, settings: Any, say: Any) -> int:
     """The same, when no other process works in the folder."""
-    rates, trials = _rates(arguments.rates), _trials(arguments.trials)
-    seconds, version = _seconds(arguments.seconds), _version(arguments.generator)
-    store.begin(run.facts(arguments.cases, arguments.seed, only, settings, rates, trials, seconds, version))
-    planned = plan.plan(
-        arguments.cases,
-        arguments.seed,
-        only=only,
-        settings=settings,
-        rates=rates,
-        trials=trials,
-        seconds=seconds,
-        version=version,
-    )
+    planned = _of_efforts(arguments, store, only) if arguments.efforts else _planned(arguments, store, only, settings)
     run.generate(planned, store, workers=max(arguments.workers, 1), say=say)
     digest = store.seal(len(planned))
     say(f"labels sealed: SHA-256 {digest}")
@@ -75,6 +63,33 @@ def _blind(arguments: argparse.Namespace, store: Store, only: Any, settings: Any
         run.side_by_side(follow, range(len(planned)), arguments.at_once)
     write_scores(store, planned, labels, digest, command(arguments), say, seed=arguments.seed)
     return 0
+
+
+def _planned(arguments: argparse.Namespace, store: Store, only: Any, settings: Any) -> list[Case]:
+    """The cases of a run whose recordings hold commands; the folder is theirs from now on."""
+    rates, trials = _rates(arguments.rates), _trials(arguments.trials)
+    seconds, version = _seconds(arguments.seconds), _version(arguments.generator)
+    store.begin(run.facts(arguments.cases, arguments.seed, only, settings, rates, trials, seconds, version))
+    return plan.plan(
+        arguments.cases,
+        arguments.seed,
+        only=only,
+        settings=settings,
+        rates=rates,
+        trials=trials,
+        seconds=seconds,
+        version=version,
+    )
+
+
+def _of_efforts(arguments: argparse.Namespace, store: Store, only: Any) -> list[Case]:
+    """The cases of a run whose recordings hold efforts instead; the folder is theirs from now on."""
+    for name in ("settings", "rates", "trials", "seconds", "generator"):
+        if getattr(arguments, name):
+            raise ValueError(f"--{name} is not asked of cases with efforts: leave it out")
+    drawn = {"cases": arguments.cases, "seed": arguments.seed, "kinds": list(only)}
+    store.begin({**drawn, "efforts": True, "version": efforts.VERSION})
+    return efforts.cases(arguments.cases, arguments.seed, only)
 
 
 def write_scores(
@@ -122,7 +137,7 @@ def command(arguments: argparse.Namespace) -> str:
     for name in ("kinds", "settings", "rates", "trials", "seconds", "generator"):
         if getattr(arguments, name):
             words += [f"--{name}", str(getattr(arguments, name))]
-    return shlex.join([*words, "--out", "DIR"])
+    return shlex.join([*words, *(["--efforts"] if arguments.efforts else []), "--out", "DIR"])
 
 
 def _rates(given: str | None) -> tuple[float, ...]:

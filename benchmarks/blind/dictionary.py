@@ -15,7 +15,9 @@ import numpy as np
 from benchmarks.blind.effects import commands, friction, gears, sensors, things, unknown
 from benchmarks.blind.effects.base import Effect
 
-GRIPPER, ARM, PLAIN = "gripper", "arm", "plain"
+GRIPPER, ARM, PLAIN, SIX = "gripper", "arm", "plain", "six"
+#: A setting without ranges of its own has those of one that is about as large.
+AS_LARGE_AS: Final = {SIX: ARM}
 
 
 @dataclass(frozen=True)
@@ -297,10 +299,15 @@ def available(setting: str, *, known: bool = True) -> list[str]:
     return [name for name in (KNOWN if known else UNKNOWN) if setting in KINDS[name].ranges]
 
 
+def ranges(name: str, setting: str) -> Mapping[str, tuple[Any, ...]]:
+    """How an effect's parameters are drawn in a setting; empty where it makes no sense there."""
+    return KINDS[name].ranges.get(AS_LARGE_AS.get(setting, setting), {})
+
+
 def draw(name: str, setting: str, rng: np.random.Generator) -> dict[str, float]:
     """Parameters of an effect."""
     out = {}
-    for parameter, (how, low, high) in KINDS[name].ranges[setting].items():
+    for parameter, (how, low, high) in ranges(name, setting).items():
         size = float(rng.uniform(low, high) if how == FLAT else np.exp(rng.uniform(np.log(low), np.log(high))))
         sign = 1.0 if rng.random() < 0.5 else -1.0
         if how == BELOW:

@@ -25,9 +25,10 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.blind import cases, reality, robots
+from benchmarks.blind import cases, effort_sensors, reality, robots
 from benchmarks.blind.cases import Case, Made
 from benchmarks.blind.effects.unknown import LateStamps
+from benchmarks.blind.effort_sensors import EffortSensor
 
 Array = NDArray[np.float64]
 
@@ -116,7 +117,7 @@ def _shows(e: Array, noisy: Any, imitations: Array) -> tuple[Array, float]:
 
 def _noise(effect: Any, made: Made, sigma: Array) -> Array:
     """Variance that an effect adds to the noise, in units of the floor's, by channel."""
-    out = np.zeros(2 * len(made.robot.joints) + made.robot.units.shape[-1])
+    out = np.zeros(len(sigma))
     if made.robot.pads is not None:
         share = (robots.FORCE_NOISE / sigma[-2:]) ** 2  # a coarse grid hides what is added
         out[-2:] = share * (np.broadcast_to(np.asarray(effect.noise_factor(_Columns(made)), dtype=float), 2) ** 2 - 1)
@@ -140,7 +141,8 @@ def channels(made: Made) -> list[str]:
     """Names, in the order of the arrays here."""
     joints = made.robot.joints
     forces = ["force.right", "force.left"] if made.robot.pads is not None else []
-    return [*(f"position.{j}" for j in joints), *(f"velocity.{j}" for j in joints), *forces]
+    efforts = [f"effort.{j}" for j in joints] if made.case.effort else []
+    return [*(f"position.{j}" for j in joints), *(f"velocity.{j}" for j in joints), *forces, *efforts]
 
 
 def _closed(before: float, after: float) -> float | None:
@@ -167,12 +169,29 @@ def _sigma(made: Made) -> Array:
     if made.robot.pads is not None:
         force = np.full(2, robots.FORCE_NOISE)
         parts.append(np.sqrt(force**2 + steps["force"] ** 2 / 12) if "force" in steps else force)
-    return np.concatenate(parts)
+    if made.setup.effort is None:
+        return np.concatenate(parts)
+    # Commands are not told, so that motion alone tells nothing.
+    return np.concatenate([np.full(sum(map(len, parts)), np.inf), made.setup.effort.noise])
 
 
 def _stacked(recorded: reality.Recorded, trials: list[int] | slice) -> Array:
     """Channels side by side, (ntrials, T, channels)."""
-    return np.concatenate([recorded.position[trials], recorded.velocity[trials], recorded.force[trials]], axis=2)
+    parts = [recorded.position, recorded.velocity, recorded.force]
+    parts += [] if recorded.effort is None else [recorded.effort]
+    return np.concatenate([part[trials] for part in parts], axis=2)
+
+
+def _sensors(made: Made, n: int, each: int) -> EffortSensor:
+    """The drives' sensors of several robots, one robot after the other: as they are, as they are said to be, and as
+    far from that as they may be."""
+    case, true = made.case, made.setup.effort
+    assert true is not None
+    ideal = replace(true, gain=np.ones_like(true.gain), offset=np.zeros_like(true.offset))
+    drawn = [effort_sensors.sensor(case.effort, case.seed + 1 + k, made.robot) for k in range(n - 2)]
+    several = [true, ideal, *drawn][:n]
+    gain, offset = (np.repeat([getattr(one, name) for one in several], each, axis=0) for name in ("gain", "offset"))
+    return replace(true, gain=gain, offset=offset)
 
 
 def _run(
@@ -197,6 +216,8 @@ def _run(
     offsets[2 * count :] += made.case.placement * rng.standard_normal(max(n - 2, 0) * count)
     rate = rate or made.setup.rate
     setup = replace(made.setup, rate=rate, offsets=offsets, start=np.tile(made.setup.start[test], (n, 1)), silent=True)
+    if setup.effort is not None:
+        setup = replace(setup, effort=_sensors(made, n, count))
     for effect in stamped:
         setup = replace(setup, instants=effect.stamp(np.arange(setup.rows + 1) / rate))
     plan = np.tile(made.recorded.commands[test], (n, 1, 1))

@@ -102,7 +102,7 @@ def _case(number: int, kind: str, turn: int, seed: int, settings: Sequence[str],
                 name = str(rng.choice([n for n in deck if setting in KINDS[n].ranges]))
         names = (name,)
     elif kind == "two":
-        names = _pair(setting, rng)
+        names = pair(available(setting), rng)
     choices: tuple[EffectChoice, ...] = tuple(cases.choose(setting, name, rng) for name in names)
     gripper = setting == GRIPPER
     position = setting == PLAIN or rng.random() < 0.4
@@ -144,8 +144,8 @@ def _dealt(deck: Sequence[str], turn: int, seed: list[int]) -> str:
     return str(np.random.default_rng([*seed, whole]).permutation(deck)[at])
 
 
-def _pair(setting: str, rng: np.random.Generator) -> tuple[str, str]:
-    names = available(setting)
+def pair(names: Sequence[str], rng: np.random.Generator) -> tuple[str, str]:
+    """Two effects that neither undo nor hide each other by construction."""
     while True:
         first, second = (str(name) for name in rng.choice(names, 2, replace=False))
         if not any(first in group and second in group for group in ALIKE):

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.blind.effects.base import Effect, World
+from benchmarks.blind.effort_sensors import EffortSensor
 from benchmarks.blind.robots import FINE_STEP, STEP, Robot
 from tiago_mj.models import names, scene
 
@@ -43,6 +44,7 @@ class Recorded:
         position, velocity: (ntrials, T, n), measured.
         force: (ntrials, T, 2) [sensor units], measured; (ntrials, T, 0) without load cells.
         begun: where the joints are at the first row, true, (ntrials, n); no file has it.
+        effort: (ntrials, T, n) [N, N·m], measured; None where nothing measures it.
     """
 
     time: Array
@@ -51,6 +53,7 @@ class Recorded:
     velocity: Array
     force: Array
     begun: Array | None = None
+    effort: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -67,6 +70,7 @@ class Setup:
         silent: no noise, for oracles.
         each_arrives: whether a command acts on a joint when it arrives there; else, as cases of old versions have it,
             it acts on every joint for as long as it waits for any.
+        effort: what measures the drives' torques; None: nothing.
         instants: of the rows, (rows + 1,) [s], where they are not evenly apart; None: they are.
     """
 
@@ -78,6 +82,7 @@ class Setup:
     noise_seed: int
     silent: bool = False
     instants: Array | None = None
+    effort: EffortSensor | None = None
     each_arrives: bool = False
 
 
@@ -165,6 +170,8 @@ class _Loop:
         self.set_point = setup.start.copy()
         self.speed = np.zeros_like(world.q)
         self.past: list[tuple[float, Array, Array, Array]] = []
+        self.given: list[tuple[float, Array]] = []
+        self.effort_noise = np.random.default_rng([setup.noise_seed, 3])
         for name in HOOKS:
             setattr(self, f"_{name}", [e for e in self.effects if e.has(name)])
 
@@ -182,6 +189,7 @@ class _Loop:
         commands = np.full((ntrials, rows, n), np.nan)
         position, velocity = np.zeros((ntrials, rows, n)), np.zeros((ntrials, rows, n))
         force = np.zeros((ntrials, rows, nforce))
+        effort = np.zeros((ntrials, rows, n)) if setup.effort is not None else None
         time = np.zeros(rows)
         steps = np.full(setup.rows, self.substeps)
         if setup.instants is not None:
@@ -196,6 +204,8 @@ class _Loop:
             world.row = k
             time[k] = world.t
             position[:, k], velocity[:, k], force[:, k] = self._log()
+            if effort is not None:
+                effort[:, k] = self._effort()
             if k == rows - 1:
                 break
             if callable(self.plan):
@@ -213,7 +223,7 @@ class _Loop:
         stamps = time.copy()
         for effect in self.effects:
             stamps = effect.stamp(stamps)
-        return Recorded(np.tile(stamps, (ntrials, 1)), commands, position, velocity, force, begun)
+        return Recorded(np.tile(stamps, (ntrials, 1)), commands, position, velocity, force, begun, effort)
 
     def _step(self) -> None:
         world, robot = self.world, self.robot
@@ -226,7 +236,7 @@ class _Loop:
         for effect in self._control:  # type: ignore[attr-defined]
             force = effect.control(force, world)
         world.free = np.abs(force) < robot.limit
-        force = np.clip(force, -robot.limit, robot.limit)
+        asked = force = np.clip(force, -robot.limit, robot.limit)
         for effect in self._drive:  # type: ignore[attr-defined]
             force = effect.drive(force, world)
         world.force = force
@@ -238,6 +248,8 @@ class _Loop:
         self.batch.step()
         world.t += world.h
         world.lifted = self.lifting[:, self.dof]
+        if self.setup.effort is not None:
+            self._keep(asked if self.setup.effort.of_current else world.force)
         world.q = self.qpos[:, self.address]
         world.v = self.qvel[:, self.dof]
         if self.sensors is not None:
@@ -295,6 +307,20 @@ class _Loop:
             while len(self.past) > 2 and self.past[1][0] <= world.t - self.late - 2 * world.h:
                 self.past.pop(0)
         return q, v, x
+
+    def _keep(self, force: Array) -> None:
+        """Remember what the drives give, with what lifts the robot's own weight, as long as a sensor may be late."""
+        assert self.setup.effort is not None
+        self.given.append((self.world.t, force + self.world.lifted))
+        while len(self.given) > 1 and self.given[1][0] <= self.world.t - self.setup.effort.delay + 1e-9:
+            self.given.pop(0)
+
+    def _effort(self) -> Array:
+        """A row of the drives' torques as they are measured, (ntrials, n)."""
+        sensor = self.setup.effort
+        assert sensor is not None
+        out = sensor.gain * self.given[0][1] + sensor.offset
+        return out if self.setup.silent else out + sensor.noise * self.effort_noise.standard_normal(out.shape)
 
     def _log(self) -> tuple[Array, Array, Array]:
         """A row of the log: late, noisy, digitised."""

@@ -9,9 +9,9 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from benchmarks.blind import cases, facts, robots
+from benchmarks.blind import cases, effort_sensors, facts, robots
 from benchmarks.blind.cases import Made
-from benchmarks.blind.dictionary import ARM, GRIPPER, PLAIN
+from benchmarks.blind.dictionary import ARM, GRIPPER
 from tiago_mj.models import names
 
 
@@ -19,16 +19,12 @@ def write(made: Made, folder: Path, stem: str = "trial") -> None:
     """Write the recordings, ``STEM-NN.parquet`` and their sidecars; nothing in them is more than a user would know."""
     folder.mkdir(parents=True, exist_ok=True)
     case, recorded, robot = made.case, made.recorded, made.robot
-    if case.setting == PLAIN:
-        (folder / robots.PLAIN_FILE).write_text(robots.PLAIN)
+    robots.put_model(case.setting, folder)
     for k in range(len(recorded.time)):
         name = f"{stem}-{k:02d}"
         columns = {"time": recorded.time[k]}
-        for kind, values in (
-            ("command", recorded.commands),
-            ("position", recorded.position),
-            ("velocity", recorded.velocity),
-        ):
+        last = ("command", recorded.commands) if recorded.effort is None else ("effort", recorded.effort)
+        for kind, values in (last, ("position", recorded.position), ("velocity", recorded.velocity)):
             columns.update({f"{kind}.{joint}": values[k, :, j] for j, joint in enumerate(robot.joints)})
         if robot.pads is not None:
             columns.update({f"force.{side}": recorded.force[k, :, s] for s, side in enumerate(names.SIDES)})
@@ -45,17 +41,23 @@ def sidecar(made: Made, name: str, k: int) -> dict[str, Any]:
     out: dict[str, Any] = {
         "schema": "tiago_mj.recording/1",
         "trial": name,
-        "robot": {GRIPPER: "tiago_mj/GripperTactile-v0", ARM: cases.ARM_ENVIRONMENT, PLAIN: robots.PLAIN_FILE}[
-            case.setting
-        ],
+        "robot": {
+            GRIPPER: "tiago_mj/GripperTactile-v0",
+            ARM: cases.ARM_ENVIRONMENT,
+            **{setting: file for setting, (file, *_) in robots.MODELS.items()},
+        }[case.setting],
         "rate_hz": made.setup.rate,
-        "interface": "position" if case.setting == PLAIN else case.interface,
+        "interface": "position" if case.setting in robots.MODELS else case.interface,
         "initial": {"position": measured, "set_point": initial},
         "source": {"tool": "benchmarks/blind", "version": case.version},
     }
+    if case.effort:
+        del out["interface"]
+        out["initial"] = {"position": measured}
+        return {**out, **effort_sensors.stated(case.effort)}
     if case.grids:
         out["quantum"] = facts.stated(case.grids, robot)
-    if case.setting != PLAIN:
+    if case.setting not in robots.MODELS:
         out["servo"] = {"name": made.servo}
     if case.setting == GRIPPER:
         thing = robots.nominal_object()

@@ -15,6 +15,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.blind import six_joints
+from tiago_mj.io import atomic
 from tiago_mj.models import names, scene
 from tiago_mj.models.objects import GraspObject
 
@@ -123,15 +125,15 @@ def robot_of(
     """The real robot of a setting.
 
     Args:
-        setting: ``gripper``, ``arm`` or ``plain``.
+        setting: ``gripper``, ``arm``, ``plain`` or ``six``.
         jitter: of every nominal number.
-        folder: where the plain model lies.
+        folder: where the model lies that a user brings along.
         other_source: its masses are those of another publication than the nominal model's.
         fine: whether it takes steps of :data:`FINE_STEP`.
     """
-    if setting == "plain":
+    if setting in MODELS:
         assert folder is not None
-        made = _plain(folder / PLAIN_FILE, jitter)
+        made = _plain(setting, folder, jitter)
     else:
         made = _tiago(setting, jitter, other_source)
     if fine:
@@ -328,30 +330,42 @@ PLAIN: Final = """<mujoco model="pendulum">
 </mujoco>
 """
 PLAIN_NOISE: Final = (5e-4, 5e-3)
+#: Models that a user brings along: file, text, noise of positions and velocities.
+MODELS: Final = {"plain": (PLAIN_FILE, PLAIN, PLAIN_NOISE), "six": (six_joints.FILE, six_joints.MJCF, ARM_NOISE)}
 
 
-def _plain(path: Path, jitter: Jitter) -> Robot:
-    spec = mujoco.MjSpec.from_file(str(path))
+def put_model(setting: str, folder: Path) -> Path | None:
+    """Write the model that a user has of a setting's robot; None where it is one of this project's."""
+    if setting not in MODELS:
+        return None
+    name, text, _ = MODELS[setting]
+    atomic.write_text(folder / name, text)
+    return folder / name
+
+
+def _plain(setting: str, folder: Path, jitter: Jitter) -> Robot:
+    name, _, noise = MODELS[setting]
+    spec = mujoco.MjSpec.from_file(str(folder / name))
     nominal = spec.compile()
-    joints = ("hinge",)
+    joints, n = tuple(actuator.name for actuator in spec.actuators), nominal.nu
     for geom in spec.geoms:
         geom.mass *= float(jitter())
-    hinge = spec.joint("hinge")
-    hinge.damping = np.array(hinge.damping) * float(jitter())
-    hinge.armature *= float(jitter())
+    for joint in spec.joints:
+        joint.damping = np.array(joint.damping) * float(jitter())
+        joint.armature *= float(jitter())
     motors(spec, joints)
     _options(spec)
     made = _assemble(
         spec.compile(),
         joints,
-        nominal.actuator_gainprm[:, 0] * jitter(1),
-        -nominal.actuator_biasprm[:, 2] * jitter(1),
-        nominal.actuator_forcerange[:, 1] * jitter(1),
-        np.array([np.inf]),
-        np.zeros(1),
+        nominal.actuator_gainprm[:, 0] * jitter(n),
+        -nominal.actuator_biasprm[:, 2] * jitter(n),
+        nominal.actuator_forcerange[:, 1] * jitter(n),
+        np.full(n, np.inf),
+        np.zeros(n),
         jitter,
     )
-    made.noise = np.array(PLAIN_NOISE)[:, None]
+    made.noise = np.repeat(np.array(noise)[:, None], n, axis=1)
     return made
 
 

@@ -18,7 +18,6 @@ from typing import Any
 
 from benchmarks.blind import cases, labels, oracle, recordings, robots
 from benchmarks.blind.cases import Case
-from benchmarks.blind.dictionary import PLAIN
 from benchmarks.blind.store import Store
 from tiago_mj.cli import FULL
 from tiago_mj.io import atomic
@@ -47,8 +46,8 @@ class Diagnoser:
         """The command line: recordings, and what a user would say of them."""
         words = [sys.executable, "-m", "tiago_mj.cli", "diagnose", str(given), "--out", str(out)]
         words += ["--seed", "0", "--jobs", str(self.jobs)]
-        if case.setting == PLAIN:
-            words += ["--model", str(given / robots.PLAIN_FILE)]
+        if case.setting in robots.MODELS:
+            words += ["--model", str(given / robots.MODELS[case.setting][0])]
         if case.without:
             words += ["--without", ",".join(case.without)]
         if self.budget is not None:
@@ -65,8 +64,7 @@ def make(case: Case, number: int, root: Path) -> float:
     begun = time.monotonic()
     store = Store(root)
     with atomic.replacing_set(store.recordings(number)) as folder:
-        if case.setting == PLAIN:
-            atomic.write_text(folder / robots.PLAIN_FILE, robots.PLAIN)
+        robots.put_model(case.setting, folder)
         made = cases.simulate(case, folder)
         recordings.write(made, folder)
         label = {**labels.label(made), "oracle": oracle.judge(made, folder)}
