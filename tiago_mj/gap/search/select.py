@@ -171,6 +171,7 @@ def _search(asked: Question, so_far: PartialResult, out_of_time: Callable[[], bo
             tell(state)
     if not sought and not out_of_time():  # nor by its budget: they may be all that there is
         tick("lost commands", 1, gap=_leaves_a_gap(state.best))
+        state = replace(state, everywhere=replace(state.everywhere, out_of_time=out_of_time))
         losing = _with_lost_commands(state)
         if losing is not state:
             state = losing if over() else _with_further_effect(losing, 2, fitted) or losing
