@@ -1,1 +1,1 @@
-"""Robots in a browser: an environment live, recordings beside their simulators, and both as a file."""
+"""What is seen: robots in a browser, films, figures, and how all of it is drawn without a display."""

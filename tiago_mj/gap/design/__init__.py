@@ -1,1 +1,1 @@
-"""Which motion to record: what recordings can tell, and which motion would tell more."""
+"""Which motion to record next: the one that most probably tells what recordings leave open."""
