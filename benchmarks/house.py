@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import argparse
 import ast
+import functools
 import io
 import json
 import re
@@ -35,6 +36,12 @@ def files(folder: Path) -> list[Path]:
     return sorted(folder.rglob("*.py")) if folder.is_dir() else [folder]
 
 
+@functools.cache
+def tree(path: Path) -> ast.Module:
+    """A file's syntax."""
+    return ast.parse(path.read_text())
+
+
 def lines(paths: Iterable[Path]) -> int:
     """Lines of files together."""
     return sum(len(path.read_text().splitlines()) for path in paths)
@@ -42,17 +49,19 @@ def lines(paths: Iterable[Path]) -> int:
 
 def code_lines(paths: Iterable[Path]) -> int:
     """Lines that hold code: without blank ones, comments and docstrings."""
-    return sum(len(_coded(path.read_text())) for path in paths)
+    return sum(_coded(path) for path in paths)
 
 
-def _coded(text: str) -> set[int]:
-    told = {line for node in ast.walk(ast.parse(text)) for line in _docstring(node)}
+@functools.cache
+def _coded(path: Path) -> int:
+    text = path.read_text()
+    told = {line for node in ast.walk(tree(path)) for line in _docstring(node)}
     quiet = {tokenize.COMMENT, tokenize.NL, tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT, tokenize.ENDMARKER}
     out: set[int] = set()
     for token in tokenize.generate_tokens(io.StringIO(text).readline):
         if token.type not in quiet:
             out.update(range(token.start[0], token.end[0] + 1))
-    return out - told
+    return len(out - told)
 
 
 def _docstring(node: ast.AST) -> range:
@@ -66,7 +75,7 @@ def _docstring(node: ast.AST) -> range:
 def functions(paths: Iterable[Path]) -> Iterator[ast.FunctionDef | ast.AsyncFunctionDef]:
     """Functions and methods of files."""
     for path in paths:
-        for node in ast.walk(ast.parse(path.read_text())):
+        for node in ast.walk(tree(path)):
             if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
                 yield node
 
@@ -89,7 +98,7 @@ def _arguments(function: ast.FunctionDef | ast.AsyncFunctionDef) -> int:
 
 def large_classes(paths: Iterable[Path]) -> int:
     """Classes of more lines than a page or five."""
-    found = [node for path in paths for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.ClassDef)]
+    found = [node for path in paths for node in ast.walk(tree(path)) if isinstance(node, ast.ClassDef)]
     return sum((c.end_lineno or c.lineno) - c.lineno + 1 > LARGE_CLASS for c in found)
 
 
@@ -102,7 +111,7 @@ def effect_names() -> frozenset[str]:
     """Names of the library's effects, as they are declared: the first argument of the decorator ``effect``."""
     out = set()
     for path in files(PACKAGE / "effects"):
-        for node in ast.walk(ast.parse(path.read_text())):
+        for node in ast.walk(tree(path)):
             if isinstance(node, ast.ClassDef):
                 for given in node.decorator_list:
                     if isinstance(given, ast.Call) and isinstance(given.func, ast.Name) and given.func.id == "effect":
@@ -117,8 +126,7 @@ def names_in_code(names: frozenset[str]) -> dict[str, int]:
         where = path.relative_to(PACKAGE)
         if where.parts[0] in NAMED_IN:
             continue
-        tree = ast.parse(path.read_text())
-        count = sum(isinstance(node, ast.Constant) and node.value in names for node in ast.walk(tree))
+        count = sum(isinstance(node, ast.Constant) and node.value in names for node in ast.walk(tree(path)))
         if count:
             out[where.as_posix()] = count
     return out
