@@ -85,7 +85,7 @@ def follow(
     shutil.rmtree(again, ignore_errors=True)
     shutil.copytree(store.recordings(number), again / "recordings")
     robot = cases.real_robot(case, again / "recordings")
-    motion = Path(str(resources.files("tiago_mj"))) / "gap" / "motions" / recommended["file"]
+    motion = Path(str(resources.files("tiago_mj"))) / "recordings" / "motions" / recommended["file"]
     start = cases.setup_of(case, robot, 1, 1, 0).start[0]
     still = np.zeros_like(start) if case.setting != PLAIN and case.interface == "velocity" else start
     commands = read_motion(motion, robot.joints, case.rate, still)

@@ -382,7 +382,15 @@ def test_a_run_holds_the_mix_and_the_first_cases_of_a_longer_one() -> None:
 
 
 def test_the_command_goes_on_in_its_folder_and_refuses_anothers(tmp_path: Path) -> None:
-    options = {"cases": 1, "seed": 3, "out": tmp_path, "kinds": "none", "settings": "plain", "workers": 1}
+    options = {
+        "cases": 1,
+        "seed": 3,
+        "out": tmp_path,
+        "kinds": "none",
+        "settings": "plain",
+        "workers": 1,
+        "efforts": False,
+    }
     options |= {
         "rates": None,
         "seconds": None,

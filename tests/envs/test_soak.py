@@ -1,4 +1,4 @@
-"""The long random run of the benchmarks, in small: each effect at both bounds, random steps, and what it would find."""
+"""The long random run of tests/long, in small: each effect at both bounds, random steps, and what it would find."""
 
 import sys
 from pathlib import Path
@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from gymnasium import spaces
 
-sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
+sys.path.insert(0, str(Path(__file__).parents[1] / "long"))
 import soak
 
 import tiago_mj
