@@ -192,7 +192,8 @@ def test_a_drive_that_is_full_ends_all_and_leaves_the_old_diagnoses(tmp_path, ca
 def test_a_worker_ends_with_the_process_that_started_it(tmp_path):
     pytest.importorskip("joblib", reason="needs the extra 'scale'")
     script = (
-        "import sys, scale_bench as b; from tiago_mj.rollout import scale; scale.run_all(b.wait, [sys.argv[1]] * 2, jobs=2)"
+        "import sys, scale_bench as b; from tiago_mj.rollout import scale; "
+        "scale.run_all(b.wait, [sys.argv[1]] * 2, jobs=2)"
     )
     env = {**os.environ, "PYTHONPATH": os.pathsep.join([str(Path(__file__).parent), *sys.path])}
     process = subprocess.Popen(
