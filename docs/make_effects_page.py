@@ -4,7 +4,8 @@ import math
 from pathlib import Path
 
 from tiago_mj.effects import EFFECTS, describe
-from tiago_mj.effects.declare import STAGES, Detail, Effect, Parameter
+from tiago_mj.effects.declare import STAGES, Effect
+from tiago_mj.effects.fields import Detail, Parameter
 
 PAGE = Path(__file__).parent / "effects.md"
 SOURCES = {

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 
 from docs.site import motions
 from tiago_mj.effects import EFFECTS
-from tiago_mj.effects.declare import Parameter
+from tiago_mj.effects.fields import Parameter
 
 #: Colours that stand out from white and from near-black alike; the rest has the colour of the page's text.
 NOMINAL, EFFECT, TEXT = "#8a919e", "#e8590c", "#010203"

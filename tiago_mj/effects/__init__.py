@@ -10,8 +10,9 @@ from tiago_mj.effects import (  # noqa: F401  (their import declares the effects
     timing,
     transmission,
 )
-from tiago_mj.effects.declare import EFFECTS, Effect, Parameter, effect, parameter
+from tiago_mj.effects.declare import EFFECTS, Effect, effect
 from tiago_mj.effects.describe import Description, describe
+from tiago_mj.effects.fields import Parameter, parameter
 from tiago_mj.effects.nominal import check_entries
 from tiago_mj.effects.spec import Entry, read_effects
 

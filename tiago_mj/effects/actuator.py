@@ -8,7 +8,8 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from tiago_mj.effects.declare import Array, Effect, detail, effect, parameter
+from tiago_mj.effects.declare import Array, Effect, effect
+from tiago_mj.effects.fields import detail, parameter
 from tiago_mj.effects.now import Now
 from tiago_mj.effects.servo import Servo
 

@@ -7,7 +7,8 @@ from typing import Final
 import mujoco
 import numpy as np
 
-from tiago_mj.effects.declare import Array, Effect, detail, effect, parameter
+from tiago_mj.effects.declare import Array, Effect, effect
+from tiago_mj.effects.fields import detail, parameter
 from tiago_mj.effects.now import Now
 
 #: How far from the tool's centre of mass a payload is sought [m].

@@ -8,7 +8,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from tiago_mj.effects.declare import Array, Effect, effect, parameter
+from tiago_mj.effects.declare import Array, Effect, effect
+from tiago_mj.effects.fields import parameter
 from tiago_mj.effects.now import Now
 from tiago_mj.models import compliance
 

@@ -7,7 +7,8 @@ from typing import Final
 import numpy as np
 
 from tiago_mj.effects.command import rounded
-from tiago_mj.effects.declare import Array, Effect, detail, effect, form, parameter
+from tiago_mj.effects.declare import Array, Effect, effect
+from tiago_mj.effects.fields import detail, form, parameter
 from tiago_mj.effects.memory import DelayLine, Held, InARow, LowPass, Play
 from tiago_mj.effects.now import Now
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from tiago_mj.effects.command import rounded
-from tiago_mj.effects.declare import Array, Effect, effect, form, parameter
+from tiago_mj.effects.declare import Array, Effect, effect
+from tiago_mj.effects.fields import form, parameter
 from tiago_mj.effects.memory import InARow, LowPass
 from tiago_mj.effects.now import Now
 

@@ -11,7 +11,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from tiago_mj.effects.declare import EFFECTS, Detail, Effect, Parameter
+from tiago_mj.effects.declare import EFFECTS, Effect
+from tiago_mj.effects.fields import Detail, Parameter
 from tiago_mj.io.loading import is_file
 from tiago_mj.io.quantities import SMALLER, quantity
 from tiago_mj.io.quoting import did_you_mean, is_one_of, quoted

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from tiago_mj.effects.declare import Array, Effect, effect, parameter
+from tiago_mj.effects.declare import Array, Effect, effect
+from tiago_mj.effects.fields import parameter
 from tiago_mj.effects.memory import DelayLine
 from tiago_mj.effects.now import Now
 

@@ -8,7 +8,8 @@ import mujoco
 import numpy as np
 
 from tiago_mj.effects.actuator import DAMPING, FORCE, limit_forces
-from tiago_mj.effects.declare import Array, Effect, detail, effect, form, parameter
+from tiago_mj.effects.declare import Array, Effect, effect
+from tiago_mj.effects.fields import detail, form, parameter
 from tiago_mj.effects.inertia import removable_inertia
 from tiago_mj.effects.now import Now
 from tiago_mj.effects.rotor import Rotor, take_limits

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tiago_mj.effects import EFFECTS
-from tiago_mj.effects.declare import Detail
+from tiago_mj.effects.fields import Detail
 from tiago_mj.gap.decision import verdict
 from tiago_mj.gap.inference import likelihood, noise_model
 from tiago_mj.gap.inference.fit import Fitted, Fitter, Point

@@ -1,0 +1,104 @@
+"""What a declaration says in numbers: parameters, forms and details, as fields of the effect's class."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A number that an effect has.
+
+    Attributes:
+        unit: (on a sliding joint, on a hinge); one serves both.
+        identity: value at which the effect is exactly absent; None: no such value (another parameter switches it off).
+        default: (slide, hinge), a clearly visible magnitude.
+        bounds: (low, high), what a fit may try.
+        nominal: ``velocity`` or ``effort``: default and bounds are shares of that nominal limit of the target.
+        possible: (low, high), beyond which a value has no meaning, whatever the robot; None: only what ``bounds`` say
+            of signs.
+        name: as in the class.
+        tried: of a number that does not switch its effect off, values with which a search begins; empty: three across
+            the bounds.
+    """
+
+    unit: tuple[str, str]
+    identity: float | None
+    default: tuple[float, float]
+    bounds: tuple[tuple[float, float], tuple[float, float]]
+    nominal: str | None = None
+    possible: tuple[float, float] | None = None
+    name: str = ""
+    tried: tuple[float, ...] = ()
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        object.__setattr__(self, "name", name)
+
+
+def parameter(
+    unit: str | tuple[str, str],
+    *,
+    identity: float | None,
+    default: float | tuple[float, float],
+    bounds: tuple[float, float] | tuple[tuple[float, float], tuple[float, float]],
+    nominal: str | None = None,
+    possible: tuple[float, float] | None = None,
+    tried: tuple[float, ...] = (),
+) -> Any:
+    """Declare a parameter in an effect's body; pairs are (sliding joint, hinge)."""
+    units = (unit, unit) if isinstance(unit, str) else unit
+    defaults = default if isinstance(default, tuple) else (default, default)
+    ranges: Any = bounds if isinstance(bounds[0], tuple) else (bounds, bounds)
+    if not len(units) == len(defaults) == len(ranges) == len(ranges[0]) == len(ranges[1]) == 2:
+        raise ValueError(f"parameter [{unit}]: give units, defaults and bounds (low, high) once, or as a pair of each")
+    return Parameter(units, identity, defaults, ranges, nominal, possible, tried=tried)
+
+
+@dataclass(frozen=True)
+class Form:
+    """What kind of an effect it is, where real ones differ: no magnitude, so that nothing is fitted; the diagnosis
+    tries each.
+
+    Attributes:
+        values: that are possible, the usual one first.
+        name: as in the class.
+    """
+
+    values: tuple[float, ...]
+    name: str = ""
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        object.__setattr__(self, "name", name)
+
+
+def form(*values: float) -> Any:
+    """Declare in an effect's body what forms it has, as numbers, the usual one first."""
+    return Form(tuple(float(value) for value in values))
+
+
+@dataclass(frozen=True)
+class Detail:
+    """What more there is to say of an effect, 0 where nobody does: where that is of which its first parameter is the
+    amount, sought only once the amount is known (of two amounts on one target it is their common centre); or a number
+    that is not sought at all, as the recordings of a robot hardly show it, but that who knows it may give.
+
+    Attributes:
+        unit: as a parameter's.
+        bounds: (low, high), what a fit may try.
+        name: as in the class.
+        sought: whether a diagnosis looks for it.
+    """
+
+    unit: str
+    bounds: tuple[float, float]
+    name: str = ""
+    sought: bool = True
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        object.__setattr__(self, "name", name)
+
+
+def detail(unit: str, bounds: tuple[float, float], *, sought: bool = True) -> Any:
+    """Declare in an effect's body a number that says more of it; see :class:`Detail`."""
+    return Detail(unit, bounds, sought=sought)
