@@ -124,6 +124,7 @@ def test_a_declaration_can_build_on_another(readme):
 
     assert list(SteadyGain.parameters) == ["factor"]
     assert (ForceGain.name, SteadyGain.name) == ("force_gain", "steady_gain")
+    assert SteadyGain.clause == "", "a report does not call it a gain"
     r = rollout({"steady_gain": {"factor": 2.0}}, np.zeros((3, 2)), sensing=QUIET)
     np.testing.assert_allclose(r.reading, 0.01)
 
@@ -257,6 +258,12 @@ BAD = {
         {"amount": parameter("N", identity=0.0, default=1.0, bounds=(0.0, 2.0), nominal="effort")},
         r"nominal='effort': only a limit is a share",
     ),
+    "clause of another": (
+        {},
+        {"amount": AMOUNT, "clause": "{t} {has} {size} of it"},
+        r"its clause '\{t\} \{has\} \{size\} of it' has \{size\}: use one of \{amount\}, \{t\}",
+    ),
+    "less alone": ({}, {"amount": AMOUNT, "clause_less": "{t} lack{s} {amount}"}, r"give both, or the clause alone"),
     "nothing": ({}, {"hook": None, "amount": AMOUNT}, r"'own' does nothing: give it one of start, change"),
     "unreachable": (
         {"targets": "sensor"},

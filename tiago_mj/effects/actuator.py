@@ -82,6 +82,8 @@ class ServoStiffness(Effect):
     MuJoCo: ``actuator_gainprm``, ``actuator_biasprm``.
     """
 
+    clause = "the position gain of {t} is {factor} times the nominal one"
+
     needs_servo = True
 
     factor = parameter("-", identity=1.0, default=0.6, bounds=(0.2, 4.0))
@@ -106,6 +108,9 @@ class ServoDamping(Effect):
 
     MuJoCo: ``actuator_biasprm``.
     """
+
+    clause = "the servo of {t} has {damping} of damping that the simulator lacks"
+    clause_less = "the servo of {t} has {damping} less damping than the simulator's"
 
     takes_from = "servo_damping"
 
@@ -150,6 +155,8 @@ class ForceLimit(Effect):
     MuJoCo: ``actuator_forcerange``, and ``jnt_actfrcrange`` where that would cut a looser one.
     """
 
+    clause = "the force of {t} saturates at {limit}"
+
     limit = parameter(FORCE, identity=np.inf, default=0.4, bounds=(0.02, 1.0), nominal="effort")
 
     def change(self, now: Now) -> None:
@@ -173,6 +180,8 @@ class TorqueConstant(Effect):
     MuJoCo: ``actuator_gainprm``, ``actuator_biasprm``, ``actuator_forcerange``, and ``jnt_actfrcrange`` where that
     would cut what the drive gives; a ``dcmotor`` has the constant itself.
     """
+
+    clause = "{t} deliver{s} {factor} times the commanded force"
 
     factor = parameter("-", identity=1.0, default=0.8, bounds=(0.2, 3.0))
 
@@ -203,6 +212,8 @@ class MotorCogging(Effect):
 
     MuJoCo: ``cogging`` of a ``dcmotor``; the project's servos are none, so the same force is applied at the joint.
     """
+
+    clause = "{t} {has} a cogging force of {amplitude} with a period of {period}"
 
     #: Real cogging is not quite a sine: a second harmonic of a tenth is ordinary.
     form_known_to = 0.1

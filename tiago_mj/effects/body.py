@@ -62,6 +62,10 @@ class Payload(Effect):
     MuJoCo: ``body_mass``, ``body_gravcomp``; of a place ``body_ipos``, ``body_iquat``, ``body_inertia``.
     """
 
+    subject = "the tool"
+    clause = "{t} carries {mass} that the simulator lacks"
+    clause_less = "{t} carries {mass} less than in the simulator"
+
     common = True
 
     takes_from = "tool_mass"
@@ -121,6 +125,8 @@ class GravityTilt(Effect):
 
     MuJoCo: ``opt.gravity``.
     """
+
+    clause = "the base or the table is tilted about the grasp axis by {angle}"
 
     needs_object = False
 

@@ -43,6 +43,8 @@ class CommandDelay(Effect):
     command does not depend on when.
     """
 
+    clause = "{t} act{s} on commands {seconds} later than in the simulator"
+
     signal_only = True
 
     seconds = parameter("s", identity=0.0, default=0.03, bounds=(0.0, 0.2))
@@ -79,6 +81,8 @@ class DroppedCommands(Effect):
     Source: chosen.
     """
 
+    clause = "{probability%} of the commands to {t} are lost"
+
     signal_only = True
     by_chance = True
 
@@ -110,6 +114,8 @@ class CommandLag(Effect):
     MuJoCo: ``dyntype="filterexact"`` filters an actuator's control; an integrating servo has no room for a second
     state.
     """
+
+    clause = "the commands to {t} pass a lag of {time_constant}"
 
     signal_only = True
 
@@ -156,6 +162,8 @@ class RateLimit(Effect):
 
     MuJoCo: ``slewmax`` of a ``pid`` actuator.
     """
+
+    clause = "the set point of {t} moves no faster than {velocity}"
 
     needs_servo = True
 
@@ -269,6 +277,8 @@ class CommandDeadband(Stepping):
     Source: force_vs_displacement; llach/learning_fc sends no command below 0.3 mm.
     """
 
+    clause = "{t} ignore{s} changes of the set point below {width}[, looked at every {period}]"
+
     needs_servo = True
 
     signal_only = True
@@ -295,6 +305,8 @@ class CommandQuantization(Stepping):
 
     Source: so101.
     """
+
+    clause = "the set point of {t} is rounded to steps of {step}[ every {period}]"
 
     needs_servo = True
 

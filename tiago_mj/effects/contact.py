@@ -35,6 +35,8 @@ class ContactStiffness(Effect):
     MuJoCo: ``pair_solref`` in its direct format, with the stiffness in N/m by the exact law (docs/compliance.md).
     """
 
+    clause = "the contact of pad and object is {factor} times as stiff as in the simulator"
+
     factor = parameter("-", identity=1.0, default=0.3, bounds=(0.05, 6.0))
 
     def contact_factors(self, factors: Array, now: Now) -> Array:
@@ -57,6 +59,8 @@ class ContactDamping(Effect):
 
     MuJoCo: ``pair_solref`` (docs/compliance.md).
     """
+
+    clause = "the contact of pad and object is {factor} times as damped as in the simulator"
 
     factor = parameter("-", identity=1.0, default=4.0, bounds=(0.05, 12.0))
 
@@ -85,6 +89,8 @@ class ContactInertia(Effect):
     MuJoCo: the impedance of ``pair_solimp``, with ``pair_solref`` for unchanged stiffness and damping.
     """
 
+    clause = "the contact of pad and object has {factor} times the simulator's virtual mass"
+
     nameable = False
 
     factor = parameter("-", identity=1.0, default=0.5, bounds=(0.05, 4.0))
@@ -110,6 +116,8 @@ class ContactFriction(Effect):
     MuJoCo: ``pair_friction``.
     """
 
+    clause = "the sliding friction of pad and object is {factor} times the simulator's"
+
     factor = parameter("-", identity=1.0, default=0.3, bounds=(0.05, 4.0))
 
     def change(self, now: Now) -> None:
@@ -133,6 +141,9 @@ class ObjectSize(Effect):
 
     MuJoCo: ``geom_size`` with its bounding volumes; the mass stays.
     """
+
+    clause = "the object is larger by {radius} on each side than was said"
+    clause_less = "the object is smaller by {radius} on each side than was said"
 
     takes_from = "object_half_width"
 
@@ -171,6 +182,9 @@ class ObjectOffset(Effect):
     MuJoCo: ``qpos`` of the object's free joint at the start.
     """
 
+    clause = "the object stands {distance} nearer to the left finger than was said"
+    clause_less = "the object stands {distance} nearer to the right finger than was said"
+
     distance = parameter("m", identity=0.0, default=0.005, bounds=(-0.02, 0.02))
 
     def place(self, now: Now) -> None:
@@ -195,6 +209,8 @@ class ObjectMass(Effect):
 
     MuJoCo: ``body_mass``, ``body_inertia``; the contact's stiffness is kept.
     """
+
+    clause = "the object has {factor} times the mass that was said"
 
     factor = parameter("-", identity=1.0, default=2.0, bounds=(0.1, 8.0))
 

@@ -64,6 +64,10 @@ TAKEN_FROM: Final = {
     "object_half_width": "object",
 }
 
+#: What agrees with the targets in :attr:`Effect.clause`.
+GRAMMAR: Final = ("t", "s", "is", "has")
+#: What is so of one effect, and not of those that are built on it.
+NOT_INHERITED: Final = ("clause", "clause_less")
 #: Hooks that any effect may have, beside those whose arrays have the shape of its targets.
 COMMON_HOOKS: Final = ("start", "change", "place", "model_attributes")
 HOOKS: Final = {
@@ -102,6 +106,15 @@ class Effect:
     parameters: ClassVar[Mapping[str, Parameter]]
     forms: ClassVar[Mapping[str, Form]]
     details: ClassVar[Mapping[str, Detail]]
+    #: What is different about the robot, as a report tells a reader who has never seen the effect's name: a clause in
+    #: which ``{p}`` is the parameter p with unit and interval, ``{p%}`` the same in per cent, ``{t}`` the targets, and
+    #: ``{s}``, ``{is}`` and ``{has}`` agree with them. What stands in brackets is left out where the parameter in it is
+    #: 0. Empty: it is told by its name.
+    clause: ClassVar[str] = ""
+    #: The same where the first parameter is negative, which is then written without its sign.
+    clause_less: ClassVar[str] = ""
+    #: Whom the clause speaks of where the effect is given to all its targets; empty: every one of them.
+    subject: ClassVar[str] = ""
     #: Real effects have not quite the form that is declared of them: they may differ by this share of what they change.
     #: Without it the rest of a large effect is taken for another one.
     form_known_to: ClassVar[float] = 0.03
@@ -265,6 +278,9 @@ def effect(name: str, *, stage: str, targets: str, gap_class: str | None = None)
         declared.details = {key: value for key, value in inherited.items() if isinstance(value, Detail)}
         _check_hooks(name, declared, stage, targets)
         _check_taken(name, declared.takes_from, targets, next(iter(parameters.values())))
+        for key in NOT_INHERITED:
+            setattr(declared, key, vars(declared).get(key, getattr(Effect, key)))
+        _check_clauses(name, declared, (*parameters, *GRAMMAR))
         declared.name, declared.stage, declared.targets = name, stage, targets
         declared.gap_class = gap_class or name
         declared.parameters = parameters
@@ -301,6 +317,18 @@ def _check_parameters(name: str, parameters: Mapping[str, Parameter]) -> None:
             f"effect {name!r} has {len(switches)} parameters with an identity: give one to the parameter that switches "
             "the effect off, None to the others"
         )
+
+
+def _check_clauses(name: str, declared: type[Effect], known: Sequence[str]) -> None:
+    for said in (declared.clause, declared.clause_less):
+        for field in re.findall(r"{(.*?)%?}", said):
+            if field not in known:
+                raise ValueError(
+                    f"effect {name!r}: its clause {said!r} has {{{field}}}: use one of "
+                    f"{', '.join(f'{{{one}}}' for one in known)}"
+                )
+    if declared.clause_less and not declared.clause:
+        raise ValueError(f"effect {name!r} has a clause_less and no clause: give both, or the clause alone")
 
 
 def _check_taken(name: str, taken: str | None, targets: str, first: Parameter) -> None:

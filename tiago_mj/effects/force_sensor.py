@@ -34,6 +34,8 @@ class PadCreep(Effect):
     Source: chosen.
     """
 
+    clause = "{fraction%} of the force on {t} fades under load with a time constant of {time_constant}"
+
     signal_only = True
 
     fraction = parameter("-", identity=0.0, default=0.2, bounds=(0.0, 0.8), possible=(0.0, 1.0))
@@ -64,6 +66,8 @@ class ForceCrosstalk(Effect):
     Source: chosen.
     """
 
+    clause = "{ratio%} of the other finger's force appears in the readings of {t}"
+
     signal_only = True
 
     ratio = parameter("-", identity=0.0, default=0.1, bounds=(-0.6, 0.6))
@@ -86,6 +90,8 @@ class ForceGain(Effect):
 
     Source: force_vs_displacement.
     """
+
+    clause = "the gain of {t} is {factor} times the nominal one"
 
     signal_only = True
 
@@ -110,6 +116,8 @@ class ForceNonlinearity(Effect):
     Source: chosen.
     """
 
+    clause = "the curve of {t} bends by {quadratic}"
+
     signal_only = True
 
     quadratic = parameter("1/sensor unit", identity=0.0, default=0.1, bounds=(-0.3, 1.0))
@@ -133,6 +141,8 @@ class ForceHysteresis(Effect):
 
     Source: chosen.
     """
+
+    clause = "loading and unloading of {t} differ by {width}"
 
     signal_only = True
 
@@ -162,6 +172,8 @@ class ForceDeadZone(Effect):
     Source: force_vs_displacement, where the command's dead band explains it as well.
     """
 
+    clause = "{t} read{s} zero below {width}, and less by that much above"
+
     signal_only = True
 
     width = parameter(UNITS, identity=0.0, default=0.08, bounds=(0.0, 0.8))
@@ -184,6 +196,8 @@ class ForceDrift(Effect):
 
     Source: chosen.
     """
+
+    clause = "the zero of {t} drifts by {rate}"
 
     signal_only = True
 
@@ -208,6 +222,8 @@ class ForceBias(Effect):
     Source: chosen.
     """
 
+    clause = "the readings of {t} are off by {offset}"
+
     signal_only = True
 
     offset = parameter(UNITS, identity=0.0, default=0.1, bounds=(-1.0, 1.0))
@@ -230,6 +246,8 @@ class ForceLag(Effect):
 
     Source: chosen.
     """
+
+    clause = "the readings of {t} pass a lag of {time_constant}"
 
     signal_only = True
 
@@ -260,6 +278,8 @@ class ForceSaturation(Effect):
     MuJoCo: a sensor's ``cutoff``.
     """
 
+    clause = "the readings of {t} go no higher than {limit}"
+
     signal_only = True
 
     limit = parameter(UNITS, identity=np.inf, default=0.8, bounds=(0.05, 3.0))
@@ -285,6 +305,8 @@ class ForceNoise(Effect):
     MuJoCo: a sensor's ``noise`` is stored and not applied; it is drawn by the load cell.
     """
 
+    clause = "the noise of {t} is {factor} times the nominal one"
+
     signal_only = True
     by_chance = True
 
@@ -308,6 +330,8 @@ class ForceQuantization(Effect):
 
     Source: chosen.
     """
+
+    clause = "the readings of {t} are rounded to steps of {step}"
 
     signal_only = True
     rounds = "force"
@@ -334,6 +358,8 @@ class ForceDelay(Effect):
 
     MuJoCo: a sensor's ``delay``.
     """
+
+    clause = "the readings of {t} come {seconds} late"
 
     signal_only = True
 
@@ -362,6 +388,8 @@ class ForceDropout(Effect):
 
     MuJoCo: a sensor's ``interval`` repeats regularly, not at random.
     """
+
+    clause = "{probability%} of the readings of {t} are missed"
 
     signal_only = True
     by_chance = True

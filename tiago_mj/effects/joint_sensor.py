@@ -26,6 +26,8 @@ class EncoderBias(Effect):
     Source: chosen.
     """
 
+    clause = "the position readings of {t} are off by {offset}"
+
     signal_only = True
 
     offset = parameter(LENGTH, identity=0.0, default=0.001, bounds=((-0.01, 0.01), (-0.2, 0.2)))
@@ -51,6 +53,8 @@ class EncoderScale(Effect):
 
     Source: chosen.
     """
+
+    clause = "the position readings of {t} are {factor} times the true ones"
 
     signal_only = True
 
@@ -81,6 +85,8 @@ class EncoderQuantization(Effect):
     Source: so101.
     """
 
+    clause = "the position readings of {t} are rounded to steps of {step}"
+
     signal_only = True
     rounds = "position"
 
@@ -104,6 +110,8 @@ class VelocityFilter(Effect):
 
     Source: chosen.
     """
+
+    clause = "the reported velocity of {t} passes a low-pass of {time_constant}"
 
     signal_only = True
 

@@ -25,6 +25,9 @@ class ClockOffset(Effect):
     MuJoCo: a sensor's ``delay`` shifts that sensor alone; here one delay line holds every measured channel.
     """
 
+    clause = "the measured channels are stamped {seconds} late"
+    clause_less = "the measured channels are stamped {seconds} early"
+
     signal_only = True
 
     seconds = parameter("s", identity=0.0, default=0.03, bounds=(0.0, 0.2))
@@ -58,6 +61,9 @@ class ClockSkew(Effect):
 
     MuJoCo: each simulation has its own ``opt.timestep``.
     """
+
+    clause = "the recorder's clock runs {rate%} fast"
+    clause_less = "the recorder's clock runs {rate%} slow"
 
     rate = parameter("-", identity=0.0, default=0.005, bounds=(-0.05, 0.05), possible=(-0.9, 9.0))
 

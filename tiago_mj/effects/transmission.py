@@ -107,6 +107,8 @@ class VelocityLimit(Effect):
     Source: pal_gripper; the share is chosen.
     """
 
+    clause = "{t} move{s} no faster than {velocity}"
+
     velocity = parameter(SPEED, identity=np.inf, default=0.5, bounds=(0.05, 1.0), nominal="velocity")
 
     def change(self, now: Now) -> None:
@@ -162,6 +164,9 @@ class CoulombFriction(Effect):
     ones let a joint creep back within 0.5 s.
     """
 
+    clause = "{t} {has} {force} of Coulomb friction that the simulator lacks"
+    clause_less = "{t} {has} {force} less Coulomb friction than the simulator"
+
     takes_from = "frictionloss"
 
     form_known_to = DRY
@@ -192,6 +197,9 @@ class ViscousFriction(Effect):
     MuJoCo: ``dof_damping``.
     """
 
+    clause = "{t} {has} {damping} of viscous friction that the simulator lacks"
+    clause_less = "{t} {has} {damping} less viscous friction than the simulator"
+
     takes_from = "damping"
 
     damping = parameter(DAMPING, identity=0.0, default=(40.0, 5.0), bounds=((-80.0, 400.0), (-1.0, 60.0)))
@@ -218,6 +226,8 @@ class StribeckFriction(Effect):
     MuJoCo: ``lugre`` of a ``dcmotor`` holds a Stribeck curve; here ``dof_frictionloss`` is renewed in every physics
     step.
     """
+
+    clause = "{t} {has} {static} of breakaway friction, gone above {velocity}, that the simulator lacks"
 
     form_known_to = FALLING
     static = parameter(FORCE, identity=0.0, default=3.0, bounds=(0.0, 12.0))
@@ -247,6 +257,8 @@ class LoadDependentFriction(Effect):
 
     MuJoCo: none; ``dof_frictionloss`` is renewed in every physics step.
     """
+
+    clause = "{t} {has} friction of {coefficient} times the transmitted force"
 
     form_known_to = DRY
     coefficient = parameter("-", identity=0.0, default=0.15, bounds=(0.0, 0.8))
@@ -289,6 +301,9 @@ class AsymmetricFriction(Effect):
     they hold a joint at rest as each direction does.
     """
 
+    clause = "the dry friction of {t} is larger by {force} in the positive direction"
+    clause_less = "the dry friction of {t} is larger by {force} in the negative direction"
+
     form_known_to = DRY
     force = parameter(FORCE, identity=0.0, default=2.0, bounds=(-10.0, 10.0))
 
@@ -324,6 +339,8 @@ class Backlash(Effect):
     MuJoCo: none; a second joint with a gap would do it at the price of one more degree of freedom. Here the difference
     to the servo's own force is a bias of the actuator, ``actuator_biasprm``.
     """
+
+    clause = "{t} {has} {width} of play that the simulator lacks"
 
     needs_servo = True
 
@@ -403,6 +420,8 @@ class JointElasticity(Effect):
     a bias of the actuator, ``actuator_biasprm``; the resonance with the motor's mass is there where that is given.
     """
 
+    clause = "{t} {is} driven through a spring of {stiffness}"
+
     needs_servo = True
 
     stiffness = parameter(
@@ -479,6 +498,9 @@ class Armature(Effect):
     MuJoCo: ``dof_armature``.
     """
 
+    clause = "{t} {has} {mass} of reflected inertia that the simulator lacks"
+    clause_less = "{t} {has} {mass} less reflected inertia than the simulator"
+
     takes_from = "inertia"
 
     _least: Array | None = None
@@ -514,6 +536,8 @@ class CouplingError(Effect):
 
     MuJoCo: an ``equality/joint`` couples positions rigidly; here it is the set points.
     """
+
+    clause = "{ratio%} of the neighbouring joint's motion appears on {t}"
 
     fewest_targets = 2
 

@@ -8,8 +8,7 @@ import re
 from collections.abc import Mapping, Sequence
 from typing import Final
 
-from tiago_mj.effects import EFFECTS
-from tiago_mj.gap.report.clauses import CLAUSES, LESS
+from tiago_mj.effects import EFFECTS, Effect
 from tiago_mj.gap.result import Explanation, Named, Value
 from tiago_mj.io.quantities import bare, fixed, number, quantity, scaled
 from tiago_mj.models import names
@@ -137,8 +136,8 @@ def whom(effect: Named) -> tuple[str, bool]:
     declared = EFFECTS.get(effect.name)
     kind = declared.targets if declared else "joint"
     if effect.target == "all":
-        if effect.name == "payload":
-            return "the tool", False
+        if declared and declared.subject:
+            return declared.subject, False
         return PARTS[kind][1], kind == "sensor"
     several = (effect.target,) if isinstance(effect.target, str) else effect.target
     if set(several) == set(names.FINGERS):
@@ -175,19 +174,16 @@ def together(effects: Sequence[Named]) -> list[Named]:
 
 def clause(effect: Named) -> str:
     """What an effect says about the robot, as a clause that begins with a small letter."""
-    template = CLAUSES.get(effect.name)
-    parameters = effect.parameters
+    declared, parameters = EFFECTS.get(effect.name, Effect), effect.parameters
     first = next(iter(parameters.values()), None)
-    less = first is not None and first.value < 0 and effect.name in LESS
-    if less:
-        template = LESS[effect.name]
-    if template is not None:
-        template = re.sub(r"\[(.*?{(\w+)}.*?)\]", lambda part: _if_present(part, parameters), template)
-    fields = re.findall(r"{(\w+)(?:%)?}", template or "")
+    less = first is not None and first.value < 0 and declared.clause_less != ""
+    template = declared.clause_less if less else declared.clause
+    template = re.sub(r"\[(.*?{(\w+)}.*?)\]", lambda part: _if_present(part, parameters), template)
+    fields = re.findall(r"{(\w+)(?:%)?}", template)
     subject, several = whom(effect)
     grammar = {"t": subject, "s": "" if several else "s", "has": "have" if several else "has"}
     grammar["is"] = "are" if several else "is"
-    if template is None or any(field not in grammar and field not in parameters for field in fields):
+    if not template or any(field not in grammar and field not in parameters for field in fields):
         shown = ", ".join(f"{key} {amount(value)}" for key, value in parameters.items())
         return f"there is {label(effect)}{f' ({shown})' if shown else ''}"
 
@@ -198,8 +194,7 @@ def clause(effect: Named) -> str:
         return amount(parameters[key], share=found.group(2) == "%", flip=less and parameters[key] is first)
 
     said = re.sub(r"{(\w+)(%?)}", fill, template)
-    details = EFFECTS[effect.name].details if effect.name in EFFECTS else {}
-    where = ", ".join(f"{key} {amount(parameters[key])}" for key in details if key in parameters)
+    where = ", ".join(f"{key} {amount(parameters[key])}" for key in declared.details if key in parameters)
     return f"{said}, at {where}" if where else said
 
 
