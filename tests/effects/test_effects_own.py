@@ -13,9 +13,10 @@ from effects_bench import GRIPPER, QUIET, batch_rollout, gripper_actions, make, 
 
 from tiago_mj.cli import main
 from tiago_mj.effects import EFFECTS, Effect, effect, parameter, read_effects
-from tiago_mj.effects.contact import ContactStiffness
+from tiago_mj.effects.contact import ContactFriction, ContactStiffness
+from tiago_mj.effects.fields import known_to
 from tiago_mj.effects.force_sensor import ForceGain
-from tiago_mj.gap.inference.hypotheses import candidates
+from tiago_mj.gap.inference.hypotheses import candidates, terms
 from tiago_mj.gap.pipeline import diagnose
 from tiago_mj.gap.simulation.plant import plant_of
 from tiago_mj.recordings.read import read_recordings
@@ -125,6 +126,7 @@ def test_a_declaration_can_build_on_another(readme):
     assert list(SteadyGain.parameters) == ["factor"]
     assert (ForceGain.name, SteadyGain.name) == ("force_gain", "steady_gain")
     assert SteadyGain.clause == "", "a report does not call it a gain"
+    assert SteadyGain.nominal_prior is None, "the cell's gain is one number of the nominal model"
     r = rollout({"steady_gain": {"factor": 2.0}}, np.zeros((3, 2)), sensing=QUIET)
     np.testing.assert_allclose(r.reading, 0.01)
 
@@ -264,6 +266,11 @@ BAD = {
         r"its clause '\{t\} \{has\} \{size\} of it' has \{size\}: use one of \{amount\}, \{t\}",
     ),
     "less alone": ({}, {"amount": AMOUNT, "clause_less": "{t} lack{s} {amount}"}, r"give both, or the clause alone"),
+    "prior of a limit": (
+        {},
+        {"amount": AMOUNT, "nominal_prior": known_to(0.04, share_of="limit")},
+        r"'own' has a nominal_prior with share_of='limit': of its first parameter use None or 'inertia'",
+    ),
     "nothing": ({}, {"hook": None, "amount": AMOUNT}, r"'own' does nothing: give it one of start, change"),
     "unreachable": (
         {"targets": "sensor"},
@@ -298,6 +305,26 @@ def test_what_is_no_effect_is_refused():
         effect(**GOOD)(type("One", (), {"amount": AMOUNT}))
     with pytest.raises(ValueError, match=r"give units, defaults and bounds \(low, high\) once, or as a pair of each"):
         parameter("N", identity=0.0, default=1.0, bounds=(0.0, 1.0, 2.0))
+
+
+@pytest.mark.parametrize("deviation", [-0.1, (0.1, np.inf)])
+def test_a_prior_has_a_positive_deviation(deviation):
+    with pytest.raises(ValueError, match="give positive deviations"):
+        known_to(deviation)
+
+
+def test_a_number_of_the_nominal_model_that_an_own_effect_changes_is_adjusted_beside_every_explanation(tmp_path):
+    @effect("pad_friction", stage="contact", targets="object")
+    class PadFriction(ContactFriction):
+        """Friction of pads alone."""
+
+        nominal_prior = known_to(0.2)
+
+    assert main(["record", "--env", GRIPPER, "--policy", "pi", "--episodes", "1", "--out", str(tmp_path)]) == 0
+    adjusted = terms(plant_of(read_recordings([tmp_path]).trials))
+    own = adjusted[-1]
+    assert (own.effect, own.parameter, own.deviation) == (PadFriction.name, "factor", 0.2)
+    assert [term.effect for term in adjusted].count("contact_friction") == 1
 
 
 def test_an_effect_of_another_name_is_still_unknown(readme):

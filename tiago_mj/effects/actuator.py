@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tiago_mj.effects.declare import Array, Effect, effect
-from tiago_mj.effects.fields import detail, parameter
+from tiago_mj.effects.fields import detail, known_to, parameter
 from tiago_mj.effects.now import Now
 from tiago_mj.effects.servo import Servo
 
@@ -83,6 +83,7 @@ class ServoStiffness(Effect):
     """
 
     clause = "the position gain of {t} is {factor} times the nominal one"
+    nominal_prior = known_to(0.04)
 
     needs_servo = True
 
@@ -111,6 +112,7 @@ class ServoDamping(Effect):
 
     clause = "the servo of {t} has {damping} of damping that the simulator lacks"
     clause_less = "the servo of {t} has {damping} less damping than the simulator's"
+    nominal_prior = known_to(0.04, share_of="stock")
 
     takes_from = "servo_damping"
 
@@ -156,6 +158,7 @@ class ForceLimit(Effect):
     """
 
     clause = "the force of {t} saturates at {limit}"
+    nominal_prior = known_to(0.04, share_of="limit")
 
     limit = parameter(FORCE, identity=np.inf, default=0.4, bounds=(0.02, 1.0), nominal="effort")
 

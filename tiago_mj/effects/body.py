@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from tiago_mj.effects.declare import Array, Effect, effect
-from tiago_mj.effects.fields import detail, parameter
+from tiago_mj.effects.fields import detail, known_to, parameter
 from tiago_mj.effects.now import Now
 
 #: How far from the tool's centre of mass a payload is sought [m].
@@ -65,6 +65,7 @@ class Payload(Effect):
     subject = "the tool"
     clause = "{t} carries {mass} that the simulator lacks"
     clause_less = "{t} carries {mass} less than in the simulator"
+    nominal_prior = known_to(0.04, share_of="stock")
 
     common = True
 

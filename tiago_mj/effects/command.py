@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from tiago_mj.effects.declare import Array, Effect, effect
-from tiago_mj.effects.fields import detail, form, parameter
+from tiago_mj.effects.fields import detail, form, known_to, parameter
 from tiago_mj.effects.memory import Conveyor, Held, HeldLowPass, InARow
 from tiago_mj.effects.now import Now
 
@@ -44,6 +44,7 @@ class CommandDelay(Effect):
     """
 
     clause = "{t} act{s} on commands {seconds} later than in the simulator"
+    nominal_prior = known_to(1e-3, each=False)
 
     signal_only = True
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tiago_mj.effects.declare import Array, Effect, effect
-from tiago_mj.effects.fields import parameter
+from tiago_mj.effects.fields import known_to, parameter
 from tiago_mj.effects.now import Now
 from tiago_mj.models import compliance
 
@@ -36,6 +36,8 @@ class ContactStiffness(Effect):
     """
 
     clause = "the contact of pad and object is {factor} times as stiff as in the simulator"
+    #: Fits of eight grasps without an effect (blind check, seed 11) moved it by 4 % (rms).
+    nominal_prior = known_to(0.05)
 
     factor = parameter("-", identity=1.0, default=0.3, bounds=(0.05, 6.0))
 
@@ -61,6 +63,9 @@ class ContactDamping(Effect):
     """
 
     clause = "the contact of pad and object is {factor} times as damped as in the simulator"
+    #: A grasp hardly shows it: fits of eight grasps without an effect (blind check, seed 11) moved it by 17 % (rms), in
+    #: one by 45 %, which got a name where the deviation was 10 %.
+    nominal_prior = known_to(0.15)
 
     factor = parameter("-", identity=1.0, default=4.0, bounds=(0.05, 12.0))
 
@@ -90,6 +95,8 @@ class ContactInertia(Effect):
     """
 
     clause = "the contact of pad and object has {factor} times the simulator's virtual mass"
+    #: Every simulator's contacts carry another: impedances of 0.35 and 0.65 are 0.54 and 1.9 times that of 0.5.
+    nominal_prior = known_to(0.5)
 
     nameable = False
 
@@ -117,6 +124,8 @@ class ContactFriction(Effect):
     """
 
     clause = "the sliding friction of pad and object is {factor} times the simulator's"
+    #: Fits of eight grasps without an effect (blind check, seed 11) moved it by 6 % (rms).
+    nominal_prior = known_to(0.07)
 
     factor = parameter("-", identity=1.0, default=0.3, bounds=(0.05, 4.0))
 
@@ -144,6 +153,7 @@ class ObjectSize(Effect):
 
     clause = "the object is larger by {radius} on each side than was said"
     clause_less = "the object is smaller by {radius} on each side than was said"
+    nominal_prior = known_to(1.5e-4)
 
     takes_from = "object_half_width"
 
@@ -184,6 +194,8 @@ class ObjectOffset(Effect):
 
     clause = "the object stands {distance} nearer to the left finger than was said"
     clause_less = "the object stands {distance} nearer to the right finger than was said"
+    #: An object is placed to about a millimetre.
+    nominal_prior = known_to(4e-4, per_trial=True)
 
     distance = parameter("m", identity=0.0, default=0.005, bounds=(-0.02, 0.02))
 
@@ -211,6 +223,8 @@ class ObjectMass(Effect):
     """
 
     clause = "the object has {factor} times the mass that was said"
+    #: Fits of eight grasps without an effect (blind check, seed 11) moved it by 2 % (rms).
+    nominal_prior = known_to(0.05)
 
     factor = parameter("-", identity=1.0, default=2.0, bounds=(0.1, 8.0))
 

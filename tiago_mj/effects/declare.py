@@ -35,7 +35,7 @@ from typing import TYPE_CHECKING, ClassVar, Final, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from tiago_mj.effects.fields import Detail, Form, Parameter
+from tiago_mj.effects.fields import Detail, Form, NominalPrior, Parameter
 
 if TYPE_CHECKING:
     from tiago_mj.effects.now import Now
@@ -67,7 +67,7 @@ TAKEN_FROM: Final = {
 #: What agrees with the targets in :attr:`Effect.clause`.
 GRAMMAR: Final = ("t", "s", "is", "has")
 #: What is so of one effect, and not of those that are built on it.
-NOT_INHERITED: Final = ("clause", "clause_less")
+NOT_INHERITED: Final = ("clause", "clause_less", "nominal_prior")
 #: Hooks that any effect may have, beside those whose arrays have the shape of its targets.
 COMMON_HOOKS: Final = ("start", "change", "place", "model_attributes")
 HOOKS: Final = {
@@ -135,6 +135,10 @@ class Effect:
     #: What of the nominal model a negative first parameter takes away, and at most all of it, by its name in
     #: :data:`tiago_mj.effects.nominal.STOCKS`; None where it takes nothing.
     takes_from: ClassVar[str | None] = None
+    #: How well the nominal model's own number is known that the first parameter changes: every explanation of a gap may
+    #: adjust it, and the effect is named only where it goes beyond. A model's numbers are known to about 4 % where
+    #: nothing says more. None: it has none, or that is known exactly.
+    nominal_prior: ClassVar[NominalPrior | None] = None
     #: Whether what it does is drawn at random: no simulation repeats it, so that known as it is it closes no gap.
     by_chance: ClassVar[bool] = False
     #: Hooks that have something to do only where a detail of that name is given.
@@ -276,10 +280,11 @@ def effect(name: str, *, stage: str, targets: str, gap_class: str | None = None)
         _check_parameters(name, parameters)
         declared.forms = {key: value for key, value in inherited.items() if isinstance(value, Form)}
         declared.details = {key: value for key, value in inherited.items() if isinstance(value, Detail)}
-        _check_hooks(name, declared, stage, targets)
-        _check_taken(name, declared.takes_from, targets, next(iter(parameters.values())))
         for key in NOT_INHERITED:
             setattr(declared, key, vars(declared).get(key, getattr(Effect, key)))
+        _check_hooks(name, declared, stage, targets)
+        _check_taken(name, declared.takes_from, targets, next(iter(parameters.values())))
+        _check_prior(name, declared, targets, next(iter(parameters.values())))
         _check_clauses(name, declared, (*parameters, *GRAMMAR))
         declared.name, declared.stage, declared.targets = name, stage, targets
         declared.gap_class = gap_class or name
@@ -339,6 +344,24 @@ def _check_taken(name: str, taken: str | None, targets: str, first: Parameter) -
         raise ValueError(f"effect {name!r} has takes_from={taken!r}: with targets={targets!r} use {possible}")
     if first.identity != 0.0:
         raise ValueError(f"effect {name!r} has takes_from={taken!r}: only an addition, of identity 0, can take away")
+
+
+def _check_prior(name: str, declared: type[Effect], targets: str, first: Parameter) -> None:
+    prior = declared.nominal_prior
+    if prior is None:
+        return
+    possible = {
+        None: first.identity in (0.0, 1.0),
+        "stock": declared.takes_from is not None,
+        "inertia": targets == "joint" and first.identity == 0.0,
+        "limit": first.nominal is not None,
+    }
+    if not possible[prior.share_of]:
+        fitting = [repr(share) for share, fits in possible.items() if fits]
+        raise ValueError(
+            f"effect {name!r} has a nominal_prior with share_of={prior.share_of!r}: of its first parameter use "
+            f"{' or '.join(fitting) or 'no nominal_prior'}"
+        )
 
 
 def _check_hooks(name: str, declared: type[Effect], stage: str, targets: str) -> None:

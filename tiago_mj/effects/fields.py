@@ -1,9 +1,9 @@
-"""What a declaration says in numbers: parameters, forms and details, as fields of the effect's class."""
+"""What a declaration says in numbers: parameters, forms, details and priors, as fields of the effect's class."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 
 @dataclass(frozen=True)
@@ -102,3 +102,39 @@ class Detail:
 def detail(unit: str, bounds: tuple[float, float], *, sought: bool = True) -> Any:
     """Declare in an effect's body a number that says more of it; see :class:`Detail`."""
     return Detail(unit, bounds, sought=sought)
+
+
+#: Of what a prior's deviation may be a share: of what the nominal model has of it (``takes_from``), of the inertia that
+#: a joint moves at the start of a recording, or of the nominal limit in which the parameter is stated.
+SHARES: Final = ("stock", "inertia", "limit")
+
+
+@dataclass(frozen=True)
+class NominalPrior:
+    """How well the number of the nominal model is known that an effect's first parameter changes: a normal prior.
+
+    Attributes:
+        deviation: (slide, hinge), one standard deviation, in the parameter's unit, of a factor of its logarithm; of
+            ``share_of`` where that is given.
+        share_of: one of :data:`SHARES`, or None.
+        each: whether every target has its own.
+        per_trial: whether every trial has its own.
+    """
+
+    deviation: tuple[float, float]
+    share_of: str | None = None
+    each: bool = True
+    per_trial: bool = False
+
+
+def known_to(
+    deviation: float | tuple[float, float], *, share_of: str | None = None, each: bool = True, per_trial: bool = False
+) -> NominalPrior:
+    """Declare in an effect's body how well the nominal model's own number is known; see :class:`NominalPrior`."""
+    pair = deviation if isinstance(deviation, tuple) else (deviation, deviation)
+    if share_of not in (None, *SHARES) or not all(0 < one < float("inf") for one in pair):
+        raise ValueError(
+            f"a nominal number known to {deviation}, share_of={share_of!r}: give positive deviations, once or (slide, "
+            f"hinge), and share_of={', '.join(map(repr, SHARES))} or None"
+        )
+    return NominalPrior(pair, share_of, each, per_trial)

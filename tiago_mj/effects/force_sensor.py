@@ -8,7 +8,7 @@ import numpy as np
 
 from tiago_mj.effects.command import rounded
 from tiago_mj.effects.declare import Array, Effect, effect
-from tiago_mj.effects.fields import detail, form, parameter
+from tiago_mj.effects.fields import detail, form, known_to, parameter
 from tiago_mj.effects.memory import DelayLine, Held, InARow, LowPass, Play
 from tiago_mj.effects.now import Now
 
@@ -92,6 +92,7 @@ class ForceGain(Effect):
     """
 
     clause = "the gain of {t} is {factor} times the nominal one"
+    nominal_prior = known_to(0.04)
 
     signal_only = True
 
@@ -223,6 +224,7 @@ class ForceBias(Effect):
     """
 
     clause = "the readings of {t} are off by {offset}"
+    nominal_prior = known_to(0.002)
 
     signal_only = True
 

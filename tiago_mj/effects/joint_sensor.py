@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from tiago_mj.effects.command import rounded
 from tiago_mj.effects.declare import Array, Effect, effect
-from tiago_mj.effects.fields import form, parameter
+from tiago_mj.effects.fields import form, known_to, parameter
 from tiago_mj.effects.memory import InARow, LowPass
 from tiago_mj.effects.now import Now
 
@@ -27,6 +27,7 @@ class EncoderBias(Effect):
     """
 
     clause = "the position readings of {t} are off by {offset}"
+    nominal_prior = known_to((2e-5, 5e-4))
 
     signal_only = True
 

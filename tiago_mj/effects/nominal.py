@@ -93,6 +93,23 @@ def removable(declared: type[Effect], model: mujoco.MjModel, wiring: Wiring, ind
     return max(STOCKS[declared.takes_from].amount(model, wiring, index), 0.0)
 
 
+#: Order in which a fit has the numbers of the library: its sums depend on it in their last digit.
+ORDER: Final = (
+    *("servo_stiffness", "servo_damping", "viscous_friction", "coulomb_friction", "armature", "force_limit", "payload"),
+    *("contact_stiffness", "contact_damping", "contact_inertia", "contact_friction"),
+    *("object_mass", "object_size", "object_offset"),
+    *("force_gain", "force_bias", "encoder_bias", "command_delay"),
+)
+
+
+def known_to_some_percent() -> tuple[type[Effect], ...]:
+    """Effects that change a number of the nominal model which is known to a prior only (:attr:`Effect.nominal_prior`),
+    in the order of a fit; those that are not the library's come last."""
+    mine = [declared for declared in EFFECTS.values() if declared.nominal_prior is not None]
+    places = {name: place for place, name in enumerate(ORDER)}
+    return tuple(sorted(mine, key=lambda declared: places.get(declared.name, len(places))))
+
+
 def check_entries(entries: Sequence[Entry], model: mujoco.MjModel, wiring: Wiring) -> None:
     """Refuse what a user gave where it cannot be meant of this model: sizes that are a slip of the unit, and more
     taken away than there is. What a diagnosis found is not questioned.

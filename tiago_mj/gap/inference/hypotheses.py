@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tiago_mj.effects import EFFECTS
-from tiago_mj.effects.nominal import STOCKS, removable
+from tiago_mj.effects.nominal import STOCKS, known_to_some_percent, removable
 from tiago_mj.effects.spec import Entry
 from tiago_mj.gap.simulation.plant import Plant
 from tiago_mj.gap.simulation.sizes import Size
@@ -42,56 +42,6 @@ FORM_COMPENSATION: Final = 0.5
 #: Number of values of a second parameter that recordings can distinguish; its logarithm is the prior penalty for having
 #: chosen one. Chosen by hand; no ablation.
 SECOND_PARAMETER_VALUES: Final = 10
-
-
-@dataclass(frozen=True)
-class Nuisance:
-    """One number of the nominal model and how well it is known.
-
-    Attributes:
-        effect, parameter: what changes it.
-        deviation: (slide, hinge), one standard deviation, in the parameter's unit, of a factor of its logarithm; of
-            ``relative`` where that is named.
-        relative: ``own``, ``inertia``, ``effort`` or ``tool``: the deviation is a share of what the nominal joint has
-            of it (:attr:`Effect.takes_from`), of that nominal value of the joint, or of the tool's mass.
-        each: whether every target has its own.
-        per_trial: whether every trial has its own (how the object was placed).
-    """
-
-    effect: str
-    parameter: str
-    deviation: tuple[float, float]
-    relative: str | None = None
-    each: bool = True
-    per_trial: bool = False
-
-
-#: A nominal model's numbers are known to about 5 %. Fits of eight simulated grasps without an effect (blind check, seed
-#: 11) moved contact stiffness by 4 % (rms), friction by 6, the object's mass by 2, and contact damping, which a grasp
-#: hardly shows, by 17, as far as 45 in one, which got a name where 10 were allowed. Beside payloads and links, of which
-#: each has its own, the inertia of a hinge was moved by 1 to 2 %. An object is placed to about a millimetre. What
-#: slides is known worse: publications differ by 17 % for a finger with its cell. Contacts of every simulator carry
-#: another virtual mass: impedances of 0.35 and 0.65 are 0.54 and 1.9 times that of 0.5.
-NUISANCES: Final = (
-    Nuisance("servo_stiffness", "factor", (0.04, 0.04)),
-    Nuisance("servo_damping", "damping", (0.04, 0.04), relative="own"),
-    Nuisance("viscous_friction", "damping", (0.04, 0.04), relative="own"),
-    Nuisance("coulomb_friction", "force", (0.04, 0.04), relative="own"),
-    Nuisance("armature", "mass", (0.35, 0.03), relative="inertia"),
-    Nuisance("force_limit", "limit", (0.04, 0.04), relative="effort"),
-    Nuisance("payload", "mass", (0.04, 0.04), relative="tool"),
-    Nuisance("contact_stiffness", "factor", (0.05, 0.05)),
-    Nuisance("contact_damping", "factor", (0.15, 0.15)),
-    Nuisance("contact_inertia", "factor", (0.5, 0.5)),
-    Nuisance("contact_friction", "factor", (0.07, 0.07)),
-    Nuisance("object_mass", "factor", (0.05, 0.05)),
-    Nuisance("object_size", "radius", (1.5e-4, 1.5e-4)),
-    Nuisance("object_offset", "distance", (4e-4, 4e-4), per_trial=True),
-    Nuisance("force_gain", "factor", (0.04, 0.04)),
-    Nuisance("force_bias", "offset", (0.002, 0.002)),
-    Nuisance("encoder_bias", "offset", (2e-5, 5e-4)),
-    Nuisance("command_delay", "seconds", (1e-3, 1e-3), each=False),
-)
 
 
 @dataclass(frozen=True)
@@ -388,29 +338,26 @@ def _default_terms(plant: Plant) -> tuple[Term, ...]:
     """Those of any nominal model."""
     out: list[Term] = []
     targets = plant.wiring.targets
-    for nuisance in NUISANCES:
-        declared = EFFECTS[nuisance.effect]
-        names = targets.names(declared.targets)
-        if not _possible(plant, nuisance.effect, names):
+    for declared in known_to_some_percent():
+        names, prior = targets.names(declared.targets), declared.nominal_prior
+        if prior is None or not _possible(plant, declared.name, names):
             continue
-        parameter = declared.parameters[nuisance.parameter]
-        single = declared.common or declared.targets in ("object", "clock") or not nuisance.each
+        parameter = next(p for p in declared.parameters.values() if p.identity is not None)
+        single = declared.common or declared.targets in ("object", "clock") or not prior.each
         for group in [None] if single else [(name,) for name in names]:
             index = 0 if group is None else names.index(group[0])
-            size = nuisance.deviation[0 if targets.slide(declared.targets, index) else 1]
+            size = prior.deviation[0 if targets.slide(declared.targets, index) else 1]
             base = parameter.identity
-            if nuisance.relative == "own":
+            if prior.share_of == "stock":
                 size *= removable(declared, plant.model, plant.wiring, index)
-            elif nuisance.relative == "tool":
-                size *= float(plant.model.body_mass[plant.wiring.tool])
-            elif nuisance.relative == "inertia":
+            elif prior.share_of == "inertia":
                 size *= _inertia(plant, index)
-            elif nuisance.relative == "effort":
-                base = targets.nominal("effort", "command", index)
+            elif prior.share_of == "limit" and parameter.nominal is not None:
+                base = targets.nominal(parameter.nominal, declared.targets, index)
                 size *= -base  # the response is of a tighter one, which is seen where the looser one is not yet
             if size and base is not None and np.isfinite(base):
                 low = -removable(declared, plant.model, plant.wiring, index)
-                out.append(Term(nuisance.effect, group, nuisance.parameter, base, size, nuisance.per_trial, low))
+                out.append(Term(declared.name, group, parameter.name, base, size, prior.per_trial, low))
     return tuple(out)
 
 

@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 #: What is this far behind in BIC is out: "very strong" evidence (Kass & Raftery 1995).
 HOPELESS: Final = 10.0
 #: What a nominal model's own numbers are known to, one standard deviation: a share of the motor's constant and of the
-#: joint's inertia (:data:`tiago_mj.gap.inference.hypotheses.NUISANCES`), and how level a base stands [rad]: a spirit
+#: joint's inertia (:attr:`tiago_mj.effects.Effect.nominal_prior`), and how level a base stands [rad]: a spirit
 #: level shows a tenth of a degree. A name is given beyond so many deviations.
 OWN: Final = {"torque_constant": 0.04, "armature": 0.03, "gravity_tilt": 0.002}
 OF_ALL: Final = ("gravity_tilt",)
