@@ -266,6 +266,11 @@ BAD = {
         r"its clause '\{t\} \{has\} \{size\} of it' has \{size\}: use one of \{amount\}, \{t\}",
     ),
     "less alone": ({}, {"amount": AMOUNT, "clause_less": "{t} lack{s} {amount}"}, r"give both, or the clause alone"),
+    "symptom": (
+        {},
+        {"amount": AMOUNT, "shows_as": "drift"},
+        r"shows_as 'drift': use one of grid, noise, repeats, rest",
+    ),
     "prior of a limit": (
         {},
         {"amount": AMOUNT, "nominal_prior": known_to(0.04, share_of="limit")},

@@ -64,10 +64,13 @@ TAKEN_FROM: Final = {
     "object_half_width": "object",
 }
 
+#: What readings show by themselves, whatever the motion: that they lie on a grid, how large their noise is, exact repeats
+#: of the one before, and what a load cell reads before anything is touched.
+SYMPTOMS: Final = ("grid", "noise", "repeats", "rest")
 #: What agrees with the targets in :attr:`Effect.clause`.
 GRAMMAR: Final = ("t", "s", "is", "has")
 #: What is so of one effect, and not of those that are built on it.
-NOT_INHERITED: Final = ("clause", "clause_less", "nominal_prior")
+NOT_INHERITED: Final = ("clause", "clause_less", "nominal_prior", "shows_as")
 #: Hooks that any effect may have, beside those whose arrays have the shape of its targets.
 COMMON_HOOKS: Final = ("start", "change", "place", "model_attributes")
 HOOKS: Final = {
@@ -124,6 +127,8 @@ class Effect:
     #: Kind of the readings (``position``, ``velocity`` or ``force``) that it rounds to a grid of its first parameter's
     #: step, and does nothing else to; None: none. A reading on a grid is compared with what was not rounded.
     rounds: ClassVar[str | None] = None
+    #: What readings show of it by themselves, and how large it is: one of :data:`SYMPTOMS`; empty: it is fitted.
+    shows_as: ClassVar[str] = ""
     #: Whether it is the same whichever of its targets it is given to, such as a mass at the tool that all joints feel.
     common: ClassVar[bool] = False
     #: Whether it changes what a servo does with its set point: a motor without a servo cannot have it.
@@ -283,6 +288,8 @@ def effect(name: str, *, stage: str, targets: str, gap_class: str | None = None)
         for key in NOT_INHERITED:
             setattr(declared, key, vars(declared).get(key, getattr(Effect, key)))
         _check_hooks(name, declared, stage, targets)
+        if declared.shows_as not in ("", *SYMPTOMS):
+            raise ValueError(f"effect {name!r} shows_as {declared.shows_as!r}: use one of {', '.join(SYMPTOMS)}")
         _check_taken(name, declared.takes_from, targets, next(iter(parameters.values())))
         _check_prior(name, declared, targets, next(iter(parameters.values())))
         _check_clauses(name, declared, (*parameters, *GRAMMAR))

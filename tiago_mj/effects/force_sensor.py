@@ -227,6 +227,7 @@ class ForceBias(Effect):
     nominal_prior = known_to(0.002)
 
     signal_only = True
+    shows_as = "rest"
 
     offset = parameter(UNITS, identity=0.0, default=0.1, bounds=(-1.0, 1.0))
 
@@ -310,6 +311,7 @@ class ForceNoise(Effect):
     clause = "the noise of {t} is {factor} times the nominal one"
 
     signal_only = True
+    shows_as = "noise"
     by_chance = True
 
     factor = parameter("-", identity=1.0, default=3.0, bounds=(0.2, 20.0))
@@ -336,6 +338,7 @@ class ForceQuantization(Effect):
     clause = "the readings of {t} are rounded to steps of {step}"
 
     signal_only = True
+    shows_as = "grid"
     rounds = "force"
 
     step = parameter(UNITS, identity=0.0, default=0.05, bounds=(0.0, 0.4))
@@ -394,6 +397,7 @@ class ForceDropout(Effect):
     clause = "{probability%} of the readings of {t} are missed"
 
     signal_only = True
+    shows_as = "repeats"
     by_chance = True
 
     probability = parameter("-", identity=0.0, default=0.05, bounds=(0.0, 0.8), possible=(0.0, 1.0))

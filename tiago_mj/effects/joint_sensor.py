@@ -89,6 +89,7 @@ class EncoderQuantization(Effect):
     clause = "the position readings of {t} are rounded to steps of {step}"
 
     signal_only = True
+    shows_as = "grid"
     rounds = "position"
 
     step = parameter(LENGTH, identity=0.0, default=0.0005, bounds=((0.0, 0.005), (0.0, 0.1)))

@@ -502,8 +502,8 @@ class Armature(Effect):
 
     clause = "{t} {has} {mass} of reflected inertia that the simulator lacks"
     clause_less = "{t} {has} {mass} less reflected inertia than the simulator"
-    #: Beside payload and links, which have their own, fits of grasps moved a hinge's inertia by 1 to 2 %. What slides is
-    #: known worse: publications differ by 17 % for a finger with its cell.
+    #: Beside payload and links, which have their own, fits of grasps moved a hinge's inertia by 1 to 2 %. What slides
+    #: is known worse: publications differ by 17 % for a finger with its cell.
     nominal_prior = known_to((0.35, 0.03), share_of="inertia")
 
     takes_from = "inertia"

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy import linalg
 
 from tiago_mj.effects import EFFECTS
-from tiago_mj.gap.detectors.readings import ONLY_READ_OFF
+from tiago_mj.gap.detectors.readings import only_read_off
 from tiago_mj.gap.inference import hypotheses, likelihood, noise_model
 from tiago_mj.gap.inference.fit import NUISANCE_STEP
 from tiago_mj.gap.inference.hypotheses import Candidate
@@ -127,13 +127,14 @@ def preflight(
     nominal = _nominal(plant, on, threads)
     fastest = np.abs(nominal.velocity).max(axis=(0, 1))
     pool = [c for c in hypotheses.candidates(plant, None, fastest, sizes.sizes(plant, trials, nominal)) if not c.target]
+    unfitted = only_read_off()
     found: dict[str, Excited] = {}
     shapes: dict[str, Array] = {}
     with mujoco_log.counted():  # of models that are tried, which are not the user's
         for candidate in pool:
             if candidate.effect in found:
                 continue
-            if candidate.effect in ONLY_READ_OFF:
+            if candidate.effect in unfitted:
                 found[candidate.effect] = Excited(
                     candidate.effect, candidate.parameter, candidate.unit, None, 0.0, by_readings=True
                 )

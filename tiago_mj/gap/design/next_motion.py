@@ -24,10 +24,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm
 
+from tiago_mj.effects import EFFECTS
 from tiago_mj.effects.spec import Entry
 from tiago_mj.gap.decision.verdict import calibration, classes_of, temperature_of
 from tiago_mj.gap.design.rehearse import Rehearsal, rehearse, with_numerics
-from tiago_mj.gap.detectors.readings import MEASURES
 from tiago_mj.gap.inference import hypotheses, likelihood
 from tiago_mj.gap.inference.fit import MIN_MOVE_SHARE, NUISANCE_STEP, Fitted
 from tiago_mj.gap.inference.hypotheses import Term
@@ -149,7 +149,7 @@ def _remaining(menu: Rehearsal, weight: Array, rivals: Sequence[Fitted], terms: 
     scale: list[float] = []  # steps of magnitudes, in units of their bounds, then of the nuisances
     for r, fit in enumerate(rivals):
         for k, part in enumerate(fit.parts):
-            if part.effect in MEASURES:
+            if EFFECTS[part.effect].shows_as:
                 continue  # the readings say by themselves how large it is
             span = part.high - part.low
             step = max(

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tiago_mj.effects import EFFECTS
 from tiago_mj.gap.detectors import readings, ripples, set_points
 from tiago_mj.gap.inference import noise_model
 from tiago_mj.gap.inference.hypotheses import Candidate
@@ -16,9 +17,6 @@ from tiago_mj.gap.inference.predictor import Predictor
 from tiago_mj.gap.simulation.replay import Signals
 
 Array = NDArray[np.float64]
-
-#: Missed readings repeat the one before: a repeat then tells nothing new.
-REPEATS = "force_dropout"
 
 
 @dataclass(frozen=True)
@@ -68,6 +66,6 @@ def proposals(
     hums = {tone.channel for tone in tones}
     marks = [mark for mark in readings.of_channels(plant, part, base[some]) if mark.channel not in hums]
     known = readings.measured_on_readings(marks, pool)
-    if any(one.candidate.effect == REPEATS for one in known):
+    if any(EFFECTS[one.candidate.effect].shows_as == "repeats" for one in known):  # a repeat tells nothing new
         data = noise_model.without_repeats(data)
     return Proposals(tuple(pool), tuple(known), motion, tuple(tones), data)

@@ -15,6 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import signal, stats
 
+from tiago_mj.effects import EFFECTS, Effect
+from tiago_mj.effects.declare import STAGES
 from tiago_mj.gap.inference.hypotheses import Candidate
 from tiago_mj.gap.inference.noise_model import Data
 from tiago_mj.gap.simulation.phases import still
@@ -277,9 +279,9 @@ def measured_on_readings(traces: Sequence[Trace], pool: Sequence[Candidate]) -> 
         pool: candidates that may be named.
     """
     found: list[Known] = []
-    for name, measure in MEASURES.items():
-        mine = [c for c in pool if c.effect == name]
-        kind = "position" if name.startswith("encoder") else "force"
+    for declared in _read_off():
+        mine, measure = [c for c in pool if c.effect == declared.name], MEASURES[declared.shows_as]
+        kind = "force" if declared.targets == "sensor" else "position"
         seen = {t.channel.partition(".")[2]: measure(t) for t in traces if t.channel.startswith(f"{kind}.")}
         there = {key: value for key, value in seen.items() if value is not None}
         everywhere = [c for c in mine if c.target is None]
@@ -295,6 +297,18 @@ def measured_on_readings(traces: Sequence[Trace], pool: Sequence[Candidate]) -> 
             if c.target is not None and len(c.target) == 1 and c.target[0] in there:
                 found.append(_known(c, *there[c.target[0]]))
     return tuple(found)
+
+
+def _read_off() -> list[type[Effect]]:
+    """Effects that readings show by themselves, in the order of :data:`MEASURES` and of the signal chain."""
+    mine = [declared for declared in EFFECTS.values() if declared.shows_as in MEASURES]
+    symptoms = list(MEASURES)
+    return sorted(mine, key=lambda one: (symptoms.index(one.shows_as), STAGES.index(one.stage)))
+
+
+def only_read_off() -> tuple[str, ...]:
+    """Names of those of them that do not change predicted means: no prediction tells how large they are."""
+    return tuple(declared.name for declared in _read_off() if declared.rounds or declared.by_chance)
 
 
 def _known(candidate: Candidate, value: float, error: float) -> Known:
@@ -318,7 +332,7 @@ def _noise(trace: Trace) -> tuple[float, float] | None:
     return factor, factor * error
 
 
-def _dropout(trace: Trace) -> tuple[float, float] | None:
+def _repeats(trace: Trace) -> tuple[float, float] | None:
     """Share of readings that repeat the one before, which noisy readings never do."""
     if trace.grid or not trace.expected or trace.repeats < MIN_REPEATS:
         return None
@@ -326,20 +340,12 @@ def _dropout(trace: Trace) -> tuple[float, float] | None:
     return share, float(np.sqrt(share * (1 - share) / trace.samples))
 
 
-def _bias(trace: Trace) -> tuple[float, float] | None:
+def _rest(trace: Trace) -> tuple[float, float] | None:
     """What a load cell reads where it feels nothing."""
     if trace.grid or trace.rest is None or abs(trace.rest[0]) < max(NAMED_DEVIATIONS * trace.rest[1], MIN_BIAS):
         return None
     return trace.rest
 
 
-#: How each effect is measured on the readings of a channel: value and one standard deviation, or None.
-MEASURES: Final = {
-    "encoder_quantization": _grid,
-    "force_quantization": _grid,
-    "force_noise": _noise,
-    "force_dropout": _dropout,
-    "force_bias": _bias,
-}
-#: Those of them that do not change predicted means.
-ONLY_READ_OFF: Final = ("encoder_quantization", "force_quantization", "force_noise", "force_dropout")
+#: How each symptom is measured on the readings of a channel: value and one standard deviation, or None.
+MEASURES: Final = {"grid": _grid, "noise": _noise, "repeats": _repeats, "rest": _rest}

@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from tiago_mj.gap.detectors.readings import ONLY_READ_OFF, Known
+from tiago_mj.gap.detectors.readings import Known, only_read_off
 from tiago_mj.gap.detectors.set_points import ServoMotion
 from tiago_mj.gap.inference.fit import Fitted, Fitter, Start
 from tiago_mj.gap.inference.hypotheses import Candidate
@@ -112,7 +112,7 @@ def select(
 
 def _search(asked: Question, so_far: PartialResult, out_of_time: Callable[[], bool], tick: Tick) -> Ranked:
     """See :func:`select`; ``so_far`` is told what was found, from round to round."""
-    read_off = {*ONLY_READ_OFF, *(k.candidate.effect for k in asked.known)}
+    read_off = {*only_read_off(), *(k.candidate.effect for k in asked.known)}
     pool = beginning.acting_on_misfit([c for c in asked.pool if c.effect not in read_off], asked.data, asked.base)
     count = so_far.effects = len({c.effect for c in pool})
 
