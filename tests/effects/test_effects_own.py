@@ -269,7 +269,7 @@ BAD = {
     "symptom": (
         {},
         {"amount": AMOUNT, "shows_as": "drift"},
-        r"shows_as 'drift': use one of grid, noise, repeats, rest",
+        r"shows_as 'drift': use one of grid, noise, repeats",
     ),
     "prior of a limit": (
         {},

@@ -64,8 +64,8 @@ TAKEN_FROM: Final = {
     "object_half_width": "object",
 }
 
-#: What readings show by themselves, whatever the motion: that they lie on a grid, how large their noise is, exact repeats
-#: of the one before, and what a load cell reads before anything is touched.
+#: What readings show by themselves, whatever the motion: that they lie on a grid, how large their noise is, exact
+#: repeats of the one before, and what a load cell reads before anything is touched.
 SYMPTOMS: Final = ("grid", "noise", "repeats", "rest")
 #: What agrees with the targets in :attr:`Effect.clause`.
 GRAMMAR: Final = ("t", "s", "is", "has")
