@@ -12,7 +12,8 @@ from effects_bench import GRIPPER, TIAGO, make
 
 from tiago_mj.effects import EFFECTS, Entry, check_entries, read_effects
 from tiago_mj.effects.chain import Chain
-from tiago_mj.effects.declare import TAKEN_FROM, Effect, effect
+from tiago_mj.effects.checks import TAKEN_FROM
+from tiago_mj.effects.declare import Effect, effect
 from tiago_mj.effects.fields import parameter
 from tiago_mj.effects.host import ScalarHost
 from tiago_mj.effects.inertia import removable_inertia

@@ -27,7 +27,6 @@ input instead of its output, so that it changes nothing, to the last bit.
 from __future__ import annotations
 
 import inspect
-import math
 import re
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, ClassVar, Final, TypeVar
@@ -35,6 +34,7 @@ from typing import TYPE_CHECKING, ClassVar, Final, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from tiago_mj.effects import checks
 from tiago_mj.effects.fields import Detail, Form, NominalPrior, Parameter
 
 if TYPE_CHECKING:
@@ -54,21 +54,7 @@ STAGES: Final = (
     "force_sensor",
 )
 TARGETS: Final = ("command", "joint", "sensor", "object", "clock")
-#: What an effect may take from the model, and what its targets are then.
-TAKEN_FROM: Final = {
-    "frictionloss": "joint",
-    "damping": "joint",
-    "servo_damping": "command",
-    "inertia": "joint",
-    "tool_mass": "joint",
-    "object_half_width": "object",
-}
 
-#: What readings show by themselves, whatever the motion: that they lie on a grid, how large their noise is, exact
-#: repeats of the one before, and what a load cell reads before anything is touched.
-SYMPTOMS: Final = ("grid", "noise", "repeats", "rest")
-#: What agrees with the targets in :attr:`Effect.clause`.
-GRAMMAR: Final = ("t", "s", "is", "has")
 #: What is so of one effect, and not of those that are built on it.
 NOT_INHERITED: Final = ("clause", "clause_less", "nominal_prior", "shows_as")
 #: Hooks that any effect may have, beside those whose arrays have the shape of its targets.
@@ -127,7 +113,8 @@ class Effect:
     #: Kind of the readings (``position``, ``velocity`` or ``force``) that it rounds to a grid of its first parameter's
     #: step, and does nothing else to; None: none. A reading on a grid is compared with what was not rounded.
     rounds: ClassVar[str | None] = None
-    #: What readings show of it by themselves, and how large it is: one of :data:`SYMPTOMS`; empty: it is fitted.
+    #: What readings show of it by themselves, and how large it is: one of
+    #: :data:`tiago_mj.effects.checks.SYMPTOMS`; empty: it is fitted.
     shows_as: ClassVar[str] = ""
     #: Whether it is the same whichever of its targets it is given to, such as a mass at the tool that all joints feel.
     common: ClassVar[bool] = False
@@ -282,17 +269,16 @@ def effect(name: str, *, stage: str, targets: str, gap_class: str | None = None)
             raise ValueError(f"effect {name!r}: declare a class that derives from Effect")
         inherited = {key: value for cls in reversed(declared.__mro__) for key, value in vars(cls).items()}
         parameters = {key: value for key, value in inherited.items() if isinstance(value, Parameter)}
-        _check_parameters(name, parameters)
+        checks.check_parameters(name, parameters, (*dir(Effect), *Effect.__annotations__, "target_names"))
         declared.forms = {key: value for key, value in inherited.items() if isinstance(value, Form)}
         declared.details = {key: value for key, value in inherited.items() if isinstance(value, Detail)}
         for key in NOT_INHERITED:
             setattr(declared, key, vars(declared).get(key, getattr(Effect, key)))
         _check_hooks(name, declared, stage, targets)
-        if declared.shows_as not in ("", *SYMPTOMS):
-            raise ValueError(f"effect {name!r} shows_as {declared.shows_as!r}: use one of {', '.join(SYMPTOMS)}")
-        _check_taken(name, declared.takes_from, targets, next(iter(parameters.values())))
-        _check_prior(name, declared, targets, next(iter(parameters.values())))
-        _check_clauses(name, declared, (*parameters, *GRAMMAR))
+        checks.check_symptom(name, declared)
+        checks.check_taken(name, declared.takes_from, targets, next(iter(parameters.values())))
+        checks.check_prior(name, declared, targets, next(iter(parameters.values())))
+        checks.check_clauses(name, declared, (*parameters, *checks.GRAMMAR))
         declared.name, declared.stage, declared.targets = name, stage, targets
         declared.gap_class = gap_class or name
         declared.parameters = parameters
@@ -300,75 +286,6 @@ def effect(name: str, *, stage: str, targets: str, gap_class: str | None = None)
         return declared
 
     return register
-
-
-def _check_parameters(name: str, parameters: Mapping[str, Parameter]) -> None:
-    for key, p in parameters.items():
-        where = f"effect {name!r}: parameter {key!r}"
-        if hasattr(Effect, key) or key in (*Effect.__annotations__, "target_names"):
-            raise ValueError(f"{where} has the name of something that every effect has: choose another")
-        if p.identity not in (None, 0.0, 1.0, math.inf):
-            raise ValueError(f"{where} has identity {p.identity!r}: use 0 (an addition), 1 (a factor), inf (a limit)")
-        if p.nominal not in ((None, "velocity", "effort") if p.identity == math.inf else (None,)):
-            raise ValueError(f"{where} is nominal={p.nominal!r}: only a limit is a share of 'velocity' or 'effort'")
-        for (low, high), default in zip(p.bounds, p.default, strict=True):
-            if not (math.isfinite(low) and math.isfinite(high) and low < high and low <= default <= high):
-                raise ValueError(
-                    f"{where} has default {default:g} and bounds ({low:g}, {high:g}): give finite bounds, low first, "
-                    "with the default between them"
-                )
-            if default == p.identity:
-                raise ValueError(f"{where} has its identity as default: choose a magnitude that is clearly visible")
-            if (low < 0 or (low == 0 and not p.tried)) and p.identity != 0:
-                raise ValueError(f"{where} has the lower bound {low:g}: only what is added may be 0 or negative")
-            if p.identity in (0.0, 1.0) and not low <= p.identity <= high:
-                raise ValueError(f"{where} has bounds ({low:g}, {high:g}), beyond its identity {p.identity:g}")
-    switches = [key for key, p in parameters.items() if p.identity is not None]
-    if len(switches) != 1:
-        raise ValueError(
-            f"effect {name!r} has {len(switches)} parameters with an identity: give one to the parameter that switches "
-            "the effect off, None to the others"
-        )
-
-
-def _check_clauses(name: str, declared: type[Effect], known: Sequence[str]) -> None:
-    for said in (declared.clause, declared.clause_less):
-        for field in re.findall(r"{(.*?)%?}", said):
-            if field not in known:
-                raise ValueError(
-                    f"effect {name!r}: its clause {said!r} has {{{field}}}: use one of "
-                    f"{', '.join(f'{{{one}}}' for one in known)}"
-                )
-    if declared.clause_less and not declared.clause:
-        raise ValueError(f"effect {name!r} has a clause_less and no clause: give both, or the clause alone")
-
-
-def _check_taken(name: str, taken: str | None, targets: str, first: Parameter) -> None:
-    if taken is None:
-        return
-    if TAKEN_FROM.get(taken) != targets:
-        possible = ", ".join(key for key, whose in TAKEN_FROM.items() if whose == targets) or "None"
-        raise ValueError(f"effect {name!r} has takes_from={taken!r}: with targets={targets!r} use {possible}")
-    if first.identity != 0.0:
-        raise ValueError(f"effect {name!r} has takes_from={taken!r}: only an addition, of identity 0, can take away")
-
-
-def _check_prior(name: str, declared: type[Effect], targets: str, first: Parameter) -> None:
-    prior = declared.nominal_prior
-    if prior is None:
-        return
-    possible = {
-        None: first.identity in (0.0, 1.0),
-        "stock": declared.takes_from is not None,
-        "inertia": targets == "joint" and first.identity == 0.0,
-        "limit": first.nominal is not None,
-    }
-    if not possible[prior.share_of]:
-        fitting = [repr(share) for share, fits in possible.items() if fits]
-        raise ValueError(
-            f"effect {name!r} has a nominal_prior with share_of={prior.share_of!r}: of its first parameter use "
-            f"{' or '.join(fitting) or 'no nominal_prior'}"
-        )
 
 
 def _check_hooks(name: str, declared: type[Effect], stage: str, targets: str) -> None:
