@@ -223,7 +223,7 @@ def _candidates_of(
     low, high = (bound * scale for bound in switch.bounds[side])
     assert switch.identity is not None
     if size is not None:
-        low, high = size.within(name, low, high)
+        low, high = size.within(switch, low, high)
     removes = False
     if declared.takes_from is not None:
         all_of_it = -removable(declared, plant.model, plant.wiring, index)

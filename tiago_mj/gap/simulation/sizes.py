@@ -13,6 +13,7 @@ from typing import Final
 
 import numpy as np
 
+from tiago_mj.effects.fields import Parameter
 from tiago_mj.effects.inertia import removable_inertia
 from tiago_mj.gap.simulation.plant import Plant
 from tiago_mj.gap.simulation.replay import Signals
@@ -46,23 +47,24 @@ class Size:
     removable: float
     mass: float
 
-    def within(self, effect: str, low: float, high: float) -> tuple[float, float]:
-        """An effect's bounds as they fit the joint; ``low`` and ``high`` where it has no scale for them."""
+    def within(self, added: Parameter, low: float, high: float) -> tuple[float, float]:
+        """Bounds of what an effect adds, as they fit the joint; ``low`` and ``high`` where it has no scale for them.
+
+        Args:
+            added: the parameter; its unit says of what it is an amount.
+            low, high: its bounds in the library. What cannot be taken away there cannot be here.
+        """
         friction = FRICTION * self.force
         damping = DAMPING * self.force / self.speed if self.speed > 0 else np.inf
         own = {
-            "coulomb_friction": (-friction, friction),
-            "asymmetric_friction": (-friction, friction),
-            "stribeck_friction": (0.0, friction),
-            "motor_cogging": (0.0, friction),
-            "viscous_friction": (-damping, damping),
-            "servo_damping": (-damping, damping),
-            "armature": (-self.removable, INERTIA * self.inertia),
-            "payload": (MASS[0] * self.mass, MASS[1] * self.mass),
-        }.get(effect)
-        if own is None or not own[1] > 0 or not np.isfinite(own[1]):
+            ("N", "N·m"): (-friction, friction),
+            ("N·s/m", "N·m·s/rad"): (-damping, damping),
+            ("kg", "kg·m²"): (-self.removable, INERTIA * self.inertia),
+            ("kg", "kg"): (MASS[0] * self.mass, MASS[1] * self.mass),
+        }.get(added.unit)
+        if added.identity != 0 or own is None or not own[1] > 0 or not np.isfinite(own[1]):
             return low, high
-        return own
+        return (own[0] if low < 0 else 0.0), own[1]
 
 
 def sizes(plant: Plant, trials: Sequence[Trial], nominal: Signals) -> tuple[Size, ...] | None:
