@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from tiago_mj.effects import EFFECTS
+from tiago_mj.effects.declare import is_random
 from tiago_mj.effects.spec import Entry
 from tiago_mj.gap.inference import hypotheses
-from tiago_mj.gap.inference.predictor import RANDOM_EFFECTS
 from tiago_mj.gap.simulation import replay
 from tiago_mj.gap.simulation.plant import Plant, plant_of
 from tiago_mj.recordings.record.environment import Plan, record
@@ -43,7 +43,7 @@ def grasp() -> list[Trial]:
 def every_effect(plant: Plant) -> list[tuple[int, tuple[Entry, ...]]]:
     """Each at the second largest magnitude that is tried; but for those that draw, whose draws depend on the batch."""
     first = {candidate.effect: candidate for candidate in reversed(hypotheses.candidates(plant))}
-    first = {name: candidate for name, candidate in first.items() if name not in RANDOM_EFFECTS}
+    first = {name: candidate for name, candidate in first.items() if not is_random(EFFECTS[name])}
     return [(0, ()), *((0, (candidate.entry(candidate.grid[-2]),)) for candidate in first.values())]
 
 

@@ -84,6 +84,7 @@ class ServoStiffness(Effect):
 
     clause = "the position gain of {t} is {factor} times the nominal one"
     nominal_prior = known_to(0.04)
+    twins = ("torque_constant",)
 
     needs_servo = True
 
@@ -218,6 +219,7 @@ class MotorCogging(Effect):
 
     clause = "{t} {has} a cogging force of {amplitude} with a period of {period}"
 
+    ripple_period = "period"
     #: Real cogging is not quite a sine: a second harmonic of a tenth is ordinary.
     form_known_to = 0.1
     amplitude = parameter(FORCE, identity=0.0, default=1.0, bounds=(0.0, 8.0))

@@ -45,6 +45,7 @@ class CommandDelay(Effect):
 
     clause = "{t} act{s} on commands {seconds} later than in the simulator"
     nominal_prior = known_to(1e-3, each=False)
+    twins = ("clock_offset",)
 
     signal_only = True
 
@@ -83,6 +84,9 @@ class DroppedCommands(Effect):
     """
 
     clause = "{probability%} of the commands to {t} are lost"
+
+    twins = ("command_delay",)
+    loses_commands = True
 
     signal_only = True
     by_chance = True

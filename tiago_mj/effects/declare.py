@@ -56,7 +56,7 @@ STAGES: Final = (
 TARGETS: Final = ("command", "joint", "sensor", "object", "clock")
 
 #: What is so of one effect, and not of those that are built on it.
-NOT_INHERITED: Final = ("clause", "clause_less", "nominal_prior", "shows_as")
+NOT_INHERITED: Final = ("clause", "clause_less", "nominal_prior", "shows_as", "twins", "loses_commands")
 #: Hooks that any effect may have, beside those whose arrays have the shape of its targets.
 COMMON_HOOKS: Final = ("start", "change", "place", "model_attributes")
 HOOKS: Final = {
@@ -116,6 +116,14 @@ class Effect:
     #: What readings show of it by themselves, and how large it is: one of
     #: :data:`tiago_mj.effects.checks.SYMPTOMS`; empty: it is fitted.
     shows_as: ClassVar[str] = ""
+    #: Names of effects that do nearly the same to recordings, declared on one of each two: what the one does may be
+    #: taken for the other.
+    twins: ClassVar[tuple[str, ...]] = ()
+    #: Whether commands are lost to it, the one before staying in force: which ones is decoded from the servos' motion.
+    loses_commands: ClassVar[bool] = False
+    #: Name of the parameter that is the period of a ripple over the joint's position, which no gradient leads to: it is
+    #: read off what the nominal model leaves. Empty: it has none.
+    ripple_period: ClassVar[str] = ""
     #: Whether it is the same whichever of its targets it is given to, such as a mass at the tool that all joints feel.
     common: ClassVar[bool] = False
     #: Whether it changes what a servo does with its set point: a motor without a servo cannot have it.
@@ -308,6 +316,23 @@ def _check_hooks(name: str, declared: type[Effect], stage: str, targets: str) ->
         if takes != given:
             asked = ", ".join(inspect.signature(getattr(Effect, hook)).parameters)
             raise ValueError(f"effect {name!r}: {hook} takes {given} arguments, write {hook}({asked})")
+
+
+def are_twins(one: str, other: str) -> bool:
+    """Whether either of two effects, by their names, is declared to be the other's twin (:attr:`Effect.twins`)."""
+    return other in EFFECTS[one].twins or one in EFFECTS[other].twins
+
+
+def is_random(declared: type[Effect]) -> bool:
+    """Whether an effect is predicted by the mean over draws: it draws at random, and not only a noise, whose mean is
+    0."""
+    return declared.by_chance and not overrides(declared, "noise")
+
+
+def only_measures(declared: type[Effect]) -> bool:
+    """Whether an effect acts on readings alone, so that the motion is the nominal one and begins where that does."""
+    measuring = {hook for hooks in MEASURING.values() for hook in hooks} - {"true_position"}
+    return measuring.issuperset(hook for hook in _ALL_HOOKS if overrides(declared, hook))
 
 
 def overrides(declared: type[Effect] | Effect, hook: str) -> bool:

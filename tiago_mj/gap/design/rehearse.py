@@ -9,10 +9,12 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from tiago_mj.effects import EFFECTS
+from tiago_mj.effects.declare import is_random
 from tiago_mj.effects.spec import Entry
 from tiago_mj.gap.inference import noise_model
 from tiago_mj.gap.inference.noise_model import Data
-from tiago_mj.gap.inference.predictor import RANDOM_EFFECTS, Predictor
+from tiago_mj.gap.inference.predictor import Predictor
 from tiago_mj.gap.simulation import replay
 from tiago_mj.gap.simulation.plant import Plant, Start
 from tiago_mj.gap.simulation.replay import Grid
@@ -130,7 +132,7 @@ def rehearse(
     harmless = _harmless(plant, played, true.effort.reshape(len(explanations) + 1, *blank.shape[:2], -1))
     files = tuple(file for file, _ in listed)
     found = Rehearsal(files, played, plant, on, rows, predicted[0], predicted[1:], harmless, seed, threads, by)
-    drawn = [k for k, effects in enumerate(explanations) if any(entry.name in RANDOM_EFFECTS for entry in effects)]
+    drawn = [k for k, effects in enumerate(explanations) if any(is_random(EFFECTS[entry.name]) for entry in effects)]
     if drawn:  # a mean over several draws tells more than one
         found.predicted[drawn] = found.predict([explanations[k] for k in drawn])
     return found

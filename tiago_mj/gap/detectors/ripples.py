@@ -22,7 +22,6 @@ from tiago_mj.gap.simulation.plant import Plant
 
 Array = NDArray[np.float64]
 
-RIPPLE: Final = "motor_cogging"
 #: Waves that are looked at, evenly, so many to one more over where the joint was seen, from the longest on; the best of
 #: them, and those around each, so many to one more between a joint's zero and the farthest; those that are simulated.
 WAVES_PER_CYCLE: Final = 3
@@ -55,25 +54,24 @@ def with_periods(
         share: of the way to where a force pushes a joint, that it covers from one row to the next, (njoints,).
         pool: candidates.
     """
-    if not any(c.effect == RIPPLE for c in pool):
-        return tuple(pool)
-    declared = EFFECTS[RIPPLE]
     names = plant.wiring.targets.names("joint")
     columns = {data.part[c]: c for c, kind in enumerate(data.kinds) if kind == "position"}
-    out = [c for c in pool if c.effect != RIPPLE]
-    found: dict[object, Candidate] = {c.label: c for c in pool if c.effect == RIPPLE}
+    out = [c for c in pool if not EFFECTS[c.effect].ripple_period]
+    found: dict[object, Candidate] = {c.label: c for c in pool if EFFECTS[c.effect].ripple_period}
     for candidate in found.values():
+        declared = EFFECTS[candidate.effect]
+        name = declared.ripple_period
         joints = [names.index(name) for name in candidate.target or names]
         side = 0 if plant.wiring.targets.slides[joints[0]] else 1
-        low, high = declared.parameters["period"].bounds[side]
+        low, high = declared.parameters[name].bounds[side]
         traces = [
             Trace(data.value[t, :, columns[j]], (data.value - base)[t, :, columns[j]], free[t], float(share[j]))
             for j in joints
             if j in columns
             for t in range(len(data.value))
         ]
-        settings = peaks(traces, low, high) or [dict(candidate.fixed)["period"]]
-        out += [replace(candidate, fixed=(("period", period),)) for period in settings]
+        settings = peaks(traces, low, high) or [dict(candidate.fixed)[name]]
+        out += [replace(candidate, fixed=((name, period),)) for period in settings]
     return tuple(out)
 
 

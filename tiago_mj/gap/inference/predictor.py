@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tiago_mj.effects import EFFECTS
+from tiago_mj.effects.declare import is_random
 from tiago_mj.effects.spec import Entry
 from tiago_mj.gap.inference import likelihood, noise_model
 from tiago_mj.gap.simulation import replay, stability
@@ -36,7 +37,6 @@ Run = tuple[Array, ...]
 
 #: Effects that draw at random are predicted by the mean over this many draws.
 DRAWS = 6
-RANDOM_EFFECTS = ("dropped_commands", "force_dropout")
 
 
 @dataclass
@@ -89,7 +89,7 @@ class Predictor:
         drawn = self.on.delivered is None
         draws = [
             DRAWS
-            if drawn and any(e.name in RANDOM_EFFECTS and not sensor_only(e) for e in (*self.plant.given, *effects))
+            if drawn and any(is_random(EFFECTS[e.name]) and not sensor_only(e) for e in (*self.plant.given, *effects))
             else 1
             for _, effects in wanted
         ]
@@ -135,11 +135,11 @@ class Predictor:
 
     def with_delivered(self, delivered: Array) -> Predictor:
         """The same with the commands that were lost, (ntrials, T - 1, nactuators), instead of drawn ones."""
-        given = any(entry.name in RANDOM_EFFECTS for entry in self.plant.given)
+        given = any(is_random(EFFECTS[entry.name]) for entry in self.plant.given)
         kept = {
             key: run
             for key, run in self._kept.items()
-            if not given and all(e.name not in RANDOM_EFFECTS for e in key[1])
+            if not given and all(not is_random(EFFECTS[e.name]) for e in key[1])
         }
         return replace(self, on=replace(self.on, delivered=delivered), runs=0, _kept=kept)
 
@@ -156,7 +156,7 @@ class Predictor:
         """
         drawn = self.on.delivered is None
         sims = [(trial, tuple(e for e in effects if not sensor_only(e))) for trial, effects in wanted]
-        some = any(e.name in RANDOM_EFFECTS for _, effects in sims for e in (*self.plant.given, *effects))
+        some = any(is_random(EFFECTS[e.name]) for _, effects in sims for e in (*self.plant.given, *effects))
         if self.off is None or not sims or (drawn and some):
             return self
         bare, parts = replay.unmeasured(self.plant), replay.parts_of(self.plant)
@@ -184,7 +184,7 @@ class Predictor:
     def _measures(self, entry: Entry) -> bool:
         """Whether an effect is applied to signals: of those that draw at random none is, as a reading that was missed
         is no other reading."""
-        return sensor_only(entry) and entry.name not in RANDOM_EFFECTS and (self.rounded or not rounds(entry))
+        return sensor_only(entry) and not is_random(EFFECTS[entry.name]) and (self.rounded or not rounds(entry))
 
     def _step_corrected(self, trial: int, run: Run) -> Run:
         assert self.off is not None
@@ -278,7 +278,7 @@ def predictor(
     if bare.given != plant.given:
         sensed = replace(
             plant,
-            given=tuple(e for e in plant.given if not sensor_only(e) or not (e.name in RANDOM_EFFECTS or rounds(e))),
+            given=tuple(e for e in plant.given if not sensor_only(e) or not (is_random(EFFECTS[e.name]) or rounds(e))),
         )
         nominal, finer = (replay.measure(sensed, on, one, everything, seed=seed, parts=parts) for one in (true, finer))
     else:

@@ -13,6 +13,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from tiago_mj.effects import EFFECTS
 from tiago_mj.effects.spec import Entry
 from tiago_mj.gap.detectors.set_points import ServoMotion
 from tiago_mj.gap.inference.predictor import Effects, Predictor
@@ -20,7 +21,8 @@ from tiago_mj.gap.inference.predictor import Effects, Predictor
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-LOSES: Final = "dropped_commands"
+#: The effect that loses commands.
+LOSES: Final = next(name for name, declared in EFFECTS.items() if declared.loses_commands)
 #: Share of commands lost in the simulations from which the joints' responses are learned, and their seed.
 TRAINING_SHARE: Final = 0.15
 SEED: Final = 15

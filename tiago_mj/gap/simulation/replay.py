@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from tiago_mj.effects import EFFECTS
 from tiago_mj.effects.chain import EACH_STEP, EACH_SUBSTEP, Chain
-from tiago_mj.effects.declare import overrides
+from tiago_mj.effects.declare import only_measures, overrides
 from tiago_mj.effects.host import BatchHost
 from tiago_mj.effects.spec import Entry
 from tiago_mj.gap.simulation.plant import Plant
@@ -283,10 +283,7 @@ def unmeasured(plant: Plant) -> Plant:
 
 def sensor_only(entry: Entry) -> bool:
     """Whether an effect acts on readings alone, so that the motion is the nominal one."""
-    declared = EFFECTS[entry.name]
-    if declared.stage == "force_sensor" or entry.name == "clock_offset":
-        return True
-    return declared.stage == "joint_sensor" and not overrides(declared, "true_position")  # else it starts elsewhere
+    return only_measures(EFFECTS[entry.name])
 
 
 def remembers(entry: Entry) -> bool:
