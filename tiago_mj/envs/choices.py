@@ -157,10 +157,13 @@ def object_choice(
         raise ValueError("object is an empty list: name at least one object")
     kinds = tuple(_object(item) for item in listed)
 
+    def argument(name: str, value: Range, unit: str) -> Interval:
+        return interval(f"object_{name}", value, unit=unit)
+
     def read(name: str, value: Range | None, unit: str) -> Interval | None:
         if value is None:
             return None
-        chosen = interval(f"object_{name}", value, unit=unit)
+        chosen = argument(name, value, unit)
         for bound in (chosen.low, chosen.high):
             changed: dict[str, Any] = {name: bound}
             replace(kinds[0], **changed)  # GraspObject knows what is possible
@@ -172,7 +175,7 @@ def object_choice(
         mass=read("mass", mass, "kg"),
         stiffness=read("stiffness", stiffness, "N/m"),
         damping=read("damping", damping, "N·s/m"),
-        offset=interval("object_offset", offset, unit="m"),
+        offset=argument("offset", offset, "m"),
     )
 
 

@@ -166,19 +166,18 @@ class HoldForceSteady(HoldForce):
         joints = tuple(kwargs.get("joints", names.FINGERS))
         if joints[-2:] != names.FINGERS:
             raise ValueError(f"joints {joints}: the steady task is of the fingers; give them last: {names.FINGERS}")
-        arguments: dict[str, Any] = {
-            "goal": goal,
-            "object": object,
-            "object_width": object_width,
-            "object_mass": object_mass,
-            "object_stiffness": object_stiffness,
-            "object_offset": object_offset,
-            **kwargs,
-        }
         if not is_number(exponent) or exponent <= 0:
             raise ValueError(f"exponent is {quoted(exponent)}: give a number above 0")
         self.weights, self.observe_fingers, self.exponent = SteadyWeights.of(weights), observe_fingers, exponent
-        super().__init__(**arguments)
+        super().__init__(
+            goal=goal,
+            object=object,
+            object_width=object_width,
+            object_mass=object_mass,
+            object_stiffness=object_stiffness,
+            object_offset=object_offset,
+            **kwargs,
+        )
 
     def _initialize_simulation(self) -> None:
         super()._initialize_simulation()

@@ -176,15 +176,29 @@ def is_sent(change: Array) -> NDArray[np.bool_]:
     return np.abs(change) > SENT_ABOVE + 1e-9
 
 
-def make_bench(item: GraspObject, **arguments: Any) -> gymnasium.Env[Any, Any]:
+def make_bench(
+    item: GraspObject,
+    *,
+    control: str = "position",
+    control_hz: float = CONTROL_HZ,
+    object_offset: float = 0.0,
+    **arguments: Any,
+) -> gymnasium.Env[Any, Any]:
     """The environment in which the measurement is replayed: GripperTactile commanded as the robot was.
 
     Args:
         item: what stands between the fingers, in their middle.
-        **arguments: of the environment, where they differ: another servo, sensor or object position.
+        control, control_hz, object_offset: of the environment, as the robot was commanded.
+        **arguments: further ones of the environment: another servo or sensor.
     """
-    chosen: dict[str, Any] = {"control": "position", "control_hz": CONTROL_HZ, "object_offset": 0.0, **arguments}
-    return gymnasium.make("tiago_mj/GripperTactileGoal-v0", object=item, **chosen)
+    return gymnasium.make(
+        "tiago_mj/GripperTactileGoal-v0",
+        object=item,
+        control=control,
+        control_hz=control_hz,
+        object_offset=object_offset,
+        **arguments,
+    )
 
 
 def squeeze(env: gymnasium.Env[Any, Any], dq: float, *, seed: int = 0) -> tuple[Array, Array]:
