@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tiago_mj.effects import Entry
+from tiago_mj.effects.transmission import Backlash
 from tiago_mj.gap.report import words
 from tiago_mj.io.quantities import scaled
 from tiago_mj.io.quoting import one_line
@@ -187,7 +188,8 @@ class Live:
         self._folder_of_sliders(gui)
         with gui.add_folder("effects"):
             names_ = offered(watched)
-            chosen = gui.add_dropdown("effect", names_, initial_value="backlash" if "backlash" in names_ else names_[0])
+            first = Backlash.name if Backlash.name in names_ else names_[0]
+            chosen = gui.add_dropdown("effect", names_, initial_value=first)
             add = gui.add_button("Add this effect")
             self._effects_folder = gui.add_folder("that act")
         add.on_click(lambda _: self._add(str(chosen.value)))

@@ -17,6 +17,9 @@ from typing import Final
 
 import numpy as np
 
+from tiago_mj.effects.command import CommandDelay
+from tiago_mj.effects.joint_sensor import EncoderBias, EncoderScale
+from tiago_mj.effects.transmission import Armature, ViscousFriction
 from tiago_mj.io.loading import load_text, parse_json
 from tiago_mj.io.quoting import one_line, quoted
 from tiago_mj.io.rows import numbers, read_rows
@@ -79,11 +82,11 @@ STIFFNESS, DAMPING, ARMATURE, STRONGEST = 17.8 * P_HERE / P_DEFAULT, 0.60, 0.028
 #: One standard deviation of what is not known of a joint in an arm: damping and inertia of the servo at another gain
 #: and voltage, and of the links; gravity, which is over small motions an offset and a slope of the position.
 KNOWN_TO: Final = {
-    "viscous_friction": 0.3,
-    "armature": 0.02,
-    "encoder_bias": 0.05,
-    "encoder_scale": 0.05,
-    "command_delay": 0.01,
+    ViscousFriction.name: 0.3,
+    Armature.name: 0.02,
+    EncoderBias.name: 0.05,
+    EncoderScale.name: 0.05,
+    CommandDelay.name: 0.01,
 }
 
 

@@ -18,6 +18,7 @@ from typing import Any, Final
 import numpy as np
 from pydantic import Field
 
+from tiago_mj.effects.actuator import TorqueConstant
 from tiago_mj.io.loading import load_json
 from tiago_mj.io.quoting import one_line, quoted
 from tiago_mj.io.schema import Open, checked
@@ -265,7 +266,7 @@ def _trial(run: Run, commands: str) -> Trial:
                 f"first stamp {time[0]:.6g} s set to 0",
                 "unknown": "scale of the torque, to 30 %: it is the data sheet's",
             },
-            raw={"uncertainty": {"torque_constant": TORQUE_KNOWN_TO}},
+            raw={"uncertainty": {TorqueConstant.name: TORQUE_KNOWN_TO}},
         ),
         source=f"{name}.parquet",
     )
