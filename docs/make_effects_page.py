@@ -4,7 +4,7 @@ import math
 from pathlib import Path
 
 from tiago_mj.effects import EFFECTS, describe
-from tiago_mj.effects.declare import STAGES, Effect
+from tiago_mj.effects.declare import STAGES, Effect, twins
 from tiago_mj.effects.fields import Detail, Parameter
 
 PAGE = Path(__file__).parent / "effects.md"
@@ -166,6 +166,8 @@ def section(name: str, declared: type[Effect]) -> str:
         ("On the robot", told.check),
         ("MuJoCo", told.native or "has none; it is computed outside of the simulation."),
     ]
+    if twins(name):
+        said.insert(2, ("Hardly told from", ", ".join(map(link, twins(name)))))
     parts.append("\n".join(f"- *{label}:* {text.replace('``', '`')}" for label, text in said))
     return "\n\n".join(parts)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from docs import make_effects_page as single
 from tiago_mj.effects import EFFECTS, describe
-from tiago_mj.effects.declare import STAGES, Effect
+from tiago_mj.effects.declare import STAGES, Effect, twins
 
 #: What the library itself declares, in the order of the signal chain.
 LIBRARY = {
@@ -68,6 +68,8 @@ def _facts(name: str, declared: type[Effect]) -> list[str]:
         f"- **On the robot:** {told.check}",
         f"- **MuJoCo:** {told.native or 'has none; it is computed outside of the simulation.'}".replace("``", "`"),
     ]
+    if twins(name):
+        rows.append(f"- **Hardly told from:** {', '.join(f'[`{other}`]({other}.md)' for other in twins(name))}.")
     if alike:
         rows.append(f"- **Looks much like:** {', '.join(alike)} (class *{declared.gap_class}*).")
     return rows

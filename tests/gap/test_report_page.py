@@ -87,6 +87,12 @@ def test_what_comes_from_files_is_text_and_never_markup():
     assert all("<" not in trace["hovertemplate"] for f in figures.values() for trace in f["data"])
 
 
+def test_a_twin_of_what_was_found_is_told_with_it():
+    gain = Named("torque_constant", ("gripper_left_finger_joint",), {"factor": Value(0.8, 0.7, 0.9, "-")})
+    assert "hardly tell it from servo stiffness." in Read(page.render(diagnosis(best=(gain,)))).words
+    assert "hardly tell it" not in Read(page.render(CASES["effect"])).words
+
+
 def test_the_heat_map_puts_the_loudest_channel_first_and_shares_sum_to_the_whole():
     shown = tables.heat(diagnosis().where)
     assert shown.by_share

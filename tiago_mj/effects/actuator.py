@@ -85,7 +85,6 @@ class ServoStiffness(Effect):
     clause = "the position gain of {t} is {factor} times the nominal one"
     nominal_prior = known_to(0.04)
     twins = ("torque_constant",)
-
     needs_servo = True
 
     factor = parameter("-", identity=1.0, default=0.6, bounds=(0.2, 4.0))
@@ -114,9 +113,7 @@ class ServoDamping(Effect):
     clause = "the servo of {t} has {damping} of damping that the simulator lacks"
     clause_less = "the servo of {t} has {damping} less damping than the simulator's"
     nominal_prior = known_to(0.04, share_of="stock")
-
     takes_from = "servo_damping"
-
     needs_servo = True
 
     damping = parameter(DAMPING, identity=0.0, default=(40.0, 5.0), bounds=((-60.0, 300.0), (-1.0, 60.0)))
@@ -218,7 +215,6 @@ class MotorCogging(Effect):
     """
 
     clause = "{t} {has} a cogging force of {amplitude} with a period of {period}"
-
     ripple_period = "period"
     #: Real cogging is not quite a sine: a second harmonic of a tenth is ordinary.
     form_known_to = 0.1

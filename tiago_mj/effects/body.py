@@ -66,9 +66,7 @@ class Payload(Effect):
     clause = "{t} carries {mass} that the simulator lacks"
     clause_less = "{t} carries {mass} less than in the simulator"
     nominal_prior = known_to(0.04, share_of="stock")
-
     common = True
-
     takes_from = "tool_mass"
 
     mass = parameter("kg", identity=0.0, default=0.5, bounds=(-1.0, 5.0))
@@ -128,7 +126,6 @@ class GravityTilt(Effect):
     """
 
     clause = "the base or the table is tilted about the grasp axis by {angle}"
-
     needs_object = False
 
     angle = parameter("rad", identity=0.0, default=0.1, bounds=(-0.5, 0.5))

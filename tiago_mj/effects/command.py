@@ -46,7 +46,6 @@ class CommandDelay(Effect):
     clause = "{t} act{s} on commands {seconds} later than in the simulator"
     nominal_prior = known_to(1e-3, each=False)
     twins = ("clock_offset",)
-
     signal_only = True
 
     seconds = parameter("s", identity=0.0, default=0.03, bounds=(0.0, 0.2))
@@ -84,10 +83,8 @@ class DroppedCommands(Effect):
     """
 
     clause = "{probability%} of the commands to {t} are lost"
-
-    twins = ("command_delay",)
+    taken_up_by = ("command_delay",)
     loses_commands = True
-
     signal_only = True
     by_chance = True
 
@@ -121,7 +118,6 @@ class CommandLag(Effect):
     """
 
     clause = "the commands to {t} pass a lag of {time_constant}"
-
     signal_only = True
 
     time_constant = parameter("s", identity=0.0, default=0.04, bounds=(0.0, 0.3))
@@ -169,9 +165,7 @@ class RateLimit(Effect):
     """
 
     clause = "the set point of {t} moves no faster than {velocity}"
-
     needs_servo = True
-
     signal_only = True
 
     velocity = parameter(SPEED, identity=np.inf, default=0.6, bounds=(0.05, 1.0), nominal="velocity")
@@ -283,9 +277,7 @@ class CommandDeadband(Stepping):
     """
 
     clause = "{t} ignore{s} changes of the set point below {width}[, looked at every {period}]"
-
     needs_servo = True
-
     signal_only = True
 
     width = parameter(LENGTH, identity=0.0, default=0.0003, bounds=((0.0, 0.003), (0.0, 0.1)))
@@ -312,9 +304,7 @@ class CommandQuantization(Stepping):
     """
 
     clause = "the set point of {t} is rounded to steps of {step}[ every {period}]"
-
     needs_servo = True
-
     signal_only = True
 
     step = parameter(LENGTH, identity=0.0, default=0.0005, bounds=((0.0, 0.003), (0.0, 0.1)))

@@ -97,7 +97,6 @@ class ContactInertia(Effect):
     clause = "the contact of pad and object has {factor} times the simulator's virtual mass"
     #: Every simulator's contacts carry another: impedances of 0.35 and 0.65 are 0.54 and 1.9 times that of 0.5.
     nominal_prior = known_to(0.5)
-
     nameable = False
 
     factor = parameter("-", identity=1.0, default=0.5, bounds=(0.05, 4.0))
@@ -154,7 +153,6 @@ class ObjectSize(Effect):
     clause = "the object is larger by {radius} on each side than was said"
     clause_less = "the object is smaller by {radius} on each side than was said"
     nominal_prior = known_to(1.5e-4)
-
     takes_from = "object_half_width"
 
     radius = parameter("m", identity=0.0, default=0.003, bounds=(-0.015, 0.015))

@@ -56,7 +56,7 @@ STAGES: Final = (
 TARGETS: Final = ("command", "joint", "sensor", "object", "clock")
 
 #: What is so of one effect, and not of those that are built on it.
-NOT_INHERITED: Final = ("clause", "clause_less", "nominal_prior", "shows_as", "twins", "loses_commands")
+NOT_INHERITED: Final = ("clause", "clause_less", "nominal_prior", "shows_as", "twins", "taken_up_by", "loses_commands")
 #: Hooks that any effect may have, beside those whose arrays have the shape of its targets.
 COMMON_HOOKS: Final = ("start", "change", "place", "model_attributes")
 HOOKS: Final = {
@@ -116,9 +116,10 @@ class Effect:
     #: What readings show of it by themselves, and how large it is: one of
     #: :data:`tiago_mj.effects.checks.SYMPTOMS`; empty: it is fitted.
     shows_as: ClassVar[str] = ""
-    #: Names of effects that do nearly the same to recordings, declared on one of each two: what the one does may be
-    #: taken for the other.
+    #: Names of effects that do nearly the same to many recordings, declared on one of each two.
     twins: ClassVar[tuple[str, ...]] = ()
+    #: Names of effects whose nominal numbers may take up a part of what it does: it is sought without them, too.
+    taken_up_by: ClassVar[tuple[str, ...]] = ()
     #: Whether commands are lost to it, the one before staying in force: which ones is decoded from the servos' motion.
     loses_commands: ClassVar[bool] = False
     #: Name of the parameter that is the period of a ripple over the joint's position, which no gradient leads to: it is
@@ -318,9 +319,9 @@ def _check_hooks(name: str, declared: type[Effect], stage: str, targets: str) ->
             raise ValueError(f"effect {name!r}: {hook} takes {given} arguments, write {hook}({asked})")
 
 
-def are_twins(one: str, other: str) -> bool:
-    """Whether either of two effects, by their names, is declared to be the other's twin (:attr:`Effect.twins`)."""
-    return other in EFFECTS[one].twins or one in EFFECTS[other].twins
+def twins(name: str) -> tuple[str, ...]:
+    """Names of an effect's twins (:attr:`Effect.twins`), be they declared on it or on them."""
+    return tuple(other for other, one in EFFECTS.items() if other in EFFECTS[name].twins or name in one.twins)
 
 
 def is_random(declared: type[Effect]) -> bool:

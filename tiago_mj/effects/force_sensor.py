@@ -35,7 +35,6 @@ class PadCreep(Effect):
     """
 
     clause = "{fraction%} of the force on {t} fades under load with a time constant of {time_constant}"
-
     signal_only = True
 
     fraction = parameter("-", identity=0.0, default=0.2, bounds=(0.0, 0.8), possible=(0.0, 1.0))
@@ -67,7 +66,6 @@ class ForceCrosstalk(Effect):
     """
 
     clause = "{ratio%} of the other finger's force appears in the readings of {t}"
-
     signal_only = True
 
     ratio = parameter("-", identity=0.0, default=0.1, bounds=(-0.6, 0.6))
@@ -93,7 +91,6 @@ class ForceGain(Effect):
 
     clause = "the gain of {t} is {factor} times the nominal one"
     nominal_prior = known_to(0.04)
-
     signal_only = True
 
     factor = parameter("-", identity=1.0, default=1.3, bounds=(0.2, 4.0))
@@ -118,7 +115,6 @@ class ForceNonlinearity(Effect):
     """
 
     clause = "the curve of {t} bends by {quadratic}"
-
     signal_only = True
 
     quadratic = parameter("1/sensor unit", identity=0.0, default=0.1, bounds=(-0.3, 1.0))
@@ -144,7 +140,6 @@ class ForceHysteresis(Effect):
     """
 
     clause = "loading and unloading of {t} differ by {width}"
-
     signal_only = True
 
     width = parameter(UNITS, identity=0.0, default=0.1, bounds=(0.0, 0.8))
@@ -174,7 +169,6 @@ class ForceDeadZone(Effect):
     """
 
     clause = "{t} read{s} zero below {width}, and less by that much above"
-
     signal_only = True
 
     width = parameter(UNITS, identity=0.0, default=0.08, bounds=(0.0, 0.8))
@@ -199,7 +193,6 @@ class ForceDrift(Effect):
     """
 
     clause = "the zero of {t} drifts by {rate}"
-
     signal_only = True
 
     rate = parameter("sensor units/s", identity=0.0, default=0.1, bounds=(-1.0, 1.0))
@@ -225,7 +218,6 @@ class ForceBias(Effect):
 
     clause = "the readings of {t} are off by {offset}"
     nominal_prior = known_to(0.002)
-
     signal_only = True
     shows_as = "rest"
 
@@ -251,7 +243,6 @@ class ForceLag(Effect):
     """
 
     clause = "the readings of {t} pass a lag of {time_constant}"
-
     signal_only = True
 
     time_constant = parameter("s", identity=0.0, default=0.03, bounds=(0.0, 0.3))
@@ -282,7 +273,6 @@ class ForceSaturation(Effect):
     """
 
     clause = "the readings of {t} go no higher than {limit}"
-
     signal_only = True
 
     limit = parameter(UNITS, identity=np.inf, default=0.8, bounds=(0.05, 3.0))
@@ -309,7 +299,6 @@ class ForceNoise(Effect):
     """
 
     clause = "the noise of {t} is {factor} times the nominal one"
-
     signal_only = True
     shows_as = "noise"
     by_chance = True
@@ -336,7 +325,6 @@ class ForceQuantization(Effect):
     """
 
     clause = "the readings of {t} are rounded to steps of {step}"
-
     signal_only = True
     shows_as = "grid"
     rounds = "force"
@@ -365,7 +353,6 @@ class ForceDelay(Effect):
     """
 
     clause = "the readings of {t} come {seconds} late"
-
     signal_only = True
 
     seconds = parameter("s", identity=0.0, default=0.03, bounds=(0.0, 0.2))
@@ -395,7 +382,6 @@ class ForceDropout(Effect):
     """
 
     clause = "{probability%} of the readings of {t} are missed"
-
     signal_only = True
     shows_as = "repeats"
     by_chance = True

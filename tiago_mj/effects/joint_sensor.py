@@ -28,7 +28,6 @@ class EncoderBias(Effect):
 
     clause = "the position readings of {t} are off by {offset}"
     nominal_prior = known_to((2e-5, 5e-4))
-
     signal_only = True
 
     offset = parameter(LENGTH, identity=0.0, default=0.001, bounds=((-0.01, 0.01), (-0.2, 0.2)))
@@ -56,7 +55,6 @@ class EncoderScale(Effect):
     """
 
     clause = "the position readings of {t} are {factor} times the true ones"
-
     signal_only = True
 
     factor = parameter("-", identity=1.0, default=1.05, bounds=(0.7, 1.4))
@@ -87,7 +85,6 @@ class EncoderQuantization(Effect):
     """
 
     clause = "the position readings of {t} are rounded to steps of {step}"
-
     signal_only = True
     shows_as = "grid"
     rounds = "position"
@@ -114,7 +111,6 @@ class VelocityFilter(Effect):
     """
 
     clause = "the reported velocity of {t} passes a low-pass of {time_constant}"
-
     signal_only = True
 
     time_constant = parameter("s", identity=0.0, default=0.04, bounds=(0.0, 0.3))

@@ -27,7 +27,6 @@ class ClockOffset(Effect):
 
     clause = "the measured channels are stamped {seconds} late"
     clause_less = "the measured channels are stamped {seconds} early"
-
     signal_only = True
 
     seconds = parameter("s", identity=0.0, default=0.03, bounds=(0.0, 0.2))

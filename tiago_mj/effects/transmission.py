@@ -167,9 +167,7 @@ class CoulombFriction(Effect):
     clause = "{t} {has} {force} of Coulomb friction that the simulator lacks"
     clause_less = "{t} {has} {force} less Coulomb friction than the simulator"
     nominal_prior = known_to(0.04, share_of="stock")
-
     takes_from = "frictionloss"
-
     form_known_to = DRY
     force = parameter(FORCE, identity=0.0, default=3.0, bounds=((-2.0, 12.0), (-1.0, 15.0)))
 
@@ -201,7 +199,7 @@ class ViscousFriction(Effect):
     clause = "{t} {has} {damping} of viscous friction that the simulator lacks"
     clause_less = "{t} {has} {damping} less viscous friction than the simulator"
     nominal_prior = known_to(0.04, share_of="stock")
-
+    twins = ("servo_damping",)
     takes_from = "damping"
 
     damping = parameter(DAMPING, identity=0.0, default=(40.0, 5.0), bounds=((-80.0, 400.0), (-1.0, 60.0)))
@@ -230,7 +228,6 @@ class StribeckFriction(Effect):
     """
 
     clause = "{t} {has} {static} of breakaway friction, gone above {velocity}, that the simulator lacks"
-
     form_known_to = FALLING
     static = parameter(FORCE, identity=0.0, default=3.0, bounds=(0.0, 12.0))
     velocity = parameter(SPEED, identity=None, default=0.01, bounds=((0.001, 0.05), (0.001, 0.5)))
@@ -261,7 +258,6 @@ class LoadDependentFriction(Effect):
     """
 
     clause = "{t} {has} friction of {coefficient} times the transmitted force"
-
     form_known_to = DRY
     coefficient = parameter("-", identity=0.0, default=0.15, bounds=(0.0, 0.8))
     #: Time constant with which friction follows the force, as a gear gives.
@@ -305,7 +301,6 @@ class AsymmetricFriction(Effect):
 
     clause = "the dry friction of {t} is larger by {force} in the positive direction"
     clause_less = "the dry friction of {t} is larger by {force} in the negative direction"
-
     form_known_to = DRY
     force = parameter(FORCE, identity=0.0, default=2.0, bounds=(-10.0, 10.0))
 
@@ -343,7 +338,6 @@ class Backlash(Effect):
     """
 
     clause = "{t} {has} {width} of play that the simulator lacks"
-
     needs_servo = True
 
     width = parameter(("m", "rad"), identity=0.0, default=0.001, bounds=((0.0, 0.006), (0.0, 0.1)))
@@ -423,7 +417,6 @@ class JointElasticity(Effect):
     """
 
     clause = "{t} {is} driven through a spring of {stiffness}"
-
     needs_servo = True
 
     stiffness = parameter(
@@ -505,7 +498,6 @@ class Armature(Effect):
     #: Beside payload and links, which have their own, fits of grasps moved a hinge's inertia by 1 to 2 %. What slides
     #: is known worse: publications differ by 17 % for a finger with its cell.
     nominal_prior = known_to((0.35, 0.03), share_of="inertia")
-
     takes_from = "inertia"
 
     _least: Array | None = None
@@ -543,9 +535,7 @@ class CouplingError(Effect):
     """
 
     clause = "{ratio%} of the neighbouring joint's motion appears on {t}"
-
     fewest_targets = 2
-
     needs_servo = True
 
     ratio = parameter("-", identity=0.0, default=0.1, bounds=(-0.6, 0.6))

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from tiago_mj.effects import EFFECTS
-from tiago_mj.effects.declare import STAGES
+from tiago_mj.effects.declare import STAGES, twins
 from tiago_mj.gap.report import words
 from tiago_mj.gap.report.consistency import has_probability, identity
 from tiago_mj.gap.result import BANDS, PHASES, Diagnosis, Named, Place, Value
@@ -195,6 +195,7 @@ def shown(effect: Named) -> dict[str, Any]:
         "label": words.label(effect),
         "meaning": words.meaning(effect.name),
         "gap_class": declared.gap_class.replace("_", " ") if declared and declared.gap_class != effect.name else "",
+        "twins": words.listed([words.title(name) for name in twins(effect.name)] if declared else []),
         "parameters": values,
         "whiskers": whiskers(effect),
     }

@@ -17,7 +17,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from tiago_mj.effects.declare import are_twins
+from tiago_mj.effects import EFFECTS
 from tiago_mj.gap.detectors.set_points import ServoMotion
 from tiago_mj.gap.inference.fit import Fitted, Fitter, Point
 from tiago_mj.gap.inference.hypotheses import Candidate, Label
@@ -126,11 +126,10 @@ def decoded_beside(
         motion: of the servos.
         pool: candidates that lose commands, the first of them to all servos.
     """
-    # The nuisance parameters, above all a twin such as the delay, may have absorbed what lost commands do. So start
-    # without them, too.
+    # The nuisance parameters, above all the delay, may have absorbed what lost commands do. So start without them, too.
     punctual = at.nuisance.copy()
     for k, term in enumerate(fitter.terms):
-        punctual[fitter.nuisance_indices(k)] *= not are_twins(LOSES, term.effect)
+        punctual[fitter.nuisance_indices(k)] *= term.effect not in EFFECTS[LOSES].taken_up_by
     best, least = None, np.inf
     for nuisance in (at.nuisance, punctual, np.zeros(fitter.size)):
         point = replace(at, nuisance=nuisance)
