@@ -142,13 +142,10 @@ def write(
     model = spec.compile()
     chain = changed(model, wiring, entries, period, substeps)
     wanted = chain.now.host.model
-    for effect in chain.effects:
-        attributes = effect.model_attributes(chain.now) if _runs(effect) else None
-        for name, values in (attributes or {}).items():
-            for actuator, value, there in zip(wiring.actuators, values[0], _reaches(effect, wiring), strict=True):
-                if there:
-                    element = _by_id(spec.actuators)[int(actuator)]
-                    setattr(element, name, type(getattr(element, name))(value))
+    for actuator, attributes in actuator_attributes(chain, wiring).items():
+        element = _by_id(spec.actuators)[actuator]
+        for name, value in attributes.items():
+            setattr(element, name, type(getattr(element, name))(value))
     for _ in range(PASSES):
         if not _copied(spec, spec.compile(), wanted):
             break
@@ -160,6 +157,18 @@ def write(
         text: str = spec.to_xml()
     _check(text, wanted)
     return text
+
+
+def actuator_attributes(chain: Chain, wiring: Wiring) -> dict[int, dict[str, float]]:
+    """Attributes by which MuJoCo's actuators do what the effects of a chain do between physics steps, by actuator."""
+    out: dict[int, dict[str, float]] = {}
+    for effect in chain.effects:
+        attributes = effect.model_attributes(chain.now) if _runs(effect) else None
+        for name, values in (attributes or {}).items():
+            for actuator, value, there in zip(wiring.actuators, values[0], _reaches(effect, wiring), strict=True):
+                if there:
+                    out.setdefault(int(actuator), {})[name] = float(value)
+    return out
 
 
 def _reaches(effect: Effect, wiring: Wiring) -> Array:
@@ -178,15 +187,15 @@ def _copied(spec: mujoco.MjSpec, model: mujoco.MjModel, wanted: mujoco.MjModel) 
     joints, bodies, actuators = (_by_id(elements) for elements in (spec.joints, spec.bodies, spec.actuators))
     differ = False
     for field, attribute in OF_JOINTS.items():
-        for dof in _rows(model, wanted, field):
+        for dof in differing_rows(model, wanted, field):
             element = joints[int(model.dof_jntid[dof])]
             _set(element, attribute, getattr(wanted, field)[dof])
             differ = True
     for field, attribute in OF_WHOLE_JOINTS.items():
-        for joint in _rows(model, wanted, field):
+        for joint in differing_rows(model, wanted, field):
             _set(joints[joint], attribute, getattr(wanted, field)[joint])
             differ = True
-    heavier = dict.fromkeys(row for field in OF_BODIES for row in _rows(model, wanted, field))
+    heavier = dict.fromkeys(row for field in OF_BODIES for row in differing_rows(model, wanted, field))
     for body in heavier:
         bodies[body].explicitinertial = True
         bodies[body].fullinertia = np.full(6, np.nan)
@@ -200,7 +209,7 @@ def _copied(spec: mujoco.MjSpec, model: mujoco.MjModel, wanted: mujoco.MjModel) 
         spec.compiler.settotalmass = -1
         spec.compiler.boundmass = spec.compiler.boundinertia = 0
     for field, attribute in OF_ACTUATORS.items():
-        for actuator in _rows(model, wanted, field):
+        for actuator in differing_rows(model, wanted, field):
             _set(actuators[actuator], attribute, getattr(wanted, field)[actuator])
             differ = True
     if not np.array_equal(model.opt.gravity, wanted.opt.gravity):
@@ -209,7 +218,7 @@ def _copied(spec: mujoco.MjSpec, model: mujoco.MjModel, wanted: mujoco.MjModel) 
     return differ
 
 
-def _rows(model: mujoco.MjModel, wanted: mujoco.MjModel, field: str) -> list[int]:
+def differing_rows(model: mujoco.MjModel, wanted: mujoco.MjModel, field: str) -> list[int]:
     """Rows of a field in which two models differ by more than rounding."""
     one, other = getattr(model, field), getattr(wanted, field)
     same = np.isclose(one, other, rtol=1e-13, atol=1e-15).reshape(len(one), -1)

@@ -1,0 +1,1 @@
+"""What a diagnosis found, written for the simulators that people train in."""

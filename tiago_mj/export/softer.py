@@ -1,0 +1,46 @@
+"""Gains of a servo that feels as it does behind a spring: elasticity where a second joint is not to be had."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+import mujoco
+
+from tiago_mj.effects import EFFECTS, Entry
+from tiago_mj.effects.now import Wiring
+from tiago_mj.effects.spec import arrays
+
+EFFECT: Final = "joint_elasticity"
+HOW: Final = "servo stiffness and damping as low as they feel behind the spring, in slow motion"
+
+
+def soften(model: mujoco.MjModel, wiring: Wiring, entries: Sequence[Entry], *, all_motors: bool = False) -> bool:
+    """Lower the gains of servos behind springs in a compiled model, in place; whether there was one.
+
+    A motor without mass between servo and spring moves so that both forces agree. With share = k / (kp + k) the joint
+    feels stiffness share · kp, and in motion that is slow beside (kp + k) / kv, damping share² · kv.
+
+    Args:
+        model: compiled; changed.
+        wiring: its parts.
+        entries: of ``joint_elasticity``.
+        all_motors: whether motors that are said to have mass are softened, too.
+    """
+    if not entries:
+        return False
+    targets = wiring.targets
+    said = arrays(EFFECTS[EFFECT], [entries], targets)
+    any_of_them = False
+    for k, joint in enumerate(targets.actuated):
+        if not said.present[0, joint] or (said.motor[0, joint] and not all_motors):  # type: ignore[attr-defined]
+            continue
+        actuator = int(wiring.actuators[k])
+        gear = float(model.actuator_gear[actuator, 0])
+        spring = float(said.stiffness[0, joint]) / gear**2  # type: ignore[attr-defined]
+        share = spring / (spring - float(model.actuator_biasprm[actuator, 1]))
+        model.actuator_gainprm[actuator, 0] *= share
+        model.actuator_biasprm[actuator, 1] *= share
+        model.actuator_biasprm[actuator, 2] *= share**2
+        any_of_them = True
+    return any_of_them
