@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import tempfile
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
@@ -20,6 +20,7 @@ from tiago_mj.export.actuators import actuator_changes
 from tiago_mj.export.found import Robot
 from tiago_mj.export.mjcf_text import Element, Mjcf
 from tiago_mj.export.numbers import numbers
+from tiago_mj.export.versions import NEWEST
 
 Array = NDArray[np.float64]
 
@@ -34,6 +35,8 @@ OF_JOINTS: Final = {
 OF_BODIES: Final = {"body_mass": "mass", "body_ipos": "pos", "body_iquat": "quat", "body_inertia": "diaginertia"}
 #: Other ways to say an inertial frame, which go when it is said anew.
 _TURNED: Final = ("quat", "axisangle", "euler", "xyaxes", "zaxis", "fullinertia")
+#: Versions that compute a servo's damping from ``dampratio`` by another inertia (until 3.15; its changelog).
+OTHER_RATIOS: Final = ("3.11",)
 #: Share of a number that a compiled file may differ by from what was simulated.
 ALIKE: Final = 1e-9
 
@@ -82,15 +85,20 @@ class Written:
             return mujoco.MjModel.from_xml_path(str(self.save(Path(folder))))
 
 
-def write(robot: Robot) -> Written:
+def write(robot: Robot, *, version: str = NEWEST, without: Collection[str] = ()) -> Written:
     """The user's files with the effects that MJCF can hold.
+
+    Args:
+        robot: the model and the effects.
+        version: of MuJoCo that is to load them.
+        without: names of effects that are left out, as the reader of the files has them elsewhere or not at all.
 
     Raises:
         ValueError: what is to be changed is not written out in the files (built by ``attach``, say), or the result is
             not the model that was simulated; one line.
     """
     period = robot.substeps * float(robot.model.opt.timestep)
-    by_name = model_file.by_effect(robot.entries)
+    by_name = {name: own for name, own in model_file.by_effect(robot.entries).items() if name not in without}
     exact = [
         name
         for name, entries in by_name.items()
@@ -102,16 +110,19 @@ def write(robot: Robot) -> Written:
     wanted = chain.now.host.model
     native = model_file.actuator_attributes(chain, robot.wiring)
     rest = {name: own for name, own in by_name.items() if name not in exact}
-    written = replace(_with_numbers(robot, wanted, native), exact=tuple(exact))
+    written = replace(_with_numbers(robot, wanted, native, version), exact=tuple(exact))
     plays = play.plays(robot, rest)
     return _with_play(robot, written, plays, wanted) if plays else written
 
 
-def _with_numbers(robot: Robot, wanted: mujoco.MjModel, native: Mapping[int, Mapping[str, float]]) -> Written:
+def _with_numbers(
+    robot: Robot, wanted: mujoco.MjModel, native: Mapping[int, Mapping[str, float]], version: str
+) -> Written:
     """With the numbers of a compiled model, and attributes of its actuators."""
     mjcf = Mjcf(robot.file)
     for actuator, attributes in native.items():
         mjcf.set(_actuator(mjcf, robot.model, actuator), _in_words(attributes))
+    said = _say_damping(mjcf, wanted) if version in OTHER_RATIOS else []
     written, present = _now(mjcf), robot.model
     for _ in range(model_file.PASSES):
         if not _changed(mjcf, present, wanted):
@@ -120,7 +131,21 @@ def _with_numbers(robot: Robot, wanted: mujoco.MjModel, native: Mapping[int, Map
         present = written.compile()
     _check(present, wanted, robot.file.name)
     late = any("delay" in attributes for attributes in native.values())
-    return replace(written, told=(model_file.LATE,) if late else ())
+    return replace(written, told=(*said, *([model_file.LATE] if late else [])))
+
+
+def _say_damping(mjcf: Mjcf, wanted: mujoco.MjModel) -> list[str]:
+    """Write out the damping of servos that is given by its ratio, which older versions compute in another way; what
+    the user has to know."""
+    said = []
+    for actuator in range(wanted.nu):
+        element = mjcf.actuator(wanted.actuator(actuator).name)
+        if element is not None and "dampratio" in element.attributes:
+            mjcf.set(element, {"kv": numbers(-wanted.actuator_biasprm[actuator, 2]), "dampratio": None})
+            said.append(f"kv of {wanted.actuator(actuator).name} stands for its dampratio, which gave another there.")
+    if any("dampratio" in e.attributes and e.parent is not None and e.parent.name == "default" for e in mjcf.elements):
+        said.append("dampratio in a default class gives other damping there: write kv into the actuators.")
+    return said
 
 
 def _with_play(robot: Robot, written: Written, plays: Sequence[play.Play], wanted: mujoco.MjModel) -> Written:

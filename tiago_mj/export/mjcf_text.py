@@ -28,7 +28,7 @@ class Element:
         name: of the element, such as ``joint``.
         attributes: as they are written.
         start, end: of its start tag [bytes].
-        close: where its end tag begins [bytes]; ``start`` where it has none.
+        close: where its end tag begins [bytes], if it has one.
         parent: the element that holds it, includes seen through; None: it is the root.
     """
 
@@ -50,7 +50,7 @@ class Element:
     @property
     def after(self) -> int:
         """Where the element ends [bytes]."""
-        if self.close == self.start:
+        if self.document.data[self.end - 2 : self.end] == b"/>":
             return self.end
         return self.document.data.index(b">", self.close) + 1
 
