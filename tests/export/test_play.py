@@ -26,7 +26,7 @@ def test_a_joint_with_play_is_two_joints_and_a_tendon_that_has_what_the_joint_ha
     assert np.max(model.tendon_damping[both.id]) == 0.051
     assert model.tendon_frictionloss[both.id] == 0.7
     assert model.tendon_armature[both.id] == 0.0031
-    np.testing.assert_allclose(both.range, [-2.3, 2.2])
+    np.testing.assert_allclose(model.tendon_range[both.id], [-2.3, 2.2])
     np.testing.assert_allclose(model.tendon_solimp_fri[both.id], [0.9999, 0.9999, 0.001, 0.5, 2])
     np.testing.assert_allclose(model.key_qpos[0], [0.02, 0.1, -0.2, 0])
     assert model.sensor_objid[0] == both.id

@@ -88,6 +88,8 @@ def export(arguments: argparse.Namespace) -> dict[str, Any]:
     if arguments.mujoco is not None and arguments.mujoco not in VERSIONS:
         raise ValueError(f"--mujoco {arguments.mujoco} is unknown: use one of {', '.join(VERSIONS)}")
     target, found = TARGETS[arguments.to], finding.read(arguments.diagnosis)
+    if arguments.mujoco is not None and target.mujoco is None:
+        raise ValueError(f"--mujoco is for targets with a model: {target.name} has none")
     if target.name == "gymnasium":
         rows = [_row(target.holds, entry.name, entry.target) for entry in found.entries]
         with atomic.replacing_set(arguments.out, parts=(finding.CALIBRATION, TABLE)) as folder:

@@ -50,8 +50,10 @@ DECIMATION = {decimation}
 
 
 def spec() -> mujoco.MjSpec:
-    """The model without the actuators that are configured below."""
+    """The model without the actuators that are configured below, and without keyframes, which have their controls."""
     out = mujoco.MjSpec.from_file(str(MODEL))
+    for key in list(out.keys):
+        out.delete(key)
     for actuator in list(out.actuators):
         if actuator.name in {actuators!r}:
             out.delete(actuator)
