@@ -167,6 +167,7 @@ FIXTURES: Final = (
         "docs/effects.md", "calibration.yaml", "shown above", partial(_block, "docs/effects.md", 0, "calibration.yaml")
     ),
     Fixture("docs/evaluating.md", "my_agent.npz", THEIRS, partial(_agent, "my_agent.npz", "td3-2021-ideal")),
+    Fixture("docs/export.md", "out/pendulum/diagnosis", EARLIER, pendulum),
     Fixture("docs/reading-a-report.md", "my_robot.xml", THEIRS, partial(arm, "my_robot.xml")),
     Fixture("docs/reading-a-report.md", "diagnosis/calibration.yaml", EARLIER, partial(_elbow, "diagnosis")),
     Fixture("docs/reading-a-report.md", "out/diagnosis.json", EARLIER, partial(_elbow, "out")),

@@ -8,6 +8,7 @@ from types import MappingProxyType
 from typing import Final, Literal
 
 from tiago_mj.effects import EFFECTS
+from tiago_mj.effects.declare import STAGES
 
 Grade = Literal["exact", "approximate", "not"]
 
@@ -108,8 +109,9 @@ def held(holds: Mapping[str, Held], effect: str) -> Held:
 
 
 def library() -> list[str]:
-    """Effects of this package that a diagnosis may name."""
-    return [name for name, one in EFFECTS.items() if one.nameable and one.__module__.startswith("tiago_mj.effects")]
+    """Effects of this package that a diagnosis may name, in the order of the signal chain."""
+    own = [name for name, one in EFFECTS.items() if one.nameable and one.__module__.startswith("tiago_mj.effects")]
+    return sorted(own, key=lambda name: STAGES.index(EFFECTS[name].stage))
 
 
 def table(targets: Mapping[str, Mapping[str, Held]], effects: Sequence[str]) -> str:
@@ -126,7 +128,7 @@ def table(targets: Mapping[str, Mapping[str, Held]], effects: Sequence[str]) -> 
     ]
     for effect in effects:
         row = [signs[held(holds, effect).grade] for holds in targets.values()]
-        lines.append(f"| [`{effect}`](effects.md#{effect}) | " + " | ".join(row) + " |")
+        lines.append(f"| `{effect}` | " + " | ".join(row) + " |")
     return "\n".join(lines) + "\n"
 
 

@@ -37,8 +37,8 @@ HEAD: Final = '''\
 #usda 1.0
 (
     doc = """{robot} with what a diagnosis found, for Newton 1.8. Written by tiago-mj export.
-Sublayer it over the robot's USD; joints are looked for in /{root}/joints and bodies in /{root}: move them to where
-yours are."""
+Load a layer with subLayers = [@newton_drives.usda@, @ROBOT.usd@], of which the first is the stronger. Joints are
+looked for in /{root}/joints and bodies in /{root}: move them to where yours are."""
 )
 
 over "{root}"
