@@ -1,9 +1,10 @@
-"""Play commands in a model file with whatever MuJoCo this interpreter has: `python play_alone.py MODEL IN.npz OUT.npy [mjx]`.
+"""Play commands in a model file with whatever MuJoCo this interpreter has: `python play_alone.py MODEL IN.npz OUT.npy [mjx | warp | patch FILE]`.
 
 It imports nothing of this package, so that older versions of MuJoCo can run it.
 """  # noqa: E501
 
 import sys
+from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -62,9 +63,33 @@ def rows_of_mjx(model, said):
     return np.array(rows)
 
 
+def rows_of_warp(model, said):
+    import mujoco_warp as mjw
+    import warp as wp
+
+    data, joints = start(model, said)
+    on_it, there = mjw.put_model(model), mjw.put_data(model, data)
+    actuators = [model.actuator(name).id for name in said["actuators"]]
+    control = np.zeros((1, model.nu), dtype=np.float32)
+    rows = []
+    for command in said["commands"]:
+        position = there.qpos.numpy()[0]
+        rows.append([sum(position[a] for a in own) for own in joints])
+        control[0, actuators] = command
+        wp.copy(there.ctrl, wp.array(control, dtype=float))
+        for _ in range(int(said["substeps"])):
+            mjw.step(on_it, there)
+    return np.array(rows)
+
+
+ENGINES = {"mjx": rows_of_mjx, "warp": rows_of_warp}
+
 if __name__ == "__main__":
     loaded = mujoco.MjModel.from_xml_path(sys.argv[1])
     given = np.load(sys.argv[2])
-    played = (rows_of_mjx if sys.argv[4:] == ["mjx"] else rows_of)(loaded, given)
-    np.save(sys.argv[3], played)
+    names = {}
+    if sys.argv[4:5] == ["patch"]:
+        exec(Path(sys.argv[5]).read_text(), names)
+        names["patch"](loaded)
+    np.save(sys.argv[3], ENGINES.get((sys.argv[4:] or [""])[0], rows_of)(loaded, given))
     print(mujoco.__version__)

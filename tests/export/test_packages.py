@@ -29,14 +29,10 @@ CASES = {
 SAME = 0.01
 
 
-def closed(folder, effects, python, version, *words):
-    """Share of the gap that a version closes, and that the file closes here."""
-    one = robot(folder, effects)
-    written = mjcf.write(one, version=version)
-    main = written.save(folder / "written")
-    played = replay.motion(one)
+def _put(path, one, played):
+    """A motion, for another interpreter."""
     np.savez(
-        folder / "in.npz",
+        path,
         commands=played.commands,
         qpos=played.qpos,
         joints=one.joints,
@@ -44,6 +40,15 @@ def closed(folder, effects, python, version, *words):
         held=played.qpos[list(one.wiring.targets.actuated)],
         substeps=played.substeps,
     )
+
+
+def closed(folder, effects, python, version, *words):
+    """Share of the gap that a version closes, and that the file closes here."""
+    one = robot(folder, effects)
+    written = mjcf.write(one, version=version)
+    main = written.save(folder / "written")
+    played = replay.motion(one)
+    _put(folder / "in.npz", one, played)
     said = run(python, HERE / "play_alone.py", main, folder / "in.npz", folder / "out.npy", *words)
     assert said.split()[-1].startswith(version)
     simulated, nominal = replay.simulated(one, one.entries, played), replay.simulated(one, (), played)
@@ -67,6 +72,25 @@ def test_mjx_closes_it_too_but_for_delays(case, tmp_path):
         assert there < 0.1, "MJX has delays now: say so in the target"
     else:
         assert there == pytest.approx(here, abs=SAME)
+
+
+@pytest.mark.parametrize("case", ["friction", "play"])
+def test_mjlab_s_engine_closes_it_too(case, tmp_path):
+    """MuJoCo Warp 3.11, in single precision."""
+    there, here = closed(tmp_path, CASES[case], interpreter("mjlab"), "3.11", "warp")
+    assert there == pytest.approx(here, abs=SAME)
+
+
+def test_a_model_that_is_patched_moves_as_one_that_is_written(tmp_path):
+    effects = [*CASES["friction"], *CASES["servo"], *CASES["payload"]]
+    out = exported(tmp_path, "playground", effects)
+    one = robot(tmp_path, effects)
+    played = replay.motion(one)
+    _put(tmp_path / "in.npz", one, played)
+    words = [one.file, tmp_path / "in.npz", tmp_path / "out.npy", "patch", out / "playground_patch.py"]
+    run(interpreter("mujoco_3_17"), HERE / "play_alone.py", *words)
+    simulated, nominal = replay.simulated(one, one.entries, played), replay.simulated(one, (), played)
+    assert replay.compared(simulated, nominal, np.load(tmp_path / "out.npy")).closed > 1 - SAME
 
 
 NEWTON = """

@@ -15,9 +15,8 @@ import numpy as np
 
 from tiago_mj.effects import model_file
 from tiago_mj.export.drives import Numbers
-from tiago_mj.export.holding import exact, lacking
+from tiago_mj.export.holding import approximate, exact, lacking
 from tiago_mj.export.numbers import number
-from tiago_mj.export.targets.mujoco import HOLDS as IN_MJCF
 from tiago_mj.export.targets.python_text import literal
 from tiago_mj.export.targets.target import Target
 
@@ -35,8 +34,8 @@ _PATCHED: Final = (
 HOLDS: Final = MappingProxyType(
     {
         **{quantity: exact("a field of the model, set by the patch") for quantity in _PATCHED},
-        "play": IN_MJCF["play"],
-        "elasticity": IN_MJCF["elasticity"],
+        "play": approximate("a second joint in the body, in the model beside: a patch adds none"),
+        "elasticity": approximate("a second joint with a spring, in the model beside: a patch adds none"),
         "delay": lacking("MJX 3.17 keeps no history of controls: delay actions in the environment's step"),
     }
 )
@@ -47,7 +46,7 @@ TEXT: Final = '''\
 
     env = registry.load(NAME, config_overrides=CONFIG_OVERRIDES)
     patch(env.mj_model)
-    env._mjx_model = mjx.put_model(env.mj_model)
+    env._mjx_model = mjx.put_model(env.mj_model, impl=env._config.impl)
 """
 
 import mujoco
