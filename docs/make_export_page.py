@@ -33,7 +33,9 @@ stay, and one joint's friction is one changed line. Files that are included or r
 - *Play* becomes a second joint in the body, as the manual has it (Modeling, "Backlash"): the actuator turns the first,
   which keeps its name; the second has a range of the play's width; a tendon over both has the friction, damping,
   armature, range and sensors that the joint had. Keyframes are lengthened. A spring between motor and joint is written
-  in the same way. A motor that is said to have no mass is given the least that the physics step bears.
+  in the same way. A motor that is said to have no mass is given as little as the physics step bears, which is much
+  where the servo's damping is strong: of 10 mrad of play in the elbow of Menagerie's UR5e the file leaves 14 % of the
+  mean squared gap at a step of 2 ms, 6 % at 1 ms and 1.6 % at 0.5 ms.
 - The physics step of the file stays as it is. How far the file closes the gap is replayed and printed.
 
 What was replayed in the older versions, on an arm of three joints, beside this package's own simulation of the
