@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from robots import ARM, effect, robot
 
+from tiago_mj import cli
 from tiago_mj.export import mjcf, play, replay
 
 PLAY = [effect("backlash", "elbow", width=0.05)]
@@ -82,11 +83,17 @@ def test_a_ratio_of_damping_is_not_one_of_the_motor_s_inertia(tmp_path):
     np.testing.assert_allclose(mjcf.write(one).compile().actuator_biasprm, one.model.actuator_biasprm)
 
 
-def test_what_couples_the_joint_to_others_is_said_in_one_line(tmp_path):
+def test_where_something_couples_the_joint_to_others_the_rest_is_written_and_that_is_told(tmp_path, capsys):
     text = ARM.replace("<sensor>", '<equality><joint joint1="elbow" joint2="shoulder"/></equality>\n  <sensor>')
-    with pytest.raises(ValueError, match="joint refers to joint 'elbow', which backlash splits in two") as fault:
-        mjcf.write(robot(tmp_path, PLAY, text))
-    assert "\n" not in str(fault.value)
+    effects = [*PLAY, effect("coulomb_friction", "elbow", force=0.7)]
+    written = mjcf.write(robot(tmp_path, effects, text))
+    assert "joint refers to joint 'elbow', which backlash splits in two" in written.lacking["backlash"]
+    model = written.compile()
+    assert model.joint("elbow").frictionloss[0] == 0.7
+    assert model.nv == 3
+    words = ["export", str(tmp_path / "diagnosis"), "--out", str(tmp_path / "out")]
+    assert cli.main(words) == 0
+    assert "| backlash | elbow | not | joint refers to joint 'elbow'" in capsys.readouterr().out
 
 
 def test_a_joint_with_play_and_a_spring_is_not_split_twice(tmp_path):

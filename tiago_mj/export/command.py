@@ -128,7 +128,7 @@ def _as_written(row: Row, written: Any) -> Row:
     if row.effect in written.approximate:
         return Row(row.effect, row.where, "approximate", written.approximate[row.effect])
     why = row.how if row.grade == "not" else "not with these numbers on this robot: tiago_mj.gap.apply has it"
-    return Row(row.effect, row.where, "not", why)
+    return Row(row.effect, row.where, "not", written.lacking.get(row.effect, why))
 
 
 def _row(holds: Mapping[str, Any], effect: str, target: tuple[str, ...] | None) -> Row:

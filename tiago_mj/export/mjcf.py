@@ -51,6 +51,7 @@ class Written:
         beside: files that the model needs and that stay as they are.
         exact: names of effects that the files hold as they were simulated.
         approximate: names of effects that they hold in another form, and in which.
+        lacking: names of effects that they do not hold because of what the user's files have, and why.
         told: what a user of the files has to know, in sentences.
     """
 
@@ -59,6 +60,7 @@ class Written:
     beside: tuple[Path, ...]
     exact: tuple[str, ...]
     approximate: Mapping[str, str]
+    lacking: Mapping[str, str]
     told: tuple[str, ...]
 
     @property
@@ -112,7 +114,12 @@ def write(robot: Robot, *, version: str = NEWEST, without: Collection[str] = ())
     rest = {name: own for name, own in by_name.items() if name not in exact}
     written = replace(_with_numbers(robot, wanted, native, version), exact=tuple(exact))
     plays = play.plays(robot, rest)
-    return _with_play(robot, written, plays, wanted) if plays else written
+    if not plays:
+        return written
+    try:
+        return _with_play(robot, written, plays, wanted)
+    except ValueError as fault:  # the rest is of use without it
+        return replace(written, lacking={one.effect: str(fault) for one in plays})
 
 
 def _with_numbers(
@@ -172,14 +179,14 @@ def _from(mjcf: Mjcf, place: Path, written: Written, approximate: Mapping[str, s
     files = {written.root / d.path.relative_to(place): d.edited() for d in mjcf.documents}
     changed = {path: data for path, data in files.items() if data != path.read_bytes()}
     beside = dict.fromkeys(path for path in (*files, *written.beside) if path not in changed)
-    return Written(changed, written.main, tuple(beside), written.exact, approximate, told)
+    return Written(changed, written.main, tuple(beside), written.exact, approximate, {}, told)
 
 
 def _now(mjcf: Mjcf) -> Written:
     files = {document.path: document.edited() for document in mjcf.documents}
     changed = {path: data for path, data in files.items() if data != path.read_bytes()}
     beside = (*(path for path in files if path not in changed), *mjcf.files())
-    return Written(changed, mjcf.path, beside, (), {}, ())
+    return Written(changed, mjcf.path, beside, (), {}, {}, ())
 
 
 def _in_words(attributes: Mapping[str, float]) -> dict[str, str]:

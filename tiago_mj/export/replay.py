@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 SECONDS: Final = 6.0
 #: It keeps to this share of what the limits allow.
 SHARE: Final = 0.5
-#: How far a joint goes that has no limits [m], [rad]; how fast a servo of speeds; shares of the weightless force.
+#: Largest command of an actuator without limits, on a slide and on a hinge [m, rad, their speeds, N, N·m].
 REACH: Final = (0.05, 0.5)
 #: A root of mean squares below this is none [m, rad].
 NOTHING: Final = 1e-9
@@ -37,7 +37,7 @@ class Motion:
     Attributes:
         commands: (rows, nactuators).
         qpos: of the observed joints at the start, (njoints,) [m, rad].
-        rows: physics steps between two rows.
+        substeps: physics steps between two rows.
     """
 
     commands: Array
@@ -90,7 +90,7 @@ def _reach(robot: Robot, actuator: int, joint: int, middle: float) -> float:
     if robot.wiring.interface == "effort" and model.actuator_forcelimited[actuator]:
         bounds.append(tuple(model.actuator_forcerange[actuator]))
     reach = min(min(high - middle, middle - low) for low, high in bounds)
-    return max(reach, 0.0) if math.isfinite(reach) else 2 * REACH[0 if slides else 1]
+    return max(reach, 0.0) if math.isfinite(reach) else REACH[0 if slides else 1] / SHARE
 
 
 def simulated(robot: Robot, entries: Sequence[Entry], played: Motion) -> Array:

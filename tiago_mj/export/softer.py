@@ -12,7 +12,6 @@ from tiago_mj.effects.now import Wiring
 from tiago_mj.effects.spec import arrays
 
 EFFECT: Final = "joint_elasticity"
-HOW: Final = "servo stiffness and damping as low as they feel behind the spring, in slow motion"
 
 
 def soften(model: mujoco.MjModel, wiring: Wiring, entries: Sequence[Entry], *, all_motors: bool = False) -> bool:
