@@ -98,7 +98,7 @@ def numbers_of(robot: Robot) -> Numbers:
     kept = [one for name, own in by_name.items() if _is_of_numbers(robot, own, period) for one in own]
     held = model_file.changed(robot.model, robot.wiring, kept, period, robot.substeps).now.host.model
     model = copy.copy(held)
-    soften(model, robot.wiring, by_name.get(ELASTICITY, ()), all_motors=True)
+    soften(model, robot.wiring, by_name.get(ELASTICITY, ()))
     delays = _values(robot, "command_delay", "seconds", by_name)
     speeds = _values(robot, "velocity_limit", "velocity", by_name)
     wiring = robot.wiring

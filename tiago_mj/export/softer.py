@@ -14,25 +14,24 @@ from tiago_mj.effects.spec import arrays
 EFFECT: Final = "joint_elasticity"
 
 
-def soften(model: mujoco.MjModel, wiring: Wiring, entries: Sequence[Entry], *, all_motors: bool = False) -> bool:
-    """Lower the gains of servos behind springs in a compiled model, in place; whether there was one.
+def soften(model: mujoco.MjModel, wiring: Wiring, entries: Sequence[Entry]) -> None:
+    """Lower the gains of servos behind springs in a compiled model, in place.
 
     A motor without mass between servo and spring moves so that both forces agree. With share = k / (kp + k) the joint
-    feels stiffness share · kp, and in motion that is slow beside (kp + k) / kv, damping share² · kv.
+    feels stiffness share · kp at rest; where it follows its set point, motor and joint move alike and it trails by
+    kv / kp times its speed as before, as with damping share · kv.
 
     Args:
         model: compiled; changed.
         wiring: its parts.
         entries: of ``joint_elasticity``.
-        all_motors: whether motors that are said to have mass are softened, too.
     """
     if not entries:
-        return False
+        return
     targets = wiring.targets
     said = arrays(EFFECTS[EFFECT], [entries], targets)
-    any_of_them = False
     for k, joint in enumerate(targets.actuated):
-        if not said.present[0, joint] or (said.motor[0, joint] and not all_motors):  # type: ignore[attr-defined]
+        if not said.present[0, joint]:
             continue
         actuator = int(wiring.actuators[k])
         gear = float(model.actuator_gear[actuator, 0])
@@ -40,6 +39,4 @@ def soften(model: mujoco.MjModel, wiring: Wiring, entries: Sequence[Entry], *, a
         share = spring / (spring - float(model.actuator_biasprm[actuator, 1]))
         model.actuator_gainprm[actuator, 0] *= share
         model.actuator_biasprm[actuator, 1] *= share
-        model.actuator_biasprm[actuator, 2] *= share**2
-        any_of_them = True
-    return any_of_them
+        model.actuator_biasprm[actuator, 2] *= share

@@ -26,7 +26,7 @@ HOLDS: Final = MappingProxyType(
         "velocity limit": approximate("`velocity_limit_sim`, which PhysX cuts velocities at, not a servo's force"),
         "dry friction": exact("`friction` and `dynamic_friction`"),
         "viscous friction": exact("`viscous_friction`"),
-        "elasticity": approximate("lower `stiffness` and `damping`, as they feel behind the spring in slow motion"),
+        "elasticity": approximate("lower `stiffness` and `damping`, which give and trail as the spring does"),
         "armature": exact("`armature`"),
         "mass": exact("of the model beside, which Isaac Lab converts from MJCF"),
         "gravity": approximate("`gravity` of `SimulationCfg`, said in a comment"),

@@ -24,10 +24,10 @@ HOLDS: Final = MappingProxyType(
         "velocity limit": approximate("`newton:velocityLimit`, which some of its solvers ignore"),
         "dry friction": exact("`newton:friction`"),
         "viscous friction": exact("`newton:damping`, per degree on hinges"),
-        "elasticity": approximate("lower gains of the drive, as they feel behind the spring in slow motion"),
+        "elasticity": approximate("lower gains of the drive, which give and trail as the spring does"),
         "armature": exact("`newton:armature`"),
         "mass": exact("`physics:mass`, `physics:centerOfMass` and inertia of the body"),
-        "gravity": exact("`physics:gravityDirection` of the scene, in the model beside"),
+        "gravity": exact("`gravity` of the model beside, for `newton.ModelBuilder.add_mjcf`"),
         "delay": lacking("USD has no delays: delay controls in the loop that sends them"),
     }
 )
