@@ -6,7 +6,7 @@ import re
 import pytest
 from broken_urdfs import BROKEN, GOOD
 
-from tiago_mj.models.convert import ConversionError, command, convert
+from tiago_mj.models.convert import ConversionError, Options, command, convert
 
 
 @pytest.mark.parametrize("fault", BROKEN)
@@ -76,7 +76,7 @@ def test_a_broken_additions_file_gets_one_line(additions, words, tmp_path):
 def test_an_unknown_option_is_answered_with_the_known_ones(option, tmp_path):
     (tmp_path / "robot.urdf").write_text(GOOD)
     with pytest.raises(ConversionError, match=f"{option}: .*use one of"):
-        convert(tmp_path / "robot.urdf", **{option: "best"})
+        convert(tmp_path / "robot.urdf", options=Options(**{option: "best"}))
 
 
 def test_the_command_prints_one_line_and_ends_with_2(tmp_path, capsys):

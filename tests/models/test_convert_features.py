@@ -9,7 +9,7 @@ import pytest
 import trimesh
 from broken_urdfs import INERTIAL, LIMIT, joint, link, robot
 
-from tiago_mj.models.convert import command, convert
+from tiago_mj.models.convert import Options, command, convert
 from tiago_mj.models.limits import joint_limits
 
 
@@ -54,8 +54,10 @@ def test_packages_are_found_by_argument_and_by_environment(tmp_path, monkeypatch
     (tmp_path / "robots").mkdir()
     trimesh.creation.icosphere(radius=0.1).export(tmp_path / "elsewhere" / "my_robot" / "ball.stl")
     path = write(tmp_path / "robots", mesh_link("base", "package://my_robot/ball.stl"))
-    assert convert(path, package_paths=[tmp_path / "elsewhere"]).spec.compile().nmesh == 1
-    assert convert(path, package_paths=[tmp_path / "elsewhere" / "my_robot"]).spec.compile().nmesh == 1
+    assert convert(path, options=Options(package_paths=(tmp_path / "elsewhere",))).spec.compile().nmesh == 1
+    assert (
+        convert(path, options=Options(package_paths=(tmp_path / "elsewhere" / "my_robot",))).spec.compile().nmesh == 1
+    )
     monkeypatch.setenv("ROS_PACKAGE_PATH", f"/nowhere:{tmp_path / 'elsewhere'}")
     assert convert(path).spec.compile().nmesh == 1
 
@@ -75,7 +77,7 @@ def test_meshes_are_written_beside_the_file_and_the_pair_can_move(tmp_path):
     path = write(tmp_path, mesh_link("base", "ball.stl", 'scale="1 1 -1"'))
     (tmp_path / "first").mkdir()
     for _ in range(2):  # the second time over what is there
-        convert(path, tmp_path / "first" / "robot.xml", collision="mesh", scene=False)
+        convert(path, tmp_path / "first" / "robot.xml", options=Options(collision="mesh", scene=False))
     assert sorted(p.name for p in (tmp_path / "first").iterdir()) == ["robot.xml", "robot_meshes"]
     (tmp_path / "first").rename(tmp_path / "second")
     (tmp_path / "ball.stl").unlink()
@@ -173,7 +175,7 @@ def test_links_that_overlap_at_rest_are_excluded_and_reported(tmp_path):
 
 
 def test_a_free_base_falls(tmp_path):
-    model = convert(write(tmp_path, link("base")), base="free", scene=False).spec.compile()
+    model = convert(write(tmp_path, link("base")), options=Options(base="free", scene=False)).spec.compile()
     data = mujoco.MjData(model)
     mujoco.mj_step(model, data, 500)
     assert data.body("base").xpos[2] == pytest.approx(-9.81 / 2, rel=0.01)
@@ -181,7 +183,7 @@ def test_a_free_base_falls(tmp_path):
 
 def test_a_massless_moving_link_gets_the_floor_that_the_user_names(tmp_path):
     path = write(tmp_path, link("a"), link("b", ""), joint("j", "a", "b"))
-    report = convert(path, mass_floor=0.01)
+    report = convert(path, options=Options(mass_floor=0.01))
     assert report.spec.compile().body("b").mass[0] == 0.01
     assert any("0.01 kg" in line for line in report.added)
 
@@ -291,13 +293,13 @@ def test_a_converted_robot_has_light_and_a_floor_below_it_that_is_in_nobodys_way
     data.joint("swing").qpos[0] = 0.2
     mujoco.mj_forward(model, data)
     assert data.ncon == 0
-    bare = convert(stand_and_rod(tmp_path), scene=False).spec.compile()
+    bare = convert(stand_and_rod(tmp_path), options=Options(scene=False)).spec.compile()
     assert (bare.nlight, bare.ngeom) == (0, model.ngeom - 1)
 
 
 def test_a_robot_with_a_free_base_stands_on_its_floor(tmp_path):
     path = write(tmp_path, link("stand", f"{INERTIAL}<collision>{STAND}</collision>"))
-    model = convert(path, base="free").spec.compile()
+    model = convert(path, options=Options(base="free")).spec.compile()
     data = mujoco.MjData(model)
     mujoco.mj_step(model, data, 500)
     assert data.body("stand").xpos[2] == pytest.approx(0.0, abs=0.005)

@@ -15,7 +15,7 @@ import tempfile
 from pathlib import Path
 from typing import Final
 
-from tiago_mj.models.convert import convert
+from tiago_mj.models.convert import Options, convert
 from tiago_mj.models.files import models_folder
 from tiago_mj.models.urdf_source import read_table, robot_names, urdf_text
 
@@ -34,7 +34,9 @@ def build(folder: Path) -> dict[str, str]:
             texts[f"sources/{name}.urdf"] = urdf_text(table, name)
             urdf = Path(work) / f"{name}.urdf"
             urdf.write_text(texts[f"sources/{name}.urdf"], encoding="utf-8")
-            texts[f"robots/{name}.xml"] = convert(urdf, extras=sources / f"{name}.yaml", scene=False).xml
+            texts[f"robots/{name}.xml"] = convert(
+                urdf, extras=sources / f"{name}.yaml", options=Options(scene=False)
+            ).xml
     return texts
 
 

@@ -48,6 +48,7 @@ __all__ = [
     "in_series",
     "inverse_weight",
     "least_impedance",
+    "pair_contact_points",
     "set_pair_compliance",
     "shared_contact_points",
     "stability_number",
@@ -237,7 +238,7 @@ def contact_parameters(
     k, c, inverse, points, d = _law_inputs(compliance, inverse_weight, contact_points, impedance)
     h = float(_numbers("timestep [s]", timestep, lambda x: (x > 0) & np.isfinite(x), "positive and finite"))
     virtual_mass = points * d / ((1.0 - d) * inverse)
-    _require_stable(k, c, inverse, points, d, h, "stiffness and damping")
+    _require_stable(k, c, virtual_mass, d, h, "stiffness and damping")
     solref = np.stack([-k, -c], axis=-1) * ((1.0 - d) * inverse / points)[..., None]
     friction = np.zeros_like(solref)
     if friction_damping is not None:
@@ -245,7 +246,7 @@ def contact_parameters(
             "friction_damping [N·s/m]", friction_damping, lambda x: (x > 0) & np.isfinite(x), "positive"
         )
         tangential, *_ = _broadcast(friction_damping=tangential, compliance=k)
-        _require_stable(np.zeros_like(k), tangential, inverse, points, d, h, "friction_damping")
+        _require_stable(np.zeros_like(k), tangential, virtual_mass, d, h, "friction_damping")
         friction[..., 1] = -tangential * (1.0 - d) * inverse / points
     solimp = np.stack([d, d, *(np.full_like(d, x) for x in _SOLIMP_TAIL)], axis=-1)
     return ContactParameters(solref, solimp, friction, virtual_mass)
@@ -295,7 +296,6 @@ def set_pair_compliance(
     impedance: float = DEFAULT_IMPEDANCE,
     contact_points: int | None = None,
     friction_damping: float | None = None,
-    qpos: ArrayLike | None = None,
 ) -> ContactParameters:
     """Give an explicit ``<contact><pair>`` of a compiled model a total stiffness and damping, in place.
 
@@ -304,9 +304,8 @@ def set_pair_compliance(
         pair: name or id.
         compliance: totals over the contact (scalars).
         impedance: d in (0, 1).
-        contact_points: counted by :func:`shared_contact_points` at ``qpos`` if None.
+        contact_points: counted by :func:`pair_contact_points` at the model's ``qpos0`` if None.
         friction_damping: see :func:`contact_parameters`.
-        qpos: (nq,) grasp pose for the count; the model's ``qpos0`` if None.
 
     Returns:
         What was written, with the virtual mass.
@@ -315,10 +314,10 @@ def set_pair_compliance(
         ValueError: an unknown pair, an option that breaks the law (``diagexact``, ``override``, the integrator
             ``discrete``), or whatever the functions above refuse. The model is unchanged then.
     """
-    index = lookup(model, mujoco.mjtObj.mjOBJ_PAIR, pair, model.npair, "contact pair")
+    index = _pair_index(model, pair)
     _require_options(model, friction_damping)
     geoms = int(model.pair_geom1[index]), int(model.pair_geom2[index])
-    points = shared_contact_points(model, *geoms, qpos=qpos) if contact_points is None else contact_points
+    points = pair_contact_points(model, index) if contact_points is None else contact_points
     parameters = contact_parameters(
         compliance,
         inverse_weight(model, *geoms),
@@ -335,6 +334,25 @@ def set_pair_compliance(
     return parameters
 
 
+def pair_contact_points(model: mujoco.MjModel, pair: str | int, qpos: ArrayLike | None = None) -> int:
+    """How many contact points share the load of an explicit ``<contact><pair>``, by MuJoCo's own collider.
+
+    Args:
+        model: compiled.
+        pair: name or id.
+        qpos: (nq,) pose at which its two geoms face each other; the model's ``qpos0`` if None.
+
+    Raises:
+        ValueError: an unknown pair, or what :func:`shared_contact_points` refuses.
+    """
+    index = _pair_index(model, pair)
+    return shared_contact_points(model, int(model.pair_geom1[index]), int(model.pair_geom2[index]), qpos)
+
+
+def _pair_index(model: mujoco.MjModel, pair: str | int) -> int:
+    return lookup(model, mujoco.mjtObj.mjOBJ_PAIR, pair, model.npair, "contact pair")
+
+
 def _require_options(model: mujoco.MjModel, friction_damping: float | None) -> None:
     """Refuse the options under which the law above is not what MuJoCo computes."""
     if model.opt.enableflags & mujoco.mjtEnableBit.mjENBL_OVERRIDE:
@@ -347,9 +365,8 @@ def _require_options(model: mujoco.MjModel, friction_damping: float | None) -> N
         raise ValueError("friction_damping needs elliptic friction cones: set option cone='elliptic' or leave it out")
 
 
-def _require_stable(k: Array, c: Array, inverse: Array, points: Array, d: Array, h: float, what: str) -> None:
+def _require_stable(k: Array, c: Array, mass: Array, d: Array, h: float, what: str) -> None:
     """Raise unless (h c + h² k/2)/M is accepted everywhere; names the worst and what would do instead."""
-    mass = points * d / ((1.0 - d) * inverse)
     number = (h * c + h**2 * k / 2.0) / mass
     if np.all(number <= ACCEPTED_STABILITY_NUMBER * (1 + 1e-9)):
         return

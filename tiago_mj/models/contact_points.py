@@ -47,6 +47,21 @@ def shared_contact_points(
             on a tilt of 0.1° (give ``contact_points`` yourself then).
     """
     first, second = geom_id(model, geom1), geom_id(model, geom2)
+    where = f"geoms {geom1!r} and {geom2!r}"
+    counts = _counted(model, first, second, qpos, where)
+    if counts == {0}:
+        raise ValueError(f"{where} do not collide: declare a contact pair for them, or mend contype and conaffinity")
+    if len(counts) > 1:
+        found = " or ".join(map(str, sorted(counts)))
+        raise ValueError(
+            f"{where} touch at {found} points, depending on a tilt of 0.1°: choose another shape (a cylinder for a "
+            "capsule) or give contact_points"
+        )
+    return int(counts.pop())
+
+
+def _counted(model: mujoco.MjModel, first: int, second: int, qpos: ArrayLike | None, where: str) -> set[int]:
+    """Numbers of contact points of two geoms pressed together, flat and with each of the four tilts."""
     data = mujoco.MjData(model)
     if qpos is not None:
         data.qpos[:] = qpos
@@ -54,7 +69,6 @@ def shared_contact_points(
     mujoco.mj_comPos(model, data)
     line = np.zeros(6)
     gap = mujoco.mj_geomDistance(model, data, first, second, 10.0, line)
-    where = f"geoms {geom1!r} and {geom2!r}"
     direction = line[3:] - line[:3]
     if gap <= 0.0 or not np.any(direction):
         raise ValueError(f"{where} overlap at this pose: give a qpos at which they face each other with a gap")
@@ -68,15 +82,7 @@ def shared_contact_points(
         data.geom_xmat[second] = (_rotation(_COUNT_TILT * (a * tangents[0] + b * tangents[1])) @ orientation).ravel()
         mujoco.mj_collision(model, data)
         counts.add(sum({c.geom1, c.geom2} == {first, second} for c in data.contact))
-    if counts == {0}:
-        raise ValueError(f"{where} do not collide: declare a contact pair for them, or mend contype and conaffinity")
-    if len(counts) > 1:
-        found = " or ".join(map(str, sorted(counts)))
-        raise ValueError(
-            f"{where} touch at {found} points, depending on a tilt of 0.1°: choose another shape (a cylinder for a "
-            "capsule) or give contact_points"
-        )
-    return int(counts.pop())
+    return counts
 
 
 def inverse_weight(model: mujoco.MjModel, geom1: str | int, geom2: str | int) -> float:

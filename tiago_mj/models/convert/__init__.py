@@ -5,9 +5,10 @@ Modules in the order of the flow: ``xml_lines`` and ``urdf`` (read), ``tree`` (d
 (``tiago-mj convert``).
 """
 
+from tiago_mj.models.convert.assembly import Options
 from tiago_mj.models.convert.errors import ConversionError
 from tiago_mj.models.convert.inertia import InertiaRepair
 from tiago_mj.models.convert.report import ConversionReport, FittedShape
 from tiago_mj.models.convert.urdf_to_mjcf import convert
 
-__all__ = ["ConversionError", "ConversionReport", "FittedShape", "InertiaRepair", "convert"]
+__all__ = ["ConversionError", "ConversionReport", "FittedShape", "InertiaRepair", "Options", "convert"]

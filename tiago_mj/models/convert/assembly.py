@@ -26,16 +26,46 @@ from tiago_mj.models.limits import user_field
 COLLISION_GROUP, VISUAL_GROUP, FRAME_GROUP = 3, 2, 4
 
 
+#: What :class:`Options` may choose from.
+COLLISIONS = ("primitives", "mesh", "none")
+VISUALS = ("mesh", "primitives", "none")
+BASES = ("fixed", "free")
+
+
 @dataclass(frozen=True)
 class Options:
-    """How to convert; :func:`tiago_mj.models.convert.convert` documents each."""
+    """How to convert.
+
+    Attributes:
+        package_paths: folders that hold the packages of ``package://`` addresses, before ``ROS_PACKAGE_PATH`` and the
+            URDF's parents.
+        collision: ``primitives`` keeps the URDF's primitives and fits one to each mesh; ``mesh`` keeps meshes (MuJoCo
+            collides their convex hulls); ``none``.
+        visual: ``mesh`` keeps meshes, ``primitives`` fits them, ``none``.
+        base: ``fixed`` fixes the root link in the world, ``free`` gives it a free joint.
+        mass_floor: mass [kg] for links that move and have none; None refuses them.
+        scene: whether the model has a light and a floor, below the robot where it stands at rest. A robot with a free
+            base stands on it; below one that is fixed in the world it is only seen.
+
+    Raises:
+        ConversionError: a choice that does not exist.
+    """
 
     package_paths: tuple[Path, ...] = ()
     collision: str = "primitives"
     visual: str = "mesh"
     base: str = "fixed"
     mass_floor: float | None = None
-    mesh_folder: str = "meshes"
+    scene: bool = True
+
+    def __post_init__(self) -> None:
+        for name, value, known in (
+            ("collision", self.collision, COLLISIONS),
+            ("visual", self.visual, VISUALS),
+            ("base", self.base, BASES),
+        ):
+            if value not in known:
+                raise ConversionError(name, f'"{value}" does not exist', f"use one of {', '.join(known)}")
 
 
 @dataclass
@@ -46,6 +76,7 @@ class Assembly:
     tree: Tree
     extras: Extras
     options: Options
+    mesh_folder: str
     spec: mujoco.MjSpec = field(default_factory=mujoco.MjSpec)
     bodies: dict[str, Any] = field(default_factory=dict)
     moving: dict[str, str | None] = field(
@@ -264,7 +295,7 @@ class Assembly:
                 count += 1
                 name = f"{path.stem}_{count}"
             self._mesh_names[key] = name
-            file = f"{self.options.mesh_folder}/{name}.stl"
+            file = f"{self.mesh_folder}/{name}.stl"
             self.spec.assets = {**self.spec.assets, file: mesh.export(file_type="stl")}
             # Shell: visual meshes are often open, and the mass comes from the inertials anyway.
             self.spec.add_mesh(name=name, file=file, inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL)

@@ -11,9 +11,10 @@ from pathlib import Path
 
 from tiago_mj.io import outputs
 from tiago_mj.io.progress import told
+from tiago_mj.models.convert.assembly import BASES, COLLISIONS, VISUALS, Options
 from tiago_mj.models.convert.errors import ConversionError
 from tiago_mj.models.convert.report import ConversionReport
-from tiago_mj.models.convert.urdf_to_mjcf import BASES, COLLISIONS, VISUALS, convert
+from tiago_mj.models.convert.urdf_to_mjcf import convert
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -46,12 +47,14 @@ def run(arguments: argparse.Namespace) -> int:
                 arguments.urdf,
                 out,
                 extras=arguments.extras,
-                package_paths=arguments.package_path,
-                collision=arguments.collision,
-                visual=arguments.visual,
-                base=arguments.base,
-                mass_floor=arguments.mass_floor,
-                scene=not arguments.no_scene,
+                options=Options(
+                    package_paths=tuple(arguments.package_path),
+                    collision=arguments.collision,
+                    visual=arguments.visual,
+                    base=arguments.base,
+                    mass_floor=arguments.mass_floor,
+                    scene=not arguments.no_scene,
+                ),
             )
     except ConversionError as error:
         print(error, file=sys.stderr)

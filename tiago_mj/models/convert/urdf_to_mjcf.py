@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
 from pathlib import Path
 
 import mujoco
@@ -17,22 +16,13 @@ from tiago_mj.models.convert.assembly import Assembly, Options
 from tiago_mj.models.convert.errors import ConversionError
 from tiago_mj.models.convert.report import ConversionReport
 
-COLLISIONS = ("primitives", "mesh", "none")
-VISUALS = ("mesh", "primitives", "none")
-BASES = ("fixed", "free")
-
 
 def convert(
     urdf_path: Path | str,
     out: Path | str | None = None,
     *,
     extras: Path | str | None = None,
-    package_paths: Sequence[Path | str] = (),
-    collision: str = "primitives",
-    visual: str = "mesh",
-    base: str = "fixed",
-    mass_floor: float | None = None,
-    scene: bool = True,
+    options: Options | None = None,
 ) -> ConversionReport:
     """Convert a URDF to MJCF.
 
@@ -41,15 +31,7 @@ def convert(
         out: the MJCF file to write; meshes that it needs go to the folder ``<stem>_meshes`` beside it. None: write
             nothing.
         extras: the additions file (YAML); None takes the one beside the URDF (same name, ``.yaml``) if there is one.
-        package_paths: folders that hold the packages of ``package://`` addresses, before ``ROS_PACKAGE_PATH`` and the
-            URDF's parents.
-        collision: ``primitives`` keeps the URDF's primitives and fits one to each mesh; ``mesh`` keeps meshes (MuJoCo
-            collides their convex hulls); ``none``.
-        visual: ``mesh`` keeps meshes, ``primitives`` fits them, ``none``.
-        base: ``fixed`` fixes the root link in the world, ``free`` gives it a free joint.
-        mass_floor: mass [kg] for links that move and have none; None refuses them.
-        scene: whether the model has a light and a floor, below the robot where it stands at rest. A robot with a free
-            base stands on it; below one that is fixed in the world it is only seen.
+        options: shapes, base, masses and scene; None: those of :class:`Options`.
 
     Returns:
         What was repaired, fitted, excluded, added and dropped, with the model as an MjSpec and as XML text.
@@ -57,33 +39,19 @@ def convert(
     Raises:
         ConversionError: (a ValueError) one line that names file, element and mend. Nothing is written then.
     """
-    for name, value, known in (
-        ("collision", collision, COLLISIONS),
-        ("visual", visual, VISUALS),
-        ("base", base, BASES),
-    ):
-        if value not in known:
-            raise ConversionError(name, f'"{value}" does not exist', f"use one of {', '.join(known)}")
+    chosen = options or Options()
     path, target = Path(urdf_path), None if out is None else Path(out)
     robot = urdf.read(path)
     additions_path = Path(extras) if extras is not None else extras_file.beside(path)
     more = extras_file.Extras() if additions_path is None else extras_file.read(additions_path)
-    options = Options(
-        package_paths=tuple(Path(folder) for folder in package_paths),
-        collision=collision,
-        visual=visual,
-        base=base,
-        mass_floor=mass_floor,
-        mesh_folder=f"{(target or path).stem}_meshes",
-    )
-    assembly = Assembly(robot, tree.build(robot), more, options)
+    assembly = Assembly(robot, tree.build(robot), more, chosen, mesh_folder=f"{(target or path).stem}_meshes")
     assembly.build()
     try:
         additions.apply(assembly)
         pose = _rest(assembly.spec.compile())
         excluded = _exclude_touching(assembly.spec, pose)
-        if scene:
-            assembly.added.append(surroundings.add(assembly.spec, pose, solid=base == "free"))
+        if chosen.scene:
+            assembly.added.append(surroundings.add(assembly.spec, pose, solid=chosen.base == "free"))
         assembly.spec.compile()
     except (mujoco.FatalError, ValueError) as error:
         if isinstance(error, ConversionError):
