@@ -12,7 +12,7 @@ import gymnasium
 
 from tiago_mj.envs.flat import core_of
 from tiago_mj.evaluate import bound, plots, report
-from tiago_mj.evaluate.play import play_policy
+from tiago_mj.evaluate.play import Callbacks, play_policy
 from tiago_mj.io import atomic, outputs
 from tiago_mj.io.progress import Progress
 from tiago_mj.rollout import options
@@ -63,8 +63,8 @@ def run(arguments: argparse.Namespace) -> int:
             for policy, name in zip(arguments.policy, names_of(arguments.policy), strict=True):
                 progress.stage(f"{name}, episodes", len(seeds))
                 watch = FirstEpisode(env) if arguments.film else None
-                done = progress.advance
-                one = play_policy(env, policy, name=name, seeds=seeds, trust=arguments.trust, watch=watch, done=done)
+                callbacks = Callbacks(step=watch, episode=progress.advance)
+                one = play_policy(env, policy, name=name, seeds=seeds, trust=arguments.trust, callbacks=callbacks)
                 played.append(one)
                 if watch is not None:
                     films[name] = watch.film

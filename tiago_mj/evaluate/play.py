@@ -31,6 +31,19 @@ class Played:
     metrics: tuple[Metrics, ...]
 
 
+@dataclass(frozen=True)
+class Callbacks:
+    """Functions that are called while episodes are played.
+
+    Attributes:
+        step: with the index of every control step, 0 after a reset; None for none.
+        episode: after every episode.
+    """
+
+    step: Callable[[int], None] | None = None
+    episode: Callable[[], None] = lambda: None
+
+
 def play_policy(
     env: gymnasium.Env[Any, Any],
     policy: str,
@@ -38,15 +51,20 @@ def play_policy(
     name: str,
     seeds: Sequence[int],
     trust: bool = False,
-    watch: Callable[[int], None] | None = None,
-    done: Callable[[], None] = lambda: None,
+    callbacks: Callbacks = Callbacks(),
 ) -> Played:
-    """Play a policy once a seed and measure its episodes.
+    """Traces and metrics of a policy's episodes, one for each seed.
 
-    ``name`` is for tables, ``done`` is called after every episode, the rest is as of :func:`play_seeds`.
+    Args:
+        env: environment to play in.
+        policy: name or file, as :func:`play_seeds` takes it.
+        name: what the controller is called in tables and files.
+        seeds: of the episodes.
+        trust: whether files may be unpickled.
+        callbacks: called during and after the episodes.
     """
     traces = []
-    for trace in play_seeds(env, policy, seeds, trust=trust, watch=watch):
+    for trace in play_seeds(env, policy, seeds, trust=trust, watch=callbacks.step):
         traces.append(trace)
-        done()
+        callbacks.episode()
     return Played(name, policy, tuple(seeds), tuple(traces), tuple(measure(trace) for trace in traces))
