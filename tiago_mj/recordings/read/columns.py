@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from pathlib import PurePath
 from typing import Any, Final
@@ -59,52 +59,14 @@ def trial_from_table(
     if table.cut:
         message = "the file ends within its last row, which is left out: was it copied whole?"
         findings.append(Finding("too_short", file, "", message, repaired=True))
-    units = sidecar.units or {}
-    unused = set(units) - {target.column for target in targets.values()} - set(targets) - {"time", *KINDS}
-    if unused:
-        raise RecordingError(
-            f"{table.sidecar_file}: units name the column {quoted(min(unused))}, which {file} does not have: mend the "
-            "name"
-        )
-    channels: dict[str, dict[str, Array]] = {kind: {} for kind in KINDS}
-    time: Array | None = None
-    declared = False
-    torque: dict[str, Array] = {}
-    taken: dict[str, str] = {}
-    stated: dict[str, str] = {}
-    for column, target in targets.items():
-        if target.column is None:
-            continue
-        if target.column in taken:
-            raise RecordingError(
-                f"{file}: columns {taken[target.column]!r} and {column!r} both are {target.column}: map one to null"
-            )
-        taken[target.column] = column
-        kind, _, name = target.column.partition(".")
-        unit = target.unit or units.get(column) or units.get(target.column) or units.get(kind)
-        values = table.columns[column]
-        check_values(values, column, file)
-        scale = target.scale
-        if unit is not None:
-            scale *= _factor(kind, unit, column, file)
-            findings += _converted(kind, unit, column, file, scale)
-            stated[target.column] = unit
-        if scale != 1.0:
-            values = values * scale
-            check_values(values, column, file)
-        if kind == "time":
-            time, declared = values, unit is not None
-        elif kind == TORQUE:
-            torque[column] = values
-        elif np.isnan(values).all() and len(values):
-            findings.append(Finding("empty", file, target.column, "it has no value in any row; left out"))
-        else:
-            channels[kind][name] = values
+    found = _converted_columns(table, targets, sidecar)
+    findings += found.findings
+    channels, time = found.channels, found.time
     if time is None:
         there = ", ".join(list(table.columns)[:6])
         raise RecordingError(f"{file}: column time is missing (there are {there}): name it 'time' or map it with --map")
     check_clock(time, file)
-    time, repairs = repair_clock(time, sidecar.rate_hz, file, declared=declared)
+    time, repairs = repair_clock(time, sidecar.rate_hz, file, declared=found.declared)
     if robot is not None:
         channels["command"], renamed = by_actuator(channels["command"], robot, file)
         findings += renamed
@@ -121,13 +83,80 @@ def trial_from_table(
         time=time,
         sidecar=replace(sidecar, trial=name, units=None),
         source=file,
-        units=stated,
+        units=found.stated,
         left_out=frozenset(column for column, target in columns.items() if target.column is None),
         part_of=(),
-        **{KINDS[kind]: found for kind, found in channels.items()},
+        **{KINDS[kind]: by_name for kind, by_name in channels.items()},
     )
-    trials, cuts = without_torque_off(trial, torque)
+    trials, cuts = without_torque_off(trial, found.torque)
     return trials, [*repairs, *findings, *cuts]
+
+
+@dataclass
+class _Columns:
+    """The columns of a table in the contract's units.
+
+    Attributes:
+        channels: by kind and name, (T,) each.
+        torque: columns that say whether the torque was on, by name, (T,) each.
+        time: (T,) [s]; None where there is none.
+        declared: whether the unit of the time was stated.
+        stated: units that were stated, by channel.
+        findings: what was left out or scaled.
+    """
+
+    channels: dict[str, dict[str, Array]] = field(default_factory=lambda: {kind: {} for kind in KINDS})
+    torque: dict[str, Array] = field(default_factory=dict)
+    time: Array | None = None
+    declared: bool = False
+    stated: dict[str, str] = field(default_factory=dict)
+    findings: list[Finding] = field(default_factory=list)
+
+
+def _converted_columns(table: Table, targets: Mapping[str, Target], sidecar: Sidecar) -> _Columns:
+    """A table's columns as channels, each in the contract's unit: scaled by its map's factor and its stated unit.
+
+    Raises:
+        RecordingError: two columns of one channel, a unit of no column or of another quantity, a value out of bounds.
+    """
+    file, units = table.source, sidecar.units or {}
+    unused = set(units) - {target.column for target in targets.values()} - set(targets) - {"time", *KINDS}
+    if unused:
+        raise RecordingError(
+            f"{table.sidecar_file}: units name the column {quoted(min(unused))}, which {file} does not have: mend the "
+            "name"
+        )
+    out = _Columns()
+    taken: dict[str, str] = {}
+    for column, target in targets.items():
+        if target.column is None:
+            continue
+        if target.column in taken:
+            raise RecordingError(
+                f"{file}: columns {taken[target.column]!r} and {column!r} both are {target.column}: map one to null"
+            )
+        taken[target.column] = column
+        kind, _, name = target.column.partition(".")
+        unit = target.unit or units.get(column) or units.get(target.column) or units.get(kind)
+        values = table.columns[column]
+        check_values(values, column, file)
+        scale = target.scale
+        if unit is not None:
+            scale *= _factor(kind, unit, column, file)
+            out.findings += _converted(kind, unit, column, file, scale)
+            out.stated[target.column] = unit
+        if scale != 1.0:
+            values = values * scale
+            check_values(values, column, file)
+        if kind == "time":
+            out.time, out.declared = values, unit is not None
+        elif kind == TORQUE:
+            out.torque[column] = values
+        elif np.isnan(values).all() and len(values):
+            out.findings.append(Finding("empty", file, target.column, "it has no value in any row; left out"))
+        else:
+            out.channels[kind][name] = values
+    return out
 
 
 def _targets(table: Table, columns: Mapping[str, Target]) -> tuple[dict[str, Target], list[Finding]]:

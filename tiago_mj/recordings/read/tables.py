@@ -223,27 +223,8 @@ def _read_csv(path: Path) -> tuple[dict[str, Array], dict[str, str], bool, str]:
     """The columns of numbers, what a cell of each other column holds, whether the file ends within a row, and how it is
     written where that is not with commas and points."""
     arrow = pyarrow()
-    try:
-        dialect = csv_dialect.of(path)
-    except UnicodeDecodeError as fault:
-        raise RecordingError(f"{path.name}: not UTF-8 text: save it as CSV in UTF-8") from fault
-    except csv.Error as fault:
-        raise RecordingError(f"{path.name}: the first line is no header ({fault}): name the columns there") from fault
+    dialect, cut = _csv_layout(path)
     header = dialect.header
-    if not header or not any(header):
-        raise RecordingError(f"{path.name}: the first line is no header: name the columns there")
-    size = path.stat().st_size
-    if size > MAX_CELLS * MAX_CELL:
-        raise RecordingError(
-            f"{path.name}: it has {size // 1_000_000} MB, and at most {MAX_CELLS} cells are read: cut it into "
-            "trials, one motion each"
-        )
-    lines, cut = _count_lines(path)
-    check_size(path.name, lines - dialect.rows, len(header))
-    if size > max(lines * len(header) * MAX_CELL, 16 * _BLOCK):
-        raise RecordingError(f"{path.name}: {size // 1_000_000} MB in {lines} rows are no table of numbers: is it CSV?")
-    if csv_dialect.is_number(header[0]):
-        raise RecordingError(f"{path.name}: the first line holds numbers: put the columns' names there")
     # The last cell of a file that does not end in a line's end may be half a number.
     content = path.read_bytes() if cut else b""
     source = content[: content.rfind(b"\n") + 1] if cut else None
@@ -283,6 +264,36 @@ def _read_csv(path: Path) -> tuple[dict[str, Array], dict[str, str], bool, str]:
         else:
             text[name] = csv_dialect.strange((str(cell.as_py()) for cell in column if cell.is_valid), said)
     return columns, text, cut, said
+
+
+def _csv_layout(path: Path) -> tuple[csv_dialect.Dialect, bool]:
+    """How a CSV file is written, and whether it ends within a row.
+
+    Raises:
+        RecordingError: it is no text, has no header, or is larger than what is read.
+    """
+    try:
+        dialect = csv_dialect.of(path)
+    except UnicodeDecodeError as fault:
+        raise RecordingError(f"{path.name}: not UTF-8 text: save it as CSV in UTF-8") from fault
+    except csv.Error as fault:
+        raise RecordingError(f"{path.name}: the first line is no header ({fault}): name the columns there") from fault
+    header = dialect.header
+    if not header or not any(header):
+        raise RecordingError(f"{path.name}: the first line is no header: name the columns there")
+    size = path.stat().st_size
+    if size > MAX_CELLS * MAX_CELL:
+        raise RecordingError(
+            f"{path.name}: it has {size // 1_000_000} MB, and at most {MAX_CELLS} cells are read: cut it into "
+            "trials, one motion each"
+        )
+    lines, cut = _count_lines(path)
+    check_size(path.name, lines - dialect.rows, len(header))
+    if size > max(lines * len(header) * MAX_CELL, 16 * _BLOCK):
+        raise RecordingError(f"{path.name}: {size // 1_000_000} MB in {lines} rows are no table of numbers: is it CSV?")
+    if csv_dialect.is_number(header[0]):
+        raise RecordingError(f"{path.name}: the first line holds numbers: put the columns' names there")
+    return dialect, cut
 
 
 def _count_lines(path: Path) -> tuple[int, bool]:
