@@ -12,14 +12,14 @@ from scipy import stats
 
 import tiago_mj
 from tiago_mj.effects import EFFECTS, Entry
-from tiago_mj.gap.simulation.plant import plant_of
+from tiago_mj.gap.simulation.plant import Plant, plant_of
 from tiago_mj.models import names
 from tiago_mj.recordings.recording import RecordingError, Trial
 from tiago_mj.registration import import_and_make
 from tiago_mj.sensing.load_cell import TA11_CONTACT_UNIT
 from tiago_mj.sensing.sheet import SCHEMA
 from tiago_mj.sensor_calibration.rest import FALSE_CONTACTS, Rest, at_rest
-from tiago_mj.sensor_calibration.scale import Scale, scales, simulated
+from tiago_mj.sensor_calibration.scale import Scale, Simulated, scales, simulated
 
 #: Share of the newtons that press from which it is said that the drive's force may be off by so much.
 TOLD: Final = 0.02
@@ -87,8 +87,6 @@ def calibrate(
     if not 0 < false_contacts < 0.5:
         raise ValueError(f"a probability of false contacts of {false_contacts:g}: give one above 0 and below 0.5")
     notes: list[str] = []
-    known, robot = None, ""
-    found: tuple[Scale, ...] = ()
     cells = [entry.name for entry in given if EFFECTS[entry.name].stage == "force_sensor"]
     if cells:
         notes.append(f"{', '.join(cells)} of --effects: left out, as the load cells are what is measured here.")
@@ -98,55 +96,88 @@ def calibrate(
         notes.append(
             f"{len(trials) - len(pressed)} of {len(trials)} recordings hold no commands: they tell the noise only."
         )
-    try:
-        if pressed and not env and pressed[0].sidecar.robot in ("", UNKNOWN):
-            notes.append("Nothing says which robot this is, so there is no scale: give --env ID.")
-        elif pressed:
-            plant = plant_of(pressed, env=env, given=given)
-            robot = plant.name
-            if plant.pads is not None:
-                known = simulated(plant, pressed, threads=threads)
-            else:
-                notes.append(f"{robot} has no load cells in simulation: no scale.")
-    except RecordingError as fault:
-        notes.append(f"No grasp could be simulated, so there is no scale: {fault}")
+    grasps = _simulated(pressed, env, given, threads)
+    notes += grasps.notes
     touched = None
-    if known is not None:
-        by_name = {trial.name: rows for trial, rows in zip(pressed, known.touched, strict=True)}
+    if grasps.known is not None:
+        by_name = {trial.name: rows for trial, rows in zip(pressed, grasps.known.touched, strict=True)}
         touched = [by_name.get(trial.name, trial.time < 0) for trial in trials]
     rests = at_rest(trials, touched)
-    if known is not None:
-        found = scales(plant, pressed, known, rests)
+    found: tuple[Scale, ...] = ()
+    if grasps.plant is not None and grasps.known is not None:
+        found = scales(grasps.plant, pressed, grasps.known, rests)
         notes += _about_drives(found)
+    notes += _about_rests(rests)
+    notes += _about_scales(found, rests if grasps.known is not None else ())
     sensing = trials[0].sidecar.sensing or {}
-    for rest in rests:
-        if rest.heavy_tailed:
-            notes.append(
-                f"force.{rest.sensor}: {rest.above} of {rest.readings} readings at rest lie 3 deviations above the "
-                f"bias, {rest.readings * stats.norm.sf(3):.1f} are expected of normal noise: raise the threshold."
-            )
-        if rest.stray:
-            notes.append(f"force.{rest.sensor}: {rest.stray} stretches of rest were left out, their level is another.")
-    if known is not None:
-        having = {scale.sensor for scale in found}
-        notes += [
-            f"force.{r.sensor}: no grasp as simulated presses it: no scale." for r in rests if r.sensor not in having
-        ]
-    notes += [
-        f"force.{s.sensor}: {s.unlike} grasps are not as simulated and were left out: is the object as in the sidecar?"
-        for s in found
-        if s.unlike and s.known
-    ]
     return Calibration(
         rests=rests,
         scales=tuple(scale for scale in found if scale.known),
         false_contacts=false_contacts,
         contact_unit=float(sensing.get("contact_unit") or TA11_CONTACT_UNIT),
         average=int(sensing.get("average") or 1),
-        robot=robot,
+        robot=grasps.robot,
         recordings=tuple(trial.name for trial in trials),
         notes=tuple(notes),
     )
+
+
+@dataclass(frozen=True)
+class _Grasps:
+    """The recorded grasps, simulated.
+
+    Attributes:
+        robot: name of the simulator; "" where none was found.
+        plant, known: the simulator and the forces; None where nothing could be simulated.
+        notes: why not, a sentence each.
+    """
+
+    robot: str = ""
+    plant: Plant | None = None
+    known: Simulated | None = None
+    notes: tuple[str, ...] = ()
+
+
+def _simulated(pressed: Sequence[Trial], env: str | None, given: Sequence[Entry], threads: int) -> _Grasps:
+    """Forces on the pads in the recorded grasps, from a simulation of their commands."""
+    if not pressed:
+        return _Grasps()
+    if not env and pressed[0].sidecar.robot in ("", UNKNOWN):
+        return _Grasps(notes=("Nothing says which robot this is, so there is no scale: give --env ID.",))
+    robot = ""
+    try:
+        plant = plant_of(pressed, env=env, given=given)
+        robot = plant.name
+        if plant.pads is not None:
+            return _Grasps(robot, plant, simulated(plant, pressed, threads=threads))
+    except RecordingError as fault:
+        return _Grasps(robot, notes=(f"No grasp could be simulated, so there is no scale: {fault}",))
+    return _Grasps(robot, notes=(f"{robot} has no load cells in simulation: no scale.",))
+
+
+def _about_rests(rests: Sequence[Rest]) -> list[str]:
+    """Load cells whose noise is not normal or whose level changed while nothing touched them: a sentence each."""
+    out = []
+    for rest in rests:
+        if rest.heavy_tailed:
+            out.append(
+                f"force.{rest.sensor}: {rest.above} of {rest.readings} readings at rest lie 3 deviations above the "
+                f"bias, {rest.readings * stats.norm.sf(3):.1f} are expected of normal noise: raise the threshold."
+            )
+        if rest.stray:
+            out.append(f"force.{rest.sensor}: {rest.stray} stretches of rest were left out, their level is another.")
+    return out
+
+
+def _about_scales(found: Sequence[Scale], rests: Sequence[Rest]) -> list[str]:
+    """Load cells that no simulated grasp presses, and grasps that differ from their simulation: a sentence each."""
+    having = {scale.sensor for scale in found}
+    out = [f"force.{r.sensor}: no grasp as simulated presses it: no scale." for r in rests if r.sensor not in having]
+    return out + [
+        f"force.{s.sensor}: {s.unlike} grasps are not as simulated and were left out: is the object as in the sidecar?"
+        for s in found
+        if s.unlike and s.known
+    ]
 
 
 def _about_drives(found: Sequence[Scale]) -> list[str]:
