@@ -32,10 +32,9 @@ def whole(*, seed: int, pictures: bool = True) -> tuple[Trace, list[Frame]]:
             return trace, []
         chosen = [taken[k] for k in strip_indices(len(taken))]
         half = len(chosen) // 2
-        width, height = FRAME
         frames: list[Frame] = []
         for some, camera in ((chosen[:half], CAMERA), (chosen[half:], drawing.AT_THE_HAND)):
-            frames += drawing.draw(core.model, some, width=width, height=height, camera=camera)
+            frames += drawing.draw(core.model, some, size=FRAME, camera=camera)
     finally:
         env.close()
     return trace, frames

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
@@ -20,19 +21,26 @@ HEIGHT: Final = 150
 SPAN: Final = "span"
 
 
+@dataclass(frozen=True)
+class Curve:
+    """One curve of a chart: its name, its colour as hexadecimal digits, its values (n,), whether it is dashed."""
+
+    name: str
+    colour: str
+    values: Array
+    dashed: bool = False
+
+
 class Chart:
     """One chart with several curves over time.
 
     Args:
         gui: of a viser server.
         title: what it shows, with its unit.
-        names: of the curves.
-        tints: of the curves, as hexadecimal digits.
         time: (n,) [s].
-        values: of the curves, each (n,).
-        shaded: rows that are shaded, (n,); None: nothing is.
-        cursor: whether there is a line at a time.
-        dashed: names of curves that are dashed.
+        curves: over that time.
+        shaded: of a recording: rows in which the gap lies, (n,), shaded behind a line at the time that is shown;
+            None: no shade and no line.
         height: of the chart [pixel].
     """
 
@@ -40,30 +48,24 @@ class Chart:
         self,
         gui: Any,
         title: str,
-        names: Sequence[str],
-        tints: Sequence[str],
         time: Array,
-        values: Sequence[Array],
+        curves: Sequence[Curve],
         *,
         shaded: NDArray[np.bool_] | None = None,
-        cursor: bool = False,
-        dashed: Sequence[str] = (),
         height: int = HEIGHT,
     ) -> None:
-        self._time, self._values = time, [np.asarray(v, dtype=float) for v in values]
+        self._time, self._values = time, [np.asarray(curve.values, dtype=float) for curve in curves]
         self._shade = None if shaded is None else np.where(shaded, 1.0, 0.0)
-        self._cursor: Array | None = np.full(len(time), np.nan) if cursor else None
+        self._cursor: Array | None = None if shaded is None else np.full(len(time), np.nan)
         series: list[Mapping[str, Any]] = [{"label": "s"}]
         series += [
-            {"label": name, "stroke": tint, "width": 1.6, **({"dash": (5, 3)} if name in dashed else {})}
-            for name, tint in zip(names, tints, strict=True)
+            {"label": curve.name, "stroke": curve.colour, "width": 1.6, **({"dash": (5, 3)} if curve.dashed else {})}
+            for curve in curves
         ]
         scales: dict[str, Any] = {"x": {"time": False}}
-        if self._shade is not None:
+        if shaded is not None:
             series.append({"label": "gap", "scale": SPAN, "width": 0, "fill": f"{colours.LIT}22"})
-        if self._cursor is not None:
             series.append({"label": "now", "scale": SPAN, "stroke": "#1a1f26", "width": 1})
-        if self._shade is not None or self._cursor is not None:
             scales[SPAN] = {"auto": False, "range": (0.0, 1.0)}
         self.handle = gui.add_uplot(
             data=self._data(),
@@ -71,7 +73,7 @@ class Chart:
             title=title,
             scales=scales,
             axes=({"size": 34, "font": "11px sans-serif"}, {"size": 52, "font": "11px sans-serif"}),
-            legend={"show": len(names) > 1 and not cursor, "live": False},
+            legend={"show": len(curves) > 1 and shaded is None, "live": False},
             cursor={"show": True, "drag": {"x": True, "y": False}},
             height=height,
         )

@@ -110,8 +110,7 @@ def draw(
     model: mujoco.MjModel,
     snapshots: Sequence[Snapshot],
     *,
-    width: int = 480,
-    height: int = 480,
+    size: tuple[int, int] = (480, 480),
     camera: Camera = AT_THE_PADS,
     processes: int | None = 1,
     done: Callable[[int], None] = lambda frames: None,
@@ -121,7 +120,7 @@ def draw(
     Args:
         model: of the environment.
         snapshots: in their order.
-        width, height: of a frame [pixel].
+        size: width and height of a frame [pixel].
         camera: where it is seen from.
         processes: that draw; None: as many as there are processors, where there is enough to draw. They are spawned, so
             that a script needs its ``if __name__ == "__main__"``.
@@ -129,38 +128,35 @@ def draw(
     """
     count = processes or (os.cpu_count() or 1)
     if count == 1 or len(snapshots) < MANY:
-        return list(_drawn(model, snapshots, width, height, camera, done))
+        return list(_drawn(model, snapshots, size, camera, done))
     portions = {first: snapshots[first : first + PORTION] for first in range(0, len(snapshots), PORTION)}
     frames: dict[int, list[Frame]] = {}
     try:
         with ProcessPoolExecutor(count, multiprocessing.get_context("spawn")) as pool:
-            asked = {
-                pool.submit(_portion, model, portion, width, height, camera): first
-                for first, portion in portions.items()
-            }
+            asked = {pool.submit(_portion, model, portion, size, camera): first for first, portion in portions.items()}
             for future in as_completed(asked):
                 frames[asked[future]] = future.result()
                 done(sum(len(some) for some in frames.values()))
     except Exception:  # no room for processes, or no OpenGL in them: this one does it
-        return list(_drawn(model, snapshots, width, height, camera, done))
+        return list(_drawn(model, snapshots, size, camera, done))
     return [frame for first in portions for frame in frames[first]]
 
 
 def _portion(
-    model: mujoco.MjModel, snapshots: Sequence[Snapshot], width: int, height: int, camera: Camera
+    model: mujoco.MjModel, snapshots: Sequence[Snapshot], size: tuple[int, int], camera: Camera
 ) -> list[Frame]:
-    return list(_drawn(model, snapshots, width, height, camera, lambda frames: None))
+    return list(_drawn(model, snapshots, size, camera, lambda frames: None))
 
 
 def _drawn(
     model: mujoco.MjModel,
     snapshots: Sequence[Snapshot],
-    width: int,
-    height: int,
+    size: tuple[int, int],
     camera: Camera,
     done: Callable[[int], None],
 ) -> Iterator[Frame]:
     """Frames one after another, by one renderer."""
+    width, height = size
     quality, offscreen = model.vis.quality, model.vis.global_
     before = quality.shadowsize, quality.offsamples, offscreen.offwidth, offscreen.offheight
     quality.shadowsize, quality.offsamples = SHADOWS, SAMPLES

@@ -137,7 +137,7 @@ class Film:
 
     def _drawn(self, snapshots: Sequence[drawing.Snapshot], **how: Any) -> list[Frame]:
         core = self._core
-        return drawing.draw(core.model, snapshots, width=core.width, height=core.height, camera=self._camera, **how)
+        return drawing.draw(core.model, snapshots, size=(core.width, core.height), camera=self._camera, **how)
 
     def write(
         self, path: Path, *, processes: int | None = 1, done: Callable[[int], None] = lambda frames: None

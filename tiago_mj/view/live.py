@@ -17,7 +17,7 @@ from tiago_mj.gap.report import words
 from tiago_mj.io.quantities import scaled
 from tiago_mj.io.quoting import one_line
 from tiago_mj.view import colours, scene
-from tiago_mj.view.charts import Chart, thin
+from tiago_mj.view.charts import Chart, Curve, thin
 from tiago_mj.view.server import wait
 from tiago_mj.view.session import HAND, Session, entry, knobs, offered, session, whom
 from tiago_mj.view.shapes import Part, extent, moving
@@ -42,6 +42,9 @@ LATEST: Final = 0.2
 WIDTH, LEFT = 400, 360
 #: Points of contact that are drawn.
 CONTACTS: Final = 32
+
+#: How a finger's name begins, which leaves no room on a slider.
+_GRIPPER: Final = "the gripper's "
 
 
 def run(server: Any, watched: Session) -> None:
@@ -68,7 +71,7 @@ class Live:
         self._count = 0
         self._scene()
         self._panel()
-        self._curves()
+        self._curves = _Curves(server.gui, watched)
         self._draw()
 
     def tick(self) -> None:
@@ -96,7 +99,8 @@ class Live:
                 self._draw()
             if now - self._charted > 1 / CHARTS_HZ and watched.rows:
                 self._charted = now
-                self._chart()
+                with self._server.atomic():
+                    self._curves.draw()
 
     # The scene --------------------------------------------------------------------------------------------------------
 
@@ -295,50 +299,39 @@ class Live:
         except ValueError as fault:
             self._say(one_line(fault))
 
-    # Curves -----------------------------------------------------------------------------------------------------------
 
-    def _curves(self) -> None:
-        gui, watched = self._server.gui, self._session
+class _Curves:
+    """Charts of the last seconds: force, position of a chosen joint, its difference from the nominal twin, reward."""
+
+    def __init__(self, gui: Any, watched: Session) -> None:
+        self._session = watched
         panel = gui.add_panel()
         panel.dock_left()
         panel.set_width(LEFT)
         self._charts: dict[str, Chart] = {}
-        blank = np.array([0.0, 1e-3])
-        none = np.full(2, np.nan)
-        red, ink = colours.LOOKS["nominal"].colour, colours.LOOKS["measured"].colour
-        blue = colours.LOOKS["repaired"].colour
+        blank, none = np.array([0.0, 1e-3]), np.full(2, np.nan)
+        looks = colours.LOOKS
+        ink, red, blue = (looks[role].colour for role in ("measured", "nominal", "repaired"))
         with panel.add_tab("curves"):
-            if self._arrows:
-                goal = ["goal"] if watched.force_goal() is not None else []
-                self._charts["force"] = Chart(
-                    gui,
-                    "force on the pads [N]",
-                    ["right", "left", *goal],
-                    [colours.RIGHT, colours.LEFT, *([colours.GOAL] if goal else [])],
-                    blank,
-                    [none] * (2 + len(goal)),
-                    dashed=goal,
-                    height=190,
-                )
-            labels = {words.part(joint, "joint").removeprefix(_GRIPPER): k for k, joint in enumerate(watched.joints)}
-            self._labels = labels
-            self._joint = gui.add_dropdown("joint", tuple(labels), initial_value=list(labels)[-1])
-            self._charts["joint"] = Chart(
-                gui,
-                "its position [mm, rad]",
-                ["set point", "measured", "nominal"],
-                [blue, ink, red],
-                blank,
-                [none] * 3,
-                dashed=["set point", "nominal"],
-                height=210,
-            )
-            self._charts["off"] = Chart(
-                gui, "measured − nominal [mm, rad]", ["measured − nominal"], [ink], blank, [none], height=130
-            )
-            self._charts["reward"] = Chart(gui, "reward", ["reward"], [ink], blank, [none], height=130)
+            if watched.pad_forces():
+                force = [Curve("right", colours.RIGHT, none), Curve("left", colours.LEFT, none)]
+                if watched.force_goal() is not None:
+                    force.append(Curve("goal", colours.GOAL, none, dashed=True))
+                self._charts["force"] = Chart(gui, "force on the pads [N]", blank, force, height=190)
+            self._labels = {_short(joint): k for k, joint in enumerate(watched.joints)}
+            self._joint = gui.add_dropdown("joint", tuple(self._labels), initial_value=list(self._labels)[-1])
+            position = [
+                Curve("set point", blue, none, dashed=True),
+                Curve("measured", ink, none),
+                Curve("nominal", red, none, dashed=True),
+            ]
+            self._charts["joint"] = Chart(gui, "its position [mm, rad]", blank, position, height=210)
+            off = "measured − nominal"
+            self._charts["off"] = Chart(gui, f"{off} [mm, rad]", blank, [Curve(off, ink, none)], height=130)
+            self._charts["reward"] = Chart(gui, "reward", blank, [Curve("reward", ink, none)], height=130)
 
-    def _chart(self) -> None:
+    def draw(self) -> None:
+        """Draw what happened in the last seconds."""
         watched = self._session
         rows = list(watched.rows)
         first = next((k for k, row in enumerate(rows) if row.time >= rows[-1].time - PAST), 0)
@@ -350,20 +343,15 @@ class Live:
         factor = 1000.0 if watched.core.wiring().targets.slides[k] else 1.0
         measured = factor * np.array([row.position[k] for row in rows])
         nominal = factor * np.array([row.nominal[k] for row in rows])
-        with self._server.atomic():
-            if "force" in self._charts:
-                goal = watched.force_goal()
-                force = [np.array([row.force[side] for row in rows]) for side in (0, 1)]
-                more = [] if goal is None else [np.full(len(rows), goal)]
-                self._charts["force"].give(moments, [*force, *more])
-            set_point = factor * np.array([row.set_point[k] for row in rows])
-            self._charts["joint"].give(moments, [set_point, measured, nominal])
-            self._charts["off"].give(moments, [measured - nominal])
-            self._charts["reward"].give(moments, [np.array([row.reward for row in rows])])
-
-
-#: How a finger's name begins, which leaves no room on a slider.
-_GRIPPER: Final = "the gripper's "
+        if "force" in self._charts:
+            goal = watched.force_goal()
+            force = [np.array([row.force[side] for row in rows]) for side in (0, 1)]
+            more = [] if goal is None else [np.full(len(rows), goal)]
+            self._charts["force"].give(moments, [*force, *more])
+        set_point = factor * np.array([row.set_point[k] for row in rows])
+        self._charts["joint"].give(moments, [set_point, measured, nominal])
+        self._charts["off"].give(moments, [measured - nominal])
+        self._charts["reward"].give(moments, [np.array([row.reward for row in rows])])
 
 
 class _EffectPanel:
@@ -426,6 +414,11 @@ class _EffectPanel:
                 )
                 slider.on_update(lambda _: self._touched())
                 self._sliders[knob.name] = slider, factor
+
+
+def _short(joint: str) -> str:
+    """A joint's name as a slider has room for it."""
+    return words.part(joint, "joint").removeprefix(_GRIPPER)
 
 
 def _round_step(size: float) -> float:

@@ -12,7 +12,7 @@ import numpy as np
 
 from tiago_mj.gap.report import words
 from tiago_mj.view import colours, plots
-from tiago_mj.view.charts import Chart, thin
+from tiago_mj.view.charts import Chart, Curve, thin
 from tiago_mj.view.page import slow_motion
 from tiago_mj.view.server import wait
 from tiago_mj.view.stage import LARGER, Stage
@@ -192,13 +192,14 @@ class Player:
             chart = Chart(
                 gui,
                 f"{what} [{unit}]" if unit else what,
-                [colours.LOOKS[role].name for role in of],
-                [colours.LOOKS[role].colour for role in of],
                 moments,
-                [factor * values[rows] for values in of.values()],
+                [
+                    Curve(
+                        colours.LOOKS[role].name, colours.LOOKS[role].colour, factor * values[rows], role == "nominal"
+                    )
+                    for role, values in of.items()
+                ],
                 shaded=shaded,
-                cursor=True,
-                dashed=[colours.LOOKS["nominal"].name],
                 height=height,
             )
             self._keep(chart.handle)

@@ -60,14 +60,14 @@ class Session:
     """One environment and its nominal twin.
 
     Args:
-        name: of the environment.
-        env, twin: without a time limit.
+        env, twin: the same environment twice, without a time limit.
         effects: that act at first, on ``env`` alone.
         policy: name or file, or :data:`HAND`.
         seed: of the first episode.
         trust: whether files may be unpickled.
 
     Attributes:
+        name: of the environment.
         core, nominal: what is behind them.
         action: that the sliders give, (N,) in [-1, 1].
         rows: what happened since the last reset.
@@ -77,7 +77,6 @@ class Session:
 
     def __init__(
         self,
-        name: str,
         env: gymnasium.Env[Any, Any],
         twin: gymnasium.Env[Any, Any],
         *,
@@ -86,13 +85,14 @@ class Session:
         seed: int = 0,
         trust: bool = False,
     ) -> None:
-        self.name, self._env, self._twin, self._seed, self._trust = name, env, twin, seed, trust
+        assert env.spec is not None, "an environment of the table"
+        self.name = env.spec.id.partition("/")[2]
+        self._env, self._twin, self._seed, self._trust = env, twin, seed, trust
         self.core, self.nominal = core_of(env), core_of(twin)
         self.joints: tuple[str, ...] = self.core.joints
         self.action = np.zeros(len(self.joints))
         self.rows: deque[Row] = deque(maxlen=REMEMBERED)
-        spec = gymnasium.spec(f"tiago_mj/{name}")
-        self.limit = int(spec.max_episode_steps or 0)
+        self.limit = int(gymnasium.spec(env.spec.id).max_episode_steps or 0)
         self._policy: Policy | None = None
         self.commander = HAND
         self.effects: tuple[Entry, ...] = ()
@@ -232,9 +232,7 @@ def session(
     def made() -> gymnasium.Env[Any, Any]:
         return options.make_env(identifier, arguments, max_episode_steps=-1, disable_env_checker=True)
 
-    return Session(
-        identifier.partition("/")[2], made(), made(), effects=entries, policy=policy or HAND, seed=seed, trust=trust
-    )
+    return Session(made(), made(), effects=entries, policy=policy or HAND, seed=seed, trust=trust)
 
 
 # Effects as a panel offers them -------------------------------------------------------------------------------------

@@ -106,51 +106,37 @@ def tell(
     effects: Sequence[Entry] | None,
     diagnosis: Diagnosis | None = None,
     *,
-    threads: int = 0,
     seed: int = 0,
     deadline: Deadline | None = None,
 ) -> Story:
-    """Replay a trial's commands, and find where the gap is.
+    """Motions of the measured, the nominal and the repaired robot in one trial, and where the gap lies.
 
     Args:
         plant: the nominal simulator, of this trial among others.
         trial: recorded.
         effects: of the repaired simulator, beside the plant's; None or empty: there is no repaired one.
         diagnosis: says what is guilty and where; without one the channel that is farthest off is lit.
-        threads, seed, deadline: of the simulations.
+        seed, deadline: of the simulations.
 
     Raises:
         OutOfTimeError: the deadline is over.
     """
-    on = replay.grid(plant, [trial])
     data = noise_model.collect(plant, [trial])
     model = _with_object(plant, trial)
-    measured, told = _measured(plant, trial)
-    poses, said = {"measured": measured}, list(told)
+    measured, said = _measured(plant, trial)
+    poses = {"measured": measured}
     if along_a_motion(plant, [trial]):
         said.append("Nothing was commanded that can be replayed, so that only the measured robot is there.")
         signals = _efforts(plant, trial, data)
     else:
+        on = replay.grid(plant, [trial])
         sims: list[tuple[int, tuple[Entry, ...]]] = [(0, ())] + ([(0, tuple(effects))] if effects else [])
-        simulated, qpos = replay.motions(plant, on, sims, threads=threads, seed=seed, deadline=deadline)
-        rows = len(trial.time)
+        simulated, qpos = replay.motions(plant, on, sims, seed=seed, deadline=deadline)
         for k, role in enumerate(("nominal", "repaired")[: len(sims)]):
-            there = np.isfinite(simulated.position[k, :rows]).all(axis=1) & np.isfinite(qpos[k, :rows]).all(axis=1)
-            shown = qpos[k, :rows].copy()
-            shown[:, plant.wiring.qpos] = simulated.position[k, :rows]
-            if not there.all():
-                end = int(np.argmin(there))
+            poses[role], end = _until_divergence(plant, simulated.position[k], qpos[k], len(trial.time))
+            if end is not None:
                 said.append(f"The {role} simulator diverged at {trial.time[end]:.2f} s.")
-                shown[end:] = shown[max(end - 1, 0)]
-            poses[role] = shown
-        predicted = np.where(
-            np.isfinite(data.value).any(axis=1, keepdims=True), noise_model.predicted(data, simulated), np.nan
-        )
-        nominal = replay.Signals(*(getattr(simulated, f)[:1] for f in replay.Signals.__dataclass_fields__))
-        phase = phases.phases(plant, on, nominal)
-        signals = outcome.overlay(plant, trial, data, predicted[:1], predicted[-1:], phase, 0)
-        if len(sims) == 1:
-            signals = replace(signals, repaired={})
+        signals = _overlay(plant, trial, on, data, simulated)
     channels = _ordered(signals, diagnosis)
     lit, where = _guilty(plant, diagnosis, channels)
     return Story(
@@ -167,6 +153,29 @@ def tell(
         unmeasured=_unmeasured(plant, model, trial),
         notes=tuple(said),
     )
+
+
+def _until_divergence(plant: Plant, position: Array, qpos: Array, rows: int) -> tuple[Array, int | None]:
+    """Positions of a simulated robot, (T, nq), with its joints as their encoders read; from the row in which it
+    diverged, where there is one, it stands still."""
+    finite = np.isfinite(position[:rows]).all(axis=1) & np.isfinite(qpos[:rows]).all(axis=1)
+    shown = qpos[:rows].copy()
+    shown[:, plant.wiring.qpos] = position[:rows]
+    if finite.all():
+        return shown, None
+    end = int(np.argmin(finite))
+    shown[end:] = shown[max(end - 1, 0)]
+    return shown, end
+
+
+def _overlay(plant: Plant, trial: Trial, on: replay.Grid, data: noise_model.Data, simulated: replay.Signals) -> Overlay:
+    """Measured and simulated curves of a trial; of the repaired simulator where two were replayed."""
+    measured = np.isfinite(data.value).any(axis=1, keepdims=True)
+    predicted = np.where(measured, noise_model.predicted(data, simulated), np.nan)
+    nominal = replay.Signals(*(getattr(simulated, f)[:1] for f in replay.Signals.__dataclass_fields__))
+    phase = phases.phases(plant, on, nominal)
+    signals = outcome.overlay(plant, trial, data, predicted[:1], predicted[-1:], phase, 0)
+    return signals if len(predicted) > 1 else replace(signals, repaired={})
 
 
 def _with_object(plant: Plant, trial: Trial) -> mujoco.MjModel:
