@@ -77,7 +77,7 @@ SMOOTH: Final = 0.15
 #: A case above a limit, by more than chance does with so many cases, counts as many that are missed.
 ABOVE: Final = 10.0
 #: Even a sure answer is wrong so often, whatever the evidence: the log loss of one case is limited.
-LEAST: Final = 0.01
+MIN_ERROR_RATE: Final = 0.01
 #: Half a 90 % interval [deviations], and the share that is to hold the truth.
 NINETY, HOLDS = 1.6449, 0.9
 FALSE_NAMES, FALSE_FLAGS, FALSE_REMAINS, OUT_OF_SET = 0.03, 0.05, 0.05, 0.02
@@ -92,7 +92,7 @@ def log_loss(cases: Sequence[Case], by: Calibration) -> float:
         if one.explainable and one.looked_at:
             single = probabilities(one.options, by, measured_on_readings=one.betrayed)
             right = sum(p for p, option in zip(single, one.options, strict=True) if option.classes in one.truths)
-            total -= float(np.log((1 - LEAST) * right + LEAST))
+            total -= float(np.log((1 - MIN_ERROR_RATE) * right + MIN_ERROR_RATE))
     return total
 
 
@@ -160,7 +160,8 @@ def _doubt(cases: Sequence[Case], by: Calibration) -> Doubt:
         stated, right = np.array([row[2:] for row in rows]).reshape(-1, 2).T
         as_it_was = np.where(right > 0, sure * stated, 1 - sure * stated)
         return float(
-            ((numbers - start) ** 2).sum() / (2 * DOUBT_SPREAD**2) - np.log(np.maximum(as_it_was, LEAST**2)).sum()
+            ((numbers - start) ** 2).sum() / (2 * DOUBT_SPREAD**2)
+            - np.log(np.maximum(as_it_was, MIN_ERROR_RATE**2)).sum()
         )
 
     found = minimize(loss, start, method="L-BFGS-B", bounds=[(None, None)] * 2 + [(0.0, None)] * 3)

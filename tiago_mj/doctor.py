@@ -21,7 +21,7 @@ from tiago_mj.io import extra
 from tiago_mj.io.extra import NAME
 
 #: Distributions whose versions say most when something is reported.
-TOLD: Final = ("mujoco", "gymnasium", "gymnasium-robotics", "numpy", "scipy", "stable-baselines3", "torch")
+LISTED: Final = ("mujoco", "gymnasium", "gymnasium-robotics", "numpy", "scipy", "stable-baselines3", "torch")
 #: Extras that users do not need.
 OF_DEVELOPERS: Final = ("dev", "docs", "bench")
 
@@ -72,7 +72,7 @@ def run(arguments: argparse.Namespace) -> int:
 def versions() -> dict[str, str]:
     """Versions of what is installed, by distribution."""
     found = {"python": platform.python_version()}
-    for name in TOLD:
+    for name in LISTED:
         try:
             found[name] = importlib.metadata.version(name)
         except importlib.metadata.PackageNotFoundError:

@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 NINETY: Final = 1.6449
 DRAWS: Final = 2000
 #: A probability of 0 costs no more than this one: the log loss of one case is limited.
-LEAST: Final = 1e-4
+MIN_PROBABILITY: Final = 1e-4
 
 
 def share(hits: Sequence[bool]) -> dict[str, Any]:
@@ -60,7 +60,7 @@ def brier(rows: Array) -> float:
 def log_loss(rows: Array) -> float:
     """Mean of −log of what was said of what was the case, of rows of (probability, 0 or 1) [nats]."""
     said = np.where(rows[:, 1] > 0, rows[:, 0], 1 - rows[:, 0])
-    return float(-np.log(np.maximum(said, LEAST)).mean())
+    return float(-np.log(np.maximum(said, MIN_PROBABILITY)).mean())
 
 
 def gain_over_constant(rows: Array, loss: Callable[[Array], float]) -> float:

@@ -188,7 +188,7 @@ def test_whatever_was_found_the_promises_are_kept(seed: int) -> None:
         assert kept.remains or (seen.left <= LEFT and seen.misfit <= BY.remains)
         assert (len(classes) > 1) == (kept.kind == "ambiguous")
     if kept.kind == "effect":
-        assert kept.probability[kept.rivals[0]] >= promises.MOST * kept.sure
+        assert kept.probability[kept.rivals[0]] >= promises.MIN_NAMED_PROBABILITY * kept.sure
         others = [kept.probability[k] for k, one in enumerate(options) if one.classes != best.classes]
         assert verdict.probability is kept.probability
         assert all(p <= kept.probability[kept.rivals[0]] + 1e-12 for p in others)

@@ -145,10 +145,10 @@ def test_collision_geoms_and_planes_are_not_seen():
 
 def test_the_report_has_a_still_and_a_link(known, opengl):
     pytest.importorskip("viser")
-    from tiago_mj.view.beside import MOST, pictures
+    from tiago_mj.view.beside import MAX_SCENE_BYTES, pictures
 
     seen = pictures(known.plant, known.trials, known.diagnosis)
-    assert len(seen.scene) < MOST
+    assert len(seen.scene) < MAX_SCENE_BYTES
     assert "times larger" in seen.caption
     report = html.render(known.diagnosis, seen)
     assert f"data:image/png;base64,{seen.png}" in report

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from tiago_mj.io.quoting import one_line
 
 #: Of an archive that is unpacked whole [bytes]; an agent has less than 1 MB.
-MOST: Final = 100_000_000
+MAX_UNPACKED_BYTES: Final = 100_000_000
 #: Parts of an archive.
 _PARTS: Final = 10_000
 _FORMAT: Final[Any] = np.lib.format
@@ -43,7 +43,7 @@ FAULTS: Final = (
 
 
 @contextmanager
-def opened(path: Path | BinaryIO, most: int = MOST, *, stored: bool = False) -> Iterator[zipfile.ZipFile]:
+def opened(path: Path | BinaryIO, most: int = MAX_UNPACKED_BYTES, *, stored: bool = False) -> Iterator[zipfile.ZipFile]:
     """An archive whose parts are together no larger than they may be [bytes].
 
     Args:

@@ -22,7 +22,7 @@ from typing import Any, Final
 from tiago_mj.io import held
 
 #: Files, folders and links of a folder that is exchanged for another; in a larger one files are renamed one by one.
-MOST: Final = 20_000
+MAX_EXCHANGED_FILES: Final = 20_000
 #: Seconds in which a folder that another process is exchanging is there again.
 _MOMENT: Final = 0.05
 #: Where sets go that :func:`gathering` collects: the folder that they are said to be in, and the one they come into.
@@ -62,8 +62,9 @@ def replacing_set(folder: Path, *, parts: Collection[str] = ()) -> Iterator[Path
     """Give an empty folder; what was written into it takes its place in ``folder`` at once, unless the block raises.
 
     Other files of ``folder`` stay. On Linux everything appears by a single rename. Elsewhere, and where that cannot be
-    (a process works in ``folder``, it is a mount point, or it holds more than :data:`MOST` files), whole files are
-    renamed one after the other; then a process that is killed between two renames leaves some of both sets.
+    (a process works in ``folder``, it is a mount point, or it holds more than :data:`MAX_EXCHANGED_FILES` files),
+    whole files are renamed one after the other; then a process that is killed between two renames leaves some of both
+    sets.
 
     Args:
         folder: made where it is missing.
@@ -212,7 +213,7 @@ class _Taken:
             path, status = below / entry.name, entry.stat(follow_symlinks=False)
             target = self._new / path
             self._seen[path] = status.st_ino
-            if len(self._seen) > MOST or status.st_dev != device:
+            if len(self._seen) > MAX_EXCHANGED_FILES or status.st_dev != device:
                 raise OSError(errno.EXDEV, "too many files, or of another drive")
             if str(path) in self._gone:
                 continue

@@ -21,9 +21,9 @@ from tiago_mj.io.quoting import one_line, quoted
 Array = NDArray[np.float64]
 
 #: Rows of a table.
-MOST: Final = 1_000_000
+MAX_ROWS: Final = 1_000_000
 #: Columns of a table; more are no header of anything that is read so.
-WIDEST: Final = 200
+MAX_COLUMNS: Final = 200
 
 
 def read_rows(
@@ -44,14 +44,14 @@ def read_rows(
     try:
         lines = csv.reader(io.StringIO(text, newline=""))
         header = next(lines, [])
-        if len(header) > WIDEST or not header:
+        if len(header) > MAX_COLUMNS or not header:
             raise ValueError("the first line is no header")
         missing = [name for name in names if name not in header]
         if missing:
             raise ValueError(f"column {missing[0]} is missing, it has {quoted(', '.join(header))}")
         place = {name: header.index(name) for name in names}
         found = []
-        for row in islice(lines, MOST):
+        for row in islice(lines, MAX_ROWS):
             if row:
                 if len(row) <= max(place.values()):
                     raise ValueError(f"line {lines.line_num}: it has {len(row)} cells of {len(header)}")

@@ -39,7 +39,7 @@ ACTIVATIONS: Final[Mapping[str, Callable[[Single], Single]]] = {"ReLU": _relu, "
 #: What the last layer's output becomes: squashed into, or cut at, the action space's bounds.
 OUTPUTS: Final = ("tanh", "clip")
 #: No observation is larger (in SI units), no number in the network's may be, and none is divided by less.
-SEEN, LARGEST, LEAST = 1e6, 1e37, 1e-30
+MAX_OBSERVATION, MAX_WEIGHT, MIN_DEVIATION = 1e6, 1e37, 1e-30
 
 
 @dataclass(frozen=True)
@@ -200,9 +200,9 @@ def _checked(agent: Agent) -> Agent:
         raise ValueError("its normalisation does not match its observations")
     if not all(np.isfinite(value).all() for value in (*agent.arrays().values(), agent.limit)):
         raise ValueError("it has numbers that are not finite")
-    if (agent.deviation is not None and not (agent.deviation > LEAST).all()) or agent.limit <= 0:
+    if (agent.deviation is not None and not (agent.deviation > MIN_DEVIATION).all()) or agent.limit <= 0:
         raise ValueError("it divides observations by 0 or less, or by next to nothing")
-    if not _largest(agent) < LARGEST:
+    if not _largest(agent) < MAX_WEIGHT:
         raise ValueError("its numbers are so large that what it computes with them is not finite")
     if not isinstance(agent.origin, Mapping):
         raise ValueError(f"its origin is {quoted(agent.origin)}")
@@ -210,10 +210,10 @@ def _checked(agent: Agent) -> Agent:
 
 
 def _largest(agent: Agent) -> float:
-    """What no number can exceed that it computes, of observations up to :data:`SEEN`."""
-    most = SEEN
+    """What no number can exceed that it computes, of observations up to :data:`MAX_OBSERVATION`."""
+    most = MAX_OBSERVATION
     if agent.mean is not None and agent.deviation is not None:
-        most = max(SEEN + float(np.abs(agent.mean).max(initial=0.0)), agent.limit)
+        most = max(MAX_OBSERVATION + float(np.abs(agent.mean).max(initial=0.0)), agent.limit)
         if not most / float(agent.deviation.min(initial=1.0)) < np.finfo(np.float64).max:
             return np.inf
         most = agent.limit

@@ -27,7 +27,7 @@ Mask = NDArray[np.bool_]
 MOVING: Final = 0.05
 #: What errs within so long errs together [s]; so many of these stretches are needed.
 TOGETHER: Final = 0.1
-LEAST: Final = 3
+MIN_STRETCHES: Final = 3
 #: Speeds that span this factor tell dry friction from viscous.
 SPEEDS: Final = 3.0
 #: A force of the drive counts that is so many of its standard errors.
@@ -107,7 +107,7 @@ def _lost(
             if free[some].sum() * 2 > length:
                 means.append(float(np.median((apart * direction)[some][free[some]])))
                 speeds.append(float(np.median(np.abs(simulated[some][free[some]]))))
-    if len(means) < LEAST:
+    if len(means) < MIN_STRETCHES:
         return None
     force, speed_of = np.array(means), np.array(speeds)
     if speed_of.max() > SPEEDS * speed_of.min():

@@ -28,7 +28,7 @@ NINETY: Final = 1.645
 #: Relative standard error of a standard deviation that is estimated by the median absolute deviation, times √n.
 MAD_ERROR: Final = 1.166
 #: Shortest stretch that counts as rest [rows], and readings that a noise needs in all.
-WINDOW, LEAST = 10, 30
+MIN_REST_ROWS, MIN_READINGS = 10, 30
 #: An onset of contact: the median of so many rows this many deviations from where the reading began.
 ONSET_ROWS, ONSET = 5, 6.0
 #: Rest ends so long before an onset [s]: the pad touches before it is seen to.
@@ -116,7 +116,7 @@ def windows(trial: Trial, sensor: str, touched: NDArray[np.bool_] | None = None)
     if touched is not None:
         rest &= ~touched
     edges = np.flatnonzero(np.diff(np.concatenate([[0], rest.astype(int), [0]])))
-    return [values[a:b] for a, b in edges.reshape(-1, 2) if b - a >= WINDOW]
+    return [values[a:b] for a, b in edges.reshape(-1, 2) if b - a >= MIN_REST_ROWS]
 
 
 def _still(trial: Trial) -> NDArray[np.bool_]:
@@ -137,11 +137,11 @@ def _onset(time: Array, values: Array) -> float:
     """Time at which the reading first leaves where it began; infinity if it never does [s]."""
     known = np.isfinite(values)
     y, t = values[known], time[known]
-    if len(y) < WINDOW + ONSET_ROWS:
+    if len(y) < MIN_REST_ROWS + ONSET_ROWS:
         return float("inf")
-    level = float(np.median(y[:WINDOW]))
+    level = float(np.median(y[:MIN_REST_ROWS]))
     steps = np.diff(y)
-    spread = max(robust.deviation(steps) / np.sqrt(2), robust.deviation(y[:WINDOW]))
+    spread = max(robust.deviation(steps) / np.sqrt(2), robust.deviation(y[:MIN_REST_ROWS]))
     smooth = np.median(np.lib.stride_tricks.sliding_window_view(y, ONSET_ROWS), axis=1)
     away = np.flatnonzero(np.abs(smooth - level) > ONSET * spread)
     return float(t[away[0]]) if len(away) else float("inf")
@@ -155,11 +155,11 @@ def _sensor(name: str, trials: Sequence[Trial], touched: Sequence[NDArray[np.boo
         for window in windows(trial, name, None if touched is None else touched[k])
     ]
     count = sum(len(window) for window in found)
-    if count < LEAST:
+    if count < MIN_READINGS:
         raise RecordingError(
             f"{trials[0].source}{' and the others' if len(trials) > 1 else ''}: force.{name}: no rest: {count} "
-            f"readings while no command changes and before contact, {LEAST} are needed; record some seconds with the "
-            "fingers open before the grasp"
+            f"readings while no command changes and before contact, {MIN_READINGS} are needed; record some seconds "
+            "with the fingers open before the grasp"
         )
     kept, stray = _alike(found)
     parts = [(w - np.median(w)) * np.sqrt(len(w) / (len(w) - 1)) for w in kept]

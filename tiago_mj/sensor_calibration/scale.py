@@ -30,7 +30,7 @@ from tiago_mj.sensor_calibration.rest import Rest
 TOUCHING: Final = 0.05
 SHARE: Final = 0.1
 #: Rows of one grasp that a slope needs.
-LEAST: Final = 20
+MIN_ROWS: Final = 20
 #: Largest rms residual of a matched grasp, as a share of its rms reading: beyond, simulator and recording do not show
 #: the same grasp.
 UNLIKE: Final = 0.3
@@ -140,7 +140,7 @@ def _sensor(name: str, trials: Sequence[Trial], known: Simulated, bias: float, l
             continue
         values = trial.forces[name] - bias
         rows = known.slope[k] & np.isfinite(values) & (newtons > max(TOUCHING, SHARE * float(newtons.max(initial=0.0))))
-        if rows.sum() < LEAST:
+        if rows.sum() < MIN_ROWS:
             continue
         x, y = newtons[rows], values[rows]
         sizes.append(float(np.sqrt(np.mean(x**2))))
@@ -177,7 +177,7 @@ def _slope(x: Array, y: Array) -> tuple[float, float, float]:
 
 def _turned(x: Array, y: Array, fallen: NDArray[np.bool_]) -> list[tuple[float, float]]:
     """Slope after the force fell over that after it rose, less 1, and its standard error; none without both."""
-    if min(int(fallen.sum()), int((~fallen).sum())) < LEAST:
+    if min(int(fallen.sum()), int((~fallen).sum())) < MIN_ROWS:
         return []
     (down, down_error, _), (up, up_error, _) = _slope(x[fallen], y[fallen]), _slope(x[~fallen], y[~fallen])
     return [(down / up - 1, float(np.hypot(down_error, up_error)) / abs(up))] if up > 0 else []

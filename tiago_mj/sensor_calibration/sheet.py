@@ -22,7 +22,7 @@ from tiago_mj.sensor_calibration.rest import FALSE_CONTACTS, Rest, at_rest
 from tiago_mj.sensor_calibration.scale import Scale, Simulated, scales, simulated
 
 #: Share of the newtons that press from which it is said that the drive's force may be off by so much.
-TOLD: Final = 0.02
+MENTIONED_SHARE: Final = 0.02
 #: Stands for a robot that nobody named: rest needs none.
 UNKNOWN: Final = "unknown"
 HEADER: Final = """\
@@ -184,8 +184,8 @@ def _about_drives(found: Sequence[Scale]) -> list[str]:
     """Why scales are not known, or less well than grasps agree: a sentence for all cells that it concerns."""
     mend = "record the robot moving without contact, diagnose that, and give what it finds (--effects calibration.yaml)"
     lost = [s for s in found if not s.known]
-    wide = [s for s in found if s.known and s.lost[0] > TOLD * s.lost[1]]
-    turned = [s for s in found if s.known and s not in wide and abs(s.turned) > TOLD]
+    wide = [s for s in found if s.known and s.lost[0] > MENTIONED_SHARE * s.lost[1]]
+    turned = [s for s in found if s.known and s not in wide and abs(s.turned) > MENTIONED_SHARE]
     out = []
     for some, so in ((lost, "no scale"), (wide, "a wide interval")):
         if some:

@@ -19,7 +19,7 @@ from tiago_mj.view.still import still
 from tiago_mj.view.story import tell
 
 #: A scene that is larger is not written beside a report [byte].
-MOST: Final = 5_000_000
+MAX_SCENE_BYTES: Final = 5_000_000
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ def pictures(plant: Plant, trials: Sequence[Trial], diagnosis: Diagnosis, deadli
     story = tell(plant, trial, effects, diagnosis, seed=diagnosis.seed, deadline=by)
     by.check()
     scene = page.render(story) if find_spec("viser") is not None else None
-    if scene is not None and len(scene) > MOST:
+    if scene is not None and len(scene) > MAX_SCENE_BYTES:
         scene = None
     by.check()
     taken = still(story)

@@ -30,15 +30,15 @@ SHADOWS: Final = 1024
 SAMPLES: Final = 2
 #: Length and radius of an arrow [m/N, m], and how far behind the pad it begins [m]: outside of the finger, where it is
 #: seen. Below so much [N] none is drawn.
-LENGTH: Final = 0.008
-RADIUS: Final = 0.0025
-BEHIND: Final = 0.03
-LEAST: Final = 0.05
+ARROW_LENGTH: Final = 0.008
+ARROW_RADIUS: Final = 0.0025
+ARROW_OFFSET: Final = 0.03
+MIN_DRAWN_FORCE: Final = 0.05
 COLOURS: Final = {"right": (0.0, 0.45, 0.70, 1.0), "left": (0.84, 0.37, 0.0, 1.0)}
 GOAL: Final = (0.0, 0.62, 0.45, 0.35)
 #: Frames that one process draws at once, and from how many on several processes are worth their start.
-PORTION: Final = 12
-MANY: Final = 40
+FRAMES_PER_TASK: Final = 12
+MIN_PARALLEL_FRAMES: Final = 40
 
 
 @dataclass(frozen=True)
@@ -127,9 +127,11 @@ def draw(
         done: told how many frames are drawn.
     """
     count = processes or (os.cpu_count() or 1)
-    if count == 1 or len(snapshots) < MANY:
+    if count == 1 or len(snapshots) < MIN_PARALLEL_FRAMES:
         return list(_drawn(model, snapshots, size, camera, done))
-    portions = {first: snapshots[first : first + PORTION] for first in range(0, len(snapshots), PORTION)}
+    portions = {
+        first: snapshots[first : first + FRAMES_PER_TASK] for first in range(0, len(snapshots), FRAMES_PER_TASK)
+    }
     frames: dict[int, list[Frame]] = {}
     try:
         with ProcessPoolExecutor(count, multiprocessing.get_context("spawn")) as pool:
@@ -198,9 +200,9 @@ def _camera(camera: Camera, one: Snapshot) -> mujoco.MjvCamera:
 def _arrows(scene: mujoco.MjvScene, force: PadForce) -> None:
     """The force on a pad, from the pad outwards, and the goal's beside it as a pale, wider one."""
     if force.goal is not None:
-        _arrow(scene, force, force.goal, 2 * RADIUS, GOAL)
-    if force.newtons > LEAST:
-        _arrow(scene, force, force.newtons, RADIUS, COLOURS[force.side])
+        _arrow(scene, force, force.goal, 2 * ARROW_RADIUS, GOAL)
+    if force.newtons > MIN_DRAWN_FORCE:
+        _arrow(scene, force, force.newtons, ARROW_RADIUS, COLOURS[force.side])
 
 
 def _arrow(
@@ -212,8 +214,8 @@ def _arrow(
     mujoco.mjv_initGeom(
         geom, mujoco.mjtGeom.mjGEOM_ARROW, np.zeros(3), np.zeros(3), np.zeros(9), np.array(colour, dtype=np.float32)
     )
-    tail = force.place + BEHIND * force.outwards
-    tip = tail + LENGTH * newtons * force.outwards
+    tail = force.place + ARROW_OFFSET * force.outwards
+    tip = tail + ARROW_LENGTH * newtons * force.outwards
     mujoco.mjv_connector(geom, mujoco.mjtGeom.mjGEOM_ARROW, radius, tail, tip)
     scene.ngeom += 1
 

@@ -19,7 +19,7 @@ from tiago_mj.view.story import Story
 
 #: Pictures a second of the player, and the most in all.
 FPS: Final = 30.0
-MOST: Final = 360
+MAX_PICTURES: Final = 360
 #: It plays this long at least, if need be slower than life [s]; and how much slower that may be.
 LONG_ENOUGH: Final = 5.0
 SLOWER: Final = (1, 2, 4, 5, 10, 20)
@@ -39,7 +39,7 @@ def render(story: Story, *, beside: bool = False) -> str:
     """
     duration = float(story.time[-1] - story.time[0])
     slower = slow_motion(duration)
-    count = int(np.clip(np.ceil(duration * slower * FPS), 2, MOST))
+    count = int(np.clip(np.ceil(duration * slower * FPS), 2, MAX_PICTURES))
     at = np.linspace(story.time[0], story.time[-1], count)
     with serving(0, "tiago-mj view") as server:
         stage = Stage(server, story, beside=beside)

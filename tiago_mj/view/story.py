@@ -35,7 +35,7 @@ Array = NDArray[np.float64]
 #: Places with a smaller share of the gap than this are not marked.
 LEAST_SHARE: Final = 0.08
 #: A row of a marked place counts where the nominal simulator is farther off than this share of the farthest there.
-FAR: Final = 0.5
+MARKED_SHARE: Final = 0.5
 #: Pauses between two marked stretches that are shorter than this share of the trial are marked, too.
 PAUSE: Final = 0.02
 
@@ -280,7 +280,7 @@ def _marks(signals: Overlay, channels: Sequence[str], diagnosis: Diagnosis | Non
     rows = np.isin(signals.phases, within) if within else np.ones(len(off), dtype=bool)
     if not (rows & (off > 1)).any():
         rows = np.ones(len(off), dtype=bool)
-    rows &= off > FAR * off[rows].max()
+    rows &= off > MARKED_SHARE * off[rows].max()
     found: list[Mark] = []
     pause = PAUSE * float(signals.time[-1] - signals.time[0])
     for here, start, end in stretches(signals.time, rows.astype(int)):

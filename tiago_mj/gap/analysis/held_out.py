@@ -27,7 +27,7 @@ from tiago_mj.recordings.recording import Trial
 Array = NDArray[np.float64]
 
 #: Numbers of the nominal model that are told.
-TOLD: Final = 3
+MAX_LISTED_NUMBERS: Final = 3
 
 
 def validated(
@@ -99,7 +99,7 @@ def spoiled(
     if not own or not trials:
         return ()
     shared = [term for term in terms(plant) if not term.per_trial]
-    far = sorted(zip(shared, fit.nuisance, strict=False), key=lambda one: -abs(float(one[1])))[:TOLD]
+    far = sorted(zip(shared, fit.nuisance, strict=False), key=lambda one: -abs(float(one[1])))[:MAX_LISTED_NUMBERS]
     fitted, stated = predict.all_trials([(*fit.effects(), *own), tuple(fit.effects())], trials)
     here = noise_model.select_trials(data, trials)
     energy, samples = _blocks(here, np.stack([fitted, stated]), shrink.block_rows(here, stated, fitted))

@@ -39,7 +39,7 @@ ANEW: Final = 3.0
 #: How far a coordinate is moved to see what it does, as a share of how far it is sought; an amount, of itself.
 NUDGE: Final = 0.02
 #: A coordinate is told where its deviation is below this share of what it was before anything was measured.
-TOLD: Final = 0.5
+MAX_DEVIATION_SHARE: Final = 0.5
 
 
 @dataclass(frozen=True)
@@ -174,7 +174,7 @@ class _Sought:
     def fitted(self, there: Bottom, met: float, prior: float) -> Fitted:
         """The explanation with the place, of which what the motion does not show stays at the centre."""
         best, which, count = self._best, self._which, 1 + len(self._details)
-        told = there.deviations[1:] < TOLD * self._wide
+        told = there.deviations[1:] < MAX_DEVIATION_SHARE * self._wide
         at = there.at.copy()
         at[1:count] = np.where(told, at[1:count], 0.0)
         part = self._part(at)

@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 #: Standard errors beyond which two predictions of the same trials differ: scores within two are not told apart.
 ERRORS: Final = 2.0
 #: An effect that is named is likelier than all else together.
-MOST: Final = 0.5
+MIN_NAMED_PROBABILITY: Final = 0.5
 #: A share of the gap that counts as closed: below, a report says that it does not close.
 CLOSES: Final = 0.02
 DRAWS: Final = 400
@@ -116,7 +116,7 @@ def standing(judged: Judged, options: Sequence[Option], by: Calibration) -> Judg
     if options[best].evidence.edge:
         return replace(judged, kind="unknown")
     rivals = [best, *(k for k in judged.rivals[1:] if not options[k].evidence.edge)]
-    likely = judged.probability[best] >= MOST * judged.sure
+    likely = judged.probability[best] >= MIN_NAMED_PROBABILITY * judged.sure
     if not likely:  # whatever is about as likely is in the set
         rivals += _others(judged, options, by.rival * float(judged.probability[best]), rivals)
     several = any(options[k].classes != options[best].classes for k in rivals)

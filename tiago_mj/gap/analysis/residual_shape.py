@@ -22,10 +22,10 @@ Array = NDArray[np.float64]
 
 #: A shape explains at least this share of the residual's mean square, or else it is none: of 200 draws of white noise,
 #: and as many of noise that is correlated over a tenth of a trial, less than 5 % have a shape. Of fewer trials than
-#: :data:`FEW` it takes more.
+#: :data:`ENOUGH_TRIALS` it takes more.
 LEVEL: Final = 0.3
-LEVEL_OF_FEW: Final = 0.5
-FEW: Final = 4
+LEVEL_BELOW_ENOUGH_TRIALS: Final = 0.5
+ENOUGH_TRIALS: Final = 4
 #: Of shapes that explain as much to within this, the simpler one.
 AS_GOOD: Final = 0.1
 #: A shape helps in at least this share of the segments that it was not fitted to.
@@ -91,7 +91,7 @@ def named(found: Sequence[Share], ntrials: int) -> Share:
     trials."""
     if not found:
         return Share("irregular", 0.0)
-    level = LEVEL if ntrials >= FEW else LEVEL_OF_FEW
+    level = LEVEL if ntrials >= ENOUGH_TRIALS else LEVEL_BELOW_ENOUGH_TRIALS
     return found[0] if found[0].share >= level else Share("irregular", max(found[0].share, 0.0))
 
 

@@ -29,7 +29,7 @@ from typing import Final
 
 from tiago_mj.effects import EFFECTS
 from tiago_mj.effects.declare import STAGES
-from tiago_mj.gap.analysis.promises import CLOSES, MOST
+from tiago_mj.gap.analysis.promises import CLOSES, MIN_NAMED_PROBABILITY
 from tiago_mj.gap.analysis.remainder import LEFT
 from tiago_mj.gap.analysis.shrink import NOTHING, gone
 from tiago_mj.gap.decision.verdict import most_probable
@@ -156,7 +156,7 @@ def _with_its_kind(diagnosis: Diagnosis) -> Diagnosis:
     if not best.effects or _refuted(diagnosis) or (best.evidence is not None and best.evidence.edge):
         return replace(diagnosis, kind="unknown")
     if diagnosis.kind == "ambiguous" and len({identity(one) for one in (best, *diagnosis.alternatives)}) < 2:
-        likely = not best.probability < MOST * most_probable(best)
+        likely = not best.probability < MIN_NAMED_PROBABILITY * most_probable(best)
         return replace(diagnosis, kind="effect" if likely else "unknown")
     return diagnosis
 

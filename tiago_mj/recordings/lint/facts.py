@@ -10,9 +10,9 @@ from tiago_mj.models.objects import SHAPES
 from tiago_mj.recordings.recording import Finding, Trial, sampled
 
 #: An initial position may differ from the first row by this share of the joint's motion, and this much [m, rad].
-SHARE, LEAST = 0.2, 2e-3
+TOLERANCE_SHARE, MIN_TOLERANCE = 0.2, 2e-3
 #: Beyond this many times what the joint ever reads, the two are in different units.
-FAR = 5.0
+OTHER_UNIT_RATIO = 5.0
 
 
 def check(trial: Trial) -> Iterator[Finding]:
@@ -41,9 +41,9 @@ def check(trial: Trial) -> Iterator[Finding]:
             continue
         readings = sampled(trial, f"position.{joint}")[1]
         apart = abs(value - float(readings[0]))
-        if apart <= max(LEAST, SHARE * float(np.ptp(readings))):
+        if apart <= max(MIN_TOLERANCE, TOLERANCE_SHARE * float(np.ptp(readings))):
             continue
-        far = apart > FAR * (float(np.abs(readings).max()) + 0.05)
+        far = apart > OTHER_UNIT_RATIO * (float(np.abs(readings).max()) + 0.05)
         yield Finding(
             "unit_scale" if far else "contradiction",
             trial.source,

@@ -17,7 +17,7 @@ OUTSIDE, INSIDE = 0.1, 0.98
 #: Tolerance of a range, relative to its width: soft limits, encoder bias.
 SLACK: Final = 0.25
 #: Positions beyond this many times the range's farther end are in another unit; nearer ones may be a scale error.
-FAR: Final = 2.0
+OTHER_UNIT_RATIO: Final = 2.0
 #: A single reading beyond this many times it is a fault of the log.
 WILD: Final = 100.0
 #: Radians that are read as degrees make a joint's range so small [rad]: 2π · π/180, and some room.
@@ -96,7 +96,7 @@ def _read_as_degrees(trials: Sequence[Trial], ranges: JointRanges) -> tuple[str,
         if ranges.slides[joint] or not having:
             continue
         values = np.concatenate([sampled(trial, f"position.{joint}")[1] for trial in having])
-        far = float(np.percentile(np.abs(values), 95)) > FAR * max(abs(low), abs(high))
+        far = float(np.percentile(np.abs(values), 95)) > OTHER_UNIT_RATIO * max(abs(low), abs(high))
         stated = all(f"position.{joint}" in trial.units for trial in having)
         widest = HUGE * np.pi / 180 if stated else TINY
         tiny = max(abs(low), abs(high)) < widest and float(np.abs(values).max()) < HUGE
@@ -159,7 +159,7 @@ def _position(trial: Trial, name: str, span: tuple[float, float], slides: bool) 
         if wild.any():
             yield _wild(trial, name, wild, f"the joint goes from {low:.4g} to {high:.4g}")
         return
-    far = float(np.percentile(np.abs(values), 95)) > FAR * max(abs(low), abs(high))
+    far = float(np.percentile(np.abs(values), 95)) > OTHER_UNIT_RATIO * max(abs(low), abs(high))
     mends = [m for m in _mends(slides) if inside(values * m[2]) > INSIDE and (far or m[0] == "sign")]
     said = f"it goes from {values.min():.4g} to {values.max():.4g}, the joint from {low:.4g} to {high:.4g}"
     yield _finding(trial, name, said, mends, "", refuses=far or bool(mends))

@@ -18,7 +18,7 @@ DEAD_SHARE: Final = 0.75
 #: And that value, relative to the largest: a servo at its limit reads one value, too.
 NOTHING: Final = 0.05
 #: Steps of a grid that a reading may lack without being dead.
-FEW: Final = 3.0
+MAX_MISSING_STEPS: Final = 3.0
 #: Commanded net displacement [m, rad] that a working joint shows, whatever its dead band, play or quantum.
 UNMISTAKABLE: Final = 0.01
 #: Identical samples in a row that are looked at; an analogue reading repeats by chance once or twice.
@@ -96,7 +96,7 @@ def _dead(trial: Trial, name: str, having: Sequence[Trial], coarse: float) -> It
     ):
         value, share = _most_frequent(trial, joint)
         largest = float(np.abs(values).max())
-        grid = not constant and largest <= FEW * coarse  # what little it read was a step or two
+        grid = not constant and largest <= MAX_MISSING_STEPS * coarse  # what little it read was a step or two
         if constant or (share > DEAD_SHARE and abs(value) <= NOTHING * largest and not grid):
             because = f"it reads {value + 0.0:.4g} in {share:.0%} of the samples in which the joint moves"
     if because:
@@ -126,7 +126,7 @@ def _must_have_read(trial: Trial, name: str, having: Sequence[Trial], coarse: fl
         if len(values) < RUN:
             continue
         floor = max(noise(values), float(np.diff(np.unique(values)).min(initial=0.0)))
-        if float(np.ptp(values)) > max(FEW * step, 4 * CLEAR * floor):
+        if float(np.ptp(values)) > max(MAX_MISSING_STEPS * step, 4 * CLEAR * floor):
             return f"while force.{cell} is pressed"
     return ""
 

@@ -29,7 +29,7 @@ REFERENCE: Final = "/JointTrajectoryControllerState"
 CLEARLY: Final = 3.0
 #: Of a command's travel, how far a joint may stay from it, root mean square, and the least travel that counts.
 FOLLOWS: Final = 0.3
-LEAST: Final = 0.1
+MIN_TRAVEL: Final = 0.1
 _AS_SAID: Final = "name the topics in a map file (--map)"
 _SECOND: Final = 1e-9
 
@@ -217,7 +217,7 @@ def followers(file: str, topic: str, numbers: list[tuple[Stamps, Array]], states
         rivals = [c for c in range(len(candidates)) if c != column and apart[row, c] <= CLEARLY * own]
         # Joints that are told the same may be exchanged: so are those that rest at the same place.
         unclear = [c for c in rivals if c not in owner or not np.allclose(numbers[owner[c]][1], values)]
-        far = len(candidates) > 1 and own > FOLLOWS * max(float(np.ptp(values)), LEAST)
+        far = len(candidates) > 1 and own > FOLLOWS * max(float(np.ptp(values)), MIN_TRAVEL)
         if unclear or far:
             raise RecordingError(
                 f"{file}: topic {topic}: no message says which joints its {len(numbers)} numbers command, and no joint "
