@@ -25,8 +25,8 @@ def test_the_best_is_fitted_to_every_trial_though_the_search_looked_at_three(tmp
     names = ("coulomb_friction", "viscous_friction", "command_delay")
     found = diagnose(trials, model=tmp_path / robots.PLAIN_FILE, names=names, threads=1)
     ((before, (after, _)),) = seen
-    assert len(before.everywhere.trials) == 3
-    assert len(after.everywhere.trials) == len(found.splits["train"]) + len(found.splits["validation"]) == 5
+    assert len(before.full.trials) == 3
+    assert len(after.full.trials) == len(found.splits["train"]) + len(found.splits["validation"]) == 5
     assert [one.name for one in found.best.effects] == ["coulomb_friction"]
     assert found.best.effects[0].parameters["force"].value == pytest.approx(0.25, rel=0.03)
     assert found.best.evidence.agreement == 1.0

@@ -30,11 +30,11 @@ def searching(tmp_path_factory: pytest.TempPathFactory) -> State:
 
 
 def test_a_driver_that_looks_now_and_then_is_found(searching: State) -> None:
-    everywhere = searching.everywhere
-    band = next(c for c in hypotheses.candidates(everywhere.predict.plant, ("command_deadband",)))
+    full = searching.full
+    band = next(c for c in hypotheses.candidates(full.predict.plant, ("command_deadband",)))
     at_every_command = replace(band, fixed=(("period", 0.0),))
     begin = [Start((), np.zeros(0)), Start((at_every_command,), np.array([1.02 * WIDTH]))]
-    state = replace(searching, fits=tuple(everywhere.fit_all(begin)))
+    state = replace(searching, fits=tuple(full.fit_all(begin)))
     found = driver_period.tried(state).best
     assert dict(found.parts[0].fixed)["period"] == pytest.approx(0.005, rel=0.01)
     assert found.values[0] == pytest.approx(WIDTH, rel=0.01)
@@ -42,7 +42,7 @@ def test_a_driver_that_looks_now_and_then_is_found(searching: State) -> None:
 
 
 def test_what_has_no_driver_stays_as_it_is(searching: State) -> None:
-    late = hypotheses.candidates(searching.everywhere.predict.plant, ("command_delay",))[0]
-    fits = searching.everywhere.fit_all([Start((), np.zeros(0)), Start((late,), np.array([0.01]))])
+    late = hypotheses.candidates(searching.full.predict.plant, ("command_delay",))[0]
+    fits = searching.full.fit_all([Start((), np.zeros(0)), Start((late,), np.array([0.01]))])
     state = replace(searching, fits=tuple(fits))
     assert driver_period.tried(state) is state

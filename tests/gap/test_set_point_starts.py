@@ -57,7 +57,7 @@ def test_a_grid_is_found_beside_a_delay_that_hides_it(hinge: tuple[Predictor, Se
     measured = with_effects(predict, delay, grid)
     state = searching(measured, motion, "command_quantization")
     late = candidate(measured, "command_delay")
-    (fit,) = state.everywhere.fit_all([Start((late,), np.array([seconds]))])
+    (fit,) = state.full.fit_all([Start((late,), np.array([seconds]))])
     found, *by_driver = set_point_starts.beside(state, fit, least=5.0)
     assert all(dict(each.parts[-1].fixed)["period"] > 0 for each in by_driver)  # often: nearly the same
     tried = [values[-1] for values, _ in ((found.values, None), *found.alternatives)]
@@ -70,9 +70,9 @@ def test_a_drivers_dead_band_and_period_are_found_together(hinge: tuple[Predicto
     width, period = 0.019, 0.005
     measured = with_effects(predict, Entry("command_deadband", None, {"width": width, "period": period}))
     state = searching(measured, motion, "command_deadband")
-    (fit,) = state.everywhere.fit_all([Start((), np.zeros(0))])
+    (fit,) = state.full.fit_all([Start((), np.zeros(0))])
     found = set_point_starts.beside(state, fit, least=5.0)
-    best = state.with_fits(state.everywhere.fit_all(found)).best
+    best = state.with_fits(state.full.fit_all(found)).best
     assert dict(best.parts[0].fixed)["period"] == period
     assert best.values[0] == pytest.approx(width, rel=0.005)  # flat between two widths that set points tell apart
 
@@ -81,7 +81,7 @@ def test_where_no_grid_is_none_is_tried(hinge: tuple[Predictor, ServoMotion]) ->
     predict, motion = hinge
     measured = with_effects(predict, Entry("command_delay", None, {"seconds": 0.04}))
     state = searching(measured, motion, "command_quantization", "command_deadband")
-    (fit,) = state.everywhere.fit_all([Start((candidate(measured, "command_delay"),), np.array([0.04]))])
+    (fit,) = state.full.fit_all([Start((candidate(measured, "command_delay"),), np.array([0.04]))])
     assert set_point_starts.beside(state, fit, least=20.0) == []
     assert set_point_starts.beside(replace(state, motion=None), fit, least=0.0) == []
 
@@ -95,12 +95,12 @@ def test_an_effect_is_exchanged_for_another_of_its_class(hinge: tuple[Predictor,
     names = "torque_constant", "joint_elasticity", "armature"
     state = searching(measured, motion, *names)
     parts = candidate(measured, "torque_constant"), candidate(measured, "armature")
-    (best,) = state.everywhere.fit_all([Start(parts, np.array([0.6, 0.02]))])
-    exchanged = additions.of_the_same_class(state.everywhere, best, 2, state.pool)
+    (best,) = state.full.fit_all([Start(parts, np.array([0.6, 0.02]))])
+    exchanged = additions.of_the_same_class(state.full, best, 2, state.pool)
     assert [[part.effect for part in start.parts] for start in exchanged] == [["joint_elasticity", "armature"]]
-    (fit,) = state.everywhere.fit_all(exchanged)
+    (fit,) = state.full.fit_all(exchanged)
     assert fit.evidence > best.evidence + 20.0
-    (again,) = state.everywhere.fit_all([starts.restart(fit)])  # what yields and what is heavy change with each other
+    (again,) = state.full.fit_all([starts.restart(fit)])  # what yields and what is heavy change with each other
     assert again.values[0] == pytest.approx(stiffness, rel=0.1)
 
 

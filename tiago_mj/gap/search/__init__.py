@@ -1,1 +1,2 @@
-"""Which explanations are fitted: a first pass over all effects, then rounds of additions."""
+"""Search over explanations: all effects are screened on a few trials, the best are fitted, further effects are
+added."""

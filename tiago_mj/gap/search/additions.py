@@ -1,4 +1,4 @@
-"""Which explanations are tried next: a single effect, or another one beside what explains the recordings so far."""
+"""Proposals for the next fits: single effects, or one more effect beside an explanation that was fitted before."""
 
 from __future__ import annotations
 
@@ -21,21 +21,21 @@ from tiago_mj.gap.search.screen import Screened, misfit_by_trial, screen
 
 Array = NDArray[np.float64]
 
-#: Single effects that are fitted to the trials of the first pass, and fewest of them. Chosen by hand; no ablation.
+#: Single effects that are fitted to the screening trials, and fewest of them. Chosen by hand; no ablation.
 MAX_SINGLES: Final = 8
 MIN_SINGLES: Final = 3
-#: Where the first pass gains this much [nats], effects that gain less than this share of the most are not fitted. Of 46
+#: Where screening gains this much [nats], effects that gain less than this share of the most are not fitted. Of 46
 #: cases the right one was the best in 30, never behind 0.9 of it but where little was gained, and once 0.6.
 DECISIVE_GAIN_NATS: Final = 10.0
 MIN_SHARE_OF_BEST_GAIN: Final = 0.4
 #: Where no gain is decisive, effects whose gain is this much below the largest are not fitted, apart from the first few
 #: [nats]. Chosen by hand; no ablation.
 MAX_GAIN_DEFICIT_NATS: Final = 5.0
-#: Extensions of an explanation that are fitted to the trials of the first pass. Chosen by hand; no ablation.
+#: Extensions of an explanation that are fitted to the screening trials. Chosen by hand; no ablation.
 MAX_EXTENSIONS: Final = 4
 #: Others of its class for which an effect of an explanation is exchanged. Chosen by hand; no ablation.
 MAX_EXCHANGED: Final = 3
-#: Pairs found by superposition that are fitted to the trials of the first pass, and magnitudes tried of each effect.
+#: Pairs found by superposition that are fitted to the screening trials, and magnitudes tried of each effect.
 #: Chosen by hand; no ablation.
 MAX_SUPERPOSED_PAIRS: Final = 6
 MAGNITUDES_PER_EFFECT: Final = 7
@@ -49,11 +49,11 @@ MIN_GAIN_BESIDE_ADEQUATE_NATS: Final = 15.0
 
 
 def singles(screened: Sequence[Screened], moved: Sequence[Label], count: int = MAX_SINGLES) -> list[Screened]:
-    """So many effects to be fitted alone, best first.
+    """The screened effects to be fitted alone, at most ``count`` of them, by decreasing gain.
 
-    The best of every effect on all its targets and on one of them, then of every effect and target; no more than half
-    of them of one class, so that rivals get their chance. Beyond these the effects, by label, that change what the
-    nominal model's numbers were moved for: beside those numbers they gain nothing.
+    The best of every effect on all its targets and on one target come first, then every effect and target; at most half
+    are of one class, so that other classes are fitted, too. Effects that change a nominal number which the fit of the
+    nominal model moved far (``moved``, by label) are added: beside the moved number they show no gain.
     """
     out: list[Screened] = []
     seen: set[Label] = set()
@@ -78,19 +78,22 @@ def singles(screened: Sequence[Screened], moved: Sequence[Label], count: int = M
     return [*out, *(s for s in further if s is not None)]
 
 
-def beside(few: Fitter, seed: Fitted, at: Array, promising: Sequence[Screened], least: float) -> list[Start]:
-    """An explanation with another effect, found by adding its change to what the explanation predicts.
+def beside(
+    screening: Fitter, seed: Fitted, nominal_nuisance: Array, promising: Sequence[Screened], least: float
+) -> list[Start]:
+    """Starts that add one effect to an explanation, found by superposition: the screened change of each effect is added
+    to the prediction of the explanation, and the log likelihood is compared.
 
     Args:
-        few: of the trials of the first pass.
+        screening: of the screening trials.
         seed: the explanation.
-        at: nuisances of the nominal model there. The explanation's own may have absorbed what the other effect is to
-            explain.
-        promising: effects after the first pass.
+        nominal_nuisance: nuisances of the nominal model on these trials. The explanation's own may have absorbed the
+            effect that is to be added.
+        promising: screened effects.
         least: smallest predicted gain [nats].
     """
-    whole = few.predictions([Point(seed.parts, seed.values, at)])[0]
-    on = likelihood.frame(few.data, few.weight, few.responses, few.per_trial, at)
+    whole = screening.predictions([Point(seed.parts, seed.values, nominal_nuisance)])[0]
+    on = likelihood.frame(screening.data, screening.weight, screening.responses, screening.per_trial, nominal_nuisance)
     alone = float(likelihood.log_likelihood(on, whole[None])[0])
     there, found = {part.label for part in seed.parts}, []
     for s in promising:
@@ -101,28 +104,29 @@ def beside(few: Fitter, seed: Fitted, at: Array, promising: Sequence[Screened], 
     out = []
     for candidate, value in _best_of_each_kind(found, least):
         values = np.array([*seed.values, value])
-        out.append(Start((*seed.parts, candidate), values, at, starts.with_zero_nuisances(values, at)))
+        out.append(
+            Start(
+                (*seed.parts, candidate), values, nominal_nuisance, starts.with_zero_nuisances(values, nominal_nuisance)
+            )
+        )
     return out
 
 
-def where_it_fails(
-    everywhere: Fitter, seed: Fitted, nuisance: Array, count: int, pool: Sequence[Candidate]
-) -> list[Start]:
-    """An explanation with another effect, found by trying all of them beside it in the trials in which it fails most.
+def where_it_fails(full: Fitter, seed: Fitted, nuisance: Array, count: int, pool: Sequence[Candidate]) -> list[Start]:
+    """Starts that add one effect to an explanation, found by simulating every candidate beside it in the trials that it
+    predicts worst.
 
     Args:
-        everywhere: of all trials.
+        full: of all trials.
         seed: the explanation.
-        nuisance: nominal numbers, not the explanation's own: they may have absorbed what is to be explained.
-        count: of trials that are looked at.
+        nuisance: of the nominal model; the explanation's own may have absorbed the effect that is to be added.
+        count: of trials that are simulated.
         pool: what is tried.
     """
-    at = Point(seed.parts, seed.values, nuisance)
-    worst = worst_trials(everywhere.predictions([at])[0], everywhere.data, count)
-    there, labels = everywhere.part(worst), {part.label for part in seed.parts}
-    found = screen(
-        there, [c for c in pool if c.label not in labels], replace(at, nuisance=everywhere.of(worst, nuisance))
-    )
+    point = Point(seed.parts, seed.values, nuisance)
+    worst = worst_trials(full.predictions([point])[0], full.data, count)
+    there, labels = full.part(worst), {part.label for part in seed.parts}
+    found = screen(there, [c for c in pool if c.label not in labels], replace(point, nuisance=full.of(worst, nuisance)))
     out = []
     gains = [(s.gain, s.candidate, s.value) for s in found.on_all]
     for candidate, value in _best_of_each_kind(gains, MIN_PREDICTED_GAIN_NATS):
@@ -131,16 +135,19 @@ def where_it_fails(
     return out
 
 
-def superposed_pairs(few: Fitter, here: Point, promising: Sequence[Screened]) -> list[Start]:
-    """The best pairs by the sum of both changes, at all magnitudes: the best pair need not hold the best single.
+def superposed_pairs(screening: Fitter, linearization_point: Point, promising: Sequence[Screened]) -> list[Start]:
+    """Starts with two effects, from the largest log likelihood of their superposed changes over all pairs of
+    magnitudes; the best pair need not contain the best single effect.
 
     Args:
-        few: of the trials of the first pass.
-        here: the nominal model there.
-        promising: after the first pass, best first.
+        screening: of the screening trials.
+        linearization_point: the nominal model on these trials.
+        promising: screened effects, by decreasing gain.
     """
-    base = few.predictions([here], keep=True)[0]
-    on = likelihood.frame(few.data, few.weight, few.responses, few.per_trial, here.nuisance)
+    base = screening.predictions([linearization_point], keep=True)[0]
+    on = likelihood.frame(
+        screening.data, screening.weight, screening.responses, screening.per_trial, linearization_point.nuisance
+    )
     leaders: dict[str, Screened] = {}
     for s in promising:
         if s.candidate.target is None:
@@ -156,28 +163,32 @@ def superposed_pairs(few: Fitter, here: Point, promising: Sequence[Screened]) ->
         best = np.unravel_index(int(np.argmax(gains)), gains.shape)
         values = np.array([a.values[i[best[0]]], b.values[j[best[1]]]])
         if gains[best] >= alone + MIN_PREDICTED_GAIN_NATS:
-            also = starts.with_zero_nuisances(values, here.nuisance)
-            found.append((float(gains[best]), Start((a.candidate, b.candidate), values, here.nuisance, also)))
+            also = starts.with_zero_nuisances(values, linearization_point.nuisance)
+            found.append(
+                (float(gains[best]), Start((a.candidate, b.candidate), values, linearization_point.nuisance, also))
+            )
     out: dict[frozenset[object], Start] = {}
     for _, start in sorted(found, key=lambda item: -item[0]):
         out.setdefault(frozenset(_kind(part) for part in start.parts), start)
     return list(out.values())[:MAX_SUPERPOSED_PAIRS]
 
 
-def of_the_same_class(everywhere: Fitter, best: Fitted, count: int, pool: Sequence[Candidate]) -> list[Start]:
-    """An explanation by several effects with each of them exchanged for others of its class, at the magnitudes that
-    explain most beside the rest of it: of every class only the one that promised most was tried.
+def of_the_same_class(full: Fitter, best: Fitted, count: int, pool: Sequence[Candidate]) -> list[Start]:
+    """Starts in which one effect of an explanation is exchanged for another of its class, at the magnitude with the
+    largest gain beside the remaining effects.
+
+    Screening keeps only the most promising effects of a class, so that the right one may be missing.
 
     Args:
-        everywhere: of all trials.
+        full: of all trials.
         best: the explanation.
-        count: of trials that are looked at.
-        pool: what is tried.
+        count: of trials that are simulated.
+        pool: candidates.
     """
     there = {part.label for part in best.parts}
-    at = starts.point_of(best)
-    worst = worst_trials(everywhere.predictions([at])[0], everywhere.data, count)
-    few, out = everywhere.part(worst), []
+    point = starts.point_of(best)
+    worst = worst_trials(full.predictions([point])[0], full.data, count)
+    worst_fitter, out = full.part(worst), []
     for k, part in enumerate(best.parts):
         others = [
             c
@@ -188,8 +199,8 @@ def of_the_same_class(everywhere: Fitter, best: Fitted, count: int, pool: Sequen
         ]
         if not others:
             continue
-        rest = at.without_effect(k)
-        found = screen(few, others, replace(rest, nuisance=everywhere.of(worst, rest.nuisance)))
+        rest = point.without_effect(k)
+        found = screen(worst_fitter, others, replace(rest, nuisance=full.of(worst, rest.nuisance)))
         for s in found.on_all[:MAX_EXCHANGED]:
             parts, values = list(best.parts), best.values.copy()
             parts[k], values[k] = s.candidate, s.value
@@ -206,7 +217,8 @@ def unique(tried: Iterable[Start]) -> list[Start]:
 
 
 def worst_trials(predicted: Array, data: Data, count: int) -> list[int]:
-    """Trials that fail most, sample by sample and by errors that last, in turn; in order of their index."""
+    """Indices of the ``count`` trials with the largest residuals, alternately by mean square per sample and by mean
+    square over blocks; ascending."""
     single = np.argsort(-misfit_by_trial(data, predicted))
     lasting = np.argsort(-likelihood.lasting_per_trial(data, data.value - predicted))
     in_turn = [int(k) for both in zip(single, lasting, strict=True) for k in both]
@@ -214,7 +226,7 @@ def worst_trials(predicted: Array, data: Data, count: int) -> list[int]:
 
 
 def _best_of_each_kind(found: Sequence[tuple[float, Candidate, float]], least: float) -> list[tuple[Candidate, float]]:
-    """Of gains, candidates and magnitudes the best of each kind, the best first."""
+    """The candidate and magnitude with the largest gain of each kind, by decreasing gain."""
     out: dict[object, tuple[Candidate, float]] = {}
     for gain, candidate, value in sorted(found, key=lambda item: -item[0]):
         if gain < least or len(out) == MAX_EXTENSIONS:
@@ -224,12 +236,12 @@ def _best_of_each_kind(found: Sequence[tuple[float, Candidate, float]], least: f
 
 
 def _kind(candidate: Candidate) -> object:
-    """Candidates of one kind lead to the same place: of one class, all on one target, or all on every one."""
+    """Effect class, and whether the candidate acts on all targets: candidates that share both lead to similar fits."""
     return EFFECTS[candidate.effect].gap_class, candidate.target is None
 
 
 def _pairs_on_different_parts(promising: Sequence[Screened]) -> list[tuple[Screened, Screened]]:
-    """Pairs of which each acts on a part of its own, such as another finger: of the most promising there."""
+    """Pairs of effects on two different targets, such as two fingers, from the most promising on each."""
     by_target: dict[tuple[str, ...], dict[str, Screened]] = {}
     for s in promising:
         if s.candidate.target is not None:
@@ -244,6 +256,6 @@ def _pairs_on_different_parts(promising: Sequence[Screened]) -> list[tuple[Scree
 
 
 def _thinned_magnitudes(s: Screened) -> tuple[NDArray[np.int_], Array]:
-    """A few of the magnitudes that were looked at, by index, and their changes."""
+    """An evenly spaced subset of the screened magnitudes, as indices, and the changes of predictions at those."""
     kept = np.unique(np.linspace(0, len(s.values) - 1, MAGNITUDES_PER_EFFECT).round().astype(int))
     return kept, s.changes[kept]

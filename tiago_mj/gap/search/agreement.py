@@ -1,4 +1,5 @@
-"""Whether the trials agree on an effect: some excite it far more than others, but few should speak against it."""
+"""Agreement of the trials on an effect: trials may excite it to different degrees, but few should be explained worse
+with it."""
 
 from __future__ import annotations
 
@@ -15,12 +16,15 @@ from tiago_mj.gap.search import ranking, starts
 Array = NDArray[np.float64]
 
 
-def with_agreement(everywhere: Fitter, fits: Sequence[Fitted]) -> list[Fitted]:
-    """Explanations with how far the trials agree on them: what those gain that gain by an effect, over what these gain
-    and the others lose [nats]; the least of all their effects."""
+def with_agreement(full: Fitter, fits: Sequence[Fitted]) -> list[Fitted]:
+    """Explanations with their agreement: the summed gain of the trials that gain by an effect, over the summed absolute
+    change of all trials; of several effects the smallest.
+
+    A change is the difference of log likelihoods with and without the effect [nats].
+    """
     if not fits:
         return []
-    costs = _costs(everywhere, everywhere.predictions([starts.point_of(f) for f in fits]))
+    costs = _costs(full, full.predictions([starts.point_of(f) for f in fits]))
     out = []
     for k, fit in enumerate(fits):
         fewer = [j for j, other in enumerate(fits) if ranking.labels_of(other) < ranking.labels_of(fit)]
@@ -31,13 +35,13 @@ def with_agreement(everywhere: Fitter, fits: Sequence[Fitted]) -> list[Fitted]:
 
 
 def _share(gained: Array) -> float:
-    """What trials gain of what they gain and lose together; all, where nothing is."""
+    """Sum of the positive changes over the sum of absolute changes; 1 where nothing changes."""
     together = float(np.abs(gained).sum())
     return float(np.maximum(gained, 0.0).sum()) / together if together > 0 else 1.0
 
 
-def _costs(everywhere: Fitter, predicted: Array) -> Array:
-    """Half the sum of squares of each trial's softened residual, (n, ntrials) [nats]."""
-    white = likelihood.whiten(everywhere.data, likelihood.residual(everywhere.data, predicted), everywhere.weight)
+def _costs(full: Fitter, predicted: Array) -> Array:
+    """Negative log likelihood of each trial (half the sum of squares of its softened residual), (n, ntrials) [nats]."""
+    white = likelihood.whiten(full.data, likelihood.residual(full.data, predicted), full.weight)
     out: Array = 0.5 * (likelihood.soften(white) ** 2).sum(axis=(2, 3))
     return out

@@ -1,7 +1,7 @@
-"""What was found, fitted once more to every trial, and in how many of them each explanation gains.
+"""Final fit of the best explanations to all trials, with nominal numbers of each.
 
-A search fits to the trials in which the nominal model fails most: what happens to suit these few has to stand in the
-others, too.
+The search fits only the trials that the nominal model predicts worst; an explanation that fits those by chance has to
+hold in the others, too.
 """
 
 from __future__ import annotations
@@ -33,50 +33,52 @@ MAX_STEPS: Final = 30_000
 
 
 def fitted(state: State, wide: Fitter) -> tuple[State, Fitter]:
-    """The search with its best explanations fitted to all trials, and no others but the nominal model; and ``wide``
-    with the scatter of the simulation beside the best: what sticks and slips is more sensitive than the nominal model.
+    """The search with its best explanations fitted to all trials, beside the nominal model; and ``wide`` with a
+    tolerance for the scatter of the simulation around the best explanation, as stick-slip is more sensitive than the
+    nominal motion.
 
-    Where commands were lost, it is not known which were in the trials that were not fitted: they stay out.
+    Unchanged where commands were lost: which ones were lost in the trials that were not fitted is not known.
 
     Args:
         state: the search.
         wide: of all trials but those that were excluded, with floor and tolerance as they were assumed at first.
     """
-    before, best = state.everywhere, state.best
+    before, best = state.full, state.best
     losing = before.predict.on.delivered is not None
     if set(wide.trials) == set(before.trials) or losing or wide.out_of_time():
         return state, wide
-    everywhere = _linearized(before, wide, best)
-    (there,) = everywhere.fit_all([_start(best, before, everywhere)])
-    everywhere = beginning.with_scatter(everywhere, there)
-    wide = replace(wide, data=everywhere.data)
-    everywhere = sharpen.beside(everywhere, there)
+    full = _linearized(before, wide, best)
+    (there,) = full.fit_all([_start(best, before, full)])
+    full = beginning.with_scatter(full, there)
+    wide = replace(wide, data=full.data)
+    full = sharpen.beside(full, there)
     nominal = [starts.restart(state.nominal)] if best.parts else []
-    begin = [starts.restart(there), *(_start(s, before, everywhere) for s in (*nominal, *_rivals(state)))]
-    at = _own(state.at, before, everywhere)
-    fits = everywhere.fit_all(begin)
-    fits = ranking.unique_by_labels([*fits, *_around_themselves(everywhere, fits)])
-    return replace(state, everywhere=everywhere, fits=tuple(fits), at=at), wide
+    begin = [starts.restart(there), *(_start(s, before, full) for s in (*nominal, *_rivals(state)))]
+    nominal_nuisance = _own(state.nominal_nuisance, before, full)
+    fits = full.fit_all(begin)
+    fits = ranking.unique_by_labels([*fits, *_around_themselves(full, fits)])
+    return replace(state, full=full, fits=tuple(fits), nominal_nuisance=nominal_nuisance), wide
 
 
-def _around_themselves(everywhere: Fitter, fits: Sequence[Fitted]) -> list[Fitted]:
-    """Fits of what is near the best, each with the responses around itself.
+def _around_themselves(full: Fitter, fits: Sequence[Fitted]) -> list[Fitted]:
+    """Explanations near the best, fitted again with the nuisance responses linearized around each of them.
 
-    With those around the best, and its own far from there, a coupling that acted alone was 114 nats behind itself with
-    a needless creep; with its own it is 11 behind (blind check's generator, seed 941, case 29).
+    With the responses around the best explanation, whose nuisances were far away, the true coupling came out 114 nats
+    behind the same coupling with a needless creep; with its own responses it is 11 behind (blind check's generator,
+    seed 941, case 29).
     """
     ahead = ranking.by_evidence(fits)
     near = [f for f in ahead if f.evidence > ahead[0].evidence - rounds.HOPELESS_DEFICIT_NATS][:MAX_AROUND_THEMSELVES]
-    if len(near) < 2 or everywhere.out_of_time():
+    if len(near) < 2 or full.out_of_time():
         return []
     begin = [starts.restart(f) for f in near]
-    longer = replace(everywhere, iterations=MAX_ITERATIONS)
-    return everywhere.fit_each(longer.linearized_at_each([starts.point_of(s) for s in begin]), begin)
+    longer = replace(full, iterations=MAX_ITERATIONS)
+    return full.fit_each(longer.linearized_at_each([starts.point_of(s) for s in begin]), begin)
 
 
 def wide(asked: Question, first: Fitter, excluded: Sequence[int]) -> Fitter:
-    """The first fitter, of some trials, with all but those that are excluded, or of long ones as many as are worth it;
-    its responses are left open.
+    """The first fitter extended to all trials that are not excluded, or, of long trials, to as many as the budget of
+    physics steps allows; its nuisance responses are left 0.
 
     Args:
         asked: what is to be explained.
@@ -95,23 +97,23 @@ def wide(asked: Question, first: Fitter, excluded: Sequence[int]) -> Fitter:
 
 
 def _linearized(before: Fitter, wide: Fitter, best: Fitted) -> Fitter:
-    """The fitter on all trials, with the responses of all nuisances around an explanation."""
+    """The fitter on all trials, with the responses of all nuisances linearized around an explanation."""
     trials, empty = wide.trials, wide.responses
     known = [trials.index(trial) for trial in before.trials]
-    everywhere = replace(wide, predict=before.predict, weight=before.weight, given=before.given, iterations=ITERATIONS)
+    full = replace(wide, predict=before.predict, weight=before.weight, given=before.given, iterations=ITERATIONS)
     new = [k for k in range(len(trials)) if k not in known]
-    start = _start(best, before, everywhere)
-    some = everywhere.part(new)
-    point = replace(starts.point_of(start), nuisance=everywhere.of(new, starts.point_of(start).nuisance))
+    start = _start(best, before, full)
+    some = full.part(new)
+    point = replace(starts.point_of(start), nuisance=full.of(new, starts.point_of(start).nuisance))
     responses = empty.copy()
     responses[:, known] = before.responses
     responses[:, new] = some.linearized_at(point).responses
-    return replace(everywhere, responses=responses)
+    return replace(full, responses=responses)
 
 
 def _rivals(state: State) -> list[Start]:
-    """Explanations by effects that may turn out to be the best: the leaders by their classes, the best by fewer
-    effects, the best without each of its own, and what is close to the best."""
+    """Starts of the explanations that may be better on all trials: the leader of each class, the best with fewer
+    effects, the best without each of its effects, and those within a few nats of the best."""
     ahead, best = [f for f in ranking.unique_by_labels(state.fits) if f.parts], state.best
     fewer = [f for f in ahead if len(f.parts) < len(best.parts)][:1]
     near = [f for f in ahead if f.evidence > best.evidence - ranking.NEAR_BEST_NATS][:MAX_FITTED]
@@ -121,16 +123,16 @@ def _rivals(state: State) -> list[Start]:
     return additions.unique([*(starts.restart(f) for f in found if f is not best), *reduced])
 
 
-def _start(fit: Fitted | Start, before: Fitter, everywhere: Fitter) -> Start:
-    """Where a fit to some trials ended, on all of them."""
-    at = starts.point_of(fit)
-    return Start(at.parts, at.values, _own(at.nuisance, before, everywhere))
+def _start(fit: Fitted | Start, before: Fitter, full: Fitter) -> Start:
+    """Start on all trials at the end point of a fit to some trials."""
+    point = starts.point_of(fit)
+    return Start(point.parts, point.values, _own(point.nuisance, before, full))
 
 
-def _own(nuisance: Array, before: Fitter, everywhere: Fitter) -> Array:
-    """Nuisances of some trials as those of all: of the trials that were not fitted their own are 0."""
+def _own(nuisance: Array, before: Fitter, full: Fitter) -> Array:
+    """Nuisances of some trials as those of all trials; those of trials that were not fitted are 0."""
     shared = len(before.shared)
-    own = np.zeros((len(everywhere.trials), (everywhere.size - shared) // len(everywhere.trials)))
+    own = np.zeros((len(full.trials), (full.size - shared) // len(full.trials)))
     for row, trial in zip(nuisance[shared:].reshape(len(before.trials), -1), before.trials, strict=True):
-        own[everywhere.trials.index(trial)] = row
+        own[full.trials.index(trial)] = row
     return np.concatenate([nuisance[:shared], own.ravel()])

@@ -1,4 +1,4 @@
-"""Where a search begins: the nominal model at its best, and a first pass over all effects beside it."""
+"""Beginning of a search: the nominal model is fitted, then every effect is screened beside it."""
 
 from __future__ import annotations
 
@@ -44,8 +44,8 @@ MIN_VISIBILITY: Final = 0.05
 
 
 def fitter(asked: Question, over: Callable[[], bool]) -> tuple[Fitter, NDArray[np.bool_]]:
-    """What fits to the trials that the nominal model predicts worst, with the nuisances that these tell something of;
-    and which of those that trials share these are."""
+    """The fitter on the trials that the nominal model predicts worst, with the nuisances to which these trials are
+    sensitive; and a mask of the shared nuisances that were kept."""
     weight = ranking.sample_weight(asked.data, asked.base)
     chosen = worst_predicted(asked.base, asked.data, asked.fitted_trials)
     data, base = noise_model.select_trials(asked.data, chosen), asked.base[chosen]
@@ -64,29 +64,34 @@ def fitter(asked: Question, over: Callable[[], bool]) -> tuple[Fitter, NDArray[n
     return fitter, shared
 
 
-def with_nominal(everywhere: Fitter, count: int) -> State:
-    """The nominal model at its best, and so many trials of the first pass, in which it fails most."""
-    everywhere, nominal = _fit_nominal(everywhere)
-    at = nominal.nuisance if nominal.misfit < HOPELESS_NOMINAL_MISFIT else np.zeros(everywhere.size)
-    base = everywhere.predictions([Point((), np.zeros(0), at)], keep=True)[0]
-    first = worst_predicted(base, everywhere.data, count)
-    few, here = everywhere.part(first), Point((), np.zeros(0), everywhere.of(first, at))
-    return State(few, everywhere, (nominal,), at, here)
+def with_nominal(full: Fitter, count: int) -> State:
+    """Search state with the fitted nominal model, and the ``count`` trials that it predicts worst as screening
+    trials."""
+    full, nominal = _fit_nominal(full)
+    nominal_nuisance = nominal.nuisance if nominal.misfit < HOPELESS_NOMINAL_MISFIT else np.zeros(full.size)
+    base = full.predictions([Point((), np.zeros(0), nominal_nuisance)], keep=True)[0]
+    first = worst_predicted(base, full.data, count)
+    screening, linearization_point = full.part(first), Point((), np.zeros(0), full.of(first, nominal_nuisance))
+    return State(screening, full, (nominal,), nominal_nuisance, linearization_point)
 
 
 def sharpened(state: State) -> State:
-    """Where the nominal model explains the recordings, the search with noise and step error as they are beside it: what
-    is assumed for any two simulators hides a small effect.
+    """Where the nominal model explains the recordings: the search with sensor noise and step error estimated from its
+    residual, as the wider tolerances assumed between two simulators hide small effects.
 
-    Not where forces are measured: of contacts two simulators differ by more than noise, and of twelve grasps at 25 Hz
-    (blind check, seed 941) two without effect were then given one.
+    Not where forces are measured: two simulators differ by more than noise in contacts, and of twelve grasps at 25 Hz
+    (blind check, seed 941) two without any effect were then given one.
     """
-    if not ranking.is_adequate(state.nominal) or "force" in state.everywhere.data.kinds:
+    if not ranking.is_adequate(state.nominal) or "force" in state.full.data.kinds:
         return state
     state = sharpen.sharpened(state)
-    at = state.nominal.nuisance
-    rows = [state.everywhere.trials.index(trial) for trial in state.few.trials]
-    return replace(state, at=at, here=replace(state.here, nuisance=state.everywhere.of(rows, at)))
+    nominal_nuisance = state.nominal.nuisance
+    rows = [state.full.trials.index(trial) for trial in state.screening.trials]
+    return replace(
+        state,
+        nominal_nuisance=nominal_nuisance,
+        linearization_point=replace(state.linearization_point, nuisance=state.full.of(rows, nominal_nuisance)),
+    )
 
 
 def screened(
@@ -96,9 +101,10 @@ def screened(
     how_far: Callable[[int, int], None],
     tried: Callable[[Iterable[str]], None] = lambda names: None,
 ) -> State:
-    """The same after the first pass over the pool."""
+    """The search with the results of screening: promising effects, visible candidates, and effects that these
+    recordings do not excite."""
     losing = tuple(c for c in pool if c.effect == lost_commands.EFFECT) if motion is not None else ()
-    found = screen(state.few, [c for c in pool if c not in losing], state.here, how_far, tried)
+    found = screen(state.screening, [c for c in pool if c not in losing], state.linearization_point, how_far, tried)
     tried(c.effect for c in losing)  # what was lost is decoded beside what is found, if it calls for that
     visible = {s.candidate.effect for s in (*found.on_all, *found.dropped) if s.visible > MIN_VISIBILITY}
     looked_at = {s.candidate.effect for s in (*found.on_all, *found.dropped)}
@@ -110,10 +116,10 @@ def screened(
 
 
 def _fit_nominal(fitter: Fitter) -> tuple[Fitter, Fitted]:
-    """The nominal model at its best, and the fitter with the nuisances' responses around it.
+    """The nominal model with its best nuisances, and the fitter with the nuisance responses linearized there.
 
-    The nominal model must not look worse than it is: its fit goes on as long as it gets better. Where it stays far off,
-    something else is wrong with it, and its numbers are left where they were.
+    The fit is repeated as long as it improves, so that the nominal model does not look worse than it is. Where the
+    residual stays large an effect is missing, and the nuisances stay at 0.
     """
     (best,) = fitter.fit_all([Start((), np.zeros(0))])
     prediction = fitter.predictions([starts.point_of(best)])[0]
@@ -135,7 +141,8 @@ def _fit_nominal(fitter: Fitter) -> tuple[Fitter, Fitted]:
 
 
 def with_scatter(fitter: Fitter, fit: Fitted) -> Fitter:
-    """The fitter with a tolerance for the scatter of predictions under negligible moves of the nuisances."""
+    """The fitter with a tolerance for the simulator's own sensitivity: the scatter of predictions under random nuisance
+    changes too small to matter."""
     if not fitter.size:
         return fitter
     rng = np.random.default_rng(fitter.predict.seed)
@@ -145,7 +152,8 @@ def with_scatter(fitter: Fitter, fit: Fitted) -> Fitter:
 
 
 def acting_on_misfit(pool: Sequence[Candidate], data: Data, base: Array) -> list[Candidate]:
-    """Without candidates of one joint or cell where the nominal model predicts all of its channels."""
+    """The pool without candidates on a single joint or load cell all of whose channels the nominal model predicts to
+    within the noise."""
     known = np.isfinite(data.value).sum(axis=(0, 1))
     square = (likelihood.scaled(data, likelihood.residual(data, base)) ** 2).sum(axis=(0, 1)) / np.maximum(known, 1)
     quiet = (square < NOISE_ONLY_DISCREPANCY[0]) & (

@@ -1,8 +1,9 @@
-"""How often a driver looks at its set point, tried by simulation beside the best explanation.
+"""Period at which a motor driver reads its set point, found by simulating a grid of periods and widths beside the best
+explanation.
 
-A driver that looks at other instants than commands arrive makes other steps of a dead band or a grid. There is no slope
-to follow, neither of the period nor of the width, and one hides the other: both are tried together, with the nominal
-numbers integrated out.
+A driver that samples its set point at its own period, not when commands arrive, produces other steps of a dead band or
+a quantization. The likelihood has no useful gradient in the period or the width, and the two are confounded, so both
+are scanned together with the nominal numbers integrated out.
 """
 
 from __future__ import annotations
@@ -34,39 +35,41 @@ FINE_WIDTHS: Final = tuple(np.linspace(0.997, 1.003, 25).tolist())
 
 
 def tried(state: State) -> State:
-    """The search with the period of a driver that is part of its best explanation tried at several values."""
-    best, everywhere = state.best, state.everywhere
+    """The search with a grid of driver periods tried for the best explanation; unchanged where that has no driver."""
+    best, full = state.best, state.full
     mine = [k for k, part in enumerate(best.parts) if PERIOD in dict(part.fixed)]
-    if not mine or everywhere.out_of_time():
+    if not mine or full.out_of_time():
         return state
-    which, at = mine[0], starts.point_of(best)
-    at = replace(at, nuisance=np.zeros_like(at.nuisance))  # above all the delay has absorbed what the period does
+    which, point = mine[0], starts.point_of(best)
+    point = replace(
+        point, nuisance=np.zeros_like(point.nuisance)
+    )  # above all the delay has absorbed what the period does
 
     def beside(there: Point, pairs: Iterable[tuple[float, float]]) -> list[Point]:
         return [_with(there, which, period, width) for period, width in pairs]
 
-    pairs = [(period, at.values[which] * share) for period in (0.0, *PERIODS) for share in WIDTHS]
-    first = [pairs[k] for k in scan.likeliest_in_few(state, beside(at, pairs), MAX_PAIRS)]
-    step = everywhere.predict.plant.max_timestep
+    pairs = [(period, point.values[which] * share) for period in (0.0, *PERIODS) for share in WIDTHS]
+    first = [pairs[k] for k in scan.likeliest_on_screening_trials(state, beside(point, pairs), MAX_PAIRS)]
+    step = full.predict.plant.max_timestep
     near = beside(
-        at,
+        point,
         sorted({(p * a, w * b) for p, w in first for a in (NEAR_PERIODS if p > step else (1.0,)) for b in NEAR_WIDTHS}),
     )
-    found = [near[k] for k in scan.likeliest(everywhere, near, MAX_PAIRS)]
-    fits = everywhere.fit_all([starts.start_at(one) for one in found])
+    found = [near[k] for k in scan.likeliest(full, near, MAX_PAIRS)]
+    fits = full.fit_all([starts.start_at(one) for one in found])
     there = starts.point_of(by_evidence(fits)[0])
     period = dict(there.parts[which].fixed)[PERIOD]
     fine = beside(there, [(period, there.values[which] * share) for share in FINE_WIDTHS])
-    begin = [starts.start_at(fine[k]) for k in scan.likeliest(everywhere, fine, MAX_PAIRS)]
-    return state.with_fits([*fits, *everywhere.fit_all(begin)])
+    begin = [starts.start_at(fine[k]) for k in scan.likeliest(full, fine, MAX_PAIRS)]
+    return state.with_fits([*fits, *full.fit_all(begin)])
 
 
-def _with(at: Point, which: int, period: float, width: float) -> Point:
-    """An explanation whose driver looks every so many seconds, and passes on what moved by the width."""
-    part, values = at.parts[which], at.values.copy()
+def _with(point: Point, which: int, period: float, width: float) -> Point:
+    """The explanation with another period of the driver [s] and another width of its dead band or quantization."""
+    part, values = point.parts[which], point.values.copy()
     values[which] = min(max(width, part.low), part.high)
-    parts = tuple(with_period(part, period) if k == which else one for k, one in enumerate(at.parts))
-    return Point(parts, values, at.nuisance)
+    parts = tuple(with_period(part, period) if k == which else one for k, one in enumerate(point.parts))
+    return Point(parts, values, point.nuisance)
 
 
 def with_period(candidate: Candidate, period: float) -> Candidate:

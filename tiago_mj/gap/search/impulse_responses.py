@@ -1,7 +1,7 @@
-"""How joints answer where a servo was given another set point than the one that was sent, beside an explanation.
+"""Impulse responses of joints to a set point that is off for one row, estimated beside an explanation.
 
-A response is linear and the same in all rows: it is learned by regression from a simulation in which some commands are
-lost at random.
+A response is linear and time-invariant: it is estimated by regression from a simulation in which some commands are lost
+at random.
 """
 
 from __future__ import annotations
@@ -36,8 +36,8 @@ RESPONSE_ROWS: Final = (3, 60)
 
 @dataclass(frozen=True)
 class ServoCommands:
-    """What one servo is sent: commands and periods, (ntrials, T - 1), what is in force before, (ntrials,), and whether
-    commands are velocities."""
+    """Commands to one servo and their periods, (ntrials, T - 1), the set point before the first command, (ntrials,),
+    and whether commands are velocities."""
 
     sent: Array
     period: Array
@@ -46,11 +46,11 @@ class ServoCommands:
 
     @property
     def initial(self) -> Array:
-        """What is in force before the first command, (ntrials,)."""
+        """Set point before the first command, (ntrials,)."""
         return np.zeros_like(self.start) if self.velocity else self.start
 
     def set_point_offsets(self, delivered: Array) -> Array:
-        """How far lost commands put the set point off, (ntrials, T - 1)."""
+        """Difference that lost commands make to the set point, (ntrials, T - 1)."""
         held, off = self.initial, np.zeros(self.sent.shape)
         for k in range(self.sent.shape[1]):
             held = np.where(delivered[:, k] == 0, held, self.sent[:, k])
@@ -59,7 +59,7 @@ class ServoCommands:
 
 
 def _impulse_responses(offsets: Array, change: Array, known: Mask, prior: Sequence[Array]) -> Array:
-    """Answer of every channel to a set point that is off for one row, (C, rows)."""
+    """Impulse response of every channel to a set point that is off for one row, (C, rows), by ridge regression."""
     rows = len(prior[0])
     padded = np.pad(offsets, ((0, 0), (rows - 1, 0)))
     before = np.lib.stride_tricks.sliding_window_view(padded, rows, axis=1)[:, :, ::-1]
@@ -75,7 +75,7 @@ def _impulse_responses(offsets: Array, change: Array, known: Mask, prior: Sequen
 
 @dataclass(frozen=True)
 class Learned:
-    """A simulation in which some commands are lost, beside the same without.
+    """Change of the predictions in a simulation in which some commands are lost at random.
 
     Attributes:
         predict: simulations.
@@ -90,7 +90,7 @@ class Learned:
     def of(
         self, motion: ServoMotion, actuator: int, channels: Sequence[int], known: Mask, *, late: bool = False
     ) -> tuple[ServoCommands, Array]:
-        """What a servo is sent, and the answer of some channels to a set point that is off for one row, (C, rows).
+        """Commands to a servo, and the impulse responses of some channels to its set point, (C, rows).
 
         Args:
             motion: of the servos.
@@ -117,7 +117,7 @@ class Learned:
 
 
 def learned(predict: Predictor, effects: Sequence[Effects]) -> tuple[Array, Learned]:
-    """Predictions of all trials, (ntrials, T, C), and how they change where commands are lost.
+    """Predictions of all trials, (ntrials, T, C), and their change when commands are lost at random.
 
     Args:
         predict: simulations.

@@ -1,11 +1,11 @@
-"""Which commands were lost, decoded from where the servos went.
+"""Lost commands, decoded from the motion of the servos by Viterbi's algorithm.
 
-When a command is lost, the previous one stays in force, so the executed set point differs from the commanded one for
-a while. The joint's response to such a difference is learned from simulations in which commands are lost at random.
-The commands lost in a recording are then decoded from the residuals by Viterbi's algorithm, whose state is which of the
-last few commands were lost; each path keeps its own memory (per-survivor processing; Raheli, Polydoros & Tzou 1995).
-The likelihood summed over all paths gives the share of lost commands. Compared with the likelihood of the chosen path,
-it also gives the penalty for having chosen that path.
+When a command is lost, the previous one stays in force, so the executed set point differs from the commanded one for a
+while. The joint's impulse response to such a difference is estimated from simulations in which commands are lost at
+random. The commands lost in a recording are then decoded from the residuals by Viterbi's algorithm, whose state is
+which of the last few commands were lost; each path keeps its own memory (per-survivor processing; Raheli, Polydoros &
+Tzou 1995). The likelihood summed over all paths gives the share of lost commands. Compared with the likelihood of the
+chosen path, it also gives the penalty for having chosen that path.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ MIN_GAIN_NATS: Final = 10.0
 
 @dataclass(frozen=True)
 class DecodedLosses:
-    """What the recordings say of lost commands.
+    """Lost commands as decoded from the recordings, with the likelihood of each share.
 
     Attributes:
         delivered: 0 for a command that was lost, 1 for others, (ntrials, T - 1, nactuators).
@@ -82,18 +82,18 @@ class DecodedLosses:
     best: NDArray[np.int_]
 
     def cost_with_losses(self, trials: Sequence[int]) -> float:
-        """Cost of some trials, of every servo at its share [nats]."""
+        """Negative log likelihood of some trials with every servo at its share of losses [nats]."""
         some = list(trials)
         return float(sum(self.cost[k, some, a].sum() for a, k in enumerate(self.best)))
 
     def cost_without_losses(self, trials: Sequence[int]) -> float:
-        """Cost of some trials where none is lost [nats]."""
+        """Negative log likelihood of some trials without losses [nats]."""
         return float(self.none[list(trials)].sum())
 
 
 @dataclass(frozen=True)
 class ExplanationWithLosses:
-    """Lost commands beside an explanation.
+    """An explanation fitted with the commands that were lost beside it.
 
     Attributes:
         predict: simulations that lose them.
@@ -109,30 +109,30 @@ class ExplanationWithLosses:
 
 
 def are_likely(fitter: Fitter, best: Fitted, motion: ServoMotion) -> bool:
-    """Whether lost commands beside an explanation would explain so much of what it leaves that they are looked for
-    before a second effect is: a first decoding, which costs two simulations of every trial."""
+    """Whether a first decoding (two simulations of every trial) explains so much of the residual that lost commands are
+    fitted before a second effect is sought."""
     found = decode(fitter.predict, motion, effects_in_every_trial(fitter, starts.point_of(best)), fitter.trials)
     return found.cost_with_losses(fitter.trials) < LIKELY_COST_RATIO * found.cost_without_losses(fitter.trials)
 
 
 def decoded_beside(
-    fitter: Fitter, at: Point, motion: ServoMotion, pool: Sequence[Candidate]
+    fitter: Fitter, linearization_point: Point, motion: ServoMotion, pool: Sequence[Candidate]
 ) -> ExplanationWithLosses | None:
-    """Which commands were lost beside an explanation that loses none; None where hardly any was.
+    """Commands that were lost beside an explanation without losses; None where hardly any was.
 
     Args:
         fitter: of the trials that are explained.
-        at: the explanation.
+        linearization_point: the explanation.
         motion: of the servos.
         pool: candidates that lose commands, the first of them to all servos.
     """
     # The nuisance parameters, above all the delay, may have absorbed what lost commands do. So start without them, too.
-    punctual = at.nuisance.copy()
+    punctual = linearization_point.nuisance.copy()
     for k, term in enumerate(fitter.terms):
         punctual[fitter.nuisance_indices(k)] *= term.effect not in EFFECTS[LOSES].taken_up_by
     best, least = None, np.inf
-    for nuisance in (at.nuisance, punctual, np.zeros(fitter.size)):
-        point = replace(at, nuisance=nuisance)
+    for nuisance in (linearization_point.nuisance, punctual, np.zeros(fitter.size)):
+        point = replace(linearization_point, nuisance=nuisance)
         before = np.inf
         for _ in range(MAX_DECODING_ROUNDS):
             if fitter.out_of_time():
@@ -157,10 +157,11 @@ def decoded_beside(
 def penalised(
     fitter: Fitter, decoded: ExplanationWithLosses, motion: ServoMotion, pool: Sequence[Candidate]
 ) -> dict[Label, Candidate] | None:
-    """Candidates that lose commands, by label, with the share that was lost and the penalty for having decoded them.
+    """Candidates for lost commands, by label, with the share that was lost and the penalty for decoding which ones
+    were.
 
-    The penalty of a trial is the log-likelihood of the executed set points, by Viterbi's algorithm, minus that of all
-    paths together, and at least 0. Both use the fit's weight of a sample, which is smaller than the weight used for
+    The penalty of a trial is the log likelihood of the executed set points, by Viterbi's algorithm, minus that summed
+    over all paths, and at least 0. Both use the fit's weight of a sample, which is smaller than the weight used for
     decoding where errors are correlated. None where lost commands explain too little.
 
     Args:
@@ -187,13 +188,17 @@ def penalised(
     return out
 
 
-def effects_in_every_trial(fitter: Fitter, at: Point) -> list[Effects]:
-    """Effects of a point, in those trials too that are not fitted."""
-    elsewhere = at.nuisance.copy()
+def effects_in_every_trial(fitter: Fitter, linearization_point: Point) -> list[Effects]:
+    """Effects of a point for every trial, those included that are not fitted."""
+    elsewhere = linearization_point.nuisance.copy()
     elsewhere[len(fitter.shared) :] = 0.0
-    out = [fitter.effects(at.parts, at.values, elsewhere, 0)] * len(fitter.predict.on.trials)
+    out = [fitter.effects(linearization_point.parts, linearization_point.values, elsewhere, 0)] * len(
+        fitter.predict.on.trials
+    )
     for k, trial in enumerate(fitter.trials):
-        out[trial] = fitter.effects(at.parts, at.values, at.nuisance, k)
+        out[trial] = fitter.effects(
+            linearization_point.parts, linearization_point.values, linearization_point.nuisance, k
+        )
     return out
 
 
@@ -204,7 +209,7 @@ def decode(
     fitted_on: Sequence[int],
     counts: float = DECODING_SAMPLE_WEIGHT,
 ) -> DecodedLosses:
-    """Which commands were lost.
+    """Lost commands of every trial and the share lost by every servo, by maximum likelihood.
 
     Args:
         predict: simulations.
@@ -239,7 +244,7 @@ def decode(
 def losing_candidates(
     pool: Sequence[Candidate], lost: DecodedLosses, commands: Sequence[str], trials: Sequence[int]
 ) -> list[Candidate] | None:
-    """Of a pool, those that lose commands, with the share that was lost; None where hardly any was.
+    """Candidates of a pool that lose commands, with the decoded share; None where hardly any command was lost.
 
     Args:
         pool: candidates.
@@ -263,7 +268,7 @@ def losing_candidates(
 
 
 def _likeliest_share(cost: Array) -> tuple[float, float]:
-    """The likeliest share, between those that were looked at, and one standard deviation of it."""
+    """Maximum-likelihood share, interpolated between those that were tried, and its standard deviation."""
     k = int(np.argmin(cost))
     if k in (0, len(cost) - 1):  # beyond what is looked at
         return SHARES[k], RELATIVE_DECODING_ERROR * SHARES[k]
@@ -276,8 +281,8 @@ def _likeliest_share(cost: Array) -> tuple[float, float]:
 
 @dataclass(frozen=True)
 class _ViterbiResult:
-    """Per share and trial: cost over all ways and data's of the best way, (nshares, ntrials), and that way's luck,
-    (nshares, ntrials, T - 1)."""
+    """Cost summed over all paths and data cost of the best path by share and trial, (nshares, ntrials), and that path's
+    delivered commands, (nshares, ntrials, T - 1)."""
 
     cost: Array
     data: Array
@@ -285,7 +290,7 @@ class _ViterbiResult:
 
 
 def _viterbi(servo: ServoCommands, answers: Array, residual: Array, precision: Array, counts: float) -> _ViterbiResult:
-    """The likeliest path, and the sum over all paths; a state says which of the last few commands were lost.
+    """Most likely path and sum over all paths; a state is which of the last few commands were lost.
 
     Args:
         servo: what the servo is sent.
@@ -337,7 +342,7 @@ def _viterbi(servo: ServoCommands, answers: Array, residual: Array, precision: A
 
 
 def _row_cost(left: Array, precision: Array, rows: int, counts: float) -> tuple[Array, Array]:
-    """Negative log-likelihood of a row [nats], and by how much the row moves the estimate of the slow error."""
+    """Negative log likelihood of a row [nats], and its change to the estimate of the slowly varying error."""
     square = left**2 * precision
     clipped = np.minimum(1.0, np.sqrt(MAX_SQUARED_RESIDUAL / np.maximum(square, MAX_SQUARED_RESIDUAL)))
     drift = np.where(precision > 0, left * clipped / (DRIFT_RESPONSES * rows), 0.0)
@@ -345,7 +350,7 @@ def _row_cost(left: Array, precision: Array, rows: int, counts: float) -> tuple[
 
 
 def _cost_without_losses(residual: Array, precision: Array, rows: int, counts: float) -> Array:
-    """What all rows cost where nothing is lost, (ntrials,)."""
+    """Negative log likelihood of every trial without losses, (ntrials,) [nats]."""
     total, slow = np.zeros(len(residual)), np.zeros((len(residual), residual.shape[2]))
     for k in range(residual.shape[1]):
         row_cost, drift = _row_cost(residual[:, k] - slow, precision[:, k], rows, counts)

@@ -1,4 +1,4 @@
-"""Which explanations are ahead, which of them explain the recordings, and which are worth reporting."""
+"""Ranking of explanations by evidence, and tests of which explain the recordings and which are reported."""
 
 from __future__ import annotations
 
@@ -49,12 +49,12 @@ def sample_weight(data: Data, predicted: Array) -> Array:
 
 
 def by_evidence(fits: Sequence[Fitted]) -> list[Fitted]:
-    """The likeliest first."""
+    """Explanations by decreasing evidence."""
     return sorted(fits, key=lambda f: -f.evidence)
 
 
 def best_nominal(fits: Sequence[Fitted]) -> Fitted:
-    """The best without effects."""
+    """The fit with the most evidence among those without effects."""
     return max((f for f in fits if not f.parts), key=lambda f: f.evidence)
 
 
@@ -64,8 +64,7 @@ def labels_of(fit: Fitted) -> frozenset[object]:
 
 
 def unique_by_labels(fits: Sequence[Fitted]) -> list[Fitted]:
-    """The likeliest of fits of the same effects on the same targets, the likeliest first: found twice, an explanation
-    is no likelier."""
+    """Of fits of the same effects on the same targets the one with the most evidence, by decreasing evidence."""
     best: dict[object, Fitted] = {}
     for fit in by_evidence(fits):
         best.setdefault(labels_of(fit), fit)
@@ -73,7 +72,7 @@ def unique_by_labels(fits: Sequence[Fitted]) -> list[Fitted]:
 
 
 def unique_by_classes(fits: Sequence[Fitted]) -> list[Fitted]:
-    """The first fit of every set of effect classes: others of the same classes have similar predictions."""
+    """The first fit of every set of effect classes, as others of the same classes predict much the same."""
     best: dict[object, Fitted] = {}
     for fit in fits:
         best.setdefault(frozenset(EFFECTS[part.effect].gap_class for part in fit.parts), fit)
@@ -81,22 +80,22 @@ def unique_by_classes(fits: Sequence[Fitted]) -> list[Fitted]:
 
 
 def discrepancy(fit: Fitted) -> float:
-    """Discrepancy of an explanation: the larger of its mean squares by samples and over blocks (1 is expected)."""
+    """Reduced chi-square of an explanation, per sample or over blocks, whichever is larger (1 is expected)."""
     return max(fit.misfit, fit.lasting)
 
 
 def is_adequate(fit: Fitted, most: float = ADEQUATE_DISCREPANCY) -> bool:
-    """Whether the discrepancy is at most ``most`` and the log-prior exceeds :data:`MIN_LOG_PRIOR_NATS`."""
+    """Whether the reduced chi-square is at most ``most`` and the log prior exceeds :data:`MIN_LOG_PRIOR_NATS`."""
     return discrepancy(fit) <= most and fit.prior > MIN_LOG_PRIOR_NATS
 
 
 def extrapolated_evidence(fit: Fitted, times: float) -> float:
-    """Evidence for an explanation if it met so many times as many trials as well as these [nats]."""
+    """Evidence for an explanation on ``times`` as many trials, if the log likelihood grew in proportion [nats]."""
     return times * (fit.evidence - fit.prior) + fit.prior
 
 
 def differs_from_identity(fit: Fitted, part: int, deviations: float = 1.645) -> bool:
-    """Whether a magnitude is farther from its identity than so many of its deviations (1.645: 90 %)."""
+    """Whether a magnitude is farther from the value without effect than so many standard deviations (1.645: 90 %)."""
     identity = fit.parts[part].identity
     if not np.isfinite(identity):
         return bool(fit.values[part] < fit.parts[part].high - 1e-6 * abs(fit.parts[part].high))
@@ -104,8 +103,8 @@ def differs_from_identity(fit: Fitted, part: int, deviations: float = 1.645) -> 
 
 
 def reportable(fits: Sequence[Fitted]) -> list[Fitted]:
-    """Explanations of which every effect is significant, and which have more evidence and no larger discrepancy than
-    those by subsets of their effects."""
+    """Explanations all of whose effects are significant, and which have more evidence and no larger reduced chi-square
+    than explanations by subsets of their effects."""
     each = {labels_of(f): f for f in fits}
     out = []
     for f in fits:
@@ -121,7 +120,8 @@ def reportable(fits: Sequence[Fitted]) -> list[Fitted]:
 
 
 def _is_significant(fit: Fitted, part: int) -> bool:
-    """Whether a magnitude is not next to none; what is drawn at random is told by what was drawn, not by how often."""
+    """Whether a magnitude differs from that without effect; of random losses, by what was decoded and not by the
+    share."""
     candidate = fit.parts[part]
     return (
         bool(candidate.selection_penalty)

@@ -1,4 +1,5 @@
-"""Fits of what was proposed, each with the same effort: to some trials, the best to all, then around themselves."""
+"""Rounds of fits with equal effort for all explanations: to the screening trials, the best to all trials, then with
+nuisance responses linearized around the best."""
 
 from __future__ import annotations
 
@@ -42,17 +43,18 @@ HOPELESS_DISCREPANCY: Final = 8 * ranking.INADEQUATE_DISCREPANCY
 MAX_REFITTED: Final = 2
 
 
-def worth_all_trials(on_few: Sequence[Fitted], nominal: Fitted, times: float) -> list[Fitted]:
-    """Of explanations of some trials, those that are fitted to so many times as many, best first: the first few, and
-    what cannot be told from the best; nothing that is hopelessly behind it, or, where the nominal model explains the
-    recordings, behind that.
+def worth_all_trials(on_screening: Sequence[Fitted], nominal: Fitted, times: float) -> list[Fitted]:
+    """Of explanations fitted to the screening trials, those to be fitted to all trials, by decreasing evidence.
+
+    These are the first few and all that are nearly as good as the best; without those hopelessly behind it or, where
+    the nominal model explains the recordings, behind the nominal model.
 
     Args:
-        on_few: explanations by effects.
+        on_screening: explanations by effects.
         nominal: the nominal model on the same trials.
         times: how many times as many trials there are.
     """
-    ahead = by_evidence(on_few)
+    ahead = by_evidence(on_screening)
     near = [f for k, f in enumerate(ahead) if k < MAX_ON_ALL_TRIALS or f.evidence > ahead[0].evidence - TIE_NATS]
     expected = [ranking.extrapolated_evidence(f, times) for f in near]
     near = [f for f, e in zip(near, expected, strict=True) if e > max(expected) - HOPELESS_DEFICIT_NATS]
@@ -62,91 +64,93 @@ def worth_all_trials(on_few: Sequence[Fitted], nominal: Fitted, times: float) ->
     return near
 
 
-def expected_to_add(on_few: Sequence[Fitted], seed: Fitted, few: Fitter, everywhere: Fitter) -> bool:
-    """Whether the best explanation of some trials by one more effect can be expected to add what makes it worth showing
-    when all trials are met as well; by what samples tell beside it."""
-    if not on_few or not set(few.trials) <= set(everywhere.trials):
-        return bool(on_few)
-    rows = [everywhere.trials.index(trial) for trial in few.trials]
-    best = by_evidence(on_few)[0]
-    prediction = few.predictions([starts.point_of(best)])[0]
-    few = replace(few, weight=np.maximum(few.weight, ranking.sample_weight(few.data, prediction)))
-    alone = Start(seed.parts, seed.values, everywhere.of(rows, seed.nuisance))
-    more, fewer = few.fit_all([starts.restart(best), alone])
-    times = len(everywhere.trials) / len(few.trials)
+def expected_to_add(on_screening: Sequence[Fitted], seed: Fitted, screening: Fitter, full: Fitter) -> bool:
+    """Whether the best explanation with one more effect, extrapolated from the screening trials to all trials, is
+    expected to gain enough evidence to be reported."""
+    if not on_screening or not set(screening.trials) <= set(full.trials):
+        return bool(on_screening)
+    rows = [full.trials.index(trial) for trial in screening.trials]
+    best = by_evidence(on_screening)[0]
+    prediction = screening.predictions([starts.point_of(best)])[0]
+    screening = replace(
+        screening, weight=np.maximum(screening.weight, ranking.sample_weight(screening.data, prediction))
+    )
+    alone = Start(seed.parts, seed.values, full.of(rows, seed.nuisance))
+    more, fewer = screening.fit_all([starts.restart(best), alone])
+    times = len(full.trials) / len(screening.trials)
     return (
         ranking.extrapolated_evidence(more, times)
         > ranking.extrapolated_evidence(fewer, times) + ranking.MIN_EVIDENCE_GAIN_NATS
     )
 
 
-def around_the_best(everywhere: Fitter, fits: Sequence[Fitted]) -> tuple[Fitter, list[Fitted]]:
-    """The explanations, with further fits around the best of them, and the fitter with the responses there.
+def around_the_best(full: Fitter, fits: Sequence[Fitted]) -> tuple[Fitter, list[Fitted]]:
+    """Explanations with further fits, and the fitter with nuisance responses linearized around the best explanation.
 
-    What is near the best, the nominal model and the best by fewer effects are fitted with the same responses, so that
-    none looks worse for having had less effort. Rounds end where the best explains the recordings or a round gains
-    little. Rivals of other classes then get responses of their own.
+    Explanations near the best, the nominal model and the best with fewer effects are fitted with the same responses, so
+    that all get the same effort. Rounds end where the best explains the recordings or a round gains little. Rivals of
+    other classes are then linearized around themselves.
     """
-    fits, size = list(fits), everywhere.size
+    fits, size = list(fits), full.size
     for k in range(MAX_ROUNDS):
         best, nominal = by_evidence(fits)[0], ranking.best_nominal(fits)
         none = best.evidence - nominal.evidence < ranking.MIN_EVIDENCE_GAIN_NATS
-        if everywhere.out_of_time() or (ranking.is_adequate(nominal) if none else _is_done(fits, k)):
+        if full.out_of_time() or (ranking.is_adequate(nominal) if none else _is_done(fits, k)):
             break
-        everywhere = everywhere.linearized_at(starts.point_of(best))
+        full = full.linearized_at(starts.point_of(best))
         begin = [starts.restart(f) for f in _near(fits)]
         begin.append(replace(starts.restart(nominal), alternatives=((nominal.values, best.nuisance),)))
         fewer = [f for f in by_evidence(fits) if 0 < len(f.parts) < len(best.parts)][:1]
         begin += [replace(starts.restart(f), alternatives=((f.values, best.nuisance),)) for f in fewer]
         if not k and best.parts and np.abs(best.nuisance).max(initial=0.0) > starts.FAR_NUISANCE_DEVIATIONS:
             begin.append(Start(best.parts, best.values, np.zeros(size)))  # they may have absorbed the effect
-        fits += everywhere.fit_all(begin)
+        fits += full.fit_all(begin)
         if by_evidence(fits)[0].evidence - best.evidence < MIN_ROUND_GAIN_NATS:
             break
-    return everywhere, [*fits, *_around_rivals(everywhere, fits)]
+    return full, [*fits, *_around_rivals(full, fits)]
 
 
 def _is_done(fits: Sequence[Fitted], rounds: int) -> bool:
-    """Whether the best explanation is not fitted around itself once more: it explains the recordings and has no close
-    rival, of another class or by fewer effects, or explains far too little."""
+    """Whether no further round is needed: the best explanation is adequate and has no close rival, of another class or
+    with fewer effects, or its reduced chi-square is hopeless."""
     best = by_evidence(fits)[0]
     alone = len(best.parts) < 2 and len(ranking.unique_by_classes(_near(fits))) < 2
     return (ranking.is_adequate(best) and (rounds > 0 or alone)) or ranking.discrepancy(best) > HOPELESS_DISCREPANCY
 
 
 def _near(fits: Sequence[Fitted]) -> list[Fitted]:
-    """Explanations by effects that may turn out to be the best, the likeliest first."""
+    """Explanations by effects within a few nats of the best, by decreasing evidence."""
     best = by_evidence(fits)[0]
     gap = ranking.discrepancy(best) > ranking.ADEQUATE_DISCREPANCY
     least = best.evidence - (ranking.LOCAL_OPTIMUM_NATS if gap else ranking.NEAR_BEST_NATS)
     return ranking.unique_by_labels([f for f in fits if f.parts and f.evidence > least])[:MAX_NEAR]
 
 
-def _around_rivals(everywhere: Fitter, fits: Sequence[Fitted]) -> list[Fitted]:
-    """Fits of close rivals of other classes than the best, each with the responses around itself."""
+def _around_rivals(full: Fitter, fits: Sequence[Fitted]) -> list[Fitted]:
+    """Fits of close rivals of other classes than the best, with nuisance responses linearized around each of them."""
     near = ranking.unique_by_classes(_near(fits))
     rivals = [f for f in near[1:] if f.evidence > near[0].evidence - ranking.NEAR_BEST_NATS][:MAX_RIVALS]
-    if not rivals or everywhere.out_of_time():
+    if not rivals or full.out_of_time():
         return []
     begin = [starts.restart(f) for f in rivals]
-    return everywhere.fit_each(everywhere.linearized_at_each([starts.point_of(s) for s in begin]), begin)
+    return full.fit_each(full.linearized_at_each([starts.point_of(s) for s in begin]), begin)
 
 
-def variations(fits: Sequence[Fitted], everywhere: Fitter) -> list[Start]:
-    """What the best explanations lead to: without effects that hardly differ from none or are a nominal number a little
-    off, without each of several effects, and with one effect on all targets instead of on each apart."""
+def variations(fits: Sequence[Fitted], full: Fitter) -> list[Start]:
+    """Starts that simplify the best explanations: without effects that are insignificant or absorbed by a nominal
+    number, without each of several effects, and with one effect on all targets in place of the same effect on each."""
     ahead = ranking.unique_by_labels(fits)
     best, known = ahead[0], {labels_of(f) for f in fits}
     near = [f for f in ahead if f.evidence > best.evidence - ranking.NEAR_BEST_NATS]
-    out = [s for s in (starts.absorbed_by_nuisances(f, everywhere) for f in near) if s is not None]
+    out = [s for s in (starts.absorbed_by_nuisances(f, full) for f in near) if s is not None]
     dropped = [reduced_to(f, [k for k in range(len(f.parts)) if ranking.differs_from_identity(f, k)]) for f in near]
     dropped += [reduced_to(best, [i for i in range(len(best.parts)) if i != k]) for k in range(len(best.parts))]
     out += [s for s in dropped if s is not None and frozenset(p.label for p in s.parts) not in known]
-    return out + on_all_targets(best, everywhere)
+    return out + on_all_targets(best, full)
 
 
 def reduced_to(fit: Fitted, kept: Sequence[int]) -> Start | None:
-    """An explanation of several effects by some of them; None where that is none or all of them."""
+    """Start with some of the effects of an explanation; None where that is none or all of them."""
     if not 0 < len(kept) < len(fit.parts):
         return None
     index = list(kept)
@@ -154,7 +158,7 @@ def reduced_to(fit: Fitted, kept: Sequence[int]) -> Start | None:
 
 
 def on_all_targets(fit: Fitted, fitter: Fitter) -> list[Start]:
-    """Starts with one effect on all targets, of an explanation that has it on each of them apart."""
+    """Starts with one effect on all targets, from an explanation that has it on each target separately."""
     out = []
     for effect in dict.fromkeys(part.effect for part in fit.parts):
         mine = [k for k, part in enumerate(fit.parts) if part.effect == effect and part.target is not None]
@@ -168,25 +172,29 @@ def on_all_targets(fit: Fitted, fitter: Fitter) -> list[Start]:
     return out
 
 
-def reweighted(everywhere: Fitter, fits: Sequence[Fitted], refitted: int = MAX_REFITTED) -> list[Fitted]:
-    """Explanations by what samples count for here: the nominal model and so many of the best fitted anew, the others
-    evaluated where they are."""
+def reweighted(full: Fitter, fits: Sequence[Fitted], refitted: int = MAX_REFITTED) -> list[Fitted]:
+    """Explanations under the present sample weights: the nominal model and the best few fitted again, the others
+    evaluated at their magnitudes."""
     nominal = ranking.best_nominal(fits)
     ahead = [f for f in ranking.unique_by_labels(fits) if f.parts]
-    where_they_are = replace(everywhere, iterations=0)
+    where_they_are = replace(full, iterations=0)
     again = [starts.restart(f) for f in (nominal, *ahead[:refitted])]
-    return everywhere.fit_all(again) + where_they_are.fit_all([starts.restart(f) for f in ahead[refitted:]])
+    return full.fit_all(again) + where_they_are.fit_all([starts.restart(f) for f in ahead[refitted:]])
 
 
-def without_departing_trials(everywhere: Fitter, fits: list[Fitted], at: Array) -> tuple[Fitter, list[Fitted], Array]:
-    """The same without excluded trials: those in which a motion departs from what the best explanation predicts. No
-    parameter of the model reproduces such a motion, and it would bias the fits of all explanations."""
-    best = everywhere.predictions([starts.point_of(by_evidence(fits)[0])])[0]
-    departing = likelihood.departing_trials(everywhere.data, everywhere.data.value - best)
-    if not departing.any() or everywhere.out_of_time():
-        return everywhere, fits, at
+def without_departing_trials(
+    full: Fitter, fits: list[Fitted], nominal_nuisance: Array
+) -> tuple[Fitter, list[Fitted], Array]:
+    """Fitter, explanations and nominal nuisances without the trials whose motion departs from the best explanation.
+
+    No parameter of the model reproduces such a motion, and it would bias the fits of all explanations.
+    """
+    best = full.predictions([starts.point_of(by_evidence(fits)[0])])[0]
+    departing = likelihood.departing_trials(full.data, full.data.value - best)
+    if not departing.any() or full.out_of_time():
+        return full, fits, nominal_nuisance
     kept = [k for k, one in enumerate(departing) if not one]
-    rest = everywhere.part(kept)
+    rest = full.part(kept)
     ahead = [f for f in ranking.unique_by_labels(fits) if f.parts][:MAX_ON_ALL_TRIALS]
-    begin = [Start(f.parts, f.values, everywhere.of(kept, f.nuisance)) for f in (ranking.best_nominal(fits), *ahead)]
-    return rest, rest.fit_all(begin), everywhere.of(kept, at)
+    begin = [Start(f.parts, f.values, full.of(kept, f.nuisance)) for f in (ranking.best_nominal(fits), *ahead)]
+    return rest, rest.fit_all(begin), full.of(kept, nominal_nuisance)

@@ -1,6 +1,6 @@
-"""Two numbers of an effect tried together by simulation, with the nominal numbers integrated out.
+"""Grid scan of two parameters of an effect by simulation, nuisances integrated out.
 
-Where one number hides the other, or their likelihood has narrow peaks, no slope leads from one pair to a better one.
+It replaces gradients where the two are confounded or their likelihood has narrow peaks.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from tiago_mj.gap.search.state import State
 
 
 def likeliest(fitter: Fitter, points: Sequence[Point], count: int) -> list[int]:
-    """So many of the points, by index, the likeliest first.
+    """Indices of the ``count`` points with the largest log likelihood, nuisances integrated out.
 
     Args:
         fitter: of the trials in which they are tried.
@@ -28,10 +28,10 @@ def likeliest(fitter: Fitter, points: Sequence[Point], count: int) -> list[int]:
     return [int(k) for k in np.argsort(-found)[:count]]
 
 
-def likeliest_in_few(state: State, points: Sequence[Point], count: int) -> list[int]:
-    """The same in the trials of the first pass, for points of all trials; in all where the first pass had others."""
-    few, everywhere = state.few, state.everywhere
-    if not set(few.trials) <= set(everywhere.trials):
-        return likeliest(everywhere, points, count)
-    rows = [everywhere.trials.index(trial) for trial in few.trials]
-    return likeliest(few, [replace(one, nuisance=everywhere.of(rows, one.nuisance)) for one in points], count)
+def likeliest_on_screening_trials(state: State, points: Sequence[Point], count: int) -> list[int]:
+    """As :func:`likeliest`, on the screening trials; on all trials where those were not fitted."""
+    screening, full = state.screening, state.full
+    if not set(screening.trials) <= set(full.trials):
+        return likeliest(full, points, count)
+    rows = [full.trials.index(trial) for trial in screening.trials]
+    return likeliest(screening, [replace(one, nuisance=full.of(rows, one.nuisance)) for one in points], count)

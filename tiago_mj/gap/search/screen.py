@@ -1,8 +1,7 @@
-"""A first pass over every effect: which of them, at some magnitude, predict the recordings better than what is beside
-them.
+"""Screening: log likelihood of every effect at a grid of magnitudes, each added to a given explanation.
 
-All are tried on the trial that is predicted worst; on the others those that gained most there (successive halving;
-Karnin, Koren & Somekh 2013). Between magnitudes, and down to none, predictions are drawn as straight lines.
+All are simulated on the trial that is predicted worst, the best of them on the other screening trials (successive
+halving; Karnin, Koren & Somekh 2013). Predictions between two magnitudes of the grid are interpolated linearly.
 """
 
 from __future__ import annotations
@@ -37,7 +36,7 @@ KEPT_SHARE: Final = 0.5
 
 @dataclass(frozen=True)
 class Screened:
-    """A candidate after the first pass.
+    """A candidate after screening.
 
     Attributes:
         candidate: effect, targets, fixed parameters.
@@ -60,7 +59,7 @@ class Screened:
 
 @dataclass(frozen=True)
 class FirstPass:
-    """What the first pass found.
+    """Result of screening.
 
     Attributes:
         on_all: candidates that were tried on all trials, best first.
@@ -74,58 +73,59 @@ class FirstPass:
 def screen(
     fitter: Fitter,
     pool: Sequence[Candidate],
-    at: Point,
+    point: Point,
     how_far: Callable[[int, int], None] = lambda total, done: None,
     tried: Callable[[Iterable[str]], None] = lambda names: None,
 ) -> FirstPass:
-    """Score every candidate at every magnitude of its grid.
+    """Log likelihood of every candidate at every magnitude of its grid, relative to that without it.
 
-    Effects on one joint or sensor take the channels of that part from the run in which all have the effect, and those
-    without it elsewhere: fingers hardly feel each other, and what is promising is simulated properly later.
+    An effect on one joint or sensor is not simulated by itself: its channels are taken from the simulation in which all
+    targets have the effect, the others from that without, as fingers hardly affect each other. What is promising is
+    simulated properly later.
 
     Args:
         fitter: of the trials; asked between portions whether time is out: what was not simulated by then is left out.
         pool: candidates.
-        at: effects and nominal numbers beside which the pool is tried.
+        point: effects and nominal numbers beside which the pool is tried.
         how_far: told between portions how many magnitudes there are, and how many were simulated.
         tried: told which effects were simulated, at one magnitude at least.
     """
-    base = fitter.predictions([at], keep=True)[0]
+    base = fitter.predictions([point], keep=True)[0]
     if len(fitter.trials) == 1:
-        return FirstPass(tuple(_screened(fitter, pool, at, base, how_far, tried)))
+        return FirstPass(tuple(_screened(fitter, pool, point, base, how_far, tried)))
     worst = worst_predicted(base, fitter.data, 1)
-    alone, there = fitter.part(worst), replace(at, nuisance=fitter.of(worst, at.nuisance))
-    first = _screened(alone, pool, there, base[worst], how_far, tried)
+    alone, point_alone = fitter.part(worst), replace(point, nuisance=fitter.of(worst, point.nuisance))
+    first = _screened(alone, pool, point_alone, base[worst], how_far, tried)
     simulated = [s.candidate for s in first if not sensor_only(s.candidate.entry(s.candidate.high))]
     settings = list(dict.fromkeys((c.effect, c.fixed) for c in simulated))
     dropped = set(settings[int(np.ceil(KEPT_SHARE * len(settings))) :])  # what only measures otherwise costs nothing
     kept = [s.candidate for s in first if (s.candidate.effect, s.candidate.fixed) not in dropped]
     rest = [s for s in first if (s.candidate.effect, s.candidate.fixed) in dropped]
-    return FirstPass(tuple(_screened(fitter, kept, at, base, how_far, tried)), tuple(rest))
+    return FirstPass(tuple(_screened(fitter, kept, point, base, how_far, tried)), tuple(rest))
 
 
 def misfit_by_trial(data: Data, predicted: Array) -> Array:
-    """How far each trial is off, by samples, large residuals compressed, (ntrials,)."""
+    """Sum of squares of each trial's softened residual, (ntrials,)."""
     white = likelihood.scaled(data, likelihood.residual(data, predicted))
     out: Array = (likelihood.soften(white) ** 2).sum(axis=(1, 2))
     return out
 
 
 def worst_predicted(predicted: Array, data: Data, count: int) -> list[int]:
-    """The trials in which a prediction fails most, in order of their index."""
+    """Indices of the trials with the largest residuals, ascending."""
     return sorted(int(k) for k in np.argsort(-misfit_by_trial(data, predicted))[:count])
 
 
 def _screened(
     fitter: Fitter,
     pool: Sequence[Candidate],
-    at: Point,
+    point: Point,
     base: Array,
     how_far: Callable[[int, int], None],
     tried: Callable[[Iterable[str]], None],
 ) -> list[Screened]:
     """One entry a candidate, best first; ``base`` is the prediction without them, (ntrials, T, C)."""
-    on = likelihood.frame(fitter.data, fitter.weight, fitter.responses, fitter.per_trial, at.nuisance)
+    on = likelihood.frame(fitter.data, fitter.weight, fitter.responses, fitter.per_trial, point.nuisance)
     runs: dict[tuple[str, tuple[tuple[str, float], ...], float], Array] = {}
     # On all targets at once, also what was read off one of them alone.
     asked = [((c.effect, c.fixed, v), k, c) for c in pool for k, v in enumerate(_in_screening_order(c.grid))]
@@ -137,7 +137,7 @@ def _screened(
             break
         how_far(len(wanted), first)
         portion = wanted[first : first + BATCH_SIZE]
-        predicted = fitter.predictions([at.with_effect(c, value) for c, value in portion], keep=True)
+        predicted = fitter.predictions([point.with_effect(c, value) for c, value in portion], keep=True)
         for (c, value), one in zip(portion, predicted, strict=True):
             runs[(c.effect, c.fixed, value)] = one
         tried(c.effect for c, _ in portion)
@@ -173,21 +173,23 @@ def _screened(
 
 
 def _grows_from_nothing(c: Candidate) -> bool:
-    """Whether a magnitude below the least of the grid does less of the same: not what a detector drew or measured."""
+    """Whether a magnitude below the smallest of the grid gives a smaller effect; not where a detector drew or measured
+    it."""
     return c.low <= c.identity <= c.high and c.identity not in c.grid and not c.selection_penalty
 
 
 def _in_screening_order(grid: Sequence[float]) -> list[float]:
-    """Magnitudes, those in the middle of the way to a bound first: every effect is seen once before any is twice."""
+    """Magnitudes in the order of simulation, those half-way to a bound first, so that every effect is simulated once
+    before any is twice."""
     middle = (len(grid) - 1) * 0.75
     return [grid[k] for k in sorted(range(len(grid)), key=lambda k: abs(k - middle))]
 
 
 def _interpolated(values: Sequence[float], stack: Array) -> tuple[list[float], Array]:
-    """Magnitudes and predictions between those that were simulated, too, by straight lines.
+    """Magnitudes and predictions with those between them, interpolated linearly.
 
-    The grid is coarse: without them an effect whose magnitude lies between two of its points would rank behind one that
-    explains no more but happens to have a point there.
+    Without them an effect whose magnitude lies between two points of the grid would rank behind a worse one whose
+    magnitude is a point of the grid.
     """
     order = np.argsort(values)
     at, there = np.asarray(values)[order], stack[order]
@@ -201,10 +203,10 @@ def _interpolated(values: Sequence[float], stack: Array) -> tuple[list[float], A
 
 
 def _with_refined_peak(on: likelihood.Frame, values: list[float], stack: Array) -> tuple[list[float], Array, Array]:
-    """Magnitudes in order, predictions and their log-likelihoods, with those nearer to its peak.
+    """Ascending magnitudes, predictions and log likelihoods, with a finer grid around the largest log likelihood.
 
-    An encoder whose scale is 0.6 % off was between 0 and 0.8 % and gained nothing at either (blind check, seed 9, case
-    110): the better a joint is measured, the narrower the peak.
+    An encoder whose scale is 0.6 % off lay between the points 0 and 0.8 % and gained nothing at either (blind check,
+    seed 9, case 110): the better a joint is measured, the narrower the peak.
     """
     found = likelihood.log_likelihood(on, stack)
     for _ in range(PEAK_REFINEMENTS):
@@ -226,7 +228,7 @@ def _with_refined_peak(on: likelihood.Frame, values: list[float], stack: Array) 
 
 
 def channels_of_targets(predict: Predictor, candidate: Candidate) -> NDArray[np.bool_]:
-    """Channels of a candidate's own targets, (C,)."""
+    """Mask of the channels of a candidate's targets, (C,)."""
     targets = predict.plant.wiring.targets
     kind = EFFECTS[candidate.effect].targets
     assert candidate.target is not None

@@ -1,9 +1,9 @@
-"""The second number of an effect (a time constant, a speed at which it fades), fitted by turns with the first, and its
-other forms.
+"""Second parameter of an effect (a time constant, a speed scale), and its discrete forms, fitted in turn with the
+magnitude.
 
-The first pass and the first fits know a second number at a few values only. Where such an explanation is near the best,
-the second number is fitted with the first held, and then the first with the second held, from the likeliest of many
-pairs of both. Which form is the better one may only show once each is fitted.
+Screening knows a second parameter at a few values only. Where an explanation with one is near the best, the second
+parameter is fitted with the magnitude fixed and then the magnitude with the second fixed, from the best of a grid of
+both. Which form is better may show only once each is fitted.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from tiago_mj.gap.search.state import State
 MAX_REFINED: Final = 2
 MAX_REFINED_IF_INADEQUATE: Final = 4
 #: Second numbers and first ones (as shares of the way from none to what was fitted) that are tried in pairs, all in the
-#: trials of the first pass, the likeliest in all trials. Static friction of 1.7 N that fades at 5.6 mm/s was fitted as
+#: screening trials, the likeliest in all trials. Static friction of 1.7 N that fades at 5.6 mm/s was fitted as
 #: 1.2 N at 21 mm/s, and no slope leads back (blind check's generator, seed 941, case 7).
 SECOND_SHARES: Final = tuple(np.geomspace(1 / 6, 6, 9).tolist())
 FIRST_SHARES: Final = tuple(np.geomspace(0.5, 2, 9).tolist())
@@ -32,13 +32,13 @@ MAX_PAIRS: Final = 9
 
 
 def refined(state: State, *, fails: bool) -> list[Fitted]:
-    """Further fits to all trials, with better second numbers, or of another form.
+    """The search with further fits to all trials, at better second parameters or with another form of an effect.
 
     Args:
         state: the search.
         fails: whether its best explanation leaves a gap.
     """
-    fitter, best = state.everywhere, state.best
+    fitter, best = state.full, state.best
     different = {f.parts: f for f in sorted(state.fits, key=lambda f: f.evidence)}
     near = sorted(different.values(), key=lambda f: -f.evidence)
     near = (
@@ -61,9 +61,9 @@ def refined(state: State, *, fails: bool) -> list[Fitted]:
 
 
 def _likeliest_pair(state: State, fit: Fitted, k: int, name: str) -> Fitted:
-    """The explanation, or the same fitted from the likeliest pair of both numbers of one of its effects."""
-    part, at = fit.parts[k], starts.point_of(fit)
-    low, high = _bounds(state.everywhere, part, name)
+    """The fit, or one from the best point of a grid of magnitude and second parameter of one of its effects."""
+    part, point = fit.parts[k], starts.point_of(fit)
+    low, high = _bounds(state.full, part, name)
     origin = part.identity if np.isfinite(part.identity) else 0.0
     points = []
     seconds = {min(max(dict(part.fixed)[name] * share, low), high) for share in SECOND_SHARES}
@@ -71,28 +71,28 @@ def _likeliest_pair(state: State, fit: Fitted, k: int, name: str) -> Fitted:
         for share in FIRST_SHARES:
             values = fit.values.copy()
             values[k] = min(max(origin + share * (values[k] - origin), part.low), part.high)
-            points.append(replace(at, parts=_with_second(fit, k, name, second), values=values))
-    ahead = [points[i] for i in scan.likeliest_in_few(state, points, MAX_PAIRS)]
-    (best,) = scan.likeliest(state.everywhere, ahead, 1)
-    (again,) = state.everywhere.fit_all([starts.start_at(ahead[best])])
+            points.append(replace(point, parts=_with_second(fit, k, name, second), values=values))
+    ahead = [points[i] for i in scan.likeliest_on_screening_trials(state, points, MAX_PAIRS)]
+    (best,) = scan.likeliest(state.full, ahead, 1)
+    (again,) = state.full.fit_all([starts.start_at(ahead[best])])
     return again if again.evidence > fit.evidence else fit
 
 
 def _with_second(fit: Fitted, k: int, name: str, second: float) -> tuple[Candidate, ...]:
-    """The explanation's effects, one of them with another second number."""
+    """The explanation's effects, one of them with another second parameter."""
     fixed = tuple((key, second if key == name else value) for key, value in fit.parts[k].fixed)
     return tuple(replace(part, fixed=fixed) if i == k else part for i, part in enumerate(fit.parts))
 
 
 def _bounds(fitter: Fitter, part: Candidate, name: str) -> tuple[float, float]:
-    """Of a number of an effect, on its first target."""
+    """Bounds of a parameter of an effect, on its first target."""
     declared, targets = EFFECTS[part.effect], fitter.predict.plant.wiring.targets
     index = 0 if part.target is None else targets.names(declared.targets).index(part.target[0])
     return declared.parameters[name].bounds[0 if targets.slide(declared.targets, index) else 1]
 
 
 def _other_forms(fit: Fitted) -> list[Start]:
-    """The same explanation with another form of one of its effects."""
+    """Starts with another form of one of the effects."""
     out = []
     for k, part in enumerate(fit.parts):
         for name, form in EFFECTS[part.effect].forms.items():
@@ -106,12 +106,12 @@ def _other_forms(fit: Fitted) -> list[Start]:
 
 
 def _second_parameters(part: Candidate) -> list[str]:
-    """Names of the numbers that are held, apart from those of the form; none that is 0, which is another form."""
+    """Names of the fixed parameters, without those of the form; none that is 0, which is another form."""
     return [name for name, value in part.fixed if name not in EFFECTS[part.effect].forms and value]
 
 
 def _start_on_second_parameter(fitter: Fitter, fit: Fitted, k: int, name: str) -> Start:
-    """The same explanation, in which a second number is fitted and the first held."""
+    """Start in which the second parameter is fitted and the magnitude fixed."""
     part = fit.parts[k]
     low, high = _bounds(fitter, part, name)
     value = dict(part.fixed)[name]

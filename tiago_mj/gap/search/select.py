@@ -1,7 +1,7 @@
-"""Search explanations of recordings, in rounds: propose, fit all proposals with the same effort, keep the best.
+"""Search over explanations of recordings in rounds: propose, fit all proposals with equal effort, keep the best.
 
-The first round proposes single effects, the next another one beside what is best so far. A search ends where nothing
-that is proposed could become worth showing, or the best explains the recordings, or the time is over.
+The first round proposes single effects, the next adds another effect to the best so far. A search ends when no proposal
+could become worth reporting, when the best explains the recordings, or when the time is over.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ MAX_SEEDS: Final = 3
 #: Residuals beside an explanation that lacks an effect are correlated by that effect, not by model error. Chosen by
 #: hand; no ablation.
 MIN_WEIGHT_WHILE_UNEXPLAINED: Final = 0.5 / ranking.SAMPLES_PER_INDEPENDENT**0.5
-#: Simulations of a trial of the first pass from the moment on at which a search hurries until its first explanations
+#: Simulations of a screening trial from the moment on at which a search hurries until its first explanations
 #: are fitted to those. Chosen by hand; no ablation.
 LANDING: Final = 60
 #: Names of the rounds, by the number of effects.
@@ -56,7 +56,7 @@ ROUNDS: Final = {1: "fitting", 2: "pairs", 3: "triples"}
 
 @dataclass
 class PartialResult:
-    """What a search has found so far: its result where it ends early.
+    """Best result so far of a search, which is its result where it ends early.
 
     Attributes:
         ranked: None before the nominal model was fitted.
@@ -84,11 +84,11 @@ def select(
     landing: float = 0.0,
     tick: Tick = lambda stage, total, done=0, *, gap=None: None,
 ) -> Ranked:
-    """Rank explanations of the trials; where something ends the search, those that were found until then.
+    """Explanations of the trials ranked by evidence; where the search is ended early, those found until then.
 
     Args:
         asked: what is to be explained; its simulations have the same deadline, which ends them.
-        so_far: told what was found; None: nobody wants to know.
+        so_far: updated with what was found; None: not wanted.
         deadline: of the search; None: there is none.
         landing: seconds before it from which on the search hurries to what it can fit, as long as nothing stands.
         tick: told what begins.
@@ -111,7 +111,7 @@ def select(
 
 
 def _search(asked: Question, so_far: PartialResult, out_of_time: Callable[[], bool], tick: Tick) -> Ranked:
-    """See :func:`select`; ``so_far`` is told what was found, from round to round."""
+    """The rounds of :func:`select`; ``so_far`` is updated after each."""
     read_off = {*only_read_off(), *(k.candidate.effect for k in asked.known)}
     pool = beginning.acting_on_misfit([c for c in asked.pool if c.effect not in read_off], asked.data, asked.base)
     count = so_far.effects = len({c.effect for c in pool})
@@ -120,25 +120,25 @@ def _search(asked: Question, so_far: PartialResult, out_of_time: Callable[[], bo
         return out_of_time() or asked.predict.tally["physics_steps"] > asked.budget
 
     tick("fitting the nominal model", beginning.MAX_NOMINAL_ROUNDS)
-    everywhere, shared = beginning.fitter(asked, over)
-    state = replace(beginning.with_nominal(everywhere, asked.first_trials), motion=asked.motion)
+    full, shared = beginning.fitter(asked, over)
+    state = replace(beginning.with_nominal(full, asked.first_trials), motion=asked.motion)
 
-    first = state.everywhere
+    first = state.full
     if not over():
         state = beginning.sharpened(state)
 
     def ranked(state: State, wide: Fitter | None = None) -> Ranked:
         shown = ranking.reportable(ranking.unique_by_labels(state.fits))
         if wide is not None:
-            shown = sharpen.misfits_by(wide, state.everywhere, agreement.with_agreement(state.everywhere, shown))
+            shown = sharpen.misfits_by(wide, state.full, agreement.with_agreement(state.full, shown))
         return Ranked(
             tuple(_with_readings(fit, asked.known, shared) for fit in shown),
             state.unseen,
             len(asked.known),
             count,
             not out_of_time(),
-            state.everywhere.weight,
-            state.everywhere.predict,
+            state.full.weight,
+            state.full.predict,
             state.excluded,
         )
 
@@ -171,7 +171,7 @@ def _search(asked: Question, so_far: PartialResult, out_of_time: Callable[[], bo
             tell(state)
     if not sought and not out_of_time():  # nor by its budget: they may be all that there is
         tick("lost commands", 1, gap=_leaves_a_gap(state.best))
-        state = replace(state, everywhere=replace(state.everywhere, out_of_time=out_of_time))
+        state = replace(state, full=replace(state.full, out_of_time=out_of_time))
         losing = _with_lost_commands(state)
         if losing is not state:
             state = losing if over() else _with_further_effect(losing, 2, fitted) or losing
@@ -187,20 +187,20 @@ def _search(asked: Question, so_far: PartialResult, out_of_time: Callable[[], bo
 
 
 def _losses_are_likely(state: State) -> bool:
-    """Whether lost commands are looked for before a second effect is."""
+    """Whether lost commands are decoded before a second effect is sought."""
     if state.motion is None or not state.losing or ranking.is_adequate(state.best):
         return False
-    return lost_commands.are_likely(state.everywhere, state.best, state.motion)
+    return lost_commands.are_likely(state.full, state.best, state.motion)
 
 
 def _leaves_a_gap(best: Fitted) -> bool:
-    """Whether the best explanation leaves more than it should, so that the search is expected to go on."""
+    """Whether the reduced chi-square of the best explanation is too large, so that the search is expected to go on."""
     return not ranking.is_adequate(best, ranking.ADEQUATE_WITH_EFFECTS if best.parts else ranking.ADEQUATE_DISCREPANCY)
 
 
 def _is_warranted(state: State, size: int) -> bool:
-    """Whether explanations by so many effects are sought: not where the best one explains hardly more than the nominal
-    model and leaves no gap, and three effects only where the best two leave a gap."""
+    """Whether explanations with ``size`` effects are sought: two only where the best one gains evidence or leaves a
+    gap, three only where the best two leave a gap."""
     best = state.best
     gap = ranking.discrepancy(best) > ranking.INADEQUATE_DISCREPANCY
     if size == 1:
@@ -211,133 +211,139 @@ def _is_warranted(state: State, size: int) -> bool:
 
 
 def _with_singles(state: State, tell: Callable[[State], None], tick: Tick) -> State:
-    """The search with the single effects that the first pass found promising."""
-    few, here = state.few, state.here
-    moved = starts.effects_of_far_nuisances(state.everywhere, state.at, {c.label for c in state.pool})
-    hurried = few.out_of_time()  # the first few are fitted all the same: else there would be no answer
+    """The search with single effects fitted: the most promising to the screening trials, the best of those to all
+    trials."""
+    screening, linearization_point = state.screening, state.linearization_point
+    moved = starts.effects_of_far_nuisances(state.full, state.nominal_nuisance, {c.label for c in state.pool})
+    hurried = screening.out_of_time()  # the first few are fitted all the same: else there would be no answer
     chosen = additions.singles(state.promising, moved, additions.MIN_SINGLES if hurried else additions.MAX_SINGLES)
-    begin = [starts.start_of_screened(s, few, here.nuisance) for s in chosen]
-    on_few = few.fit_all([starts.start_at(here), *begin])
-    other = None if hurried else step_error.better_step_correction(few, ranking.by_evidence(on_few))
+    begin = [starts.start_of_screened(s, screening, linearization_point.nuisance) for s in chosen]
+    on_screening = screening.fit_all([starts.start_at(linearization_point), *begin])
+    other = None if hurried else step_error.better_step_correction(screening, ranking.by_evidence(on_screening))
     if other is not None:
-        state = replace(state, few=replace(few, predict=other), everywhere=replace(state.everywhere, predict=other))
-        state = replace(state, fits=tuple(state.everywhere.fit_all([starts.restart(state.nominal)])))
-        few = state.few
-        ahead = [f for f in ranking.by_evidence(on_few) if f.parts][: rounds.MAX_ON_ALL_TRIALS]
-        on_few = few.fit_all([starts.restart(f) for f in (ranking.best_nominal(on_few), *ahead)])
-    tick("weighing", 1, gap=_leaves_a_gap(ranking.by_evidence(on_few)[0]))
-    tell(replace(state, fits=tuple(on_few)))
+        state = replace(state, screening=replace(screening, predict=other), full=replace(state.full, predict=other))
+        state = replace(state, fits=tuple(state.full.fit_all([starts.restart(state.nominal)])))
+        screening = state.screening
+        ahead = [f for f in ranking.by_evidence(on_screening) if f.parts][: rounds.MAX_ON_ALL_TRIALS]
+        on_screening = screening.fit_all([starts.restart(f) for f in (ranking.best_nominal(on_screening), *ahead)])
+    tick("weighing", 1, gap=_leaves_a_gap(ranking.by_evidence(on_screening)[0]))
+    tell(replace(state, fits=tuple(on_screening)))
     # Once something explains the bulk, what is left shows how correlated the residuals really are.
-    reference = few.predictions([starts.point_of(ranking.by_evidence(on_few)[0])])[0]
-    state = state.with_weight(np.maximum(ranking.sample_weight(few.data, reference), few.weight))
-    state = replace(state, fits=tuple(rounds.reweighted(state.everywhere, state.fits)))
-    times = len(state.everywhere.trials) / len(few.trials)
-    near = rounds.worth_all_trials([f for f in on_few if f.parts], ranking.best_nominal(on_few), times)
-    begin = [starts.start_on_all_trials(f, state.everywhere, state.at) for f in near]
-    if _leaves_a_gap(ranking.by_evidence(on_few)[0]) and not few.out_of_time():
+    reference = screening.predictions([starts.point_of(ranking.by_evidence(on_screening)[0])])[0]
+    state = state.with_weight(np.maximum(ranking.sample_weight(screening.data, reference), screening.weight))
+    state = replace(state, fits=tuple(rounds.reweighted(state.full, state.fits)))
+    times = len(state.full.trials) / len(screening.trials)
+    near = rounds.worth_all_trials([f for f in on_screening if f.parts], ranking.best_nominal(on_screening), times)
+    begin = [starts.start_on_all_trials(f, state.full, state.nominal_nuisance) for f in near]
+    if _leaves_a_gap(ranking.by_evidence(on_screening)[0]) and not screening.out_of_time():
         begin += set_point_starts.beside(state, state.nominal, additions.MIN_PREDICTED_GAIN_NATS)
     state = _fitted_to_all(state, begin, tell)
-    if ranking.discrepancy(state.best) > ranking.INADEQUATE_DISCREPANCY and not few.out_of_time():
-        state = state.with_weight(np.maximum(state.everywhere.weight, MIN_WEIGHT_WHILE_UNEXPLAINED))
-        state = replace(state, fits=tuple(rounds.reweighted(state.everywhere, state.fits)))
+    if ranking.discrepancy(state.best) > ranking.INADEQUATE_DISCREPANCY and not screening.out_of_time():
+        state = state.with_weight(np.maximum(state.full.weight, MIN_WEIGHT_WHILE_UNEXPLAINED))
+        state = replace(state, fits=tuple(rounds.reweighted(state.full, state.fits)))
     return state
 
 
 def _with_further_effect(state: State, size: int, tell: Callable[[State], None]) -> State | None:
-    """The search with explanations by so many effects, found beside those by one less; None where nothing promises
-    anything.
+    """The search with explanations by ``size`` effects, each one of fewer effects with one added; None where no
+    addition is promising.
 
-    Beside what an effect leaves out errors last, so that samples tell little; beside all that acts they need not. So
-    further effects are sought as if samples told more, and all is judged by what they tell beside the best that was
-    found.
+    The residual of an explanation that lacks an effect is strongly correlated, which lowers the weight of a sample; the
+    missing effect is the cause of that and not model error. So additions are sought with at least a minimum weight, and
+    all explanations are compared under the weight that the residual of the best found gives.
     """
-    weight = state.everywhere.weight
+    weight = state.full.weight
     sought = state.with_weight(np.maximum(weight, MIN_WEIGHT_WHILE_UNEXPLAINED))
     begin = _further(sought, size)
-    found = sought.everywhere.fit_all(begin)
+    found = sought.full.fit_all(begin)
     if not found:
         return None
     leader = ranking.by_evidence([f for f in found if len(f.parts) == size] or found)[0]
-    prediction = state.everywhere.predictions([starts.point_of(leader)])[0]
-    state = state.with_weight(np.maximum(weight, ranking.sample_weight(state.everywhere.data, prediction)))
+    prediction = state.full.predictions([starts.point_of(leader)])[0]
+    state = state.with_weight(np.maximum(weight, ranking.sample_weight(state.full.data, prediction)))
     fits = [*state.fits, *found]
-    state = replace(state, fits=tuple(rounds.reweighted(state.everywhere, fits)))
+    state = replace(state, fits=tuple(rounds.reweighted(state.full, fits)))
     return _fitted_to_all(state, [], tell)
 
 
 def _further(state: State, size: int) -> list[Start]:
-    """Starts for all trials of explanations by so many effects."""
-    few, everywhere, at = state.few, state.everywhere, state.at
+    """Starts for all trials of explanations by ``size`` effects."""
+    screening, full, nominal_nuisance = state.screening, state.full, state.nominal_nuisance
     adequate = bool(state.best.parts) and ranking.is_adequate(state.best, ranking.ADEQUATE_WITH_EFFECTS)
     seeds = ranking.unique_by_classes([f for f in ranking.by_evidence(state.fits) if len(f.parts) == size - 1])
     seeds = seeds[: 1 if adequate else MAX_SEEDS]
     least = additions.MIN_GAIN_BESIDE_ADEQUATE_NATS if adequate else additions.MIN_PREDICTED_GAIN_NATS
     tried = [
-        start for seed in seeds for start in additions.beside(few, seed, state.here.nuisance, state.promising, least)
+        start
+        for seed in seeds
+        for start in additions.beside(screening, seed, state.linearization_point.nuisance, state.promising, least)
     ]
     if size == 2 and not adequate:
-        tried = [*additions.superposed_pairs(few, state.here, state.promising), *tried]
-    on_few = ranking.unique_by_labels(few.fit_all(additions.unique(tried)))
+        tried = [*additions.superposed_pairs(screening, state.linearization_point, state.promising), *tried]
+    on_screening = ranking.unique_by_labels(screening.fit_all(additions.unique(tried)))
     gap = not seeds or ranking.discrepancy(seeds[0]) > ranking.INADEQUATE_DISCREPANCY
     begin = [
         start
         for seed in set_point_starts.worth(seeds)
         for start in set_point_starts.beside(state, seed, least, drivers=not adequate)
     ]
-    if not gap and not rounds.expected_to_add(on_few, seeds[0], few, everywhere):
+    if not gap and not rounds.expected_to_add(on_screening, seeds[0], screening, full):
         return begin
-    begin += [starts.start_on_all_trials(f, everywhere, at) for f in on_few[: rounds.MAX_ON_ALL_TRIALS]]
+    begin += [starts.start_on_all_trials(f, full, nominal_nuisance) for f in on_screening[: rounds.MAX_ON_ALL_TRIALS]]
     if seeds and not adequate:
-        begin += additions.where_it_fails(everywhere, seeds[0], at, len(few.trials), state.pool)
+        begin += additions.where_it_fails(full, seeds[0], nominal_nuisance, len(screening.trials), state.pool)
     if seeds:
-        begin += starts.starts_on_far_nuisances(seeds[0], everywhere, state.pool)
+        begin += starts.starts_on_far_nuisances(seeds[0], full, state.pool)
     return additions.unique(begin)
 
 
 def _fitted_to_all(state: State, begin: Sequence[Start], tell: Callable[[State], None]) -> State:
-    """The search with further explanations fitted to all trials, all fitted around the best, and what those lead to."""
-    everywhere = state.everywhere
-    state = state.with_fits(everywhere.fit_all(begin))
+    """The search with further explanations fitted to all trials, then with fits linearized around the best and
+    simplified."""
+    full = state.full
+    state = state.with_fits(full.fit_all(begin))
     tell(state)
-    if len(state.best.parts) > 1 and _leaves_a_gap(state.best) and not everywhere.out_of_time():
-        exchanged = additions.of_the_same_class(everywhere, state.best, len(state.few.trials), state.pool)
-        state = state.with_fits(everywhere.fit_all(exchanged))
+    if len(state.best.parts) > 1 and _leaves_a_gap(state.best) and not full.out_of_time():
+        exchanged = additions.of_the_same_class(full, state.best, len(state.screening.trials), state.pool)
+        state = state.with_fits(full.fit_all(exchanged))
     nothing = state.best.evidence - state.nominal.evidence < ranking.MIN_EVIDENCE_GAIN_NATS
-    if everywhere.out_of_time() or (nothing and ranking.is_adequate(state.nominal)):
+    if full.out_of_time() or (nothing and ranking.is_adequate(state.nominal)):
         return state
-    everywhere, fits = rounds.around_the_best(everywhere, state.fits)
-    state = replace(state, everywhere=everywhere).with_fits(fits)
+    full, fits = rounds.around_the_best(full, state.fits)
+    state = replace(state, full=full).with_fits(fits)
     fails = ranking.discrepancy(state.best) > ranking.INADEQUATE_DISCREPANCY
     state = state.with_fits(second_parameter.refined(state, fails=fails))
     state = set_point_starts.looked_for_again(state)
     if _leaves_a_gap(state.best):
         state = driver_period.tried(state)
-    return state.with_fits(everywhere.fit_all(rounds.variations(state.fits, everywhere)))
+    return state.with_fits(full.fit_all(rounds.variations(state.fits, full)))
 
 
 def _departing_left_out(state: State) -> State:
     """The search without the trials whose motion departs from what the best explanation predicts."""
-    everywhere, fits, at = rounds.without_departing_trials(state.everywhere, list(state.fits), state.at)
-    excluded = tuple(k for k in state.everywhere.trials if k not in everywhere.trials)
+    full, fits, nominal_nuisance = rounds.without_departing_trials(state.full, list(state.fits), state.nominal_nuisance)
+    excluded = tuple(k for k in state.full.trials if k not in full.trials)
     fits = ranking.unique_by_labels(fits)
-    return replace(state, everywhere=everywhere, fits=tuple(fits), at=at, excluded=(*state.excluded, *excluded))
+    return replace(
+        state, full=full, fits=tuple(fits), nominal_nuisance=nominal_nuisance, excluded=(*state.excluded, *excluded)
+    )
 
 
 def _with_lost_commands(state: State) -> State:
-    """The search with commands lost that were, where that explains more, and candidates that lose them."""
-    everywhere, decoded = _decoded(state.everywhere, state.losing, state.fits, state.motion)
+    """The search with lost commands decoded and simulated, where that gains evidence."""
+    full, decoded = _decoded(state.full, state.losing, state.fits, state.motion)
     if not decoded:
         return state
-    few = replace(state.few, predict=everywhere.predict, weight=everywhere.weight)
-    promising = [*state.promising, *screen(few, decoded, state.here).on_all]
+    screening = replace(state.screening, predict=full.predict, weight=full.weight)
+    promising = [*state.promising, *screen(screening, decoded, state.linearization_point).on_all]
     ahead = [f for f in ranking.unique_by_labels(state.fits) if f.parts][: rounds.MAX_ON_ALL_TRIALS]
     nominal = ranking.best_nominal(state.fits)
     lost = [Start((c,), np.array(c.grid[:1]), nominal.nuisance) for c in decoded]
-    fits = everywhere.fit_all([*(starts.restart(f) for f in (nominal, *ahead)), *lost])
+    fits = full.fit_all([*(starts.restart(f) for f in (nominal, *ahead)), *lost])
     return replace(
         state,
-        few=few,
-        everywhere=everywhere,
+        screening=screening,
+        full=full,
         promising=tuple(sorted(promising, key=lambda s: -s.gain)),
         pool=(*state.pool, *decoded),
         fits=tuple(ranking.unique_by_labels(fits)),
@@ -345,22 +351,23 @@ def _with_lost_commands(state: State) -> State:
 
 
 def _decoded(
-    everywhere: Fitter, candidates: Sequence[Candidate], fits: Sequence[Fitted], motion: ServoMotion | None
+    full: Fitter, candidates: Sequence[Candidate], fits: Sequence[Fitted], motion: ServoMotion | None
 ) -> tuple[Fitter, list[Candidate]]:
-    """The same with the commands that were lost, and candidates that lose them: beside the nominal model or the best
-    explanation, unless that leaves nothing to explain or is likelier without. Where samples tell more once they are
-    lost, they count for that.
+    """The search with decoded lost commands and candidates for them, beside the nominal model or the best explanation;
+    unchanged where that leaves nothing to explain or is more likely without.
+
+    Sample weights are raised where the residuals are less correlated with the losses.
     """
     best, nominal = ranking.by_evidence(fits)[0], ranking.best_nominal(fits)
     if motion is None or not candidates or ranking.is_adequate(best):
-        return everywhere, []
+        return full, []
     for fit in (nominal, best) if best.parts else (nominal,):
-        if everywhere.out_of_time():
+        if full.out_of_time():
             break
-        decoded = lost_commands.decoded_beside(everywhere, starts.point_of(fit), motion, candidates)
+        decoded = lost_commands.decoded_beside(full, starts.point_of(fit), motion, candidates)
         if decoded is None:
             continue
-        losing = replace(everywhere, predict=decoded.predict)
+        losing = replace(full, predict=decoded.predict)
         prediction = losing.predictions([starts.point_of(decoded.fit)])[0]
         reweighted = replace(losing, weight=np.maximum(losing.weight, ranking.sample_weight(losing.data, prediction)))
         for fitter in (reweighted, losing):
@@ -373,11 +380,11 @@ def _decoded(
                 ranking.LOCAL_OPTIMUM_NATS if fit is nominal else 0.0
             ):
                 return fitter, [penalised.get(c.label, c) for c in candidates]
-    return everywhere, []
+    return full, []
 
 
 def _with_readings(fit: Fitted, known: Sequence[Known], sensitive: NDArray[np.bool_]) -> Fitted:
-    """The fit with the effects measured on the readings as parts, and with the nuisances that were not fitted as 0."""
+    """The fit with the effects measured on the readings appended, and the nuisances that were not fitted set to 0."""
     shared, count = np.zeros(len(sensitive)), int(sensitive.sum())
     shared[sensitive] = fit.nuisance[:count]
     return replace(

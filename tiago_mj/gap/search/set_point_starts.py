@@ -1,9 +1,9 @@
-"""Grids and dead bands of the set point, looked for in what an explanation leaves.
+"""Starts for quantization and dead bands of the set point, found in the residual of an explanation.
 
-The likelihood has no gradient for them. Before anything is fitted they are looked for in what the nominal model leaves
-(:mod:`tiago_mj.gap.detectors.set_points`), which another effect may hide. Beside an explanation, how joints answer to a
-set point that is off is learned from a simulation (:mod:`tiago_mj.gap.search.impulse_responses`), so that what each
-magnitude would change is known without simulating it.
+The likelihood has no useful gradient in their magnitude. They are first sought in the residual of the nominal model
+(:mod:`tiago_mj.gap.detectors.set_points`), where another effect may hide them. Beside an explanation, the impulse
+responses of the joints to a set point that is off are estimated from a simulation
+(:mod:`tiago_mj.gap.search.impulse_responses`); the change at each magnitude then follows by convolution.
 """
 
 from __future__ import annotations
@@ -55,47 +55,47 @@ MIN_ROUND_GAIN_NATS: Final = 3.0
 
 
 def beside(state: State, fit: Fitted, least: float, *, drivers: bool = True) -> list[Start]:
-    """Starts on all trials of an explanation with a grid or dead band beside it, each at the magnitudes that explain
-    most of what it leaves; none where they are expected to gain less than ``least`` [nats].
+    """Starts on all trials that add a quantization or dead band to an explanation, at the magnitudes with the largest
+    log likelihood; none where the expected gain is below ``least`` [nats].
 
-    Beside the nominal model they are looked for with its numbers as they are given: as fitted they have absorbed part
-    of what is looked for. Without ``drivers`` none that look now and then.
+    Beside the nominal model its nuisances are 0: the fitted ones have absorbed part of the effect. Without ``drivers``
+    only those that act at every command are sought.
     """
-    there, at = {part.label for part in fit.parts}, starts.point_of(fit)
+    there, point = {part.label for part in fit.parts}, starts.point_of(fit)
     mine = [c for c in state.pool if _acts_on_set_points(c) and c.label not in there and (drivers or not _kind(c)[1])]
     if not fit.parts:
-        at = replace(at, nuisance=np.zeros_like(at.nuisance))
-    return _starts(state, at, mine, least)
+        point = replace(point, nuisance=np.zeros_like(point.nuisance))
+    return _starts(state, point, mine, least)
 
 
 def worth(seeds: Sequence[Fitted]) -> list[Fitted]:
-    """Explanations beside which they are looked for: the best, and the best that is no grid or dead band itself. With a
-    driver's period such a one does not miss a delay, which resembles it."""
+    """Explanations to which a quantization or dead band is added: the best, and the best without one. A driver's period
+    resembles a delay, so that with it a delay does not look missing."""
     free = [fit for fit in seeds if not any(_acts_on_set_points(part) for part in fit.parts)]
     return [*seeds[:1], *(fit for fit in free[:1] if fit is not seeds[0])]
 
 
 def looked_for_again(state: State) -> State:
-    """The search with the grid or dead band of its best explanation looked for again beside the rest of it, as long as
-    that brings something."""
+    """The search with the quantization or dead band of its best explanation sought again beside its other effects, as
+    long as the evidence grows."""
     for _ in range(MAX_ROUNDS):
         best = state.best
         mine = [k for k, part in enumerate(best.parts) if _acts_on_set_points(part)]
-        if not mine or state.everywhere.out_of_time():
+        if not mine or state.full.out_of_time():
             break
         rest = starts.point_of(best).without_effect(mine[0])
         again = _starts(state, rest, [best.parts[mine[0]]], 0.0)
-        state = state.with_fits(state.everywhere.fit_all(again))
+        state = state.with_fits(state.full.fit_all(again))
         if state.best.evidence < best.evidence + MIN_ROUND_GAIN_NATS:
             break
     return state
 
 
-def _starts(state: State, at: Point, candidates: Sequence[Candidate], least: float) -> list[Start]:
-    everywhere, motion = state.everywhere, state.motion
-    if motion is None or not candidates or any(part.effect == impulse_responses.LOSES for part in at.parts):
+def _starts(state: State, point: Point, candidates: Sequence[Candidate], least: float) -> list[Start]:
+    full, motion = state.full, state.motion
+    if motion is None or not candidates or any(part.effect == impulse_responses.LOSES for part in point.parts):
         return []
-    beside = Beside.of(everywhere, motion, at)
+    beside = Beside.of(full, motion, point)
     found: list[tuple[float, Start]] = []
     for (_, by_driver), group in groupby(sorted(candidates, key=_kind), key=_kind):
         found += (_with_driver if by_driver else _at_commands)(beside, list(group), least)
@@ -104,36 +104,38 @@ def _starts(state: State, at: Point, candidates: Sequence[Candidate], least: flo
 
 
 def _at_commands(beside: Beside, candidates: Sequence[Candidate], least: float) -> list[tuple[float, Start]]:
-    """What the best magnitudes gain where each command is rounded or ignored as it comes [nats], and starts there."""
+    """Gain [nats] and starts of the best magnitudes where each command is rounded or ignored as it arrives."""
     out: list[tuple[float, Start]] = []
-    at = beside.at
+    point = beside.point
     values = set_points.dense(candidates[0], beside.farthest, FINE_GRID_SHIFT)
-    few = beside.in_liveliest(SCANNED_TRIALS).gains(candidates, _pairs(values, 0.0))
-    for candidate, gains in zip(candidates, few, strict=True):
+    first_gains = beside.in_liveliest(SCANNED_TRIALS).gains(candidates, _pairs(values, 0.0))
+    for candidate, gains in zip(candidates, first_gains, strict=True):
         found, most = [], 0.0
         for k in set_points.minima(-gains):
             fine = _around(values, k, MAGNITUDES_AROUND_BEST)
             near = beside.gains([candidate], _pairs(fine, 0.0))[0]
             if near.max() > least:
-                found.append((np.array([*at.values, fine[int(np.argmax(near))]]), at.nuisance))
+                found.append((np.array([*point.values, fine[int(np.argmax(near))]]), point.nuisance))
                 most = max(most, float(near.max()))
         if found:
-            out.append((most, Start((*at.parts, candidate), found[0][0], at.nuisance, tuple(found[1:]))))
+            out.append((most, Start((*point.parts, candidate), found[0][0], point.nuisance, tuple(found[1:]))))
     return out
 
 
 def _with_driver(beside: Beside, candidates: Sequence[Candidate], least: float) -> list[tuple[float, Start]]:
-    """What the best magnitudes and periods gain where a driver rounds or ignores what it looks at [nats], and starts
-    there.
+    """Gain [nats] and starts of the best magnitudes and periods where a driver rounds or ignores the set point that it
+    reads.
 
-    The likelihood's peaks are narrow: all pairs are looked at in few trials, the best of each period in all of them.
+    The likelihood has narrow peaks: all pairs are tried in few trials, the best of each period in all of them.
     """
     out: list[tuple[float, Start]] = []
-    at, wide = beside.at, candidates[0]
+    point, wide = beside.point, candidates[0]
     values = wide.identity + np.geomspace(0.01, 1.0, DRIVER_WIDTHS) * (wide.high - wide.identity)
     every = np.concatenate([_pairs(values, period) for period in PERIODS])
-    few = beside.in_liveliest(SCANNED_TRIALS).gains(candidates, every).reshape(len(candidates), len(PERIODS), -1)
-    for candidate, gains in zip(candidates, few, strict=True):
+    first_gains = (
+        beside.in_liveliest(SCANNED_TRIALS).gains(candidates, every).reshape(len(candidates), len(PERIODS), -1)
+    )
+    for candidate, gains in zip(candidates, first_gains, strict=True):
         peaks = [(period, k) for period, one in zip(PERIODS, gains, strict=True) for k in set_points.minima(-one)]
         if not peaks:  # what is explained rises up to a bound, or falls from one, whatever the period
             continue
@@ -144,7 +146,10 @@ def _with_driver(beside: Beside, candidates: Sequence[Candidate], least: float) 
             best[period] = max(best.get(period, (-np.inf, value)), (gain, value))
         ahead = sorted(best.items(), key=lambda item: -item[1][0])[: set_points.MAX_SIMULATED]
         out += [
-            (gain, Start((*at.parts, with_period(candidate, period)), np.array([*at.values, value]), at.nuisance))
+            (
+                gain,
+                Start((*point.parts, with_period(candidate, period)), np.array([*point.values, value]), point.nuisance),
+            )
             for period, (gain, value) in ahead
             if gain > least
         ]
@@ -152,29 +157,31 @@ def _with_driver(beside: Beside, candidates: Sequence[Candidate], least: float) 
 
 
 def _pairs(values: Array, period: float) -> Array:
-    """Magnitudes, each beside a period, (nvalues, 2)."""
+    """Magnitudes, each with a period, (nvalues, 2)."""
     return np.column_stack([values, np.full(len(values), period)])
 
 
 def _around(values: Array, k: int, count: int) -> Array:
-    """So many magnitudes between the neighbours of one."""
+    """A finer grid of magnitudes between the neighbours of one."""
     return np.linspace(values[max(k - 1, 0)], values[min(k + 1, len(values) - 1)], count)
 
 
 def _kind(candidate: Candidate) -> tuple[str, bool]:
-    """What candidates are looked at together by: effect, and whether it acts when a driver looks."""
+    """Effect, and whether it acts when a driver reads the set point: candidates that share both are tried together."""
     return candidate.effect, bool(dict(candidate.fixed).get(PERIOD))
 
 
 def _acts_on_set_points(candidate: Candidate) -> bool:
-    """Whether it does so at every command, or whenever a driver looks, and not smoothly, as a limit."""
+    """Whether a candidate changes set points discontinuously, at every command or when a driver reads them; a limit
+    does not."""
     declared = EFFECTS[candidate.effect]
     return declared.stage == "command" and overrides(declared, "set_point") and bool(np.isfinite(candidate.identity))
 
 
 @dataclass(frozen=True)
 class Beside:
-    """An explanation beside which grids and dead bands are looked for.
+    """An explanation with what predicts the change by a quantization or dead band: impulse responses and the
+    likelihood.
 
     Attributes:
         fitter, motion, at: of the recordings, and the explanation.
@@ -185,33 +192,33 @@ class Beside:
 
     fitter: Fitter
     motion: ServoMotion
-    at: Point
+    point: Point
     frame: likelihood.Frame
     base: Array
     learned: Learned
 
     @classmethod
-    def of(cls, fitter: Fitter, motion: ServoMotion, at: Point) -> Beside:
-        """Simulate it, without and with commands lost at random."""
-        base, learned = impulse_responses.learned(fitter.predict, effects_in_every_trial(fitter, at))
+    def of(cls, fitter: Fitter, motion: ServoMotion, point: Point) -> Beside:
+        """Simulate the explanation without and with randomly lost commands, and estimate the impulse responses."""
+        base, learned = impulse_responses.learned(fitter.predict, effects_in_every_trial(fitter, point))
         fitter = replace(fitter, data=_free(fitter, motion))
-        return cls(fitter, motion, at, _frame(fitter, at), base[list(fitter.trials)], learned)
+        return cls(fitter, motion, point, _frame(fitter, point), base[list(fitter.trials)], learned)
 
     def in_liveliest(self, count: int) -> Beside:
-        """The same in so many of the trials: those that are asked to move most."""
+        """The same on the ``count`` trials with the largest commanded motion."""
         moved = [float(np.nansum(np.abs(np.diff(self.motion.requested[t], axis=0)))) for t in self.fitter.trials]
         rows = sorted(np.argsort(moved)[-count:].tolist())
-        fitter, at = self.fitter.part(rows), replace(self.at, nuisance=self.fitter.of(rows, self.at.nuisance))
-        return replace(self, fitter=fitter, at=at, frame=_frame(fitter, at), base=self.base[rows])
+        fitter, point = self.fitter.part(rows), replace(self.point, nuisance=self.fitter.of(rows, self.point.nuisance))
+        return replace(self, fitter=fitter, point=point, frame=_frame(fitter, point), base=self.base[rows])
 
     @property
     def farthest(self) -> float:
-        """How far set points are from the joints' zeros [m, rad]."""
+        """Largest distance of a set point from its joint's zero [m, rad]."""
         return float(np.nanmax(np.abs(self.motion.requested[list(self.fitter.trials)])))
 
     def gains(self, candidates: Sequence[Candidate], pairs: Array) -> Array:
-        """What pairs of a magnitude and a driver's period [s] explain, (npairs, 2) to (ncandidates, npairs) [nats], for
-        each of the candidates, which are one effect; the nominal numbers are integrated out."""
+        """Gain in log likelihood [nats] at each pair of magnitude and driver's period [s], (npairs, 2) to (ncandidates,
+        npairs), nuisances integrated out; the candidates are one effect."""
         wide = replace(candidates[0], target=None)
         answers = [self._answers(candidate) for candidate in candidates]
         nothing = likelihood.log_likelihood(self.frame, self.base[None])[0]
@@ -227,7 +234,7 @@ class Beside:
         return out
 
     def _answers(self, candidate: Candidate) -> list[tuple[int, int, Array]]:
-        """Actuators that the candidate acts on, channels of their joints, and how these answer, (rows,)."""
+        """Actuators that the candidate acts on, channels of their joints, and impulse responses of these, (rows,)."""
         plant, data = self.fitter.predict.plant, self.fitter.predict.data
         commands = plant.wiring.targets.command
         index = [commands.index(name) for name in candidate.target or commands]
@@ -242,7 +249,7 @@ class Beside:
         return out
 
     def _offsets(self, wide: Candidate, pairs: Array) -> Array:
-        """How far off pairs put the set points, on average over a row, (npairs, ntrials, T - 1, nactuators)."""
+        """Mean offset of the set point over each row for every pair, (npairs, ntrials, T - 1, nactuators)."""
         plant, on, motion = self.fitter.predict.plant, self.fitter.predict.on, self.motion
         if pairs[0, 1]:
             steps = set_points.driven(plant, on, motion, wide, pairs, self.fitter.trials, DRIVER_STEP)
@@ -251,12 +258,12 @@ class Beside:
         return np.stack(passed, axis=1) - motion.requested[list(self.fitter.trials)]
 
 
-def _frame(fitter: Fitter, at: Point) -> likelihood.Frame:
-    return likelihood.frame(fitter.data, fitter.weight, fitter.responses, fitter.per_trial, at.nuisance)
+def _frame(fitter: Fitter, point: Point) -> likelihood.Frame:
+    return likelihood.frame(fitter.data, fitter.weight, fitter.responses, fitter.per_trial, point.nuisance)
 
 
 def _free(fitter: Fitter, motion: ServoMotion) -> Data:
-    """What was measured of the actuated joints while nothing was touched: how a joint answers there is learned."""
+    """Measurements of the actuated joints while nothing is touched, NaN elsewhere: impulse responses hold there."""
     plant, trials = fitter.predict.plant, list(fitter.trials)
     value = np.full_like(fitter.data.value, np.nan)
     for a, joint in enumerate(plant.wiring.targets.actuated):
@@ -268,7 +275,7 @@ def _free(fitter: Fitter, motion: ServoMotion) -> Data:
 
 
 def _convolved(offsets: Array, response: Array) -> Array:
-    """What offsets (..., T) change by an answer (rows,) to one, (..., T)."""
+    """Convolution of set point offsets (..., T) with an impulse response (rows,), (..., T)."""
     rows = offsets.shape[-1]
     size = 1 << (rows + len(response)).bit_length()
     both = np.fft.rfft(offsets, size) * np.fft.rfft(response, size)

@@ -1,5 +1,5 @@
-"""What is known better once something explains the recordings: the sensors' noise, in what that leaves, and what the
-physics step gets wrong, beside it and not beside the nominal model."""
+"""Sensor noise and integration error estimated from the residual of the best explanation, in place of the wider
+tolerances that are assumed at first."""
 
 from __future__ import annotations
 
@@ -20,32 +20,31 @@ MAX_REFITTED: Final = 4
 
 
 def sharpened(state: State) -> State:
-    """The search with noise and step error as they are beside its best explanation, by which all are weighed anew."""
-    everywhere = beside(state.everywhere, state.best)
-    few, shared = state.few, [t for t in state.few.trials if t in everywhere.trials]
-    if len(shared) == len(few.trials):
-        rows = [everywhere.trials.index(t) for t in few.trials]
-        data = noise_model.select_trials(everywhere.data, rows)
-        few = replace(few, data=data, predict=everywhere.predict, weight=everywhere.weight)
-    state = replace(state, few=few, everywhere=everywhere)
-    return replace(state, fits=tuple(rounds.reweighted(everywhere, state.fits, MAX_REFITTED)))
+    """The search with noise and step error estimated beside its best explanation, all explanations weighed anew."""
+    full = beside(state.full, state.best)
+    screening, shared = state.screening, [t for t in state.screening.trials if t in full.trials]
+    if len(shared) == len(screening.trials):
+        rows = [full.trials.index(t) for t in screening.trials]
+        data = noise_model.select_trials(full.data, rows)
+        screening = replace(screening, data=data, predict=full.predict, weight=full.weight)
+    state = replace(state, screening=screening, full=full)
+    return replace(state, fits=tuple(rounds.reweighted(full, state.fits, MAX_REFITTED)))
 
 
-def beside(everywhere: Fitter, best: Fitted) -> Fitter:
-    """The fitter with noise and step error as they are beside an explanation."""
-    point, predict = starts.point_of(best), everywhere.predict
+def beside(full: Fitter, best: Fitted) -> Fitter:
+    """The fitter with noise and step error estimated beside an explanation."""
+    point, predict = starts.point_of(best), full.predict
     if predict.corrected:
         effects = [
-            (trial, everywhere.effects(point.parts, point.values, point.nuisance, k))
-            for k, trial in enumerate(everywhere.trials)
+            (trial, full.effects(point.parts, point.values, point.nuisance, k)) for k, trial in enumerate(full.trials)
         ]
         predict = predict.corrected_beside(effects)
-    there = replace(everywhere, predict=predict)
+    there = replace(full, predict=predict)
     prediction = there.predictions([point])[0]
     error = np.zeros_like(prediction)
     if predict.corrected and predict.off is not None:
         error = replace(there, predict=replace(predict, corrected=False)).predictions([point])[0] - prediction
-    there = replace(there, data=noise_model.beside(everywhere.data, prediction, error))
+    there = replace(there, data=noise_model.beside(full.data, prediction, error))
     sigma, common = predict.data.sigma.copy(), predict.data.common.copy()
     sigma[list(there.trials)], common[list(there.trials)] = there.data.sigma, there.data.common
     measured = replace(predict.data, noise=there.data.noise, sigma=sigma, common=common)
@@ -53,13 +52,15 @@ def beside(everywhere: Fitter, best: Fitted) -> Fitter:
     return replace(there, weight=ranking.sample_weight(there.data, prediction))
 
 
-def misfits_by(before: Fitter, everywhere: Fitter, fits: Sequence[Fitted]) -> list[Fitted]:
-    """Explanations with what they leave in units of noise and tolerance as these were assumed at first: another
-    simulator, or a robot, is not expected to agree with this one to within the noise of its sensors. What they leave in
-    the units of the search is kept as ``sharp``."""
-    rows = [before.trials.index(trial) for trial in everywhere.trials]
+def misfits_by(before: Fitter, full: Fitter, fits: Sequence[Fitted]) -> list[Fitted]:
+    """Explanations with reduced chi-squares in units of the noise and tolerance assumed at first.
+
+    Another simulator, or a robot, need not agree with this simulator to within the noise of its sensors. The larger of
+    the two in units of the estimated noise is kept as ``sharp``.
+    """
+    rows = [before.trials.index(trial) for trial in full.trials]
     data = noise_model.select_trials(before.data, rows)
-    there = replace(everywhere, data=data, iterations=0).fit_all([starts.restart(f) for f in fits])
+    there = replace(full, data=data, iterations=0).fit_all([starts.restart(f) for f in fits])
     return [
         replace(f, misfit=g.misfit, lasting=g.lasting, sharp=ranking.discrepancy(f))
         for f, g in zip(fits, there, strict=True)

@@ -1,4 +1,4 @@
-"""Starting points of fits. Gauss-Newton ends in the nearest local optimum, so several are tried."""
+"""Starting points of Gauss-Newton fits; several are tried, as a fit ends in the nearest local optimum."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ MAX_FAR_NUISANCES: Final = 2
 
 
 def point_of(there: Fitted | Start) -> Point:
-    """Where a fit ended, or begins."""
+    """Effects, magnitudes and nuisances of a fit or a start."""
     assert there.nuisance is not None
     return Point(there.parts, there.values, there.nuisance)
 
@@ -35,53 +35,59 @@ def start_at(there: Point) -> Start:
 
 
 def restart(fit: Fitted) -> Start:
-    """Start where a fit ended."""
+    """Start at the end point of a fit."""
     return Start(fit.parts, fit.values, fit.nuisance)
 
 
 def with_replaced_candidates(fit: Fitted, others: Mapping[Label, Candidate]) -> Start:
-    """Start where a fit ended, some of its candidates replaced by others with the first magnitude of their grids."""
+    """Start at the end point of a fit, some candidates replaced by others at the first magnitude of their grids."""
     parts = tuple(others.get(part.label, part) for part in fit.parts)
     values = [p.grid[0] if p.label in others else v for p, v in zip(parts, fit.values, strict=True)]
     return Start(parts, np.array(values), fit.nuisance)
 
 
-def start_of_screened(s: Screened, few: Fitter, at: Array) -> Start:
-    """Start for some trials of what the first pass found: with the nominal numbers beside which it was found, with what
-    those have of the effect given back to it, or, where they were moved far, without them."""
+def start_of_screened(s: Screened, screening: Fitter, nuisance: Array) -> Start:
+    """Start on the screening trials from a screened candidate.
+
+    Alternative starts transfer to the effect what the nuisances of the same parameter absorbed, or set nuisances that
+    moved far to 0.
+    """
     values = np.array([s.value])
-    freed = _nuisances_moved_to_effect((s.candidate,), values, few, at)
-    return Start((s.candidate,), values, at, (freed, *with_zero_nuisances(values, at)))
+    freed = _nuisances_moved_to_effect((s.candidate,), values, screening, nuisance)
+    return Start((s.candidate,), values, nuisance, (freed, *with_zero_nuisances(values, nuisance)))
 
 
-def with_zero_nuisances(values: Array, at: Array) -> tuple[Pair, ...]:
-    """The magnitudes with all nuisances 0 as an alternative start where a nuisance was moved far; else empty."""
-    return ((values, np.zeros_like(at)),) if np.abs(at).max(initial=0.0) > FAR_NUISANCE_DEVIATIONS else ()
+def with_zero_nuisances(values: Array, nuisance: Array) -> tuple[Pair, ...]:
+    """The magnitudes with all nuisances 0 as an alternative start where a nuisance moved far; else empty."""
+    return ((values, np.zeros_like(nuisance)),) if np.abs(nuisance).max(initial=0.0) > FAR_NUISANCE_DEVIATIONS else ()
 
 
-def start_on_all_trials(fit: Fitted, everywhere: Fitter, at: Array) -> Start:
-    """Start for all trials of what was fitted to some: with its nuisances, as far as trials share them; with those of
-    the nominal model, or without them where these were moved far; or with an effect that has not begun, which is no
-    worse than none, with what the nominal numbers have of the effect given back to it."""
-    count = len(everywhere.shared)
-    nuisance = np.concatenate([fit.nuisance[:count], at[count:]])
+def start_on_all_trials(fit: Fitted, full: Fitter, nominal_nuisance: Array) -> Start:
+    """Start on all trials from a fit to the screening trials, with its shared nuisances.
+
+    Alternative starts have the nuisances of the nominal model, transfer to the effect what nuisances of the same
+    parameter absorbed (at the fitted magnitude, and from the value without effect, so that the fit is no worse than
+    that without), or set nuisances that moved far to 0.
+    """
+    count = len(full.shared)
+    nuisance = np.concatenate([fit.nuisance[:count], nominal_nuisance[count:]])
     begun = np.array([p.identity if np.isfinite(p.identity) else p.high for p in fit.parts])
     return Start(
         fit.parts,
         fit.values,
         nuisance,
         (
-            (fit.values, at),
-            _nuisances_moved_to_effect(fit.parts, fit.values, everywhere, nuisance),
-            _nuisances_moved_to_effect(fit.parts, begun, everywhere, at),
-            *with_zero_nuisances(fit.values, at),
+            (fit.values, nominal_nuisance),
+            _nuisances_moved_to_effect(fit.parts, fit.values, full, nuisance),
+            _nuisances_moved_to_effect(fit.parts, begun, full, nominal_nuisance),
+            *with_zero_nuisances(fit.values, nominal_nuisance),
         ),
     )
 
 
 def _nuisances_moved_to_effect(parts: Sequence[Candidate], values: Array, fitter: Fitter, nuisance: Array) -> Pair:
-    """The same, with what numbers of the nominal model have of an effect given back to it: fits of the nominal model
-    moved them as far as they go."""
+    """Magnitudes and nuisances with the mean change of the nuisances of the same parameter transferred to the
+    effect."""
     values, nuisance = values.copy(), nuisance.copy()
     for k, part in enumerate(parts):
         mine = _nuisances_of(fitter, part)
@@ -96,8 +102,8 @@ def _nuisances_moved_to_effect(parts: Sequence[Candidate], values: Array, fitter
 
 
 def _nuisances_of(fitter: Fitter, part: Candidate) -> list[tuple[list[int], Term]]:
-    """Of the nuisances, those that are the number that an effect changes: indices (of each trial's, where every trial
-    has its own), term."""
+    """Nuisances on the parameter that an effect changes: indices (one for every trial where each trial has its own) and
+    term."""
     return [
         (fitter.nuisance_indices(k), term)
         for k, term in enumerate(fitter.terms)
@@ -108,8 +114,8 @@ def _nuisances_of(fitter: Fitter, part: Candidate) -> list[tuple[list[int], Term
 
 
 def effects_of_far_nuisances(fitter: Fitter, nuisance: Array, among: Collection[Label]) -> list[Label]:
-    """Effects, by label, that change a number of the nominal model which was moved far: on all targets, or on that one
-    where the others' was not."""
+    """Labels of effects on parameters whose nuisance moved far: on all targets, or on one where only its nuisance
+    did."""
     far: dict[str, list[Term]] = {}
     places = [fitter.nuisance_indices(k) for k in range(len(fitter.terms))]
     moves = [abs(nuisance[there].mean()) * len(there) ** 0.5 for there in places]  # of all trials together
@@ -124,8 +130,7 @@ def effects_of_far_nuisances(fitter: Fitter, nuisance: Array, among: Collection[
 
 
 def starts_on_far_nuisances(fit: Fitted, fitter: Fitter, among: Sequence[Candidate]) -> list[Start]:
-    """Starts with another effect, each on a number of the nominal model that the explanation moved far: the effect
-    begins with what the number was moved by."""
+    """Starts that add an effect on a parameter whose nuisance moved far; the effect begins with that change."""
     by_label = {candidate.label: candidate for candidate in reversed(among)}
     out = []
     for label in effects_of_far_nuisances(fitter, fit.nuisance, by_label):
@@ -138,11 +143,10 @@ def starts_on_far_nuisances(fit: Fitted, fitter: Fitter, among: Sequence[Candida
 
 
 def absorbed_by_nuisances(fit: Fitted, fitter: Fitter) -> Start | None:
-    """Start without effects that are no more than a nominal number a little off, which takes that value instead; None
-    where no effect of the explanation is.
+    """Start without the effects that lie within the prior range of a nuisance on the same parameter, which takes their
+    value; None where there is none.
 
-    Fits end in the nearest valley: where an effect found a better one than the explanation without it, that goes on
-    from there. Only where nothing but the number itself is beyond what it is known to.
+    A fit ends in the nearest local optimum: this continues the better one that the effect found, without the effect.
     """
     nuisance, kept = fit.nuisance.copy(), []
     for k, part in enumerate(fit.parts):

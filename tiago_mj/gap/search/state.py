@@ -1,4 +1,4 @@
-"""What a search is asked, where it stands, and what it answers."""
+"""Question, state and result of a search."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from tiago_mj.gap.search.screen import Screened
 
 Array = NDArray[np.float64]
 
-#: Physics steps of all trials that are fitted, and of those of the first pass; no fewer than so many trials: ten
+#: Physics steps of all trials that are fitted, and of the screening trials; no fewer than so many trials: ten
 #: grasps of a second and a quarter are all fitted, of ten-second ones those in which the nominal model fails most.
 FIT_STEPS: Final = 8_000
 FIRST_STEPS: Final = 4_000
 FIT_TRIALS: Final = 3
 FIRST_TRIALS: Final = 1
-#: Trials of the first pass at most.
+#: Screening trials at most.
 SCREEN_TRIALS: Final = 3
 #: Physics steps that a search takes at most, in units of those of all fitted trials: fits then end where they are.
 #: Of 18 cases of the blind check (seed 14) right answers took 150 to 690, one 1130; three without any 1120 to 1930.
@@ -34,16 +34,16 @@ BUDGET: Final = 900
 
 
 class Tick(Protocol):
-    """Told how far a diagnosis is."""
+    """Callback for the progress of a diagnosis."""
 
     def __call__(self, stage: str, total: int, done: int = 0, *, gap: bool | None = None) -> None:
-        """A stage of so many steps (begins, or) has done some of them; ``gap``: whether what explains the recordings
-        best so far leaves one."""
+        """A stage of ``total`` steps begins, or has done ``done`` of them; ``gap``: whether the best explanation so far
+        leaves one."""
 
 
 @dataclass(frozen=True)
 class Question:
-    """What a search explains, and with what.
+    """What is to be explained, and the candidates and nuisances to explain it with.
 
     Attributes:
         predict: simulations.
@@ -69,12 +69,12 @@ class Question:
 
     @property
     def fitted_trials(self) -> int:
-        """How many trials are fitted to."""
+        """Number of trials that are fitted."""
         return min(max(FIT_STEPS // max(self.steps, 1), FIT_TRIALS), len(self.trials))
 
     @property
     def first_trials(self) -> int:
-        """How many trials the first pass looks at, at most."""
+        """Largest number of screening trials."""
         return min(max(FIRST_STEPS // max(self.steps, 1), FIRST_TRIALS), SCREEN_TRIALS)
 
     @property
@@ -85,27 +85,27 @@ class Question:
 
 @dataclass(frozen=True)
 class State:
-    """Where a search stands; every stage makes a new one.
+    """State of a search; immutable, every stage returns a new one.
 
     Attributes:
-        few: fits to the trials of the first pass.
-        everywhere: fits to all trials.
+        screening: fitter to the screening trials.
+        full: fitter to all trials.
         fits: explanations of all trials, the nominal model among them.
-        at: nuisances of the nominal model on all trials, beside which effects are sought.
-        here: the nominal model in the first pass.
-        promising: effects after the first pass, best first; none before it.
-        pool: candidates that are visible, those too that gained little on the first trial.
+        nominal_nuisance: nuisances of the nominal model on all trials, beside which effects are sought.
+        linearization_point: the nominal model on the screening trials, beside which effects are screened.
+        promising: screened effects by decreasing gain; none before screening.
+        pool: candidates that are visible, those included that gained little on the first trial.
         unseen: effects that no magnitude makes visible in these recordings.
         losing: candidates that lose commands: which were lost is decoded, not drawn.
         motion: what the servos' motion says; None: there is nothing to be read from it.
         excluded: indices of excluded trials: their motion departs from what the best explanation predicts.
     """
 
-    few: Fitter
-    everywhere: Fitter
+    screening: Fitter
+    full: Fitter
     fits: tuple[Fitted, ...]
-    at: Array
-    here: Point
+    nominal_nuisance: Array
+    linearization_point: Point
     promising: tuple[Screened, ...] = ()
     pool: tuple[Candidate, ...] = ()
     unseen: tuple[str, ...] = ()
@@ -115,21 +115,21 @@ class State:
 
     @property
     def best(self) -> Fitted:
-        """The likeliest explanation."""
+        """The explanation with the most evidence."""
         return ranking.by_evidence(self.fits)[0]
 
     @property
     def nominal(self) -> Fitted:
-        """The nominal model at its best."""
+        """The nominal model with its best nuisances."""
         return ranking.best_nominal(self.fits)
 
     def with_weight(self, weight: Array) -> State:
-        """With other sample weights, (C,); what was fitted before keeps its evidence."""
-        few, everywhere = replace(self.few, weight=weight), replace(self.everywhere, weight=weight)
-        return replace(self, few=few, everywhere=everywhere)
+        """The search with other sample weights, (C,); earlier fits keep their evidence."""
+        screening, full = replace(self.screening, weight=weight), replace(self.full, weight=weight)
+        return replace(self, screening=screening, full=full)
 
     def with_fits(self, fits: Sequence[Fitted]) -> State:
-        """With further explanations; of fits of the same effects the likeliest stays."""
+        """The search with further explanations; of fits of the same effects the one with the most evidence is kept."""
         return replace(self, fits=tuple(ranking.unique_by_labels([*self.fits, *fits])))
 
 

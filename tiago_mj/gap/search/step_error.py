@@ -1,7 +1,7 @@
-"""Whether what the physics step gets wrong is put right in predictions, decided beside what explains the recordings.
+"""Whether predictions are corrected for the integration error of the physics step, decided beside an explanation.
 
-What was recorded in the very simulator that replays it is wrong by the same steps, a real robot is not. Beside the
-nominal model alone that cannot be told: what an effect changes is larger than what the step does.
+A recording made in the very simulator that replays it has the same integration error, a real robot has not. Beside the
+nominal model this cannot be decided: the change by a missing effect is larger than the integration error.
 """
 
 from __future__ import annotations
@@ -24,7 +24,8 @@ MIN_COST_DROP_NATS: Final = 1.1
 
 
 def better_step_correction(fitter: Fitter, fits: Sequence[Fitted]) -> Predictor | None:
-    """A predictor that treats the step's error the other way; None where the recordings do not ask for it.
+    """The predictor with the correction for integration error switched; None where the present choice is the more
+    likely one.
 
     Args:
         fitter: of the trials.
