@@ -9,7 +9,7 @@ from scipy.signal import lfilter
 
 from tiago_mj.effects.declare import STAGES
 from tiago_mj.gap.analysis import residual_shape, unexplained
-from tiago_mj.gap.analysis.regressors import Course
+from tiago_mj.gap.analysis.regressors import Trajectory
 from tiago_mj.gap.inference.noise_model import Data
 from tiago_mj.gap.result import CARRIERS, SHAPES
 
@@ -27,7 +27,7 @@ def course(seed, trials=TRIALS, rows=ROWS):
     position = swing + gaussian_filter1d(command, 3, axis=1)
     velocity = np.gradient(position, axis=1) / PERIOD
     touching = position > 0.25
-    return Course(position, velocity, command, touching, 30 * np.maximum(position - 0.25, 0), PERIOD)
+    return Trajectory(position, velocity, command, touching, 30 * np.maximum(position - 0.25, 0), PERIOD)
 
 
 def noise(rng, shape, decay):
@@ -117,7 +117,7 @@ def test_a_line_of_the_motion_itself_is_no_shape():
     time = np.arange(ROWS) * PERIOD
     swing = np.sin(2 * np.pi * 2 * time) * np.ones((TRIALS, 1))
     still = np.zeros_like(swing)
-    on = Course(swing, np.gradient(swing, axis=1) / PERIOD, swing, still > 0, still, PERIOD)
+    on = Trajectory(swing, np.gradient(swing, axis=1) / PERIOD, swing, still > 0, still, PERIOD)
     found = residual_shape.shares(swing**2 * np.sign(swing) + 0.1 * swing, on)
     assert "frequency" not in [one.shape for one in found]
 

@@ -1,1 +1,1 @@
-"""Where the gap lies, how far it shrinks, what it costs on the task and what is left."""
+"""Analysis of the gap: where it lies, how much of it is closed, what it costs on the task, and what is left."""

@@ -1,7 +1,7 @@
-"""What explanations predict of trials that were kept out: the validation trials, which choose, and the test trials.
+"""Predictive checks of explanations on held-out trials: the validation trials, which choose, and the test trials.
 
-Predicted by the simulator itself, the nominal model's own numbers as they were fitted beside each explanation: an
-explanation that needs them is judged with them. How an object stood in one trial tells nothing of another.
+Predictions are simulated with the nominal numbers as they were fitted beside each explanation, so that an explanation
+that needs them is judged with them. The pose of an object in one trial says nothing about another trial.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from tiago_mj.recordings.recording import Trial
 
 Array = NDArray[np.float64]
 
-#: Numbers of the nominal model that are told.
+#: Fitted numbers of the nominal model that are listed.
 MAX_LISTED_NUMBERS: Final = 3
 
 
@@ -41,10 +41,10 @@ def validated(
     seed: int,
     nominal: int,
 ) -> tuple[Array, NDArray[np.bool_]]:
-    """What explanations gain on some trials, and which of them predict those far worse than the best.
+    """Drop of the mean squared residual on the validation trials under each explanation, and the explanations that
+    predict them far worse than the best.
 
-    A gain is what effects add: it is against the nominal model with its own numbers as they were fitted without them,
-    so that what these numbers gain by themselves is no effect's.
+    The drop is relative to the nominal model with its own fitted numbers, so that it measures the effects alone.
 
     Args:
         plant: the nominal simulator.
@@ -52,25 +52,25 @@ def validated(
         data: measured, in every trial.
         base: nominal prediction, (ntrials, T, C).
         fits: explanations.
-        trials: that judge; they are better not those that were fitted.
+        trials: validation trials, not those that were fitted.
         fails: mean square of the worst channel, in units of floor and tolerance, above which an explanation fails.
         seed: of the bootstrap.
-        nominal: index of the explanation that adds nothing, or only what the readings betray.
+        nominal: index of the explanation without effects, apart from those measured on the readings.
 
     Returns:
-        Drop of the mean squared residual in units of the floor, (n,), and who is far worse, (n,).
+        Drop of the mean squared residual in units of the floor, (n,), and a mask of those far worse, (n,).
     """
     known = [(*fit.effects(), *own_numbers(plant, fit)) for fit in fits]
     nothing = own_numbers(plant, fits[nominal])
     simulated = known if nothing in known else [*known, nothing]
     every = predict.all_trials(simulated, trials)
     predicted = every[: len(fits)]
-    here = noise_model.select_trials(data, trials)
-    length = shrink.block_rows(here, base[list(trials)], predicted[0])
-    energy, samples = _blocks(here, predicted, length)
-    before, _ = _blocks(here, every[[simulated.index(nothing)]], length)
+    selected = noise_model.select_trials(data, trials)
+    length = shrink.block_rows(selected, base[list(trials)], predicted[0])
+    energy, samples = _blocks(selected, predicted, length)
+    before, _ = _blocks(selected, every[[simulated.index(nothing)]], length)
     gains: Array = (before.sum() - energy.sum(axis=1)) / samples.sum()
-    misfit = [_misfit(here, one) for one in predicted]
+    misfit = [_misfit(selected, one) for one in predicted]
     return gains, promises.beaten(energy, samples, np.array(misfit), fails, seed)
 
 
@@ -83,7 +83,7 @@ def spoiled(
     splits: Mapping[str, Sequence[str]],
     seed: int,
 ) -> tuple[str, ...]:
-    """A sentence where the nominal model's own numbers, as fitted beside an explanation, spoil the test trials.
+    """A sentence where the nominal numbers fitted beside an explanation make the prediction of the test trials worse.
 
     Args:
         plant: the nominal simulator.
@@ -101,21 +101,21 @@ def spoiled(
     shared = [term for term in terms(plant) if not term.per_trial]
     far = sorted(zip(shared, fit.nuisance, strict=False), key=lambda one: -abs(float(one[1])))[:MAX_LISTED_NUMBERS]
     fitted, stated = predict.all_trials([(*fit.effects(), *own), tuple(fit.effects())], trials)
-    here = noise_model.select_trials(data, trials)
-    energy, samples = _blocks(here, np.stack([fitted, stated]), shrink.block_rows(here, stated, fitted))
+    selected = noise_model.select_trials(data, trials)
+    energy, samples = _blocks(selected, np.stack([fitted, stated]), shrink.block_rows(selected, stated, fitted))
     slides = [name for name, slides in zip(plant.joints, plant.wiring.targets.slides, strict=True) if slides]
     told = [_number(plant, term, float(size)) for term, size in far if size]
     return promises.spoiled(energy[0], energy[1], samples, told, travel.farther(recordings, splits, slides), seed)
 
 
 def can_close(fit: Fitted) -> bool:
-    """Whether an explanation, were it right, would close some of the gap on other trials."""
+    """Whether an explanation, if right, reduces the residual of other trials; random effects do not."""
     return not any(EFFECTS[part.effect].by_chance for part in fit.parts)
 
 
 def _blocks(data: Data, predicted: Array, length: int) -> tuple[Array, Array]:
-    """Sums of squared residuals in units of the floor, (n, B), and samples, (B,), of blocks of so many rows of each
-    trial, all channels together: they fail together."""
+    """Sums of squared residuals in units of the noise floor, (n, B), and sample counts, (B,), over blocks of ``length``
+    rows of each trial; all channels of a block are summed, as their errors are correlated."""
     known = np.isfinite(data.value)
     ntrials, rows = data.value.shape[:2]
     per_trial = -(-rows // length)
@@ -129,14 +129,14 @@ def _blocks(data: Data, predicted: Array, length: int) -> tuple[Array, Array]:
 
 
 def _misfit(data: Data, predicted: Array) -> float:
-    """Mean square of the worst channel in units of floor and tolerance."""
+    """Reduced chi-square of the worst channel, in units of noise floor and tolerance."""
     square = (likelihood.scaled(data, data.value - predicted) ** 2).sum(axis=(0, 1))
     measured = np.isfinite(data.value).sum(axis=(0, 1))
     return float((square / np.maximum(measured, 1)).max(initial=0.0))
 
 
 def _number(plant: Plant, term: Term, deviations: float) -> str:
-    """As ``encoder_scale of hinge 0.947``."""
+    """A nominal number and its fitted value in words, such as ``encoder_scale of hinge 0.947``."""
     declared = EFFECTS[term.effect]
     value = term.entry(deviations).parameters[term.parameter]
     names = plant.wiring.targets.names(declared.targets)

@@ -1,4 +1,4 @@
-"""Where the gap lies: channel × phase × frequency band, with intervals."""
+"""Gap table: mean squared residual by channel, phase of the motion and frequency band, with bootstrap intervals."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ QUANTILES: Final = (0.05, 0.95)
 
 @dataclass(frozen=True)
 class Signal:
-    """One stretch of a channel, over which it was measured without a break.
+    """One stretch of a channel that was measured without a break.
 
     Attributes:
         residual: in units of the noise floor, (T,); NaN: not measured.
@@ -40,7 +40,7 @@ class Signal:
 
 
 def locate(data: Data, predicted: Array, phase: NDArray[np.int_], period: float, seed: int = 0) -> tuple[Place, ...]:
-    """Mean squared residual in units of the noise floor, by channel, phase and band.
+    """Mean squared residual in units of the noise floor, by channel, phase and frequency band.
 
     Args:
         data: measured.
@@ -61,7 +61,7 @@ def locate(data: Data, predicted: Array, phase: NDArray[np.int_], period: float,
 
 
 def table(signals: Mapping[str, Sequence[Signal]], period: float, highest: float, seed: int) -> tuple[Place, ...]:
-    """The gap table of any signals.
+    """Gap table of given signals, as of :func:`locate`.
 
     Args:
         signals: stretches of every channel.
@@ -87,7 +87,8 @@ def table(signals: Mapping[str, Sequence[Signal]], period: float, highest: float
 def _phase(
     parts: Sequence[Signal], phase: int, period: float, highest: float, rng: np.random.Generator
 ) -> list[tuple[str, float, float, float, float]]:
-    """(band, gap, its interval's ends, summed excess) of one phase of one channel; none of fewer than two samples."""
+    """Band, mean square, the ends of its interval and the summed excess for one phase of one channel; None for fewer
+    than two samples."""
     inside = [np.isfinite(part.residual) & (part.phase == phase) for part in parts]
     counts = [int(rows.sum()) for rows in inside]
     if sum(counts) < 2:
@@ -118,7 +119,7 @@ def _phase(
 
 
 def stage(places: tuple[Place, ...]) -> str | None:
-    """Stage of the signal chain that the pattern points to; None without an excess."""
+    """Stage of the signal chain that the largest excess indicates; None without an excess."""
     if not places or places[0].share <= 0:
         return None
     kinds: dict[str, float] = {}
@@ -137,7 +138,7 @@ def stage(places: tuple[Place, ...]) -> str | None:
 
 
 def _bands(residual: Array, period: float) -> list[Array]:
-    """A signal, (T,), by frequency; the parts add up to the signal."""
+    """A signal, (T,), split into frequency bands that add up to it."""
     spectrum = np.fft.rfft(residual)
     frequency = np.fft.rfftfreq(len(residual), period)
     edges = (-1.0, *EDGES, np.inf)
@@ -150,8 +151,8 @@ def _bands(residual: Array, period: float) -> list[Array]:
 def _pieces(
     parts: Sequence[Signal], inside: Sequence[NDArray[np.bool_]], rng: np.random.Generator
 ) -> tuple[list[Ints], Array]:
-    """Pieces that rows inside belong to, numbered from 0, (count,) a stretch, and how often each draw has them,
-    (DRAWS, npieces). Where there is one alone it is always drawn."""
+    """Indices of the pieces that the rows belong to, from 0, (count,) for each stretch, and how often each bootstrap
+    draw contains them, (DRAWS, npieces); a single piece is always drawn."""
     numbers = np.concatenate([part.piece[rows] for part, rows in zip(parts, inside, strict=True)])
     names, of = np.unique(numbers, return_inverse=True)
     edges = np.cumsum([int(rows.sum()) for rows in inside])[:-1]
@@ -162,7 +163,7 @@ def _pieces(
 def _energies(
     parts: Sequence[Signal], inside: Sequence[NDArray[np.bool_]], values: Sequence[Array], rng: np.random.Generator
 ) -> Array:
-    """Mean squares of resampled pieces, (DRAWS,)."""
+    """Mean squares over resampled pieces, (DRAWS,)."""
     of, times = _pieces(parts, inside, rng)
     joined = np.concatenate(of)
     squares = np.concatenate([one[rows] ** 2 for one, rows in zip(values, inside, strict=True)])
@@ -171,7 +172,7 @@ def _energies(
 
 
 def _mean_squares(parts: Sequence[Signal], inside: Sequence[NDArray[np.bool_]], rng: np.random.Generator) -> Array:
-    """Squares of the stretches' means, weighted by their samples, of resampled pieces, (DRAWS,)."""
+    """Squares of the stretches' means, weighted by their samples, over resampled pieces, (DRAWS,)."""
     of, times = _pieces(parts, inside, rng)
     total, samples = np.zeros(DRAWS), np.zeros(DRAWS)
     for part, rows, piece in zip(parts, inside, of, strict=True):
@@ -183,7 +184,7 @@ def _mean_squares(parts: Sequence[Signal], inside: Sequence[NDArray[np.bool_]], 
 
 
 def _noise_share(band: str, highest: float) -> float:
-    """Share of the noise's power that falls into a band."""
+    """Fraction of the white noise's power in a band."""
     low, high = {
         BANDS[0]: (0.0, 0.0),
         BANDS[1]: (0.0, EDGES[0]),

@@ -1,4 +1,4 @@
-"""What was found, told in the terms of a diagnosis: effects with values, explanations, pictures, notes."""
+"""The result of a search as parts of a diagnosis: explanations, effects with intervals, curves and notes."""
 
 from __future__ import annotations
 
@@ -33,8 +33,11 @@ STRANGE: Final = "no effect of the library does that"
 
 
 def left_open(plant: Plant, ranked: Ranked) -> dict[int, tuple[Entry, ...]]:
-    """What the recordings themselves say is not known of the model, as each explanation has it, by its index: neither
-    a gap nor an effect, so that before and after have it, each its own. Empty where nothing is said."""
+    """Nominal parameters that the recordings leave uncertain, as effects with each explanation's fitted values, by its
+    index; empty where there are none.
+
+    They are part of the simulation before and after, as they are neither a gap nor an effect.
+    """
     stated = {name for name, _ in plant.known}
     if not stated:
         return {}
@@ -45,17 +48,17 @@ def left_open(plant: Plant, ranked: Ranked) -> dict[int, tuple[Entry, ...]]:
 
 
 def nominal(ranked: Ranked) -> int:
-    """Index of the explanation that names nothing beyond what readings betray."""
+    """Index of the explanation without effects, apart from those measured on the readings."""
     return next(k for k, fit in enumerate(ranked.fits) if len(fit.parts) == ranked.known)
 
 
 def stage(best: Fitted) -> str:
-    """Of the signal chain, where the first effect of an explanation is."""
+    """Stage of the signal chain of the first effect of an explanation."""
     return EFFECTS[best.parts[0].effect].stage
 
 
 def explanations(plant: Plant, ranked: Ranked, probability: Array, gains: Array) -> list[Explanation]:
-    """What was fitted, in the order of the fits.
+    """The fits as explanations of a diagnosis, in the same order.
 
     Args:
         plant: the nominal simulator.
@@ -75,8 +78,7 @@ def explanations(plant: Plant, ranked: Ranked, probability: Array, gains: Array)
 
 
 def named(plant: Plant, fit: Fitted, k: int) -> Named:
-    """The ``k``-th effect of a fit, with its values and their 90 % intervals: how large it is, given that it is there,
-    so an interval ends where the effect vanishes."""
+    """The ``k``-th effect of a fit with its values and 90 % intervals, which end at the value without effect."""
     part = fit.parts[k]
     declared = EFFECTS[part.effect]
     target: str | tuple[str, ...] = "all"
@@ -114,7 +116,7 @@ def named(plant: Plant, fit: Fitted, k: int) -> Named:
 def overlay(
     plant: Plant, trial: Trial, data: Data, base: Array, repaired: Array, phase: NDArray[np.int_], k: int
 ) -> Overlay:
-    """Signals of a trial, the ``k``-th: measured, and predicted before and after."""
+    """Curves of the ``k``-th trial: measured, and predicted without and with the explanation."""
     rows = len(trial.time)
     units: Mapping[str, Callable[[int], str]] = {
         "position": lambda j: "m" if plant.wiring.targets.slides[j] else "rad",
@@ -149,7 +151,7 @@ def notes(
     slides: Sequence[str] = (),
     ended: BaseException | None = None,
 ) -> tuple[str, ...]:
-    """Sentences that a reader should know.
+    """Notes for the reader of a diagnosis, one sentence each.
 
     Args:
         trials: that were compared.
@@ -188,7 +190,7 @@ def notes(
 
 
 def early_end(ended: BaseException | None) -> str:
-    """A sentence on what ended a search before its end; None: the time."""
+    """A sentence on what ended a search early; None where the time was over."""
     if isinstance(ended, KeyboardInterrupt):
         return "The search was interrupted: what is said is the best so far."
     if ended is not None:
@@ -198,7 +200,7 @@ def early_end(ended: BaseException | None) -> str:
 
 
 def asides(trials: Sequence[Trial]) -> tuple[str, ...]:
-    """Sentences on how the numbers were made that have no bearing on the answer."""
+    """Sentences on how the numbers were computed that do not affect the answer."""
     if not any(trial.efforts for trial in trials):
         return ()
     return ("Measured efforts are not compared where commands can be replayed: servos report them in many ways.",)

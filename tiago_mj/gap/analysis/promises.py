@@ -1,14 +1,14 @@
-"""What a verdict promises, whichever way it was come by: checked just before it is told.
+"""Held-out checks of a verdict, made before it is reported.
 
-    no effect is named that is not the likeliest, and likelier than everything else together
-    no effect is named at the bound of what is possible, in no set either
-    no explanation goes first that predicts the validation trials far worse than another one
-    no effect is named that closes nothing on trials kept aside
-    nothing large is left on trials kept aside of which it is not said that it remains
-    there is no "no gap" where the trials kept aside have one
+    an effect that is named is the most probable, and more probable than everything else together
+    an effect that is named is not at the bound of its range, in a set of rivals either
+    the first explanation does not predict the validation trials far worse than another one
+    an effect that is named closes part of the gap on the test trials
+    a large residual on the test trials is reported as remaining
+    "no gap" is not said where the test trials have one
 
-Each has one consequence: the verdict gives way to a weaker one, or the explanation to its rival. All is arithmetic on
-what was found; nothing is simulated here.
+Where a check fails, the verdict is replaced by a weaker one, or the explanation by its rival. Everything is computed
+from what was found; nothing is simulated here.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ from tiago_mj.gap.decision.verdict import REFUTING_RATIO, Calibration, Judged, O
 
 Array = NDArray[np.float64]
 
-#: Standard errors beyond which two predictions of the same trials differ: scores within two are not told apart.
+#: Standard errors by which two predictions of the same trials must differ to be distinguished.
 ERRORS: Final = 2.0
-#: An effect that is named is likelier than all else together.
+#: An effect that is named is more probable than everything else together.
 MIN_NAMED_PROBABILITY: Final = 0.5
 #: A share of the gap that counts as closed: below, a report says that it does not close.
 CLOSES: Final = 0.02
 DRAWS: Final = 400
-#: Sentences that say which promise of the trials kept aside made a verdict give way.
+#: Sentences on the check on the test trials that failed.
 CLOSES_NOTHING: Final = (
     "What fits the other recordings best closes nothing of the gap on those that were kept aside: it is not named."
 )
@@ -48,16 +48,16 @@ NOT_THOSE_ASIDE: Final = (
 
 @dataclass(frozen=True)
 class Aside:
-    """What the best explanation does on trials that were used for nothing else.
+    """What the best explanation achieves on the test trials, which were used for nothing else.
 
     Attributes:
         closed: share of the gap that is gone; None where there was none to close.
         left: mean squared residual in units of the noise floor, with the nominal model's own numbers as they were
             fitted beside the explanation.
-        misfit: mean square of the worst channel in units of floor and tolerance.
+        misfit: reduced chi-square of the worst channel, in units of floor and tolerance.
         without: as ``left``, of the nominal model; None: not known.
         loud: whether a phase of the motion leaves more than noise and tolerance explain.
-        can_close: whether it would close some if it were right: not what is drawn at random.
+        can_close: whether it would close part of the gap if it were right; random effects do not.
         comparable: whether ``misfit`` has all tolerances of the fits. Replays of commands have not: of 41 cases of the
             blind check (seed 14) three without an effect worth naming left so much on the trials kept aside, and none
             of those that lack an effect.
@@ -73,18 +73,18 @@ class Aside:
 
 
 def beaten(energy: Array, samples: Array, misfit: Array, fails: float, seed: int = 0) -> NDArray[np.bool_]:
-    """Explanations that predict the validation trials far worse than the one that predicts them best, (n,).
+    """Mask of the explanations that predict the validation trials far worse than the best one does, (n,).
 
-    Far worse is what fails there, leaves so much more of what is beyond the noise that an explanation is refuted
-    (:data:`tiago_mj.gap.decision.verdict.REFUTING_RATIO`), and by more than
-    :data:`ERRORS` standard errors of the difference.
+    Far worse means: its reduced chi-square is above ``fails``, its excess over the noise refutes it beside the best
+    (:data:`tiago_mj.gap.decision.verdict.REFUTING_RATIO`), and the difference is larger than :data:`ERRORS` standard
+    errors, by the bootstrap.
 
     Args:
         energy: sums of squared residuals in units of the noise floor, of each explanation in each block, (n, B); blocks
             are as good as independent.
         samples: of each block, (B,).
-        misfit: mean square of each explanation's worst channel in units of floor and tolerance, (n,).
-        fails: misfit above which an explanation fails.
+        misfit: reduced chi-square of each explanation's worst channel, in units of floor and tolerance, (n,).
+        fails: reduced chi-square above which an explanation fails.
         seed: of the bootstrap over blocks.
     """
     blocks = len(samples)
@@ -103,7 +103,7 @@ def beaten(energy: Array, samples: Array, misfit: Array, fails: float, seed: int
 
 
 def standing(judged: Judged, options: Sequence[Option], by: Calibration) -> Judged:
-    """A verdict that keeps what is promised of explanations.
+    """The verdict after the checks that need no trials: probability above one half, and no magnitude at a bound.
 
     Args:
         judged: as decided.
@@ -125,7 +125,8 @@ def standing(judged: Judged, options: Sequence[Option], by: Calibration) -> Judg
 
 
 def _others(judged: Judged, options: Sequence[Option], least: float, known: Sequence[int]) -> list[int]:
-    """Explanations at least so probable, the best of each set of classes that is not known yet, likeliest first."""
+    """Further explanations with at least the probability ``least``, the best of each new set of classes, by decreasing
+    probability."""
     classes = {options[k].classes for k in known}
     found = []
     for k in sorted(range(len(options)), key=lambda k: -judged.probability[k]):
@@ -137,17 +138,17 @@ def _others(judged: Judged, options: Sequence[Option], least: float, known: Sequ
 
 
 def aside(judged: Judged, seen: Aside, options: Sequence[Option], by: Calibration) -> tuple[Judged, tuple[str, ...]]:
-    """A verdict that keeps what is promised of trials that were kept aside, and sentences that say what gave way.
+    """The verdict after the checks on the test trials, and a sentence on each check that failed.
 
     Args:
         judged: as decided.
-        seen: what its best explanation does there.
+        seen: what its best explanation achieves on the test trials.
         options: the explanations, one of them the nominal model.
         by: calibration.
 
     Returns:
         The verdict; where its best explanation closes nothing, the nominal model is its only one, and there is no gap
-        where that explains the other recordings and leaves none here.
+        where that explains the other recordings and leaves none on the test trials.
     """
     kind, rivals, said = judged.kind, judged.rivals, []
     nominal = next(k for k, one in enumerate(options) if not one.effects)
@@ -167,7 +168,7 @@ def aside(judged: Judged, seen: Aside, options: Sequence[Option], by: Calibratio
 
 
 def _without_classes(judged: Judged, options: Sequence[Option], out: int, by: Calibration) -> Judged:
-    """The verdict with the probability of one explanation, and of others of its classes, given to the rest."""
+    """The verdict with the probability of an explanation and others of its classes moved to the rest."""
     rest = np.where([one.classes == options[out].classes for one in options], 0.0, judged.probability)
     total = sum({one.classes: p for one, p in zip(options, rest, strict=True)}.values())
     nominal = next(one for one in options if not one.effects)
@@ -178,7 +179,7 @@ def _without_classes(judged: Judged, options: Sequence[Option], out: int, by: Ca
 def spoiled(
     fitted: Array, stated: Array, samples: Array, numbers: Sequence[str], where: Sequence[str], seed: int = 0
 ) -> tuple[str, ...]:
-    """A sentence where the nominal model's own numbers, as they were fitted, predict other trials worse than as stated.
+    """A sentence where the fitted nominal numbers predict the test trials significantly worse than the stated ones.
 
     Args:
         fitted, stated: sums of squared residuals in units of the noise floor by block of those trials, (B,).

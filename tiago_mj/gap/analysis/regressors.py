@@ -1,7 +1,7 @@
-"""Functions that a residual may follow: of speed, position, contact, time, of what was commanded.
+"""Candidate functions for the shape of a residual: of speed, position, contact, time and command.
 
-Each shape is a small set of functions, its columns, whose sum with free weights is compared with the residual. They are
-computed from what is predicted and commanded, which has no noise.
+Each shape is a small set of functions, its columns; the residual is regressed on them. They are computed from
+predictions and commands, which have no noise.
 """
 
 from __future__ import annotations
@@ -32,14 +32,14 @@ SELDOM: Final = 0.2
 
 
 @dataclass(frozen=True)
-class Course:
-    """What was predicted and commanded beside one channel, (ntrials, T) each; finite.
+class Trajectory:
+    """Predicted motion and contact, and commands, belonging to one channel, (ntrials, T) each; finite.
 
     Attributes:
         position, velocity: of the channel's joint [m, rad; per s].
         command: to its actuator, in the command's unit.
-        touching: whether the pad (of a joint: any) is in contact.
-        force: on it, in any unit; 0 without contact.
+        touching: whether the pad (of a joint: any pad) is in contact.
+        force: on that pad, in any unit; 0 without contact.
         period: of the rows [s].
     """
 
@@ -53,7 +53,7 @@ class Course:
 
 @dataclass(frozen=True)
 class Columns:
-    """Functions that make up one shape.
+    """Regressors that make up one shape.
 
     Attributes:
         shape: name, of :data:`tiago_mj.gap.result.SHAPES`.
@@ -66,24 +66,24 @@ class Columns:
     at: float | None = None
 
 
-def columns(course: Course, seen: Bools) -> list[Columns]:
-    """All shapes that these trials can show, the simplest first; one of several periods comes once each.
+def columns(trajectory: Trajectory, seen: Bools) -> list[Columns]:
+    """All shapes that these trials can show, the simplest first; a periodic one once for each period.
 
     Args:
-        course: beside the channel.
+        trajectory: belonging to the channel.
         seen: rows in which the channel was measured, (ntrials, T): a function that vanishes on them is left out.
     """
     found = []
-    for shape, values, at in _shapes(course, seen):
+    for shape, values, at in _shapes(trajectory, seen):
         unit = [one / size for one in values if (size := float(np.sqrt(np.mean(one[seen] ** 2)))) > 1e-12]
         if unit:
             found.append(Columns(shape, np.stack(unit), at))
     return sorted(found, key=lambda one: len(one.values) + (one.at is not None))
 
 
-def _shapes(course: Course, seen: Bools) -> Iterator[tuple[str, list[Array], float | None]]:
-    """(shape, columns, (ntrials, T) each, period)."""
-    v, h = course.velocity, course.period
+def _shapes(trajectory: Trajectory, seen: Bools) -> Iterator[tuple[str, list[Array], float | None]]:
+    """Name, columns, (ntrials, T) each, and period of every shape."""
+    v, h = trajectory.velocity, trajectory.period
     ntrials, length = v.shape
     one = np.ones_like(v)
     fastest = float(np.abs(v[seen]).max(initial=0.0))
@@ -98,35 +98,35 @@ def _shapes(course: Course, seen: Bools) -> Iterator[tuple[str, list[Array], flo
         turned = np.zeros_like(v)
         turned[:, 1:] = np.where(last[:, 1:] * last[:, :-1] < 0, last[:, 1:], 0.0)
         yield "reversal", _decays(turned, h), None
-    reach = float(np.ptp(course.position[seen])) if seen.any() else 0.0
-    low = float(course.position[seen].min()) if seen.any() else 0.0
+    reach = float(np.ptp(trajectory.position[seen])) if seen.any() else 0.0
+    low = float(trajectory.position[seen].min()) if seen.any() else 0.0
     if reach > 0:
-        along = (course.position - low) / reach
+        along = (trajectory.position - low) / reach
         yield "position", [np.cos(np.pi * wave * along) for wave in range(WAVES + 1)], None
         if fastest > 0:
             yield "place", [last * np.cos(np.pi * wave * along) for wave in range(WAVES + 1)], None
         for count in PERIODS:
             angle = 2 * np.pi * count * along
             yield "periodic", [np.cos(angle), np.sin(angle)], reach / count
-    yield "jump", _decays(_jumps(course.command), h), None
-    yield from _contact(course)
+    yield "jump", _decays(_jumps(trajectory.command), h), None
+    yield from _contact(trajectory)
 
 
-def _contact(course: Course) -> Iterator[tuple[str, list[Array], None]]:
-    """Shapes of what is touched."""
-    touching = course.touching.astype(float)
+def _contact(trajectory: Trajectory) -> Iterator[tuple[str, list[Array], None]]:
+    """Shapes of contact."""
+    touching = trajectory.touching.astype(float)
     if not touching.any():
         return
     change = np.diff(touching, axis=1, prepend=touching[:, :1])
     yield "touch", [touching], None
-    yield "force", [course.force, course.force * np.abs(course.force)], None
+    yield "force", [trajectory.force, trajectory.force * np.abs(trajectory.force)], None
     slow = (*DECAYS, SLOW_DECAY)
-    yield "onset", [touching * one for one in _decays(np.maximum(change, 0.0), course.period, slow)], None
-    yield "release", [(1 - touching) * one for one in _decays(np.maximum(-change, 0.0), course.period, slow)], None
+    yield "onset", [touching * one for one in _decays(np.maximum(change, 0.0), trajectory.period, slow)], None
+    yield "release", [(1 - touching) * one for one in _decays(np.maximum(-change, 0.0), trajectory.period, slow)], None
 
 
 def _decays(events: Array, period: float, times: tuple[float, ...] = DECAYS) -> list[Array]:
-    """What events, (ntrials, T), leave: each decays exponentially, and a later one takes the place of an earlier."""
+    """Exponentially decaying responses to events, (ntrials, T); a later event replaces an earlier one."""
     found = []
     for time in times:
         left, now = np.zeros_like(events), np.zeros(len(events))
@@ -138,13 +138,13 @@ def _decays(events: Array, period: float, times: tuple[float, ...] = DECAYS) -> 
 
 
 def _held(signs: Array) -> Array:
-    """Signs, (ntrials, T), with the last one in place of zeros."""
+    """Signs, (ntrials, T), with zeros replaced by the last sign before."""
     at = np.maximum.accumulate(np.where(signs != 0, np.arange(signs.shape[1]), 0), axis=1)
     return np.take_along_axis(signs, at, axis=1)
 
 
 def _jumps(command: Array) -> Array:
-    """By how much a command, (ntrials, T), jumps in every row; 0 throughout where it goes fast instead."""
+    """Steps of a command from row to row, (ntrials, T); 0 throughout where it ramps."""
     step = np.diff(command, axis=1, prepend=command[:, :1])
     jumped = np.where(np.abs(step) > JUMPS * float(np.ptp(command)), step, 0.0)
     return jumped if np.count_nonzero(jumped) <= SELDOM * jumped.size else np.zeros_like(command)

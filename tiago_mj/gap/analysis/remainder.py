@@ -1,8 +1,8 @@
-"""What the best explanation leaves on the test trials when everything that nobody claims to know is given its due.
+"""Residual of the best explanation on the test trials, with nominal numbers, object poses and integration error fitted.
 
-The repaired simulator has the effects that were named. The nominal model's own numbers, which are known to a few per
-cent, where each object stood, and the error of the physics step are no effects, and yet they leave a residual: whether
-something *remains* is judged beside them.
+The repaired simulator contains the effects that were named. The nominal model's own numbers, known to a few per cent,
+the pose of each object, and the error of the physics step are not effects, but leave a residual. Whether a gap
+*remains* is judged with them accounted for.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ LEFT: Final = 4.0
 
 @dataclass(frozen=True)
 class Remainder:
-    """What is left on the test trials.
+    """Residual on the test trials.
 
     Attributes:
         gap: mean squared residual in units of the noise floor, all channels together.
@@ -59,33 +59,33 @@ def remainder(
     phase: NDArray[np.int_],
     allowed: float,
 ) -> Remainder:
-    """What an explanation leaves on the trials that were kept aside.
+    """Residual of an explanation on the test trials, poses of objects fitted in each of them.
 
     Args:
         plant: the nominal simulator.
-        predict: simulations, the step's error put right where that was decided.
+        predict: simulations, corrected for integration error where that was decided.
         data: of all trials.
         fit: the explanation, with the nominal numbers that were fitted beside it.
         weight: square root of what a sample of each channel counts for, (C,).
-        test: indices of those trials; at least one.
+        test: indices of the test trials; at least one.
         phase: of every row of all trials, (ntrials, T), as indices into ``PHASES``.
         allowed: mean square in units of floor and tolerance above which a phase is loud.
     """
-    here = noise_model.select_trials(data, test)
+    selected = noise_model.select_trials(data, test)
     known = (*fit.effects(), *own_numbers(plant, fit))
     own = tuple(term for term in terms(plant) if term.per_trial)
     predicted = predict.all_trials([known], test)[0]
     if own:  # where each object stood: nobody measured it, so that the test trials tell it themselves
         flat = np.zeros((len(own), *predicted.shape))
-        fitter = Fitter(predict, tuple(test), here, weight, own, flat, known)
+        fitter = Fitter(predict, tuple(test), selected, weight, own, flat, known)
         fitter = fitter.linearized_at(Point((), np.zeros(0), np.zeros(fitter.size)))
         (placed,) = fitter.fit_all([Start((), np.zeros(0))])
         predicted = fitter.predictions([starts.point_of(placed)])[0]
-    residual = here.value - predicted
-    scaled = likelihood.scaled(here, likelihood.residual(here, predicted)) ** 2
-    there = np.isfinite(here.value)
+    residual = selected.value - predicted
+    scaled = likelihood.scaled(selected, likelihood.residual(selected, predicted)) ** 2
+    there = np.isfinite(selected.value)
     samples = float((scaled.sum(axis=(0, 1)) / np.maximum(there.sum(axis=(0, 1)), 1)).max(initial=0.0))
-    lasting = float(np.nan_to_num(likelihood.lasting(here, residual)).max(initial=0.0))
+    lasting = float(np.nan_to_num(likelihood.lasting(selected, residual)).max(initial=0.0))
     square = np.where(there, (residual / data.noise) ** 2, 0.0)
     channels = _means(square.sum(axis=(0, 1)), there.sum(axis=(0, 1)), data.channels)
     inside = [there & (phase[list(test)][:, : there.shape[1], None] == p) for p in range(len(PHASES))]
@@ -97,7 +97,7 @@ def remainder(
 
 
 def with_accounted(shrink: Shrink, rest: Remainder, nothing: Remainder | None = None) -> Shrink:
-    """Before and after with what is left once everything that nobody claims to know is given its due.
+    """Gap before and after, with the residual that is left once nominal numbers and object poses are fitted.
 
     Args:
         shrink: before and after.
@@ -118,11 +118,11 @@ def with_accounted(shrink: Shrink, rest: Remainder, nothing: Remainder | None = 
 
 
 def _means(sums: Array, counts: NDArray[np.int_], names: Sequence[str]) -> dict[str, float]:
-    """Of those that have a sample."""
+    """Mean of each group that has a sample."""
     return {name: float(total / n) for name, total, n in zip(names, sums, counts, strict=True) if n}
 
 
 def own_numbers(plant: Plant, fit: Fitted) -> tuple[Entry, ...]:
-    """The nominal model's numbers as they were fitted beside an explanation, of all trials alike."""
+    """Nominal numbers shared by all trials, as they were fitted beside an explanation, as effects."""
     shared = [term for term in terms(plant) if not term.per_trial]
     return tuple(t.entry(float(size)) for t, size in zip(shared, fit.nuisance, strict=False) if size)

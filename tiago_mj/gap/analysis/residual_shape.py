@@ -1,9 +1,9 @@
-"""What the residual of a channel looks like: what it rises with, or when it comes.
+"""Shape of a channel's residual: the share of its sum of squares that each of a few functions explains,
+cross-validated.
 
-For each shape (:mod:`~tiago_mj.gap.analysis.regressors`) a few functions are fitted to the residual of all segments but
-one and tried on that one, in turn. What that explains of all segments together is the shape's share, so that functions
-which fit by chance get none. A line at one frequency has another phase in every segment: of it the share is what lies
-in a narrow band, whose place the other segments tell.
+For each shape (:mod:`~tiago_mj.gap.analysis.regressors`) its functions are fitted to the residual of all segments but
+one and evaluated on that one, in turn, so that functions which fit by chance explain nothing. A line at one frequency
+has another phase in every segment: its share is that in a narrow band, which the other segments choose.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from tiago_mj.gap.analysis.regressors import Bools, Columns, Course, columns
+from tiago_mj.gap.analysis.regressors import Bools, Columns, Trajectory, columns
 
 Array = NDArray[np.float64]
 
@@ -42,7 +42,7 @@ OWN: Final = 0.5
 
 @dataclass(frozen=True)
 class Segment:
-    """Rows of one trial, which are left out together."""
+    """Rows of one trial that are left out together."""
 
     trial: int
     rows: slice
@@ -50,7 +50,7 @@ class Segment:
 
 @dataclass(frozen=True)
 class Share:
-    """What a shape explains of a residual on segments that it was not fitted to; ``at`` as in
+    """Share of a residual that a shape explains on left-out segments; ``at`` as in
     :class:`tiago_mj.gap.result.ResidualShape`."""
 
     shape: str
@@ -58,12 +58,13 @@ class Share:
     at: float | None = None
 
 
-def shares(residual: Array, course: Course, sigma: Array | None = None) -> list[Share]:
-    """What each shape explains of a channel's residual, most first; of shapes that are as good the simplest first.
+def shares(residual: Array, trajectory: Trajectory, sigma: Array | None = None) -> list[Share]:
+    """Share of a channel's residual that each shape explains, in decreasing order; of equally good shapes the simplest
+    first.
 
     Args:
         residual: in any unit, (ntrials, T), NaN where nothing was measured.
-        course: beside it.
+        trajectory: belonging to the channel.
         sigma: what each sample may be off by, in the same unit, (ntrials, T): the residual is counted in units of that;
             None: all alike.
 
@@ -77,9 +78,9 @@ def shares(residual: Array, course: Course, sigma: Array | None = None) -> list[
     if len(segments) < 2:
         return []
     found = []
-    for shape, several in groupby(columns(course, seen), key=lambda one: one.shape):
+    for shape, several in groupby(columns(trajectory, seen), key=lambda one: one.shape):
         found.append(_of_columns(shape, list(several), filled, weight, segments))
-    line = _of_line(filled, course, segments)
+    line = _of_line(filled, trajectory, segments)
     found += [line] if line else []
     most = max((one.share for one in found), default=0.0)
     leading = next((one for one in found if one.share >= most - AS_GOOD), None)
@@ -87,8 +88,8 @@ def shares(residual: Array, course: Course, sigma: Array | None = None) -> list[
 
 
 def named(found: Sequence[Share], ntrials: int) -> Share:
-    """The shape that is told: the first of :func:`shares`, or ``irregular`` where that explains too little for so many
-    trials."""
+    """The shape that is reported: the first of :func:`shares`, or ``irregular`` where its share is too small for so
+    many trials."""
     if not found:
         return Share("irregular", 0.0)
     level = LEVEL if ntrials >= ENOUGH_TRIALS else LEVEL_BELOW_ENOUGH_TRIALS
@@ -96,7 +97,7 @@ def named(found: Sequence[Share], ntrials: int) -> Share:
 
 
 def _segments(ntrials: int, seen: Bools) -> Iterator[Segment]:
-    """Whole trials, or parts of a single one; seen is (ntrials, T)."""
+    """Segments: whole trials, or parts of a single one; seen is (ntrials, T)."""
     parts = 1 if ntrials > 1 else PARTS
     for trial in range(ntrials):
         measured = np.flatnonzero(seen[trial])
@@ -108,7 +109,7 @@ def _segments(ntrials: int, seen: Bools) -> Iterator[Segment]:
 def _of_columns(
     shape: str, several: Sequence[Columns], residual: Array, weight: Array, segments: Sequence[Segment]
 ) -> Share:
-    """Share of a shape, of whose forms the other segments choose one.
+    """Cross-validated share of a shape; of several forms the other segments choose one.
 
     Args:
         shape: its name.
@@ -130,15 +131,15 @@ def _of_columns(
 
 
 def _share(shape: str, gained: Array, own: Array, at: float | None) -> Share:
-    """A share from what is gained in each segment, of its own sum of squares, (nsegments,) each; none where it does not
-    help in most."""
+    """Share from each segment's explained and own sum of squares, (nsegments,) each; 0 where most segments gain
+    nothing."""
     helps = float(np.mean(gained > 0)) >= HELPS
     return Share(shape, float(gained.sum() / own.sum()) if helps else 0.0, at)
 
 
 def _sums(one: Columns, residual: Array, weight: Array, segments: Sequence[Segment]) -> tuple[Array, Array]:
-    """Products of columns with each other, (nsegments, n, n), and with the residual, (nsegments, n); the residual is
-    times its weight, (ntrials, T) both."""
+    """Normal equations by segment: products of columns, (nsegments, n, n), and with the residual, (nsegments, n); the
+    residual is times its weight, (ntrials, T) both."""
     values = one.values * weight
     inside = [values[:, s.trial, s.rows] for s in segments]
     return (
@@ -148,25 +149,24 @@ def _sums(one: Columns, residual: Array, weight: Array, segments: Sequence[Segme
 
 
 def _fitted(squares: Array, products: Array) -> tuple[Array, float]:
-    """Least squares: weights of n columns, (n,), and the sum of squares that they explain. A column that others nearly
-    make up is damped."""
+    """Least-squares weights, (n,), and the explained sum of squares; nearly collinear columns are damped."""
     ridge = 1e-6 * max(float(np.trace(squares)), 1e-12) * np.eye(len(products))
     weights = np.asarray(np.linalg.solve(squares + ridge, products), dtype=float)
     return weights, float(2 * weights @ products - weights @ squares @ weights)
 
 
-def _of_line(residual: Array, course: Course, segments: Sequence[Segment]) -> Share | None:
-    """Share of a line at one frequency, which ``at`` is [Hz]; None where no segment is long enough, or where the motion
-    and its command have as much there.
+def _of_line(residual: Array, trajectory: Trajectory, segments: Sequence[Segment]) -> Share | None:
+    """Share of a spectral line, whose frequency is ``at`` [Hz]; None where no segment is long enough, or where motion
+    and command have as much power there.
 
     Args:
         residual: times its weight, (ntrials, T).
-        course: beside it.
+        trajectory: belonging to the channel.
         segments: two at least.
     """
     length = max(s.rows.stop - s.rows.start for s in segments)
-    frequency = np.fft.rfftfreq(length, course.period)
-    lowest = CYCLES / (length * course.period)
+    frequency = np.fft.rfftfreq(length, trajectory.period)
+    lowest = CYCLES / (length * trajectory.period)
     tried = np.flatnonzero((frequency >= lowest) & (frequency < frequency[-1]))
     if not len(tried):
         return None
@@ -182,7 +182,7 @@ def _of_line(residual: Array, course: Course, segments: Sequence[Segment]) -> Sh
         return None
     within = np.where(inside[place], _spectra(residual, segments, length).sum(axis=0), 0.0)
     found = _share("frequency", gained, own, float(frequency[within.argmax()]))
-    for signal in (course.position, course.velocity, course.command):
+    for signal in (trajectory.position, trajectory.velocity, trajectory.command):
         still = signal - signal.mean(axis=1, keepdims=True)
         total = sum(float(still[s.trial, s.rows] @ still[s.trial, s.rows]) for s in segments)
         of_motion = _above_the_rest(still, segments, length, inside[[place]]).sum()
@@ -192,8 +192,8 @@ def _of_line(residual: Array, course: Course, segments: Sequence[Segment]) -> Sh
 
 
 def _above_the_rest(signal: Array, segments: Sequence[Segment], length: int, inside: Bools) -> Array:
-    """Sum of squares of every segment in bands, less what they would hold if they were as loud as the rest of the
-    spectrum, (nsegments, nbands).
+    """Sum of squares of every segment in bands, minus that of equally many frequencies at the mean power of the rest of
+    the spectrum, (nsegments, nbands).
 
     Args:
         signal: (ntrials, T).
@@ -210,8 +210,8 @@ def _above_the_rest(signal: Array, segments: Sequence[Segment], length: int, ins
 
 
 def _spectra(signal: Array, segments: Sequence[Segment], length: int) -> Array:
-    """Sum of squares of a signal, (ntrials, T), by frequency, (nsegments, length // 2 + 1): it adds up to that of each
-    segment, which is filled with 0 to a length."""
+    """Sum of squares of a signal, (ntrials, T), by frequency, (nsegments, length // 2 + 1), each segment padded with 0
+    to a length."""
     spectra = np.stack([np.abs(np.fft.rfft(signal[s.trial, s.rows], length)) ** 2 for s in segments]) / length
     spectra[:, 1 : (length + 1) // 2] *= 2
     return spectra

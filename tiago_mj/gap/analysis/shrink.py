@@ -1,8 +1,8 @@
-"""How far the gap shrinks on trials that were used for nothing else: by channel, by phase, and by both.
+"""Gap closed on the test trials: by channel, by phase, and by both, with bootstrap intervals.
 
-Intervals are of the bootstrap. Trials are drawn with replacement. Few trials say little about how trials differ, so
-where there are few, moving blocks of each drawn trial are drawn, too (Künsch 1989; here with the trial closed to a
-ring, so that its ends are drawn as often as its middle). All channels are drawn together: they fail together.
+Trials are drawn with replacement. Few trials say little about how trials differ; where there are few, moving blocks of
+each drawn trial are drawn, too (Künsch 1989; here with the trial closed to a ring, so that its ends are drawn as often
+as its middle). All channels are drawn together, as their errors are correlated.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ def shrink(
     period: float,
     seed: int = 0,
 ) -> Shrink:
-    """Gap before and after on the test trials, in units of the noise floor.
+    """Mean squared residual before and after on the test trials, in units of the noise floor, and the share closed.
 
     Args:
         data: measured, of all trials.
@@ -88,21 +88,20 @@ def shrink(
 
 
 def closed(before: float, after: float) -> float | None:
-    """Share of the excess over the floor (1) that is gone; None where there was none."""
+    """Share of the excess over the noise floor (1) that is closed; None without an excess."""
     if before - 1 <= NOTHING:
         return None
     return 1 - (max(after, 1.0) - 1) / (before - 1)
 
 
 def gone(before: float, after: float) -> float:
-    """Share of a mean squared residual that is gone, noise and all: what shows where a gap is no larger than the floor,
-    which is known but roughly."""
+    """Share by which a mean squared residual fell, noise included: for a gap no larger than the floor, which is itself
+    uncertain."""
     return 1 - after / before if before > 0 else 0.0
 
 
 def interval(drawn: Sequence[float], share: float) -> tuple[float, float]:
-    """90 % interval of a share of which these were drawn; it holds the share itself, which the quantiles of few blocks,
-    or of draws that had no gap to close, may leave out."""
+    """90 % interval of a share from its bootstrap draws, widened to contain the share itself."""
     low, high = (float(q) for q in np.quantile(drawn, QUANTILES))
     return min(low, share), max(high, share)
 
@@ -116,7 +115,7 @@ def _said(trials: int, seconds: float) -> str:
 
 
 def _binned(data: Data, before: Array, after: Array, phase: NDArray[np.int_], k: int) -> Array:
-    """Squared residuals before and after and their number, (bins, C, phases, 3), of one trial's rows."""
+    """Squared residuals before and after, and their number, by time bin, (bins, C, phases, 3), of one trial."""
     value = data.value[k]
     rows = np.flatnonzero(np.isfinite(value).any(axis=1))
     last = int(rows[-1]) + 1 if len(rows) else 1
@@ -137,9 +136,9 @@ def _binned(data: Data, before: Array, after: Array, phase: NDArray[np.int_], k:
 
 
 def block_rows(data: Data, before: Array, after: Array) -> int:
-    """Rows of a block: some correlation times of the more correlated of both residuals, the middle one of all channels.
+    """Rows of a bootstrap block: a few autocorrelation times of the more correlated residual, the median over channels.
 
-    A slow error is one error however many rows it lasts, and whether it is there decides what can be closed.
+    A slowly varying error is one error however many rows it lasts.
 
     Args:
         data: measured, of some trials.
@@ -157,13 +156,13 @@ def block_rows(data: Data, before: Array, after: Array) -> int:
 
 
 def _correlation(residual: Array) -> float:
-    """Rows of its integrated autocorrelation time, about its mean over the trial."""
+    """Integrated autocorrelation time of a residual about its mean [rows]."""
     known = np.isfinite(residual)
     return integrated_time(residual - residual[known].mean()) if known.any() else 1.0
 
 
 def _drawn(sums: Sequence[Array], length: int, rng: np.random.Generator) -> Array:
-    """Sums of resampled test trials, (DRAWS, C, phases, 3)."""
+    """Sums over resampled test trials, (DRAWS, C, phases, 3)."""
     ntrials = len(sums)
     picked = rng.integers(ntrials, size=(DRAWS, ntrials))
     out = np.zeros((DRAWS, *sums[0].shape[1:]))
@@ -185,12 +184,13 @@ def _drawn(sums: Sequence[Array], length: int, rng: np.random.Generator) -> Arra
 
 
 def _rows(part: Array) -> float:
-    """Rows of a trial: those of its channel with most."""
+    """Rows of a trial: those of its longest channel."""
     return float(part[..., 2].sum(axis=(0, 2)).max())
 
 
 def _closing(total: Array, drawn: Array) -> Closing | None:
-    """Of sums (3,) and their draws (DRAWS, 3); None where there are hardly any samples."""
+    """Gap before and after and share closed from sums, (3,), and their draws, (DRAWS, 3); None for hardly any
+    samples."""
     if total[2] < FEWEST:
         return None
     before, after = float(total[0] / total[2]), float(total[1] / total[2])

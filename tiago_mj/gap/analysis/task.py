@@ -1,8 +1,8 @@
-"""What a gap costs on the task: the return of a policy, predicted by the nominal and by the repaired simulator.
+"""Return of a policy as the nominal and the repaired simulator predict it, beside the recorded return.
 
-Both play one episode per test trial under that trial's conditions: its object and where it stood, its goal, where the
-joints stood, and one seed of the sensors' noise for both. Beside them stands the return that the recordings themselves
-hold, where the policy made them: the environment's own reward, of what was measured.
+Both play one episode for each test trial under its conditions: the object and its pose, the goal, the joints' initial
+positions, and the same seed of the sensor noise. Where the policy made the recordings, their return follows from the
+measurements by the environment's own reward.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ SIMULATORS: Final = ("nominal", "repaired", "measured")
 
 @dataclass(frozen=True)
 class Asked:
-    """A policy whose return is asked for; :func:`ask` has seen that it can be played.
+    """A policy whose return is to be predicted, checked by :func:`ask`.
 
     Attributes:
         policy: its name or file, as :func:`tiago_mj.rollout.policies.make_policy` takes it.
@@ -58,7 +58,7 @@ class Asked:
 
 
 def ask(plant: Plant, trials: Sequence[Trial], policy: str, *, trust: bool = False, seed: int = 0) -> Asked:
-    """Check that a policy can be played under the conditions of recordings, before anything else takes time.
+    """Check that a policy can be played under the conditions of recordings, before longer computations.
 
     Raises:
         RecordingError: the recordings are of no environment, or a sidecar lacks a goal or holds an impossible one.
@@ -89,8 +89,8 @@ def told(
     deadline: Deadline | None = None,
     tick: Callable[[str, int], None] | None = None,
 ) -> Diagnosis:
-    """The diagnosis with the return of the policy that was asked for; as it is where none was, and with a sentence on
-    it where there was no time for it."""
+    """The diagnosis with the policy's return; unchanged without a policy, and with a sentence where there was no
+    time."""
     if asked is None:
         return diagnosis
     if not diagnosis.complete:
@@ -119,7 +119,7 @@ def told(
 def returns(
     asked: Asked, trials: Sequence[Trial], effects: Sequence[Named], deadline: Deadline | None = None
 ) -> dict[str, Any]:
-    """Mean return over the conditions of recordings.
+    """Mean return of a policy over the recordings' conditions, nominal, repaired and measured.
 
     Args:
         asked: the policy.
@@ -158,7 +158,7 @@ def returns(
 
 
 def _spread(values: Sequence[float]) -> float:
-    """Half the width of the mean's interval."""
+    """Half-width of the mean's 90 % interval (Student's t)."""
     count = len(values)
     return float(stats.t.ppf(0.5 + LEVEL / 2, count - 1) * np.std(values, ddof=1) / np.sqrt(count))
 
@@ -167,7 +167,7 @@ def _spread(values: Sequence[float]) -> float:
 
 
 def _played(asked: Asked, trials: Sequence[Trial], effects: Sequence[Named], deadline: Deadline) -> list[float]:
-    """Return of an episode per trial; trials of equal arguments share an environment and a policy."""
+    """Simulated return for each trial; trials with equal arguments share an environment and a policy."""
     made: dict[str, tuple[gymnasium.Env[Any, Any], Any]] = {}
     try:
         found = []
@@ -201,7 +201,7 @@ def _episode(
 
 
 def _make(asked: Asked, trial: Trial, effects: Sequence[Named]) -> gymnasium.Env[Any, Any]:
-    """The environment with effects, without a time limit: episodes are as long as what they are compared with."""
+    """The environment with effects and no time limit; the recordings set the length of episodes."""
     assert asked.plant.environment is not None
     arguments = {**_arguments(trial, asked.plant), **asked.plant.environment}
     given: list[Any] = [
@@ -220,7 +220,7 @@ def _make(asked: Asked, trial: Trial, effects: Sequence[Named]) -> gymnasium.Env
 
 
 def _arguments(trial: Trial, plant: Plant) -> dict[str, Any]:
-    """What the recorded environment was made with (its reward, say), as far as it is this one."""
+    """Arguments that the recorded environment was made with (its reward, for example), if it is the same."""
     said = trial.sidecar.raw.get("arguments")
     if not isinstance(said, Mapping) or trial.sidecar.robot.removeprefix("tiago_mj/") != plant.name:
         return {}
@@ -234,7 +234,7 @@ def _policy(asked: Asked, env: gymnasium.Env[Any, Any]) -> Any:
 
 
 def _condition(core: Any, asked: Asked, trial: Trial) -> None:
-    """Let the next episode begin as a trial did: object, its place, and the joints at rest at their set points."""
+    """Set the next episode's object, its pose, and the joints at rest at their set points, as in a trial."""
     start = asked.plant.starts[trial.name]
     for joint, address in zip(core.joints, core._qpos_address, strict=True):
         if joint in asked.plant.actuators:
@@ -262,14 +262,14 @@ def _goal(trial: Trial) -> Any:
 
 
 def _seed(asked: Asked, trial: Trial, number: int) -> int:
-    """The recording's own where it has one: without effects, the episode is then the recorded one."""
+    """Seed of the recording where it has one, so that without effects the episode is the recorded one."""
     source = trial.sidecar.source
     seed = source.get("seed") if isinstance(source, Mapping) else None
     return seed if isinstance(seed, int) and seed >= 0 else asked.seed + number
 
 
 def _steps(asked: Asked, trial: Trial) -> int:
-    """Control steps of the episode: as many as were recorded of the policy, else the environment's own."""
+    """Control steps of the episode: as recorded with this policy, else as the environment has."""
     if _made_by(asked, trial):
         return len(_steps_end(trial))
     assert asked.plant.environment is not None
@@ -286,7 +286,7 @@ def _made_by(asked: Asked, trial: Trial) -> bool:
 
 
 def _steps_end(trial: Trial) -> NDArray[np.intp]:
-    """Row at the end of every control step: that of the next command, or the last one."""
+    """Row at the end of every control step: that of the next command, or the last row."""
     sent = np.zeros(len(trial.time), dtype=bool)
     for values in trial.commands.values():
         sent |= np.isfinite(values)
@@ -295,7 +295,7 @@ def _steps_end(trial: Trial) -> NDArray[np.intp]:
 
 
 def _measured(asked: Asked, trial: Trial) -> float | None:
-    """Return of a recorded episode; None where another policy made it, or the reward is of what was not measured."""
+    """Return of a recorded episode; None where another policy made it, or the reward needs what was not measured."""
     if not _made_by(asked, trial):
         return None
     env = _make(asked, trial, ())
@@ -311,7 +311,7 @@ def _measured(asked: Asked, trial: Trial) -> float | None:
 
 
 def _achieved(core: Any, trial: Trial) -> Array:
-    """The achieved goal by what was measured, (T, g); NaN where it was not."""
+    """Achieved goal from measurements, (T, g); NaN where not measured."""
     rows = len(trial.time)
     position = _columns(trial.positions, core.joints, rows)
     force = _columns(trial.forces, names.SIDES, rows)
@@ -331,7 +331,7 @@ def _achieved(core: Any, trial: Trial) -> Array:
 
 
 def _grasp_points(core: Any, position: Array) -> Array:
-    """The point between the fingers by the measured joints, (T, 3) [m]."""
+    """Point between the fingers from measured joint positions by forward kinematics, (T, 3) [m]."""
     import mujoco
 
     out = np.full((len(position), 3), np.nan)
@@ -345,7 +345,7 @@ def _grasp_points(core: Any, position: Array) -> Array:
 
 
 def _columns(channels: Mapping[str, Array], wanted: Sequence[str], rows: int) -> Array:
-    """Channels side by side, (T, n); a row without a value has the last one before it."""
+    """Channels as columns, (T, n); gaps are filled with the last value before."""
     out = np.full((rows, len(wanted)), np.nan)
     for column, name in enumerate(wanted):
         values = np.asarray(channels.get(name, out[:, column]))

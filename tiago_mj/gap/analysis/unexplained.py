@@ -1,10 +1,9 @@
-"""What the best explanation leaves: of which channel, in which stage of the signal chain, and what it looks like.
+"""What the best explanation leaves: the channel with the largest residual, the stage of the signal chain, the shape.
 
-The stage follows from what carries the residual. Where the change of a position's residual is the integral of the
-velocity's, the joint moved another way, or an encoder is off from which both readings come; where only one of them has
-it, that reading is off; where the forces have it and the motion has not, it is the force sensor (or a contact that
-moves the joint by less than its noise). A motion that is off may be so for any cause before it in the chain, of which
-the residual's shape leaves some.
+The stage follows from which channels carry the residual. Where the change of a position's residual is the integral of
+the velocity's, the joint moved differently, or the encoder behind both is off; where only one of the two has it, that
+sensor is off; where only the forces have it, the force sensor is off (or a contact that moves the joint by less than
+its noise). A different motion may have any cause upstream in the chain, which the residual's shape narrows down.
 """
 
 from __future__ import annotations
@@ -16,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tiago_mj.gap.analysis import locate, residual_shape
-from tiago_mj.gap.analysis.regressors import Course
+from tiago_mj.gap.analysis.regressors import Trajectory
 from tiago_mj.gap.analysis.remainder import own_numbers
 from tiago_mj.gap.analysis.residual_shape import Share
 from tiago_mj.gap.decision.verdict import Judged
@@ -76,8 +75,8 @@ OF_READINGS: Final[Mapping[str, tuple[str, ...]]] = {
 def by_the_best(
     session: Session, data: Data, ranked: Ranked, judged: Judged, nominal: Signals
 ) -> tuple[ResidualShape | None, str]:
-    """What the best explanation leaves, where that is a gap, with the nominal numbers as they were fitted beside it; or
-    else a sentence, where there was no time for it.
+    """Residual of the best explanation with its fitted nominal numbers, where that is a gap; or a sentence where there
+    was no time.
 
     Args:
         session: the recordings.
@@ -99,7 +98,8 @@ def by_the_best(
 
 
 def stage(shape: ResidualShape | None, where: tuple[Place, ...]) -> str | None:
-    """Stage where none is of an effect that is named: what is left points to it, or else the nominal model's gap."""
+    """Stage of the signal chain where no effect is named: from the residual, or else from the gap of the nominal
+    model."""
     return locate.stage(where) if shape is None else shape.stage
 
 
@@ -111,7 +111,7 @@ def unexplained(
     nominal: Signals,
     trials: Sequence[int],
 ) -> ResidualShape | None:
-    """What is left of the channel that leaves most.
+    """Carrier, stages and shape of the residual in the channel with the largest one.
 
     Args:
         plant, on: what was replayed.
@@ -124,26 +124,26 @@ def unexplained(
         None where nothing was measured in them.
     """
     index = list(trials)
-    here, at = noise_model.select_trials(data, index), predicted[index]
-    residual = here.value - at
-    loud = loudness(here, residual)
+    selected, predictions = noise_model.select_trials(data, index), predicted[index]
+    residual = selected.value - predictions
+    loud = loudness(selected, residual)
     if not len(loud) or not np.nanmax(loud, initial=0.0) > 0:
         return None
     worst = int(np.nanargmax(loud))
-    said = carrier(here, residual, worst, plant.period)
+    said = carrier(selected, residual, worst, plant.period)
 
     def shares_of(channel: int) -> list[Share]:
-        course = _course(plant, on, here, at, nominal, channel, index)
-        return residual_shape.shares(residual[:, :, channel], course, here.sigma[:, :, channel])
+        trajectory = _trajectory(plant, on, selected, predictions, nominal, channel, index)
+        return residual_shape.shares(residual[:, :, channel], trajectory, selected.sigma[:, :, channel])
 
     if said == "motion":
-        worst, found = _clearer(here, worst, shares_of)
+        worst, found = _clearer(selected, worst, shares_of)
     else:
         found = shares_of(worst)
     shape = residual_shape.named(found, len(index))
     second = next((one for one in found if one.shape != shape.shape and one.share > 0), None)
     return ResidualShape(
-        channel=here.channels[worst],
+        channel=selected.channels[worst],
         stages=stages(said, shape.shape),
         carrier=said,
         name=shape.shape,
@@ -151,13 +151,13 @@ def unexplained(
         runner_up=None if second is None else second.shape,
         runner_up_share=None if second is None else min(second.share, 1.0),
         at=None if shape.at is None else float(shape.at),
-        unit=_unit(plant, here, nominal, worst, shape.shape),
+        unit=_unit(plant, selected, nominal, worst, shape.shape),
     )
 
 
 def _clearer(data: Data, worst: int, shares_of: Callable[[int], list[Share]]) -> tuple[int, list[Share]]:
-    """Of position and velocity of a joint, one of which leaves most, the channel with the clearer shape, and what each
-    shape explains of it."""
+    """Of a joint's position and velocity, one of which has the largest residual, the channel with the clearer shape,
+    and its shares."""
     name = data.channels[worst].partition(".")[2]
     position, velocity = (data.channels.index(f"{kind}.{name}") for kind in ("position", "velocity"))
     found = {channel: shares_of(channel) for channel in (position, velocity)}
@@ -167,8 +167,8 @@ def _clearer(data: Data, worst: int, shares_of: Callable[[int], list[Share]]) ->
 
 
 def loudness(data: Data, residual: Array) -> Array:
-    """Mean square of every channel's residual, (ntrials, T, C), in units of noise and tolerance, (C,); 0 of a channel
-    that was not measured."""
+    """Mean square of the residuals, (ntrials, T, C), in units of noise and tolerance by channel, (C,); 0 where not
+    measured."""
     seen = np.isfinite(residual)
     squares = np.where(seen, residual / data.sigma, 0.0) ** 2
     mean: Array = squares.sum(axis=(0, 1)) / np.maximum(seen.sum(axis=(0, 1)), 1)
@@ -176,7 +176,7 @@ def loudness(data: Data, residual: Array) -> Array:
 
 
 def carrier(data: Data, residual: Array, worst: int, period: float) -> str:
-    """What differs, one of :data:`tiago_mj.gap.result.CARRIERS`.
+    """What carries the residual, one of :data:`tiago_mj.gap.result.CARRIERS`.
 
     Args:
         data: measured.
@@ -197,7 +197,8 @@ def carrier(data: Data, residual: Array, worst: int, period: float) -> str:
 
 
 def agreement(position: Array, velocity: Array, noise: float, speed_noise: float, period: float) -> str:
-    """Whether residuals of a joint's position and velocity tell of the same motion.
+    """Whether the residuals of a joint's position and velocity are those of one motion: position the integral of
+    velocity.
 
     Args:
         position, velocity: residuals, (ntrials, T) each [m, rad; per s]; NaN where nothing was measured.
@@ -234,7 +235,7 @@ def agreement(position: Array, velocity: Array, noise: float, speed_noise: float
 
 
 def stages(carried: str, shape: str) -> tuple[str, ...]:
-    """Stages of the signal chain that have such a residual; empty: any may.
+    """Stages of the signal chain that can cause such a residual; empty: any.
 
     Args:
         carried: one of :data:`tiago_mj.gap.result.CARRIERS`.
@@ -246,10 +247,10 @@ def stages(carried: str, shape: str) -> tuple[str, ...]:
     return (*found, "force_sensor") if carried == "both" and found else found
 
 
-def _course(
+def _trajectory(
     plant: Plant, on: Grid, data: Data, predicted: Array, nominal: Signals, channel: int, trials: list[int]
-) -> Course:
-    """What was predicted and commanded beside a channel, by its index.
+) -> Trajectory:
+    """Predicted motion and contact, and commands, belonging to a channel.
 
     Args:
         plant, on: what was replayed.
@@ -280,11 +281,11 @@ def _course(
     if joint in actuated:
         sent = _known(on.commands[trials][:, :, actuated.index(joint)])
         command = np.pad(sent, ((0, 0), (0, max(length - sent.shape[1], 0))), mode="edge")[:, :length]
-    return Course(position, velocity, command, touched, np.where(touched, force, 0.0), plant.period)
+    return Trajectory(position, velocity, command, touched, np.where(touched, force, 0.0), plant.period)
 
 
 def _joint(plant: Plant, data: Data, nominal: Signals, channel: int) -> int:
-    """Index of a channel's joint; of a load cell the joint that is named after it, or else the fastest."""
+    """Index of the joint of a channel; for a load cell the joint named after it, or else the fastest."""
     part = int(data.part[channel])
     if data.kinds[channel] != "force":
         return part
@@ -293,12 +294,12 @@ def _joint(plant: Plant, data: Data, nominal: Signals, channel: int) -> int:
 
 
 def _unit(plant: Plant, data: Data, nominal: Signals, channel: int, shape: str) -> str:
-    """Of the frequency or the period of a shape of a channel's residual; empty: it has neither."""
+    """Unit of the frequency or period of a residual's shape; empty where it has neither."""
     if shape == "periodic":
         return "m" if plant.wiring.targets.slides[_joint(plant, data, nominal, channel)] else "rad"
     return "Hz" if shape == "frequency" else ""
 
 
 def _known(values: Array) -> Array:
-    """Without NaN, which stand for 0."""
+    """Values with NaN replaced by 0."""
     return np.asarray(np.nan_to_num(values))

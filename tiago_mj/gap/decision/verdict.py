@@ -1,11 +1,11 @@
-"""From the evidence for explanations to a verdict with calibrated probabilities.
+"""Verdict with calibrated probabilities from the evidence for explanations.
 
-    log odds = met / T + price
+    log odds = log likelihood / T + log prior
 
-``met`` is how well an explanation meets the recordings [nats], ``price`` what it costs: how far nominal numbers had to
-go for it, how much of what its effects might have been is left, and how rare they are. What a second effect adds to
-``met`` counts for less than what the first one did. T, how much less, and the thresholds are calibrated on simulated
-recordings whose effect is known: ``verdict.json``, which says how.
+The log likelihood (``met`` of :class:`tiago_mj.gap.result.Evidence`) is that at the fitted magnitudes and nuisances
+[nats]. The log prior (``price``) holds the prior of the nuisances, the Occam factor of the magnitudes and how rare
+effects are. The log likelihood that a second effect adds counts for less than that of the first. T, this discount, and
+the thresholds are calibrated on simulated recordings whose effect is known: ``verdict.json``, which says how.
 """
 
 from __future__ import annotations
@@ -47,8 +47,8 @@ SCHEMA: Final = "tiago_mj.verdict/1"
 
 @dataclass(frozen=True)
 class Doubt:
-    """Log odds that an answer is wrong however sure the evidence is: what the library does not know, or knows in
-    another form, may look like something that it knows.
+    """Log odds that an answer is wrong however strong the evidence: an effect that the library lacks, or has in another
+    form, may look like one that it has.
 
     Attributes:
         nothing: where nothing is named.
@@ -67,13 +67,13 @@ class Doubt:
 
 @dataclass(frozen=True)
 class Calibration:
-    """What turns evidence into a verdict.
+    """Temperature, thresholds and error rates that turn evidence into a verdict.
 
     Attributes:
-        temperature: how well the recordings are met is divided by this: two simulators never agree as closely as their
-            noise, so their errors are no independent draws of it.
-        further: what a further effect adds to how well the best by fewer met the recordings is divided by this, too:
-            where the form of one effect is not quite reality's, what is left looks like another.
+        temperature: divisor of the log likelihood: two simulators differ by more than noise, so that their errors are
+            not independent draws.
+        further: a further divisor of the log likelihood that another effect adds to the best explanation with fewer:
+            where the form of one effect differs from reality's, the residual looks like another effect.
         stands: the nominal model stands at this probability over the best explanation's, unless it leaves a gap.
         rival: explanations at least this probable beside the best are not ruled out.
         fails: mean square of the worst channel's error, over blocks or sample by sample, in units of what it should
@@ -96,28 +96,28 @@ class Calibration:
 
 @cache
 def calibration() -> Calibration:
-    """As shipped."""
+    """The calibration that is shipped."""
     return calibration_of(
         json.loads(resources.files("tiago_mj.gap.decision").joinpath(CALIBRATION).read_text(encoding="utf-8"))
     )
 
 
 def calibration_of(data: Mapping[str, Any]) -> Calibration:
-    """A calibration from what its file holds."""
+    """The calibration of a mapping, as its file holds it."""
     numbers = {name: float(data[name]) for name in Calibration.__dataclass_fields__ if name != "doubt"}
     return Calibration(**numbers, doubt=Doubt(**data["doubt"]))
 
 
 @cache
 def measured_on(name: str) -> int:
-    """Number of cases on whose answers a number of the calibration rests."""
+    """Number of cases from which a number of the calibration was determined."""
     data = json.loads(resources.files("tiago_mj.gap.decision").joinpath(CALIBRATION).read_text(encoding="utf-8"))
     return int(data["calibration"]["carried_by"][name])
 
 
 @dataclass(frozen=True)
 class Option:
-    """An explanation as the verdict sees it.
+    """An explanation as far as the verdict depends on it.
 
     Attributes:
         effects: by name and targets, without those measured on the readings alone; none for the nominal model.
@@ -132,7 +132,7 @@ class Option:
 
 @dataclass(frozen=True)
 class Judged:
-    """A verdict.
+    """A verdict: its kind, probabilities and rivals.
 
     Attributes:
         kind: ``no_gap``, ``effect``, ``ambiguous`` or ``unknown``.
@@ -150,7 +150,7 @@ class Judged:
 
 
 def judge(ranked: Ranked, *, strange: bool = False, refuted: NDArray[np.bool_] | None = None) -> Judged:
-    """Judge ranked explanations, best first.
+    """Verdict on ranked explanations, best first.
 
     Args:
         ranked: explanations.
@@ -163,7 +163,7 @@ def judge(ranked: Ranked, *, strange: bool = False, refuted: NDArray[np.bool_] |
 
 
 def option(fit: Fitted, ranked: Ranked) -> Option:
-    """An explanation with its evidence."""
+    """Effects, classes and evidence of a fit."""
     count = len(fit.parts) - ranked.known
     evidence = Evidence(
         met=fit.evidence - fit.prior,
@@ -184,7 +184,7 @@ def decide(
     measured_on_readings: bool = False,
     refuted: NDArray[np.bool_] | None = None,
 ) -> Judged:
-    """The verdict on explanations.
+    """Verdict from the evidence for explanations.
 
     Args:
         options: one of them the nominal model.
@@ -220,7 +220,7 @@ def decide(
 
 
 def wrong(effects: int, evidence: Evidence, by: Doubt) -> float:
-    """Share of the answers like one that are wrong, however sure the evidence is.
+    """Probability that an answer of this kind is wrong, however strong the evidence.
 
     Args:
         effects: how many it names.
@@ -238,18 +238,21 @@ def wrong(effects: int, evidence: Evidence, by: Doubt) -> float:
 
 
 def most_probable(one: Explanation) -> float:
-    """Probability of an explanation beside which no other one stands; 1 where its evidence is not known."""
+    """Largest probability that an explanation can have, that without any rival; 1 where its evidence is not known."""
     return 1.0 if one.evidence is None else 1 - wrong(len(one.effects), one.evidence, calibration().doubt)
 
 
 def discrepancy(one: Option) -> float:
-    """Discrepancy of an explanation: the larger of its mean squares over blocks and by samples (1 is expected)."""
+    """Reduced chi-square of an explanation, per sample or over blocks, whichever is larger (1 is expected)."""
     return max(one.evidence.lasting, one.evidence.misfit)
 
 
 def _refuted(options: Sequence[Option], by: Calibration) -> NDArray[np.bool_]:
-    """Explanations that fail where another one stands, which leaves much less, (n,): what is left of an effect that
-    they lack looks like few samples, which evidence alone would let pass."""
+    """Mask of the explanations that fail where another stands with much smaller reduced chi-square, (n,).
+
+    The residual of a missing effect is correlated and counts as few samples, so that evidence alone would not refute
+    them.
+    """
     discrepancies = np.array([discrepancy(one) for one in options])
     least = min((x for x, one in zip(discrepancies, options, strict=True) if one.effects), default=np.inf)
     out: NDArray[np.bool_] = (
@@ -265,7 +268,7 @@ def probabilities(
     measured_on_readings: bool = False,
     refuted: NDArray[np.bool_] | None = None,
 ) -> Array:
-    """Of every explanation, (n,); arguments as of :func:`decide`."""
+    """Probability of every explanation, (n,), by softmax of the log odds; arguments as of :func:`decide`."""
     temperature = temperature_of([one.evidence.misfit for one in options], by)
     scores = _discounted_log_likelihood(options, by.further, measured_on_readings) / temperature + np.array(
         [one.evidence.price for one in options]
@@ -283,9 +286,12 @@ def probabilities(
 
 
 def _discounted_log_likelihood(options: Sequence[Option], further: float, measured_on_readings: bool) -> Array:
-    """How well explanations meet the recordings [nats], (n,), with less for what a further effect adds to the best by
-    fewer, so that of two by as many what meets them better stays ahead. With an effect measured on the readings, every
-    further one counts as such."""
+    """Log likelihood of every explanation [nats], (n,), with less for what a further effect adds to the best
+    explanation with fewer.
+
+    Among explanations with as many effects the order is kept. With an effect measured on the readings, every other one
+    counts as a further effect.
+    """
     out = np.array([one.evidence.met for one in options])
     sizes = [len(one.effects) for one in options]
     for k in np.argsort(sizes):
@@ -298,10 +304,10 @@ def _discounted_log_likelihood(options: Sequence[Option], further: float, measur
 
 
 def temperature_of(misfits: Sequence[float], by: Calibration) -> float:
-    """What ``met`` is divided by, given the explanations' misfits.
+    """Temperature by which log likelihoods are divided, given the reduced chi-squares of the explanations.
 
-    What the best one leaves is model error, which counts as often as it is repeated; but where nothing explains the
-    recordings, what explains them least badly still goes first.
+    The residual of the best explanation is model error, which is correlated and counts repeatedly, so the temperature
+    rises with it; the order of explanations stays.
     """
     return by.temperature * min(max(1.0, min(misfits)), MAX_TEMPERATURE_FACTOR)
 
@@ -312,7 +318,8 @@ def classes_of(fit: Fitted) -> frozenset[str]:
 
 
 def _not_ruled_out(options: Sequence[Option], probability: Array, least: float, nominal: int) -> list[int]:
-    """What is not ruled out, most probable first; of the same effects on several targets the best."""
+    """Indices of the explanations with at least the probability ``least``, by decreasing probability; of the same
+    effects on several targets the best."""
     out: dict[frozenset[str], int] = {}
     for k in np.argsort(-probability):
         if k != nominal and probability[k] >= least:
@@ -321,7 +328,7 @@ def _not_ruled_out(options: Sequence[Option], probability: Array, least: float, 
 
 
 def _log_prior(fit: Fitted, ranked: Ranked) -> float:
-    """One of the effects is as likely as none; each has its share; one finger's half of both's."""
+    """Log prior of the effects: prior odds of each, spread over the library, and of a single target against all."""
     count = len(fit.parts) - ranked.known
     parts = fit.parts[:count]
     share = sum(

@@ -1,1 +1,1 @@
-"""What readings show by themselves: grids, ripples, hums, offsets, and the set points that servos executed."""
+"""Detectors: quantization, ripples, tones, offsets and executed set points, from the readings without any fit."""

@@ -1,4 +1,5 @@
-"""What the recordings say before anything is fitted: candidates with starts, and effects that need no fit."""
+"""Output of all detectors, before anything is fitted: candidates with starting magnitudes, and effects that need no
+fit."""
 
 from __future__ import annotations
 
@@ -21,7 +22,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Proposals:
-    """What a search begins with.
+    """Candidates and measured effects with which a search begins.
 
     Attributes:
         pool: effects to consider, with the magnitudes that the detectors point to among those that are tried.
@@ -41,7 +42,7 @@ class Proposals:
 def proposals(
     predict: Predictor, nominal: Signals, base: Array, pool: Sequence[Candidate], trials: Sequence[int]
 ) -> Proposals:
-    """Ask every detector.
+    """Run every detector on the recordings.
 
     Args:
         predict: simulations, with the plant and what was measured.

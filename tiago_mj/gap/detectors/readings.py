@@ -1,8 +1,8 @@
-"""Effects measured on the readings alone, whatever the motion: repeats, a grid, the size of the noise, an offset.
+"""Effects measured on the readings alone, whatever the motion: repeated readings, quantization, noise, offset.
 
-A dropped reading repeats the one before exactly, a quantised one lies on a grid, and more noise is more scatter.
-Predicted means are blind to all three, so they are read off here, beside whatever else explains the recordings; and so
-is what a load cell reads before anything is touched, where no simulator can be wrong.
+A dropped reading repeats the one before exactly, a quantized one is a multiple of a step, and more noise is more
+scatter. The mean of a prediction does not depend on any of the three, so they are estimated here, independently of what
+else explains the recordings. The same holds for the reading of a load cell before contact, which needs no simulation.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ MIN_BIAS: Final = 0.006
 
 @dataclass(frozen=True)
 class Known:
-    """An effect whose magnitude is read off the readings, with one standard deviation."""
+    """An effect whose magnitude is measured on the readings, with its standard deviation."""
 
     candidate: Candidate
     value: float
@@ -59,7 +59,7 @@ class Known:
 
 @dataclass(frozen=True)
 class Trace:
-    """Of one channel.
+    """Statistics of the readings of one channel.
 
     Attributes:
         channel: its name.
@@ -84,7 +84,7 @@ class Trace:
 
 
 def of_channels(plant: Plant, data: Data, base: Array) -> list[Trace]:
-    """Look at the readings of every channel.
+    """Statistics of the readings of every channel.
 
     Args:
         plant: whose load cells are known.
@@ -108,7 +108,8 @@ def of_channels(plant: Plant, data: Data, base: Array) -> list[Trace]:
 
 
 def _before_touch(plant: Plant, data: Data, base: Array) -> NDArray[np.bool_] | None:
-    """The first rows of every trial, well before a load cell is predicted to feel anything, (ntrials, T)."""
+    """Mask of the rows at the beginning of every trial, well before a load cell is predicted to be loaded, (ntrials,
+    T)."""
     cells = [c for c, kind in enumerate(data.kinds) if kind == "force"]
     if plant.cell is None or not cells:
         return None
@@ -119,7 +120,7 @@ def _before_touch(plant: Plant, data: Data, base: Array) -> NDArray[np.bool_] | 
 
 
 def _level(values: Array, counts: NDArray[np.bool_], expected: float) -> tuple[float, float] | None:
-    """Mean of some readings and its standard deviation; None where they are few, or are not the same throughout.
+    """Mean of some readings and its standard deviation; None for too few, or where the mean changes.
 
     Args:
         values: (ntrials, T), NaN where nothing was measured.
@@ -149,7 +150,7 @@ def trace(
     untouched: NDArray[np.bool_] | None = None,
     stated: float = 0.0,
 ) -> Trace:
-    """Look at the readings of a channel.
+    """Statistics of the readings of a channel: noise at rest, exact repeats, quantization step, level before contact.
 
     Args:
         channel: its name.
@@ -178,8 +179,7 @@ def trace(
 
 
 def _at_an_end(values: Array) -> NDArray[np.bool_]:
-    """Readings that are the largest or smallest of all: where a sensor saturates, or reads nothing, it repeats
-    itself."""
+    """Mask of the readings equal to the largest or smallest of all, where a saturated or dead sensor repeats itself."""
     known = values[np.isfinite(values)]
     if not len(known):
         return np.zeros(values.shape, dtype=bool)
@@ -190,7 +190,7 @@ def _at_an_end(values: Array) -> NDArray[np.bool_]:
 
 @dataclass(frozen=True)
 class Tone:
-    """What swings in a reading by itself.
+    """A sinusoid in the readings of an unloaded load cell.
 
     Attributes:
         channel: its name.
@@ -204,7 +204,7 @@ class Tone:
 
 
 def tones(plant: Plant, data: Data, base: Array) -> list[Tone]:
-    """Tones of the load cells, where they are predicted to feel nothing.
+    """Sinusoids in the readings of the load cells while they are predicted to be unloaded.
 
     Args:
         plant: that may have load cells.
@@ -223,7 +223,7 @@ def tones(plant: Plant, data: Data, base: Array) -> list[Tone]:
 
 
 def tone(channel: str, values: Array, untouched: NDArray[np.bool_], period: float, expected: float) -> Tone | None:
-    """A tone in what a load cell reads while nothing touches it, where only noise should be.
+    """A sinusoid in the readings of an unloaded load cell, which should be noise alone; None without one.
 
     Args:
         channel: its name.
@@ -252,13 +252,13 @@ def tone(channel: str, values: Array, untouched: NDArray[np.bool_], period: floa
 
 
 def _swings_about_zero(piece: Array, expected: float) -> bool:
-    """Whether no quarter of a stretch is lifted: then something does touch."""
+    """Whether the mean of every quarter of a stretch is near zero; otherwise there is contact."""
     means = np.abs(piece.reshape(4, -1).mean(axis=1))
     return bool((means < max(3 * expected, 0.5 * float(piece.std()))).all())
 
 
 def _runs(row: Array, free: NDArray[np.bool_]) -> list[Array]:
-    """Stretches of :data:`STRETCH_ROWS` rows without a break."""
+    """Stretches of :data:`STRETCH_ROWS` consecutive rows."""
     out, begin = [], 0
     for k in range(len(row)):
         if not free[k]:
@@ -270,9 +270,9 @@ def _runs(row: Array, free: NDArray[np.bool_]) -> list[Array]:
 
 
 def measured_on_readings(traces: Sequence[Trace], pool: Sequence[Candidate]) -> tuple[Known, ...]:
-    """Effects that can be measured on the readings alone, without simulation, with their magnitudes.
+    """Effects measured on the readings alone, with their magnitudes.
 
-    One entry serves all channels where one value does, else each channel has its own.
+    One magnitude serves all channels where it fits them all, else each channel has its own.
 
     Args:
         traces: of the channels.
@@ -316,12 +316,12 @@ def _known(candidate: Candidate, value: float, error: float) -> Known:
 
 
 def _grid(trace: Trace) -> tuple[float, float] | None:
-    """Step of a grid that nothing states, or of one that is coarser than what is stated: it leaves out lines."""
+    """Quantization step that is not stated, or is coarser than the stated one."""
     return (trace.grid, 1e-3 * trace.grid) if trace.grid > COARSER_GRID_RATIO * trace.stated else None
 
 
 def _noise(trace: Trace) -> tuple[float, float] | None:
-    """Factor on the noise. A nominal sensor's noise is only known to a share."""
+    """Factor on the nominal noise, where it differs by more than the nominal noise is known to."""
     if trace.grid or not trace.expected or trace.noise_samples <= 20 or trace.noise <= 0:
         return None
     factor = trace.noise / trace.expected
@@ -333,7 +333,7 @@ def _noise(trace: Trace) -> tuple[float, float] | None:
 
 
 def _repeats(trace: Trace) -> tuple[float, float] | None:
-    """Share of readings that repeat the one before, which noisy readings never do."""
+    """Share of readings that repeat the one before exactly, which noisy readings never do."""
     if trace.grid or not trace.expected or trace.repeats < MIN_REPEATS:
         return None
     share = trace.repeats / trace.samples
@@ -341,7 +341,7 @@ def _repeats(trace: Trace) -> tuple[float, float] | None:
 
 
 def _rest(trace: Trace) -> tuple[float, float] | None:
-    """What a load cell reads where it feels nothing."""
+    """Reading of an unloaded load cell."""
     if trace.grid or trace.rest is None or abs(trace.rest[0]) < max(NAMED_DEVIATIONS * trace.rest[1], MIN_BIAS):
         return None
     return trace.rest

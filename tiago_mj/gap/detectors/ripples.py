@@ -1,7 +1,7 @@
-"""Periods of a force that repeats over position, read off what the nominal model leaves.
+"""Spatial periods of a force that repeats over position, from a periodogram of the position error.
 
-No gradient leads from one period to another: a few per cent off, a ripple is out of step after some turns. But a servo
-gives way to such a force by what it is stiff, so that the error of the position has the same period over position.
+The likelihood has no useful gradient in a period: at a few per cent off, a ripple is out of phase after some turns. But
+a servo yields to such a force in proportion to its compliance, so the position error has the same period over position.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ MAX_SQUARE_RATIO: Final = 9.0
 def with_periods(
     plant: Plant, data: Data, base: Array, free: NDArray[np.bool_], share: Array, pool: Sequence[Candidate]
 ) -> tuple[Candidate, ...]:
-    """The pool, in which ripples have the periods that the error of the position shows.
+    """The pool, its ripples at the periods that the position error shows.
 
     Args:
         plant: the nominal simulator.
@@ -77,8 +77,8 @@ def with_periods(
 
 @dataclass(frozen=True)
 class Trace:
-    """One joint in one trial: its position, the error of that, which rows count, each (T,), and how far it follows a
-    force from one row to the next."""
+    """Position and position error of one joint in one trial, with a mask of valid rows, (T,) each, and the fraction of
+    its response to a force step that the joint completes in one row."""
 
     position: Array
     error: Array
@@ -87,7 +87,7 @@ class Trace:
 
     @property
     def known(self) -> NDArray[np.bool_]:
-        """Rows that count and were measured."""
+        """Mask of the rows that are valid and measured."""
         known: NDArray[np.bool_] = self.counts & np.isfinite(self.position) & np.isfinite(self.error)
         return known
 
@@ -95,8 +95,8 @@ class Trace:
 def peaks(traces: Sequence[Trace], low: float, high: float) -> list[float]:
     """Periods of the strongest ripples, strongest first; low and high in the unit of the position.
 
-    First those that show wherever their waves begin; then, around the best of them, those whose waves begin at the
-    joint's zero, as a ripple's do: that may be far from where it moves, so that small changes of a period matter.
+    First those of any phase; then, around the best of them, those whose phase is zero at the joint's zero, as a
+    ripple's is. That may be far from where the joint moves, so that small changes of the period matter.
     """
     used = [one for one in traces if one.known.sum() > 16 and np.ptp(one.position[one.known]) > low]
     if not used:
@@ -119,7 +119,7 @@ def peaks(traces: Sequence[Trace], low: float, high: float) -> list[float]:
 
 
 def _highest_peaks(strength: Array, waves: Array, apart: float, count: int) -> list[int]:
-    """The highest points, by index, no two of them closer than that."""
+    """Indices of the highest points, at least ``apart`` from each other."""
     out: list[int] = []
     for k in np.argsort(-strength):
         if all(abs(waves[k] - waves[other]) > apart for other in out):
@@ -130,8 +130,8 @@ def _highest_peaks(strength: Array, waves: Array, apart: float, count: int) -> l
 
 
 def _products(used: Sequence[Trace], waves: Array) -> Array:
-    """Sines and cosines of the position, waves per unit of it, each followed as far as the joint does: their products
-    with the error, with themselves and with each other, (5, nwaves)."""
+    """Inner products for a least-squares fit of sine and cosine of the position, each passed through the joint's
+    response: with the error, with themselves and with each other, (5, nwaves)."""
     sums = np.zeros((5, len(waves)))
     for one in used:
         smooth = _smooth_errors(one.position[one.known])
@@ -150,13 +150,13 @@ def _products(used: Sequence[Trace], waves: Array) -> Array:
 
 
 def _filled(position: Array) -> Array:
-    """Positions with straight lines where a row has none, (T,): an encoder may be read in every fourth row only."""
+    """Positions, (T,), gaps interpolated linearly, as an encoder may be read in every fourth row only."""
     measured = np.flatnonzero(np.isfinite(position))
     return np.interp(np.arange(len(position)), measured, position[measured])
 
 
 def _interpolated(position: Array, times: int) -> Array:
-    """Positions at so many instants a row, (T,) to ((T - 1) · times + 1,): cubics between rows, with their slopes."""
+    """Positions at ``times`` instants a row by cubic interpolation, (T,) to ((T - 1) · times + 1,)."""
     slope, share = np.gradient(position), (np.arange(times) / times)[:, None]
     first, last, rise, end = position[:-1], position[1:], slope[:-1], slope[1:]
     bend = share * (1 - share)
@@ -165,8 +165,8 @@ def _interpolated(position: Array, times: int) -> Array:
 
 
 def _joint_response(force: Array, share: float) -> Array:
-    """Where a joint is that follows a force over the rows, (..., T): in fast motion it is behind a ripple by more than
-    a quarter of it."""
+    """First-order response of a joint to a force over the rows, (..., T); in fast motion it lags a ripple by more than
+    a quarter of its period."""
     if share == 1:
         return force
     begun = (1 - share / 2) * force[..., :1]  # it begins at rest
@@ -175,12 +175,12 @@ def _joint_response(force: Array, share: float) -> Array:
 
 
 def _smooth_errors(position: Array) -> Array:
-    """What errors of other causes are like: constant, or as the position or the speed is, orthonormal, (T, 3)."""
+    """Orthonormal basis of errors of other causes: constant, proportional to position and to speed, (T, 3)."""
     return np.linalg.qr(np.stack([np.ones_like(position), position, np.gradient(position)], axis=1))[0]
 
 
 def _residual(smooth: Array, error: Array) -> Array:
-    """The error without what is smooth, bounded."""
+    """The error with its smooth part projected out, clipped."""
     rest = error - smooth @ (smooth.T @ error)
     limit = np.sqrt(MAX_SQUARE_RATIO * np.median(rest**2))
     bounded: Array = np.clip(rest, -limit, limit)

@@ -1,8 +1,8 @@
-"""Set points that the servos really had, estimated from their motion.
+"""Executed set points of the servos, estimated from their motion.
 
-The likelihood has no useful gradient for a grid or a dead band of the set point. A servo follows its set point with a
-lag, so its departure from the predicted motion shows by how much the set point differed. The magnitudes that explain
-this best become starts of ordinary fits.
+The likelihood has no useful gradient in a quantization or a dead band of the set point. A servo follows its set point
+with a lag, so that its deviation from the predicted motion shows the difference of the set points. The magnitudes that
+explain this best are the starts of ordinary fits.
 """
 
 from __future__ import annotations
@@ -46,9 +46,9 @@ MAX_SQUARED_RESIDUAL: Final = 25.0
 
 @dataclass(frozen=True)
 class ServoMotion:
-    """Measured motion of the servos as evidence on their set points.
+    """Measured motion of the servos and what it says about their set points.
 
-    A servo follows its set point with a lag: between two rows it covers ``share`` of the way that is left.
+    A servo is modelled as first order: from one row to the next it covers ``share`` of the remaining distance.
 
     Attributes:
         start: set points before the first command, (ntrials, nactuators) [m, rad].
@@ -66,7 +66,7 @@ class ServoMotion:
 
 
 def servo_motion(plant: Plant, on: Grid, data: Data, nominal: Signals) -> ServoMotion | None:
-    """Compare the motion with the nominal one; None for a plant without position servos.
+    """Residual of the measured motion from the nominal one, by servo; None for a plant without position servos.
 
     Args:
         plant, on, data: what was recorded.
@@ -100,8 +100,7 @@ def servo_motion(plant: Plant, on: Grid, data: Data, nominal: Signals) -> ServoM
 
 
 def shares(plant: Plant, motion: ServoMotion | None) -> Array:
-    """Share of the way to where a force pushes it that each joint covers in a row, (njoints,): all, where no servo says
-    otherwise."""
+    """Fraction of its response to a force step that each joint completes in one row, (njoints,); 1 without a servo."""
     out = np.ones(len(plant.joints))
     if motion is not None:
         out[list(plant.wiring.targets.actuated)] = motion.share
@@ -109,7 +108,7 @@ def shares(plant: Plant, motion: ServoMotion | None) -> Array:
 
 
 def untouched(data: Data, nominal: Signals, rows: int) -> NDArray[np.bool_]:
-    """Rows in which nothing is touched, (ntrials, T)."""
+    """Mask of the rows without contact, (ntrials, T)."""
     touching = np.zeros((nominal.position.shape[0], rows), dtype=bool)
     if nominal.newtons.shape[2]:
         touching |= np.any(nominal.newtons[:, :rows] > 0, axis=2)
@@ -127,7 +126,7 @@ def magnitudes(
     trials: Sequence[int],
     deadline: Deadline | None = None,
 ) -> tuple[Candidate, ...]:
-    """The pool, in which effects on set points have the magnitudes on their grids that explain what was seen best.
+    """The pool, its effects on set points at the magnitudes of their grids that best explain the motion.
 
     Args:
         plant, on, motion: as of :func:`servo_motion`.
@@ -170,8 +169,8 @@ def magnitudes(
 def driven(
     plant: Plant, on: Grid, motion: ServoMotion, wide: Candidate, pairs: Array, trials: Sequence[int], longest: float
 ) -> Iterator[Array]:
-    """How far off pairs of a magnitude and a driver's period put the set points, for each of the T - 1 commands
-    (npairs, ntrials, nsteps, nactuators), in steps of at most ``longest`` [s]."""
+    """Offset of the set points for each pair of magnitude and driver's period, for each of the T - 1 commands (npairs,
+    ntrials, nsteps, nactuators), in steps of at most ``longest`` [s]."""
     these, parts = list(trials), max(math.ceil(plant.period / longest - 1e-6), 1)
     shape = (len(pairs), len(these), motion.requested.shape[2])
     size = shape[0] * shape[1]
@@ -203,8 +202,8 @@ def driven(
 
 
 def dense(wide: Candidate, farthest: float, shift: float = GRID_SHIFT) -> Array:
-    """Magnitudes to look at, rising; set points are as far as that from the joint's zero [m, rad], where a grid's lines
-    move by ``shift`` of a step from one to the next."""
+    """Ascending grid of magnitudes on which the lines of a quantization move by ``shift`` of a step from one to the
+    next, at the set point farthest from the joint's zero [m, rad]."""
     even = wide.identity + np.geomspace(0.01, 1.0, DENSE_MAGNITUDES) * (wide.high - wide.identity)
     if wide.parameter != "step":
         return even
@@ -213,7 +212,7 @@ def dense(wide: Candidate, farthest: float, shift: float = GRID_SHIFT) -> Array:
 
 
 def _columns(candidate: Candidate, commands: tuple[str, ...]) -> list[int]:
-    """Actuators that a candidate acts on."""
+    """Indices of the actuators that a candidate acts on."""
     return [commands.index(name) for name in candidate.target or commands]
 
 
@@ -221,15 +220,15 @@ def _requested(plant: Plant, on: Grid, start: Array) -> Array:
     """Set points that the commands ask for, (ntrials, T - 1, nactuators)."""
     if plant.wiring.interface == "position":
         return on.commands.copy()
-    out, at = np.empty(on.commands.shape), start
+    out, set_point = np.empty(on.commands.shape), start
     for k in range(on.commands.shape[1]):
-        at = np.clip(at + on.commands[:, k] * on.period[:, k, None], *plant.wiring.span.T)
-        out[:, k] = at
+        set_point = np.clip(set_point + on.commands[:, k] * on.period[:, k, None], *plant.wiring.span.T)
+        out[:, k] = set_point
     return out
 
 
 def _slewed(plant: Plant, on: Grid, start: Array, wanted: Array) -> Array:
-    """Set points by row, (ntrials, T, nactuators): they move no faster than the joint's limit."""
+    """Set points by row, (ntrials, T, nactuators), rate-limited to the joint's velocity limit."""
     out = np.empty((wanted.shape[0], wanted.shape[1] + 1, wanted.shape[2]))
     out[:, 0] = start
     for k in range(wanted.shape[1]):
@@ -247,7 +246,7 @@ def _costs(
     trials: Sequence[int],
     deadline: Deadline,
 ) -> Array:
-    """Misfit of each magnitude, (nvalues, nactuators)."""
+    """Weighted sum of squares of the residual at each magnitude, (nvalues, nactuators)."""
     total = np.zeros((len(values), motion.requested.shape[2]))
     for t in trials:
         deadline.check()
@@ -262,7 +261,7 @@ def _costs(
 
 
 def passed(plant: Plant, on: Grid, motion: ServoMotion, wide: Candidate, values: Array, trial: int) -> Array:
-    """What magnitudes of an effect make of the set points of a trial, (nvalues, T - 1, nactuators)."""
+    """Executed set points of a trial at each magnitude of an effect, (nvalues, T - 1, nactuators)."""
     chain = only_commands(plant, [(wide.entry(float(v)),) for v in values])
     asked = motion.requested[trial]
     chain.now.set_point = np.broadcast_to(motion.start[trial], (len(values), asked.shape[1])).copy()
@@ -276,6 +275,6 @@ def passed(plant: Plant, on: Grid, motion: ServoMotion, wide: Candidate, values:
 
 
 def minima(cost: Array) -> list[int]:
-    """The lowest points of a curve, each lower than both neighbours."""
+    """Indices of the lowest local minima of a curve, lowest first, at most :data:`MAX_SIMULATED`."""
     inner = np.nonzero((cost[1:-1] <= cost[:-2]) & (cost[1:-1] <= cost[2:]))[0] + 1
     return sorted(inner.tolist(), key=lambda k: float(cost[k]))[:MAX_SIMULATED]
