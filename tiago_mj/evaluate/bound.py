@@ -104,7 +104,7 @@ def least_cost(core: Any, steps: int) -> LeastCost:
 
 
 def check(core: Any) -> None:
-    """Refuse an environment that the bound does not hold for.
+    """Refuse an environment for which the bound does not hold.
 
     Raises:
         ValueError: says why.
@@ -134,10 +134,7 @@ def expected_distance(distance: Array, noise: Array) -> Array:
 
 
 def free_travel(core: Any, steps: int) -> Array:
-    """How far each finger has closed, with nothing in its way and at the speed limit, (steps, 2) [m].
-
-    Row t is what the readings of control step t + 1 are of: the state one physics step before its end.
-    """
+    """Distance that each finger closes at the speed limit without an obstacle, (steps, 2) [m]."""
     data = _start(core, core._item_in_place, np.array([AWAY, 0.0]))
     begin = np.array(data.qpos[core._qpos_address])
     rows = []

@@ -85,7 +85,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def names_of(policies: Sequence[str]) -> list[str]:
-    """What policies are called: a file by its stem, a second of the same name with its number."""
+    """Names of policies in tables: the stem of a file; a second policy of the same name gets a number."""
     names: list[str] = []
     for policy in policies:
         name = Path(policy).stem if Path(policy).suffix or "/" in policy else policy

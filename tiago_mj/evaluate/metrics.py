@@ -1,7 +1,7 @@
-"""What an episode was worth: numbers as a pure function of its trace.
+"""Metrics of an episode, computed from its trace.
 
-Contact is the simulator's own: a pad and the object press on each other at the end of a control step. A reading above a
-threshold would take noise for contact and a light touch for none.
+Contact is the simulator's own: a pad and the object press on each other at the end of a control step. A threshold on
+the readings would take noise for contact, and a light touch for none.
 """
 
 from __future__ import annotations
@@ -113,18 +113,13 @@ def paper_reward(trace: Trace) -> float | None:
 
 
 def bounces(in_contact: NDArray[np.bool_]) -> int:
-    """How often contact was lost after it was had, over all fingers; (T, fingers) bool.
-
-    A loss that is over within one control step is not seen.
-    """
+    """Number of times that contact was lost, summed over fingers, from contact (T, fingers) bool."""
     return int((in_contact[:-1] & ~in_contact[1:]).sum())
 
 
 def contact_share(in_contact: NDArray[np.bool_]) -> float | None:
-    """Share of steps with all fingers in contact, from the step by which each has touched; None where one never does.
-
-    Fingers that take turns, as with an object that is batted to and fro, have touched, and share nothing.
-    """
+    """Share of steps with all fingers in contact, from the step at which the last one touched; None where one never
+    does."""
     since = np.logical_or.accumulate(in_contact, axis=0).all(axis=1)
     return float(in_contact[since].all(axis=1).mean()) if since.any() else None
 

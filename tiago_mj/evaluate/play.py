@@ -1,4 +1,4 @@
-"""Episodes of one controller: played, traced, measured."""
+"""Episodes of one controller, with their traces and metrics."""
 
 from __future__ import annotations
 

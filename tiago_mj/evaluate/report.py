@@ -1,4 +1,4 @@
-"""What an evaluation says: as a table on the terminal, and as data."""
+"""Report of an evaluation: as a table on the terminal, and as data."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Evaluation:
 
 
 def distance_from_bound(played: Played, bounds: Sequence[LeastCost]) -> float:
-    """By how much of the bound the mean of the paper's reward stays below it."""
+    """Distance of the mean return (the paper's reward) from its upper bound, relative to the bound."""
     rewards = [episode.paper_reward for episode in played.metrics]
     bound = sum(one.expected for one in bounds) / len(bounds)
     return (-sum(reward for reward in rewards if reward is not None) / len(rewards) - bound) / bound

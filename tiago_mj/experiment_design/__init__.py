@@ -1,1 +1,1 @@
-"""What a recording can tell at all, before anything is fitted (``tiago-mj preflight``)."""
+"""Which effects a recording can show, before anything is fitted (``tiago-mj preflight``)."""

@@ -33,7 +33,7 @@ FIRM: Final = 2.0
 
 
 def preflight_along(plant: Plant, trials: Sequence[Trial], findings: Sequence[Finding], seed: int = 0) -> Preflight:
-    """Look at what the motion and the efforts of recordings would show of every effect, on every joint.
+    """Excitation of every effect on every joint by a measured motion, as changes of torque from inverse dynamics.
 
     Args:
         plant: the nominal simulator, with what is known already.
@@ -83,7 +83,7 @@ def _positions(trial: Trial) -> list[Array]:
 
 
 class _Resolved:
-    """Signatures in units of what the efforts resolve, less what the model's uncertain numbers explain."""
+    """Effect signatures in units of the resolution of the efforts, orthogonal to the uncertain numbers of the model."""
 
     def __init__(self, evidence: Evidence) -> None:
         floor = evidence.floor
@@ -95,7 +95,8 @@ class _Resolved:
         self._factor = linalg.cho_factor(np.eye(len(uncertain)) + self._columns.T @ self._columns)
 
     def signature(self, column: Array) -> Array:
-        """Of a change of effort, (T, c): what is left of it, whose length is its distance."""
+        """Signature of a change of effort, (T, c): its component orthogonal to the nuisances, whose norm is its
+        distance."""
         white = self._white(column)
         left = white - self._columns @ linalg.cho_solve(self._factor, self._columns.T @ white)
         length = float(np.sqrt(max(white @ left, 0.0)))
@@ -107,7 +108,7 @@ class _Resolved:
 
 
 def _excited(term: Term, unit: Array) -> tuple[Excited, Array]:
-    """One term, and its signature at a clear magnitude: its default, or what is twice as far as it must be."""
+    """Excitation of one term, and its signature at its default magnitude, or at twice the smallest clear one."""
     per_unit = float(np.linalg.norm(unit))
     nearest = CLEAR / per_unit if per_unit > 0 else np.inf
     sides = [side for side in (np.sign(term.magnitude), -np.sign(term.magnitude)) if side]
@@ -131,14 +132,14 @@ def _named(one: Excited) -> str:
 
 
 def _strength(effect: str) -> str:
-    """Name of the parameter that is an effect's size."""
+    """Name of the parameter that is an effect's magnitude."""
     return next(p.name for p in EFFECTS[effect].parameters.values() if p.identity is not None)
 
 
 def _alike(
     seen: Mapping[tuple[str, str], Array], on_target: Mapping[tuple[str, str], str]
 ) -> tuple[tuple[str, ...], ...]:
-    """Groups in which each effect on a joint is within reach of another: what is left of one is not clear."""
+    """Groups of effects on a joint that cannot be distinguished: the difference of their signatures is not clear."""
     groups: list[set[tuple[str, str]]] = []
     for a, b in combinations(seen, 2):
         x, y = seen[a], seen[b]

@@ -41,7 +41,7 @@ TRIALS: Final = 3
 
 @dataclass(frozen=True)
 class Excited:
-    """One effect, on all its targets or on one.
+    """Excitation of one effect, on all its targets or on one.
 
     Attributes:
         effect: name.
@@ -62,13 +62,13 @@ class Excited:
 
     @property
     def visible(self) -> bool:
-        """Whether some magnitude would be clear."""
+        """Whether some magnitude would be clearly visible."""
         return self.smallest is not None or self.by_readings
 
 
 @dataclass(frozen=True)
 class Preflight:
-    """What the recordings can tell.
+    """Excited effects of recordings, and groups of them that cannot be distinguished.
 
     Attributes:
         robot: that was simulated.
@@ -94,7 +94,7 @@ def preflight(
     threads: int = 0,
     seed: int = 0,
 ) -> Preflight:
-    """Look at what the commands of recordings would show of every effect.
+    """Excitation of every effect by the commands of recordings, from simulations.
 
     Args:
         plant: the nominal simulator.
@@ -154,7 +154,8 @@ def _nominal(plant: Plant, on: replay.Grid, threads: int) -> replay.Signals:
 def _excited(
     predict: Predictor, frame: likelihood.Frame, candidate: Candidate, trials: Sequence[int], base: Array
 ) -> tuple[Excited, Array]:
-    """An effect's distances over its magnitudes, and its signature at its default (nearest to what was tried)."""
+    """An effect's distances over its magnitudes, and its signature at the simulated magnitude nearest to its
+    default."""
     values = np.array(sorted({*candidate.grid, _default(predict.plant, candidate)}))
     change = predict.all_trials([(candidate.entry(float(v)),) for v in values], trials) - base
     white = likelihood.whiten(frame.data, likelihood.mean_visible_change(frame.data, change), frame.weight).reshape(
@@ -182,7 +183,7 @@ def _default(plant: Plant, candidate: Candidate) -> float:
 
 
 def _smallest(candidate: Candidate, values: Array, distance: Array) -> float | None:
-    """The value nearest to the identity, on either side, at which the signature is clear."""
+    """Magnitude nearest to that without effect, on either side, at which the signature is clear."""
     finite = bool(np.isfinite(candidate.identity))
     origin = candidate.identity if finite else candidate.high  # a limit: from loose to tight
     found = []
@@ -200,7 +201,7 @@ def _smallest(candidate: Candidate, values: Array, distance: Array) -> float | N
 
 
 def _alike(names: Sequence[str], shapes: dict[str, Array]) -> tuple[tuple[str, ...], ...]:
-    """Groups in which each member is within reach of another: what one leaves of the other's signature is not clear."""
+    """Groups of effects that cannot be distinguished: the difference of their signatures is not clear."""
     groups: list[set[str]] = []
     for k, a in enumerate(names):
         for b in names[k + 1 :]:

@@ -1,4 +1,4 @@
-"""What the actuators of a model take, and which joints they drive."""
+"""Command interfaces of the actuators of a model, and the joints that they drive."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ _SIMPLE_BIAS = (int(mujoco.mjtBias.mjBIAS_NONE), int(mujoco.mjtBias.mjBIAS_AFFIN
 
 
 def actuator_interface(model: mujoco.MjModel, actuator: int) -> str:
-    """What one actuator takes, from its bias: a position servo has a stiffness, a velocity servo only a damping."""
+    """Command interface of one actuator, from its bias: a position servo has a stiffness, a velocity servo only a
+    damping."""
     stiffness, damping = -model.actuator_biasprm[actuator, 1], -model.actuator_biasprm[actuator, 2]
     if stiffness > 0:
         return "velocity" if model.actuator_dyntype[actuator] == mujoco.mjtDyn.mjDYN_INTEGRATOR else "position"

@@ -89,7 +89,7 @@ def load_model(path: Path, lead: str, error: type[ValueError] = ValueError) -> m
 
 
 def check_speed(model: mujoco.MjModel, lead: str, error: type[ValueError] = ValueError) -> None:
-    """Refuse a model that nobody can wait for, by some steps from its start.
+    """Refuse a model that is too slow to simulate, measured over a few steps from its initial state.
 
     Args:
         model, lead, error: as of :func:`load_model`.
@@ -115,7 +115,7 @@ def check_speed(model: mujoco.MjModel, lead: str, error: type[ValueError] = Valu
 
 
 def compiled(path: str) -> apart.Answer:
-    """Compile a model and forget it: whether that can be done, and ends.
+    """Compile a model and discard it, to find out whether that succeeds and ends.
 
     Raises:
         ValueError: MuJoCo cannot compile it.
@@ -151,7 +151,7 @@ def _check_options(model: mujoco.MjModel) -> None:
 
 
 class _Counter:
-    """What a model holds, copies counted."""
+    """Number of elements of a model, with replicated copies."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -175,7 +175,7 @@ class _Counter:
 
 
 class _File:
-    """One file's elements, as they come."""
+    """Elements of one file, counted as they are parsed."""
 
     def __init__(self, total: _Counter, path: Path, copies: int, within: tuple[Path, ...]) -> None:
         self.total, self.path, self.within = total, path, (*within, path)
@@ -221,7 +221,7 @@ class _File:
         self.copies.pop()
 
     def sizes(self, tag: str, given: dict[str, str]) -> None:
-        """Refuse what is allocated without being written."""
+        """Refuse element sizes for which MuJoCo would allocate too much memory."""
         if math.prod(max(one, 1) for name in _SIZES.get(tag, ()) for one in self.numbers(tag, given, name)) > CELLS:
             self.wrong(f"<{tag}> is of more than {CELLS} numbers: make it smaller")
         for name in given if tag == "size" else ():
@@ -234,13 +234,13 @@ class _File:
             self.wrong(f"nsample of <{tag}> is {quoted(given['nsample'])}: give {ELEMENTS} or less")
 
     def memory(self, text: str) -> None:
-        """Refuse a size such as ``2G`` that is more than :data:`ARENA`; MuJoCo says what is none."""
+        """Refuse a size such as ``2G`` above :data:`ARENA`; a malformed one is left to MuJoCo to report."""
         found = re.fullmatch(r"\s*(\d{1,18})([KMGTPE]?)\s*", text, re.IGNORECASE)
         if found and int(found[1]) * 1024 ** " KMGTPE".index(found[2].upper() or " ") > ARENA:
             self.wrong(f"memory of <size> is {quoted(text)}: give {ARENA // 1_000_000} MB or less")
 
     def others(self, tag: str, given: dict[str, str], copies: int) -> None:
-        """Count other files where this one takes them in."""
+        """Count the files that this file includes or attaches."""
         if tag == "include":
             self.count(given.get("file", ""), copies)
         elif tag == "model" and "file" in given:
@@ -249,7 +249,7 @@ class _File:
             self.count(file, copies)
 
     def count(self, name: str, copies: int) -> None:
-        """A file that is there; what is not, MuJoCo names."""
+        """Count an included file where it exists; a missing one is left to MuJoCo to report."""
         near = [folder / name for folder in (self.path.parent, self.total.folder)]
         found = next((path for path in near if path.exists()), None)
         if found is None:

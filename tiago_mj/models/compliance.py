@@ -129,9 +129,7 @@ BULLET_UNSET: Final = Compliance(np.inf, BULLET_UNSET_DAMPING)
 
 @dataclass(frozen=True)
 class ContactParameters:
-    """What MuJoCo needs to know of a contact, and the virtual mass that it pays for it.
-
-    Shapes: ``...`` is the broadcast shape of all inputs (empty for scalars).
+    """MuJoCo parameters of a contact, and the virtual mass that they add.
 
     Attributes:
         solref: (..., 2), direct format.
@@ -167,11 +165,7 @@ def in_series(a: Compliance, b: Compliance) -> Compliance:
 
 
 def with_bullet_step_damping(compliance: Compliance, bullet_timestep: ArrayLike) -> Compliance:
-    """What a contact feels like in Bullet at its time step: damping c + k·dt.
-
-    Bullet integrates contact springs by implicit Euler (erp and cfm), which damps them as an extra damper k·dt would,
-    to first order in dt. Use it to reproduce a Bullet simulation, not a material: at 240 Hz, 10 kN/m and 100 N·s/m act
-    like 142 N·s/m.
+    """Compliance of a contact as Bullet integrates it: damping c + k·dt at its time step dt.
 
     Args:
         compliance: stiffness [N/m] and damping [N·s/m] as given to Bullet.
@@ -354,7 +348,7 @@ def _pair_index(model: mujoco.MjModel, pair: str | int) -> int:
 
 
 def _require_options(model: mujoco.MjModel, friction_damping: float | None) -> None:
-    """Refuse the options under which the law above is not what MuJoCo computes."""
+    """Refuse model options under which the contact law of this module does not hold."""
     if model.opt.enableflags & mujoco.mjtEnableBit.mjENBL_OVERRIDE:
         raise ValueError("option flag override replaces every contact's solref: disable it")
     if model.opt.enableflags & getattr(mujoco.mjtEnableBit, "mjENBL_DIAGEXACT", 0):
@@ -388,7 +382,7 @@ def _require_stable(k: Array, c: Array, mass: Array, d: Array, h: float, what: s
 
 
 def _floor3(x: float) -> float:
-    """x rounded down to three digits: a value that is told as fine must be fine."""
+    """x rounded down to three digits, so that a value given as acceptable is acceptable."""
     scale = 10.0 ** (2 - np.floor(np.log10(x)))
     return float(np.floor(x * scale) / scale)
 

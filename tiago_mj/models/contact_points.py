@@ -1,4 +1,5 @@
-"""What MuJoCo makes of two geoms in contact: their inverse weight, and how many contact points share the load."""
+"""Quantities of a MuJoCo contact between two geoms: their inverse weight, and how many contact points share the
+load."""
 
 from __future__ import annotations
 

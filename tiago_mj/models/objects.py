@@ -26,7 +26,7 @@ SHAPES: Final[Mapping[str, mujoco.mjtGeom]] = MappingProxyType(
 
 @dataclass(frozen=True)
 class GraspObject:
-    """A thing to grasp.
+    """An object to grasp: shape, size, mass, friction and stiffness.
 
     Attributes:
         shape: ``cylinder`` (upright) or ``box``.
@@ -58,7 +58,7 @@ class GraspObject:
 
     @property
     def compliance(self) -> Compliance:
-        """Of the contact with one pad."""
+        """Compliance of the contact with one pad."""
         return Compliance(self.stiffness, self.damping)
 
     def geom_size(self) -> NDArray[np.float64]:
@@ -67,7 +67,7 @@ class GraspObject:
         return np.array([half, self.height / 2, 0.0] if self.shape == "cylinder" else [half, half, self.height / 2])
 
     def half_extents(self) -> NDArray[np.float64]:
-        """Of the bounding box, (3,) [m]."""
+        """Half sizes of the bounding box, (3,) [m]."""
         return np.array([self.width / 2, self.width / 2, self.height / 2])
 
     def inertia(self) -> NDArray[np.float64]:
@@ -114,7 +114,7 @@ KEYS: Final[Mapping[str, tuple[str, float]]] = MappingProxyType(
 
 
 def described_object(said: Mapping[str, Any]) -> GraspObject:
-    """An object of one's own, by the keys of :data:`KEYS`; what is not said is the default object's.
+    """An object from a mapping with the keys of :data:`KEYS`; missing ones are those of the default object.
 
     Args:
         said: ``shape``; ``radius_m`` or ``width_m``, ``height_m`` [m]; ``mass_kg`` [kg]; ``stiffness`` [N/m] and
@@ -155,10 +155,7 @@ def named_object(name: str, **changes: Any) -> GraspObject:
 
 
 def give_object(model: mujoco.MjModel, item: GraspObject, scratch: mujoco.MjData | None = None) -> None:
-    """Turn the model's object into ``item``: shape, size, mass, inertia, friction; derived constants follow.
-
-    The contact compliance depends on the constants derived here, so it is set afterwards, by
-    :func:`tiago_mj.models.scene.set_object`.
+    """Set the model's object to ``item``: shape, size, mass, inertia, friction, and the constants derived from them.
 
     Args:
         model: with an object in it.

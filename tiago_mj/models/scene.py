@@ -43,7 +43,7 @@ CONTACT_POINTS: Final = {"cylinder": 2, "box": 4}
 
 @dataclass(frozen=True)
 class SceneConfig:
-    """What stands in a scene.
+    """Contents of a scene: robot, table and object.
 
     Attributes:
         robot: one of :data:`ROBOTS`.
@@ -164,7 +164,7 @@ def _mount_gripper(spec: mujoco.MjSpec) -> None:
 
 
 def _furnish(spec: mujoco.MjSpec) -> None:
-    """Floor, light and table; the table is part of the world, as the robot's fixed base is."""
+    """Add floor, light and table; the table is part of the world body."""
     world = spec.worldbody
     spec.visual.headlight.ambient = [0.35, 0.35, 0.35]
     spec.visual.headlight.diffuse = [0.35, 0.35, 0.35]

@@ -65,11 +65,7 @@ def _part(table: Table, name: str) -> dict[str, Any]:
 
 
 def _turned(right: Mapping[str, Any]) -> dict[str, Any]:
-    """The left finger: the right one turned by half a turn about z of the gripper.
-
-    Only the finger link, whose frame keeps the axes of the gripper, and the joints on it change; links further out
-    sit in frames that are turned as a whole.
-    """
+    """The left finger's element: the right one rotated by half a turn about the gripper's z axis."""
     left = copy.deepcopy(dict(right))
     finger = left["links"]["gripper_right_finger_link"]
     finger["com"] = _turn(finger["com"])

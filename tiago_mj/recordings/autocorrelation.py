@@ -64,6 +64,6 @@ def _autocorrelation(parts: Sequence[Array]) -> Array:
 
 
 def _with_itself(values: Array, size: int) -> Array:
-    """Sums of products of values, (T,), with those so many rows later, (T,)."""
+    """Autocovariance sum: products of values, (T,), with those each lag later, (T,)."""
     products: Array = fft.irfft(np.abs(fft.rfft(values, size)) ** 2, size)[: len(values)]
     return products

@@ -1,4 +1,4 @@
-"""Grids that readings lie on."""
+"""Quantization step of readings."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 
 
 def grid_step(values: NDArray[np.float64], least: int = 3) -> float:
-    """Step of the grid that all values lie on; 0 if there is none, or it is finer than a ten-thousandth of their range.
+    """Largest step of which all values are multiples; 0 if there is none, or it is finer than a ten-thousandth of their
+    range.
 
     Args:
         values: in any order, without gaps.

@@ -21,7 +21,7 @@ from tiago_mj.recordings.recording import MEASURED, RecordingError, Trial, chann
 
 
 def known_to(trials: Sequence[Trial]) -> dict[tuple[str, str | None], float]:
-    """One standard deviation by (effect, target or None for all).
+    """Prior standard deviations of the nominal numbers, by (effect, target or None for all).
 
     Raises:
         RecordingError: it is no positive number, or trials of one robot say different things.
@@ -47,12 +47,12 @@ def known_to(trials: Sequence[Trial]) -> dict[tuple[str, str | None], float]:
 
 
 def deviation(known: Mapping[tuple[str, str | None], float], effect: str, target: str | None) -> float | None:
-    """Of an effect on one target; None if nothing is said."""
+    """Prior standard deviation of an effect on one target; None if not stated."""
     return known.get((effect, target), known.get((effect, None)))
 
 
 def grids(trials: Sequence[Trial], given: Sequence[Entry] = ()) -> dict[str, float]:
-    """Step of the grid of every channel that is said to have one, in the channel's unit.
+    """Stated quantization step of every channel that has one, in its unit.
 
     Args:
         trials: of one robot.
@@ -81,7 +81,7 @@ def grids(trials: Sequence[Trial], given: Sequence[Entry] = ()) -> dict[str, flo
 
 
 def _quanta(trial: Trial) -> dict[str, float]:
-    """The steps that a sidecar states, by column; what is said of a column goes before what is said of its kind."""
+    """Stated steps by column; one for a column overrides that for its kind."""
     said = trial.sidecar.raw.get("quantum")
     if said is None:
         return {}

@@ -69,7 +69,7 @@ class RecordingError(ValueError):
 
 @dataclass(frozen=True)
 class Finding:
-    """Something that the lint noticed.
+    """A fault or repair that the lint noticed.
 
     Attributes:
         code: one of :data:`CODES`.
@@ -100,7 +100,7 @@ class Finding:
 
 @dataclass(frozen=True)
 class Sidecar:
-    """What is known of a trial beside its columns (``NAME.json``).
+    """Metadata of a trial (``NAME.json``).
 
     Attributes:
         schema: :data:`SCHEMA`.

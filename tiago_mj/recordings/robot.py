@@ -1,4 +1,4 @@
-"""Names of a robot's joints and actuators, and what its commands may be: what recordings are held against."""
+"""Names of a robot's joints, actuators and sensors, and the interfaces of its commands, to check recordings against."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ ALIKE: Final = 0.7
 
 @dataclass(frozen=True)
 class Robot:
-    """Of a compiled model.
+    """Names and interfaces of a compiled model.
 
     Attributes:
         joints: every named joint.
@@ -36,7 +36,7 @@ class Robot:
 
     @classmethod
     def of_model(cls, model: Any) -> Robot:
-        """Those of a compiled ``mujoco.MjModel``; what has no name is left out."""
+        """Names of a compiled ``mujoco.MjModel``; unnamed elements are left out."""
         import mujoco
 
         from tiago_mj.models.actuators import driven_joint, replayed_interfaces
@@ -62,7 +62,7 @@ class Robot:
 
 
 def robot_of(file: str) -> Robot | None:
-    """The robot of a model file; None where the name is no file's, such as an environment's.
+    """The robot of a model file; None where the name is not a file, such as an environment.
 
     Raises:
         RecordingError: the file is no model that can be compiled; one line.
@@ -76,5 +76,5 @@ def robot_of(file: str) -> Robot | None:
 
 
 def nearest(name: str, known: Any) -> str | None:
-    """Of names that are there, the one that is nearly the same; None where none is."""
+    """The known name most similar to a given one; None where none is similar."""
     return next(iter(get_close_matches(name, list(known), 1, ALIKE)), None)

@@ -11,7 +11,7 @@ Array = NDArray[np.float64]
 
 
 def deviation(values: Array, *, about_zero: bool = False) -> float:
-    """Standard deviation of numbers that are normal but for a few.
+    """Robust standard deviation of normal numbers with a few outliers.
 
     Args:
         values: (n,), at least one.

@@ -50,7 +50,7 @@ class _Sensing(Open):
 
 
 class _Object(Open):
-    """Nothing that fingers hold is larger."""
+    """Object of a grasp, with bounds on its size."""
 
     shape: Annotated[str | None, Field(description="write text")] = None
     radius_m: float | None = _positive(0.25)
@@ -71,7 +71,7 @@ class _Initial(Closed):
 
 
 class _Written(Open):
-    """What is read of a sidecar; the rest is for its reader."""
+    """Keys of a sidecar that are read; others are ignored."""
 
     written: Literal["tiago_mj.recording/1"] = Field(default=SCHEMA, alias="schema")
     trial: _Text = ""
@@ -108,7 +108,7 @@ def load_sidecar(path: Path) -> dict[str, Any]:
 
 
 def parse_sidecar(raw: Mapping[str, Any], file: str, defaults: Mapping[str, Any] | None = None) -> Sidecar:
-    """A sidecar from its mapping; what it lacks is taken from ``defaults``.
+    """A sidecar from its mapping, missing entries from ``defaults``.
 
     Args:
         raw: as loaded; empty where there is no sidecar.
@@ -144,7 +144,7 @@ def parse_sidecar(raw: Mapping[str, Any], file: str, defaults: Mapping[str, Any]
 
 
 def sidecar_mapping(sidecar: Sidecar) -> dict[str, Any]:
-    """What is written: the fields, and whatever else the raw mapping holds."""
+    """Mapping to be written: the fields, and other entries of the raw mapping."""
     fields = {
         key: getattr(sidecar, key)
         for key in (

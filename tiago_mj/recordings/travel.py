@@ -1,8 +1,7 @@
-"""How far and how fast joints went in the trials that were fitted, beside those that the fit is tested on.
+"""Range and speed of the joints in the training trials, compared with the test trials.
 
-What is fitted to small motions and tested on large ones is extrapolated: friction that grows with speed, play, gravity
-and limits show themselves only there. A share of the gap that stays open may then be the recordings' fault, not the
-explanation's.
+A fit to small motions that is tested on large ones extrapolates: friction that grows with speed, play, gravity and
+limits appear only in the large ones. A gap that stays open may then be due to the recordings, not the explanation.
 """
 
 from __future__ import annotations
@@ -66,7 +65,7 @@ def farther(trials: Sequence[Trial], splits: Mapping[str, Sequence[str]], slides
 
 
 def _parts(trials: Sequence[Trial], splits: Mapping[str, Sequence[str]]) -> tuple[list[Trial], list[Trial]]:
-    """Trials that were fitted, and those of the test."""
+    """Training trials, and test trials."""
     tested = set(splits.get("test", ()))
     fitted = {name for part in ("train", "validation") for name in splits.get(part, ())}
     return [trial for trial in trials if trial.name in fitted], [trial for trial in trials if trial.name in tested]
@@ -75,7 +74,7 @@ def _parts(trials: Sequence[Trial], splits: Mapping[str, Sequence[str]]) -> tupl
 def _span(
     trials: Sequence[Trial], joint: str, ends: Callable[[Trial, str], Iterator[tuple[float, float]]]
 ) -> float | None:
-    """From the lowest to the highest over all trials; None where the joint was not measured."""
+    """Lowest and highest over all trials; None where the joint was not measured."""
     parts = [part for trial in trials for part in ends(trial, joint)]
     if not parts:
         return None

@@ -37,7 +37,7 @@ GIVEN_UP: Final = 0.25
 
 
 def too_long(trial: Trial) -> bool:
-    """Whether a trial is too long to be replayed again and again."""
+    """Whether a trial is too long to be simulated many times."""
     return float(trial.time[-1] - trial.time[0]) > LONGEST or len(trial.time) > MOST_ROWS
 
 
@@ -137,7 +137,7 @@ def correlation_time(trial: Trial) -> float:
 
 
 def _rests(trial: Trial) -> NDArray[np.bool_]:
-    """Rows within a rest, (n,)."""
+    """Mask of the rows at rest, (n,)."""
     time = trial.time
     step = float(np.median(np.diff(time)))
     half = max(round(REST / step / 2), 1)
@@ -206,7 +206,7 @@ def _cut_from(trial: Trial) -> float:
 
 
 def _slope(time: Array, values: Array, row: int) -> float:
-    """Speed at a row, by a straight line through five rows."""
+    """Speed at a row, by linear regression over five rows."""
     near = slice(max(row - 2, 0), row + 3)
     known = np.isfinite(values[near])
     if known.sum() < 2:

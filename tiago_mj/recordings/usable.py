@@ -1,4 +1,4 @@
-"""What every recording must keep, whoever made it: a clock that runs, and numbers that a sensor can have read."""
+"""Conditions on every recording, whoever made it: an increasing clock, and values within physical bounds."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ RATE: Final = f"write a number from {SLOWEST:g} to {FASTEST:g} [Hz]"
 
 
 def is_rate(value: Any) -> TypeGuard[float]:
-    """Whether it is a rate in Hz that anything is recorded at."""
+    """Whether a number is a plausible sampling rate [Hz]."""
     return is_number(value) and SLOWEST <= value <= FASTEST
 
 
 def check_span(seconds: float, file: str) -> None:
-    """Refuse a recording of weeks.
+    """Refuse a recording that spans weeks.
 
     Raises:
         RecordingError: says how long it is.
@@ -37,7 +37,7 @@ def check_span(seconds: float, file: str) -> None:
 
 
 def check_values(values: Array, column: str, file: str) -> None:
-    """Refuse numbers that no sensor gives; NaN is an empty cell.
+    """Refuse values beyond those of any sensor; NaN is an empty cell.
 
     Raises:
         RecordingError: says the column and its row.
@@ -50,7 +50,7 @@ def check_values(values: Array, column: str, file: str) -> None:
 
 
 def check_trial(trial: Trial) -> None:
-    """Refuse a trial that an importer made of numbers that make none.
+    """Refuse a trial with an unusable clock or unusable values.
 
     Raises:
         RecordingError: its time does not increase, or a number is beyond what is measured; one line.

@@ -1,4 +1,4 @@
-"""Running a policy in an environment and saying what came of it."""
+"""Rollouts: a policy is run in an environment, its episodes are traced and summarised."""
 
 from tiago_mj.rollout.episode import Episode, Policy, Trace, play, summarise
 

@@ -1,4 +1,4 @@
-"""One episode: played, traced, summarised."""
+"""One episode: played, traced and summarised."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ FINAL_SHARE: Final = 0.1
 
 
 class Policy(Protocol):
-    """What commands an environment."""
+    """Policy: maps the last observation to an action."""
 
     def reset(self) -> None:
         """Forget the episode before."""
 
     def __call__(self, observation: Any, info: dict[str, Any]) -> Any:
-        """The action for what was last seen."""
+        """The action for the last observation."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ class Trace:
 
 @dataclass(frozen=True)
 class Episode:
-    """An episode in a line.
+    """Summary of an episode.
 
     Attributes:
         seed: of its reset.
@@ -135,7 +135,7 @@ def play(
 
 
 def summarise(trace: Trace, seed: int) -> Episode:
-    """An episode's line."""
+    """Return, length, success and contact times of a trace."""
     has_cells, has_contacts = trace.force.shape[1] > 0, trace.in_contact.shape[1] > 0
     last = max(1, round(FINAL_SHARE * len(trace.time)))
     both = trace.in_contact.all(axis=1) if has_contacts else np.zeros(len(trace.time), dtype=bool)

@@ -35,7 +35,7 @@ def add_episodes(parser: argparse.ArgumentParser, count: int) -> None:
 
 
 def check_least(arguments: argparse.Namespace, least: int, *options: str) -> None:
-    """Refuse a number that is too small; one that was not given is None, and fine.
+    """Refuse a number below a minimum; None, for an option not given, passes.
 
     Raises:
         ValueError: says which.

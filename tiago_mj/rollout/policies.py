@@ -40,7 +40,7 @@ class RandomPolicy:
         """Nothing is remembered but the generator's state."""
 
     def __call__(self, observation: Any, info: dict[str, Any]) -> Any:
-        """A new action, whatever was seen."""
+        """A random action, independent of the observation."""
         return self._rng.uniform(self._space.low, self._space.high).astype(np.float32)
 
 
@@ -93,7 +93,7 @@ def make_policy(name: str, env: gymnasium.Env[Any, Any], *, seed: int, trust: bo
 
 
 def find_agent(name: str) -> Agent | None:
-    """The agent of a name or of an npz file; None where there is no such agent and the name is no npz file's.
+    """The agent file of a name or path; None where there is none of that name and it is no npz file.
 
     Raises:
         ValueError: the file is damaged, or no agent.
@@ -124,7 +124,7 @@ def _load(path: Path, env: gymnasium.Env[Any, Any], trust: bool) -> Any:
 
 
 def _algorithm(path: Path) -> str:
-    """Which algorithm made the file: read from its settings, which are JSON; nothing is unpickled here."""
+    """Algorithm of a stable-baselines3 file, read from its JSON settings; nothing is unpickled here."""
     if not path.is_file():
         named = ", ".join(("pi", "pi-tuned", "scripted", RANDOM, *shipped_agents()))
         raise ValueError(

@@ -135,7 +135,7 @@ def _parallel(
 
 @dataclass(frozen=True)
 class _Call:
-    """A function whose module is imported in the other process only when that has been told to be quiet.
+    """A function that another process imports only after MuJoCo's warnings are redirected there.
 
     Attributes:
         function: that is called.
@@ -174,7 +174,7 @@ def _recalled(pickled: bytes, starter: int | None, folder: str | None) -> _Call:
 
 @cache
 def _end_with(starter: int) -> None:
-    """End this process when the one that started it is gone: what it made nobody would see."""
+    """End this process when its parent ends."""
 
     def watch() -> None:
         while os.getppid() == starter:

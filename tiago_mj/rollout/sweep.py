@@ -65,7 +65,7 @@ def play_seeds(
 
 
 def play_in(env: gymnasium.Env[Any, Any], batch: Batch, *, watch: Callable[[int], None] | None = None) -> list[Episode]:
-    """Play a batch in an environment that is there; see :func:`play_seeds`."""
+    """Play a batch in a given environment; see :func:`play_seeds`."""
     traces = play_seeds(env, batch.policy, batch.seeds, trust=batch.trust, watch=watch)
     return [summarise(trace, seed) for trace, seed in zip(traces, batch.seeds, strict=True)]
 

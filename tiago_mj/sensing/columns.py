@@ -31,7 +31,7 @@ def positive(entry: Any) -> Any:
 
 
 def joined(entries: Sequence[Any]) -> NDArray[np.float64]:
-    """The vector of n floats, or the vectors (..., n) of n arrays (...)."""
+    """A vector from n floats, or vectors (..., n) from n arrays (...)."""
     if isinstance(entries[0], float):
         return np.array(entries)
     vectors = np.empty((*entries[0].shape, len(entries)))

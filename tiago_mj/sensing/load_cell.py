@@ -52,13 +52,14 @@ GOAL_NEWTONS: Final = SERVO_STIFFNESS / TA11_SLOPE
 
 
 def _numbers(given: Any) -> bool:
-    """Whether it is one finite number, or two."""
+    """Whether a value is one finite number, or two."""
     return is_number(given) or (isinstance(given, (list, tuple)) and len(given) == 2 and all(map(is_number, given)))
 
 
 @dataclass(frozen=True)
 class LoadCell:
-    """How newtons on a pad become readings. Of two numbers the first is the right finger's; one serves both.
+    """Conversion of the force on a pad [N] to load-cell readings. Of two numbers the first is the right finger's; a
+    single one serves both.
 
     Attributes:
         scale: sensor units per unit of contact force; one number or two.
@@ -114,12 +115,12 @@ class LoadCell:
 
     @cached_property
     def _arrays(self) -> tuple[Array, Array, Array, Array | None]:
-        """Contact unit, scale, noise and bias (None: 0) as arrays: NumPy would make them of numbers at every use."""
+        """Contact unit, scale, noise and bias (None: 0) as arrays, converted once."""
         unit, scale, noise, bias = (np.array(n, float) for n in (self.contact_unit, self.scale, self.noise, self.bias))
         return unit, scale, noise, None if self.bias == 0 else bias
 
     def units(self, newtons: float) -> float:
-        """Sensor units [without bias and noise] that a force [N] is; of two cells their mean."""
+        """Reading [sensor units] at a force [N], without bias and noise; the mean of two cells."""
         if isinstance(self.scale, tuple):
             return float(np.mean(self.scale)) * newtons / self.contact_unit
         return self.scale * newtons / self.contact_unit

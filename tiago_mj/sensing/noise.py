@@ -1,4 +1,4 @@
-"""The readings' noise: normal numbers, drawn in blocks from one generator a simulation."""
+"""Noise of the readings: standard normal numbers, drawn in blocks from each simulation's own generator."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ NOISE_BLOCK: Final = 320
 
 
 class NoiseBlocks:
-    """What was drawn for each simulation and not used yet.
+    """Numbers drawn for each simulation that are not used yet.
 
     Args:
         simulations: how many there are.
@@ -32,7 +32,7 @@ class NoiseBlocks:
         self._together: int | None = None
 
     def forget(self, rows: Any = ...) -> None:
-        """Nothing of an episode's noise reaches the next: the next number is a new one."""
+        """Discard the numbers of some simulations, so that an episode's noise does not depend on the episode before."""
         self._part()
         self._next[rows] = NOISE_BLOCK
 
@@ -59,7 +59,7 @@ class NoiseBlocks:
         return taken
 
     def _part(self) -> None:
-        """Each simulation is where it is."""
+        """Copy the common position in the blocks to every simulation, before they advance separately."""
         if self._together is not None:
             self._next[:] = self._together
             self._together = None

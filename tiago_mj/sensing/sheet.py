@@ -29,7 +29,7 @@ _Numbers = Annotated[float | list[float] | None, Field(description="give one num
 
 
 class _Sheet(Open):
-    """What counts; how large the numbers may be, the load cell says."""
+    """Keys of the file; :class:`~tiago_mj.sensing.load_cell.LoadCell` checks the ranges of their values."""
 
     scale: _Numbers = None
     contact_unit: float | None = Field(default=None, description="give a positive number [N]")

@@ -44,11 +44,12 @@ class PadForces:
             self._source = _addresses(model, names.TOUCH_SENSOR if source == "touch" else names.FORCE_SENSOR)
 
     def in_contact(self, sensordata: Array) -> NDArray[np.bool_]:
-        """Whether pad and object press on each other: the simulator's truth, free of noise and threshold."""
+        """Whether pad and object press on each other, from the simulator's contacts and without noise."""
         return self.truth(sensordata) > 0
 
     def truth(self, sensordata: Array) -> Array:
-        """Net force of pad and object along each cell's axis, positive when the pad is pressed [N]."""
+        """Net contact force between pad and object along the axis of each load cell, positive when the pad is pressed
+        [N]."""
         if not self._object:
             return np.zeros((*sensordata.shape[:-1], 2))
         rx, rx_axis, ry, ry_axis, rz, rz_axis, lx, lx_axis, ly, ly_axis, lz, lz_axis = columns(
@@ -61,7 +62,7 @@ class PadForces:
         return joined((right, left))
 
     def read(self, sensordata: Array, tare: Array | float = 0.0) -> Array:
-        """Newtons of the chosen source, less the tare."""
+        """Force of the chosen source, minus the tare [N]."""
         if self.source == "contact":
             return self.truth(sensordata) - tare
         return sensordata[..., self._source] - tare

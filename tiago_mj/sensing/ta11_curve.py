@@ -115,13 +115,13 @@ class Replay:
 
     @property
     def line(self) -> Line:
-        """Fitted to the mean of both fingers."""
+        """Straight line fitted to the mean force of both fingers."""
         return fit_line(self.dq, self.force.mean(axis=1))
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """Simulated against measured.
+    """Simulated and measured force curves.
 
     Attributes:
         measured: a line per entry of :data:`MEASURED`, in its order.
@@ -151,7 +151,8 @@ class Comparison:
 
     @property
     def unexplained_force(self) -> float:
-        """Largest measured dead band × its slope: the steady force that the simulator gives too much [sensor units]."""
+        """Largest measured dead band times its slope: the steady force by which the simulation is too large [sensor
+        units]."""
         simulated = float(np.mean([replay.line.dead_band for replay in self.replays]))
         return max(line.slope * (line.dead_band - simulated) for line in self.measured)
 

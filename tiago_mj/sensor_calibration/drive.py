@@ -38,7 +38,7 @@ TURNED: Final = 0.05
 
 @dataclass(frozen=True)
 class Lost:
-    """What the drive of one finger loses more than simulated, while it moves freely.
+    """Force that the drive of one finger loses beyond the simulated loss, while the finger moves freely.
 
     Attributes:
         force: [N]; negative where it loses less.
@@ -50,15 +50,12 @@ class Lost:
 
     @property
     def most(self) -> float:
-        """By how much a simulated contact force may be off [N]; 0 where nothing is told from 0."""
+        """Bound on the error of a simulated contact force [N]; 0 where no loss is significant."""
         return abs(self.force) + 1.645 * self.error if abs(self.force) > CLEAR * self.error else 0.0
 
 
 def lost(plant: Plant, trials: Sequence[Trial], signals: Signals, untouched: Sequence[Mask]) -> Mapping[str, Lost]:
-    """What every finger's drive loses, by the load cell on it; those left out that hardly move freely.
-
-    Of effort and lag, where both are recorded, the one that says less counts: an effort in another unit changes one,
-    a delay the other, friction both.
+    """Force that every finger's drive loses, by its load cell; without those that hardly move freely.
 
     Args:
         plant: of the trials.
@@ -83,7 +80,7 @@ def lost(plant: Plant, trials: Sequence[Trial], signals: Signals, untouched: Seq
 def _lost(
     plant: Plant, trials: Sequence[Trial], signals: Signals, untouched: Sequence[Mask], joint: str, kind: str
 ) -> Lost | None:
-    """From one kind of channel; None without it, or without free motion."""
+    """Lost force from one kind of channel; None without that channel or without free motion."""
     j = plant.joints.index(joint)
     fastest = MOVING * float(np.abs(signals.velocity[:, :, j]).max(initial=0.0))
     means, speeds = [], []
@@ -128,7 +125,7 @@ def _stiffness(plant: Plant, joint: str) -> float:
 
 
 def fallen(newtons: Array) -> Mask:
-    """Rows in which a force has come down to where it is, (T,); in the others it has risen."""
+    """Mask of the rows that a falling force has reached, (T,); in the others it has risen."""
     turn = TURNED * float(newtons.max(initial=0.0))
     out = np.zeros(len(newtons), dtype=bool)
     falling, extreme = False, 0.0

@@ -39,7 +39,7 @@ STRAY: Final = 10.0
 
 @dataclass(frozen=True)
 class Rest:
-    """One load cell without contact.
+    """Statistics of one load cell without contact.
 
     Attributes:
         sensor: name.
@@ -65,10 +65,7 @@ class Rest:
     stray: int
 
     def threshold(self, false_contacts: float = FALSE_CONTACTS) -> tuple[float, tuple[float, float]]:
-        """Reading that a reading without contact exceeds with that probability, and its 90 % interval.
-
-        ``bias + z · noise``, z the normal distribution's upper quantile.
-        """
+        """Reading that is exceeded without contact with a given probability, and its 90 % interval."""
         z = float(stats.norm.isf(false_contacts))
         value = self.bias + z * self.noise
         spread = np.hypot(
@@ -84,7 +81,7 @@ class Rest:
 
 
 def at_rest(trials: Sequence[Trial], touched: Sequence[NDArray[np.bool_]] | None = None) -> tuple[Rest, ...]:
-    """Every load cell of the recordings without contact.
+    """Statistics of every load cell without contact, from the stretches of rest in the recordings.
 
     Args:
         trials: recordings.
@@ -103,7 +100,7 @@ def at_rest(trials: Sequence[Trial], touched: Sequence[NDArray[np.bool_]] | None
 
 
 def windows(trial: Trial, sensor: str, touched: NDArray[np.bool_] | None = None) -> list[Array]:
-    """Readings of the stretches of rest of one recording.
+    """Readings in the stretches of rest of one recording.
 
     Args:
         trial: the recording.
@@ -120,7 +117,7 @@ def windows(trial: Trial, sensor: str, touched: NDArray[np.bool_] | None = None)
 
 
 def _still(trial: Trial) -> NDArray[np.bool_]:
-    """Rows up to which no command has changed since the row before; all where nothing is commanded."""
+    """Mask of the rows whose command equals that before; all rows without commands."""
     still = np.ones(len(trial.time), dtype=bool)
     for sent in trial.commands.values():
         known = np.isfinite(sent)
@@ -134,7 +131,7 @@ def _still(trial: Trial) -> NDArray[np.bool_]:
 
 
 def _onset(time: Array, values: Array) -> float:
-    """Time at which the reading first leaves where it began; infinity if it never does [s]."""
+    """Time of the first onset of contact [s]; infinity without one."""
     known = np.isfinite(values)
     y, t = values[known], time[known]
     if len(y) < MIN_REST_ROWS + ONSET_ROWS:
@@ -194,7 +191,7 @@ def _sensor(name: str, trials: Sequence[Trial], touched: Sequence[NDArray[np.boo
 
 
 def _alike(found: Sequence[Array]) -> tuple[list[Array], int]:
-    """Windows whose level is that of most, and how many are not: a recording may begin with a pad under load."""
+    """Windows near the median level, and the number of the others: a recording may begin with a loaded pad."""
     medians = np.array([np.median(w) for w in found])
     spreads = np.array([robust.deviation(w) for w in found])
     level, spread = float(np.median(medians)), float(np.median(spreads))

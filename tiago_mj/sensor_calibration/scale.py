@@ -43,7 +43,7 @@ READS: Final = 6.0
 
 @dataclass(frozen=True)
 class Scale:
-    """Of one load cell.
+    """Scale of one load cell and its uncertainty.
 
     Attributes:
         sensor: name.
@@ -67,13 +67,13 @@ class Scale:
 
     @property
     def known(self) -> bool:
-        """Whether the drive leaves anything to be known of it."""
+        """Whether the scale is known at all, given the loss of the drive."""
         return self.lost[0] <= TOO_MUCH * self.lost[1]
 
 
 @dataclass(frozen=True)
 class Simulated:
-    """The recordings' commands, replayed.
+    """Simulated forces on the pads, from the recorded commands.
 
     Attributes:
         newtons: by sensor, one (T,) a trial [N].
@@ -89,7 +89,7 @@ class Simulated:
 
 
 def simulated(plant: Plant, trials: Sequence[Trial], *, threads: int = 0) -> Simulated:
-    """Replay the commands of trials with the nominal model."""
+    """Simulate the recorded commands with the nominal model."""
     on = replay.grid(plant, trials)
     signals = replay.simulate(plant, on, [(k, ()) for k in range(len(trials))], threads=threads)
     stability.check_nominal(plant, on, signals)
@@ -105,7 +105,7 @@ def simulated(plant: Plant, trials: Sequence[Trial], *, threads: int = 0) -> Sim
 
 
 def scales(plant: Plant, trials: Sequence[Trial], known: Simulated, rests: Sequence[Rest]) -> tuple[Scale, ...]:
-    """Scale of every load cell that was pressed.
+    """Scale of every load cell that was pressed, by regression of readings on simulated forces.
 
     Args:
         plant: of the trials.
@@ -123,7 +123,7 @@ def scales(plant: Plant, trials: Sequence[Trial], known: Simulated, rests: Seque
 
 
 def _reads(trial: Trial, rests: Mapping[str, Rest]) -> NDArray[np.bool_]:
-    """Rows in which a cell reads more than at rest, (T,)."""
+    """Mask of the rows in which a cell reads significantly more than at rest, (T,)."""
     out = np.zeros(len(trial.time), dtype=bool)
     for name, values in trial.forces.items():
         if name in rests:
@@ -176,7 +176,8 @@ def _slope(x: Array, y: Array) -> tuple[float, float, float]:
 
 
 def _turned(x: Array, y: Array, fallen: NDArray[np.bool_]) -> list[tuple[float, float]]:
-    """Slope after the force fell over that after it rose, less 1, and its standard error; none without both."""
+    """Ratio of the slopes after a fall and after a rise of the force, minus 1, and its standard error; None without
+    both."""
     if min(int(fallen.sum()), int((~fallen).sum())) < MIN_ROWS:
         return []
     (down, down_error, _), (up, up_error, _) = _slope(x[fallen], y[fallen]), _slope(x[~fallen], y[~fallen])
@@ -184,7 +185,7 @@ def _turned(x: Array, y: Array, fallen: NDArray[np.bool_]) -> list[tuple[float, 
 
 
 def _apart(turned: Sequence[tuple[float, float]]) -> float:
-    """Mean over grasps of what :func:`_turned` gives, 0 where it is not told from 0."""
+    """Mean over grasps of the ratio of :func:`_turned`; 0 where it is not significant."""
     if not turned:
         return 0.0
     values = np.array([value for value, _ in turned])
@@ -193,7 +194,7 @@ def _apart(turned: Sequence[tuple[float, float]]) -> float:
 
 
 def _between(values: Sequence[float] | Array) -> float:
-    """Half of Student's 90 % interval of a mean; 0 of one value."""
+    """Half-width of Student's 90 % interval of a mean; 0 for one value."""
     count = len(values)
     if count < 2:
         return 0.0

@@ -1,4 +1,4 @@
-"""From recordings to the description of a load cell that environments load."""
+"""Description of a load cell, estimated from recordings, in the form that environments load."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ HEADER: Final = """\
 
 @dataclass(frozen=True)
 class Calibration:
-    """Load cells as their recordings show them.
+    """Noise, bias, threshold and scale of load cells, estimated from recordings.
 
     Attributes:
         rests: of every cell.
@@ -181,7 +181,7 @@ def _about_scales(found: Sequence[Scale], rests: Sequence[Rest]) -> list[str]:
 
 
 def _about_drives(found: Sequence[Scale]) -> list[str]:
-    """Why scales are not known, or less well than grasps agree: a sentence for all cells that it concerns."""
+    """Sentences on scales that are unknown or uncertain because of the drive, for all cells concerned together."""
     mend = "record the robot moving without contact, diagnose that, and give what it finds (--effects calibration.yaml)"
     lost = [s for s in found if not s.known]
     wide = [s for s in found if s.known and s.lost[0] > MENTIONED_SHARE * s.lost[1]]
@@ -268,7 +268,7 @@ def _sensor(rest: Rest, scale: Scale | None, calibration: Calibration) -> dict[s
 
 
 def _both(values: Sequence[float]) -> float | list[float]:
-    """One number, or a pair right, left."""
+    """One number, or a pair (right, left)."""
     return _digits(values[0]) if len(values) == 1 else [_digits(v) for v in values]
 
 

@@ -45,7 +45,7 @@ class Extras:
 
 
 class _Form(Open):
-    """Of what lists and mappings are made; what their values may be, MuJoCo knows."""
+    """Types of the keys of an additions file: which are lists and mappings; MuJoCo checks the values."""
 
     bodies: dict[str, dict[str, Any]] = Field(default={}, description="give mappings")
     joints: dict[str, dict[str, Any]] = Field(default={}, description="give mappings")

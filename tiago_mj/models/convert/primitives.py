@@ -146,7 +146,7 @@ def _start_size(kind: str, half: Array) -> Array:
 
 
 def _primitive(kind: str, size: Array, place: Array, turn: Rotation) -> Primitive:
-    """A fit is good to tenths of a millimetre: six digits keep the file readable."""
+    """The fitted primitive, rounded to six digits: a fit is good to tenths of a millimetre."""
     quat = quaternion(Rotation.identity() if kind == "sphere" else turn)
     rounded = tuple(float(np.round(value, 6)) for value in quat)
     return Primitive(

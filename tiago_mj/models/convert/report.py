@@ -1,4 +1,4 @@
-"""What a conversion did, for the user to read."""
+"""Report of a conversion: what was repaired, fitted, excluded, added and dropped."""
 
 from __future__ import annotations
 

@@ -73,7 +73,7 @@ def from_urdf(shape: Shape, *, capsule: bool = False) -> Primitive:
 
 
 def moved(primitive: Primitive, pose: Pose) -> Primitive:
-    """A primitive that is given in the frame ``pose``, in the frame around it."""
+    """A primitive given in the frame ``pose``, transformed to the parent frame."""
     turn = rotation(pose)
     own = Rotation.from_quat([*primitive.quat[1:], primitive.quat[0]])
     place = np.array(pose.xyz) + turn.apply(primitive.pos)

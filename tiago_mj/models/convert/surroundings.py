@@ -1,4 +1,4 @@
-"""What a converted robot stands in: a light, and a floor below it."""
+"""Surroundings of a converted robot: a light, and a floor below it."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ GRID: Final = 0.5
 
 
 def add(spec: mujoco.MjSpec, pose: Any, *, solid: bool) -> str:
-    """Add light and floor; the floor touches the lowest point of the robot, or what it is fixed to.
+    """Add a light, and a floor at the height of the lowest point of the robot or of what it is fixed to.
 
     Args:
         spec: the robot.

@@ -1,4 +1,4 @@
-"""How the links hang together: one root, every link once, no cycle."""
+"""Kinematic tree of a URDF: one root, every link once, no cycle."""
 
 from __future__ import annotations
 

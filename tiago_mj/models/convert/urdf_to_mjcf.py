@@ -1,4 +1,4 @@
-"""From a URDF file to an MJCF file: the flow, top to bottom."""
+"""Conversion of a URDF file to an MJCF file: the sequence of steps."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def convert(
 
 
 def _rest(model: mujoco.MjModel) -> NDArray[np.float64]:
-    """Where the robot stands at rest, (nq,): zero, or as near to it as a joint's range allows."""
+    """Pose of the robot at rest, (nq,): zero, clipped to each joint's range."""
     pose: NDArray[np.float64] = model.qpos0.copy()
     for i in range(model.njnt):
         if model.jnt_limited[i]:
@@ -86,7 +86,8 @@ def _rest(model: mujoco.MjModel) -> NDArray[np.float64]:
 
 
 def _exclude_touching(spec: mujoco.MjSpec, pose: NDArray[np.float64]) -> tuple[tuple[str, str], ...]:
-    """Exclude contacts of links that overlap at rest: their shapes are too big, the robot does not collide there."""
+    """Exclude contacts between links whose shapes overlap at rest, and return their names; a real robot does not
+    collide there."""
     model = spec.compile()
     data = mujoco.MjData(model)
     data.qpos[:] = pose
@@ -102,7 +103,7 @@ def _exclude_touching(spec: mujoco.MjSpec, pose: NDArray[np.float64]) -> tuple[t
 
 
 def _text(spec: mujoco.MjSpec) -> str:
-    """The MJCF text; autolimits, which is the default and therefore left out, is said aloud."""
+    """The MJCF text, with ``autolimits`` written out although it is the default."""
     return spec.to_xml().replace('<compiler angle="radian"', '<compiler angle="radian" autolimits="true"', 1)
 
 

@@ -43,7 +43,7 @@ _PREFIXES: Final = ("main_", "follower_")
 
 @dataclass(frozen=True)
 class Column:
-    """One number of a row.
+    """One number of a row, and the channel that it becomes.
 
     Attributes:
         label: as the dataset names it.
@@ -63,7 +63,7 @@ class Column:
 def read(
     source: str, *, model: Path | None, robot: str | None, units: str | None, joints: str | None
 ) -> tuple[list[Trial], list[Finding]]:
-    """Trials of a dataset, and what was assumed.
+    """Trials of a dataset, and notes on what was assumed.
 
     Args:
         source: folder of the dataset.
@@ -150,7 +150,7 @@ def _trial(
 
 
 def _columns(labels: Sequence[str], renamed: Mapping[str, str], arm: Arm | None) -> list[Column]:
-    """What is measured."""
+    """Columns of measured positions."""
     found: list[Column] = []
     for index, label in enumerate(labels):
         joint, kind = _joint(label, renamed, arm)
@@ -173,7 +173,7 @@ def _columns(labels: Sequence[str], renamed: Mapping[str, str], arm: Arm | None)
 def _commands(
     labels: Sequence[str], state: Sequence[Column], renamed: Mapping[str, str], arm: Arm | None
 ) -> list[Column]:
-    """What is sent: positions of the joints that are measured."""
+    """Columns of commanded positions, of the joints that are measured."""
     known = {column.joint for column in state}
     found: list[Column] = []
     for index, label in enumerate(labels):
@@ -194,7 +194,7 @@ def _commands(
 def _joint(
     label: str, renamed: Mapping[str, str], arm: Arm | None, known: set[str] | None = None
 ) -> tuple[str | None, str]:
-    """The joint of a name, and what is said of it; None: it is to be left out."""
+    """Joint of the model for a name in the dataset, and its unit; None where it is to be left out."""
     stem, kind = _stem(label)
     if label in renamed or stem in renamed:
         joint = renamed.get(label, renamed.get(stem, ""))
@@ -226,7 +226,7 @@ def _stem(label: str) -> tuple[str, str]:
 
 
 def _of(episodes: Sequence[Episode], part: str, column: Column) -> Array:
-    """A column over all episodes, (n,)."""
+    """Values of a column over all episodes, (n,)."""
     return np.concatenate([getattr(episode, part)[:, column.index] for episode in episodes])
 
 

@@ -1,4 +1,4 @@
-"""The files of a LeRobot dataset: what its ``meta`` says, and its rows, episode by episode."""
+"""Files of a LeRobot dataset: its metadata, and its rows by episode."""
 
 from __future__ import annotations
 
@@ -180,7 +180,7 @@ def open_folder(source: str) -> Folder:
 
 
 def _names(features: Mapping[str, Any], key: str) -> tuple[str, ...]:
-    """Names of a feature's numbers; their places where it names none."""
+    """Names of a feature's numbers; their indices where it names none."""
     feature = features.get(key)
     shape = feature.get("shape") if isinstance(feature, dict) else None
     if not isinstance(shape, list) or len(shape) != 1 or not is_one_of(shape[0], range(1, MAX_COLUMNS)):
@@ -223,7 +223,7 @@ def _listed(path: Path) -> tuple[dict[int, int], dict[int, str]]:
 
 
 def _by_episode(files: Iterator[tuple[NDArray[np.int64], Array]]) -> Iterator[tuple[int, Array]]:
-    """Rows of one episode after the other; an episode may go on in the next file."""
+    """Rows of each episode in order; an episode may continue in the next file."""
     current: int | None = None
     pieces: list[Array] = []
     for numbers, rows in files:

@@ -37,7 +37,7 @@ _FORCE: Final = "its actuator is a motor, and the dataset commands positions: gi
 
 @dataclass(frozen=True)
 class Arm:
-    """What a model says of an arm.
+    """Joints and ranges of an arm, from its model.
 
     Attributes:
         file: its name.
@@ -65,7 +65,7 @@ class Arm:
             raise RecordingError(f"{where}: {self.file} has no joint {joint!r}: it has {', '.join(self.joints)}")
 
     def actuator(self, joint: str) -> str:
-        """The name of what drives a joint.
+        """Name of the actuator of a joint.
 
         Raises:
             RecordingError: nothing does, or by a force.
@@ -83,7 +83,7 @@ class Arm:
 
 @dataclass(frozen=True)
 class Scale:
-    """What makes a position [rad, m] of a number: ``factor · number + offset``.
+    """Conversion of a number to a position [rad, m]: ``factor · number + offset``.
 
     Attributes:
         factor: None where nothing says what the number is a share of.
@@ -148,7 +148,7 @@ def scales(
     commanded: Mapping[str, Array],
     arm: Arm | None,
 ) -> tuple[dict[str, Scale], list[Finding]]:
-    """What each joint's numbers are, and what of that was assumed.
+    """Conversion of each joint's numbers to SI units, and notes on what was assumed.
 
     Args:
         folder: the dataset.
@@ -180,7 +180,7 @@ def scales(
 
 
 def _asked(text: str | None, joints: Iterable[str]) -> tuple[str | None, dict[str, str]]:
-    """``degrees,gripper=percent``: the unit of all joints, and of single ones."""
+    """Units given by the user, such as ``degrees,gripper=percent``: of all joints, and of single ones."""
     general, own = None, {}
     for item in filter(None, (part.strip() for part in (text or "").split(","))):
         joint, equals, unit = item.rpartition("=")
@@ -196,7 +196,7 @@ def _asked(text: str | None, joints: Iterable[str]) -> tuple[str | None, dict[st
 
 
 def _proved(folder: Folder, body: Mapping[str, Array], commanded: Iterable[Array]) -> tuple[str, str]:
-    """The unit that the numbers leave no doubt of, and why."""
+    """Unit that follows from the range of the numbers, and why."""
     if not body:
         return "radians", "no joint but the gripper: nothing is converted"
     largest = {joint: float(np.nanmax(np.abs(values), initial=0.0)) for joint, values in body.items()}

@@ -173,7 +173,7 @@ def _trial(dataset: Dataset, episode: Episode, env: gymnasium.Env[Any, Any], arg
 
 
 def _forces(episode: Episode, env: gymnasium.Env[Any, Any], seen: Array) -> Array | None:
-    """Readings, (T + 1, 2), of the infos, else of the observations; None where neither has them."""
+    """Load-cell readings, (T + 1, 2), from the infos or else the observations; None where neither has them."""
     core, count = core_of(env), len(names.SIDES)
     read_out = _vector(episode, "infos.force_raw")
     if read_out.shape[1] == count:

@@ -83,7 +83,7 @@ class Dataset:
 
 
 class _Metadata(Open):
-    """Of a dataset's ``metadata.json``, what is read."""
+    """Keys of a dataset's ``metadata.json`` that are read."""
 
     env_spec: str | dict[str, Any] | None = None
     data_format: str = "hdf5"
@@ -150,7 +150,7 @@ def _hdf5(dataset: Dataset) -> Iterator[tuple[int, dict[str, Any], int | None]]:
 
 
 def _walk(name: str, node: Any, arrays: dict[str, Any], depth: int = 1) -> None:
-    """Arrays of numbers below a node; pictures and words are left alone.
+    """Numeric arrays below a node of the file; images and text are skipped.
 
     Raises:
         RecordingError: they are more than is read, or groups hold each other.
@@ -179,7 +179,7 @@ def _walk(name: str, node: Any, arrays: dict[str, Any], depth: int = 1) -> None:
 
 
 def _is_state(node: Any) -> bool:
-    """Whether it is an array of numbers, few of them a step; HDF5 also keeps types, words and pictures."""
+    """Whether a node is a numeric array with few numbers a step."""
     if not hasattr(node, "ndim") or node.dtype.kind not in "biuf":
         return False
     return bool(1 <= node.ndim <= 3 and math.prod(node.shape[1:]) <= WIDEST)
@@ -220,7 +220,7 @@ def _arrow(dataset: Dataset) -> Iterator[tuple[int, dict[str, Any], int | None]]
 
 
 def _open(name: str, column: Any, arrays: dict[str, Any], arrow: Any) -> None:
-    """The same of an arrow column: structures of lists of equal length of numbers."""
+    """Numeric arrays of an arrow column: structures of equally long lists of numbers."""
     kind, types = column.type, arrow.types
     if types.is_struct(kind):
         for k, part in enumerate(kind):

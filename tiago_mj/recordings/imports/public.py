@@ -39,11 +39,11 @@ class DataSet:
 
     @property
     def source(self) -> dict[str, str]:
-        """What a sidecar says of the origin."""
+        """Origin of the data, for the sidecar."""
         return {"repository": self.repository, "commit": self.commit, "path": self.path, "licence": self.licence}
 
     def url(self, file: str) -> str:
-        """Of one file, as it was at the commit."""
+        """Address of one file at that commit."""
         return f"https://raw.githubusercontent.com/{self.repository}/{self.commit}/{self.path}/{file}"
 
 

@@ -91,7 +91,7 @@ KNOWN_TO: Final = {
 
 
 def trials(source: str) -> Iterator[Trial]:
-    """One trial a motion.
+    """One trial for each motion.
 
     Args:
         source: the folder of a motion, a folder of such folders, or ``download``.

@@ -103,10 +103,7 @@ def read(path: Path) -> list[Series]:
 
 
 def scatter(series: Sequence[Series]) -> float:
-    """How far a force lies from the line through its neighbours, as one standard deviation of one force [sensor units].
-
-    What repeats a squeeze badly shows there, and nothing of the curve's slope or offset.
-    """
+    """Standard deviation of a force about the line through its neighbours [sensor units]."""
     apart = []
     for one in series:
         x, y = np.array(one.dq), np.array(one.force)

@@ -72,7 +72,7 @@ _ENTRY: Final = ("position", "speed", "load", "input_volts", "timestamp", "goal_
 
 @dataclass(frozen=True)
 class Run:
-    """A recording as it stands in its file.
+    """A recording with the columns of its file.
 
     Attributes:
         file: its name.
@@ -86,7 +86,7 @@ class Run:
 
     @property
     def pwm(self) -> Array:
-        """With its sign, which the file holds as the upper half of 16 bits."""
+        """PWM with its sign, stored as the upper half of 16 bits."""
         load = self.columns["load"]
         return np.where(load >= 1 << 15, load - (1 << 16), load)
 

@@ -30,7 +30,7 @@ OF_ONE_RECORDING: Final = ("dead_channel", "stuck")
 
 
 def inspect(trials: Sequence[Trial], joint_ranges: JointRanges | None = None) -> tuple[Finding, ...]:
-    """Everything that is found in trials that could be read.
+    """Findings in trials that were read.
 
     Args:
         trials: of one robot.
@@ -64,7 +64,7 @@ def inspect(trials: Sequence[Trial], joint_ranges: JointRanges | None = None) ->
 
 
 def inspect_all(trials: Sequence[Trial], plant: Plant) -> tuple[Finding, ...]:
-    """The same with the robot that is to replay the trials: names that it has, and what its joints can do."""
+    """Findings in trials, checked against the robot that is to replay them: names and joint ranges."""
     known = [plant.model.joint(j).name for j in range(plant.model.njnt)]
     names = [*check_names(trials, known, plant.actuators, plant.sensors)]
     if plant.environment is None:  # an environment commands what it says, and holds the rest
@@ -80,7 +80,7 @@ def inspect_all(trials: Sequence[Trial], plant: Plant) -> tuple[Finding, ...]:
 
 
 def _driven(plant: Plant) -> dict[str, str]:
-    """Joints by actuator, where what is commanded is in the joint's own direction: columns are compared by joint."""
+    """Joint of every actuator whose command is in the joint's own direction, so that columns can be compared."""
     targets = plant.wiring.targets
     gear = plant.model.actuator_gear[plant.wiring.actuators, 0]
     named = {name: targets.joint[targets.actuated[k]] for k, name in enumerate(targets.command) if gear[k] > 0}
@@ -88,7 +88,7 @@ def _driven(plant: Plant) -> dict[str, str]:
 
 
 def refuse(trials: Sequence[Trial], findings: Sequence[Finding]) -> None:
-    """End with one line where recordings cannot be used.
+    """Raise on the first finding that makes recordings unusable.
 
     Raises:
         RecordingError: a finding refuses its recording, or leaves it without any usable channel.
@@ -112,18 +112,14 @@ def refuse(trials: Sequence[Trial], findings: Sequence[Finding]) -> None:
 
 
 def _changes(name: str, trials: Sequence[Trial]) -> bool:
-    """Whether a channel takes two values or more, within a trial or between trials that each hold still."""
+    """Whether a channel takes two or more values, within a trial or between constant trials."""
     seen = [sampled(trial, name)[1] for trial in trials if name in channels(trial, kinds=tuple(KINDS))]
     values = np.concatenate(seen) if seen else np.empty(0)
     return len(values) > 0 and bool(np.ptp(values))
 
 
 def believed(trials: Sequence[Trial], findings: Sequence[Finding]) -> dict[str, frozenset[str]]:
-    """The measured channels of every trial that are to be compared, by its source.
-
-    What is dead or stuck in one recording is left out in that one; what is wrong with a channel otherwise is wrong with
-    its sensor, and leaves it out in all.
-    """
+    """Measured channels of every trial that are compared with simulations, by source."""
     everywhere = {f.channel for f in findings if f.discredits and f.code not in OF_ONE_RECORDING}
     out: dict[str, frozenset[str]] = {}
     for trial in trials:  # one file may hold several
@@ -132,7 +128,7 @@ def believed(trials: Sequence[Trial], findings: Sequence[Finding]) -> dict[str, 
 
 
 def usable(trial: Trial, findings: Sequence[Finding]) -> frozenset[str]:
-    """The measured channels of a trial that can be believed, by their columns' names."""
+    """Columns of a trial's measured channels without those that a finding excludes."""
     bad = {finding.channel for finding in findings if finding.file == trial.source and finding.discredits}
     return frozenset(channels(trial)) - bad
 

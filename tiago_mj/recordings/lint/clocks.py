@@ -19,7 +19,7 @@ RATE_SLACK: Final = 0.1
 
 
 def check(trial: Trial) -> Iterator[Finding]:
-    """What is wrong with the clocks of a trial."""
+    """Findings on the clocks of a trial."""
     file = trial.source
     for label, time in streams(trial).items():
         steps = np.diff(time)
@@ -49,7 +49,7 @@ def check(trial: Trial) -> Iterator[Finding]:
 
 
 def streams(trial: Trial) -> dict[str, Array]:
-    """Times of every group of channels that are sampled together, by the name of its first channel ("" for all)."""
+    """Sample times of every group of channels with common samples, by the name of its first channel ("" for all)."""
     found: dict[bytes, tuple[str, Array]] = {}
     for name in channels(trial, kinds=tuple(KINDS)):
         there = ~np.isnan(channel(trial, name))

@@ -34,7 +34,7 @@ INTERFACES: Final = ("velocity", "position")
 
 
 def check(trials: Sequence[Trial], exchanged: frozenset[str]) -> Iterator[Finding]:
-    """Findings of channels that disagree; joints whose columns are exchanged are left out."""
+    """Findings on channels that contradict each other; without joints whose columns are exchanged."""
     joints = [j for j in dict.fromkeys(j for trial in trials for j in trial.positions) if j not in exchanged]
     of = {joint: [trial for trial in trials if joint in trial.positions] for joint in joints}
     followed = {joint: _command_and_motion(joint, of[joint], "position") for joint in joints}
@@ -88,7 +88,8 @@ def _joint(joint: str, trials: Sequence[Trial], command: str) -> Iterator[Findin
 
 
 def _position_and_velocity(trial: Trial, joint: str) -> tuple[str, float]:
-    """Verdict and factor: ``ok``, ``still``, ``sign``, ``factor``, ``unrelated``; or ``lag`` and the lag [s]."""
+    """Relation of a velocity to the position's derivative: ``ok``, ``still``, ``sign``, ``factor`` or ``unrelated``,
+    with the factor; or ``lag`` with the lag [s]."""
     position, velocity = measured(trial, joint), integrated(trial, joint)
     if position is None or velocity is None:
         return "ok", 1.0
@@ -109,7 +110,7 @@ def _position_and_velocity(trial: Trial, joint: str) -> tuple[str, float]:
 
 
 def _lag(trial: Trial, joint: str, gone: Array, cosine: float) -> float:
-    """By how much a velocity is late [s]; 0 where no lag halves what is unexplained without one."""
+    """Delay of a velocity [s]; 0 where no delay halves the unexplained part."""
     fits = [
         0.0 if (travel := integrated(trial, joint, lag)) is None else correlation(gone, travel.windows)
         for lag in lags()
@@ -187,7 +188,8 @@ def _about_velocity(trial: Trial, joint: str, verdict: str, ratio: float, culpri
 
 
 def _command_and_motion(joint: str, trials: Sequence[Trial], kind: str) -> str:
-    """``ok``, ``sign``, or the interface that the commands are of instead, over all trials."""
+    """Relation of commands to the motion over all trials: ``ok``, ``sign``, or the interface that the commands fit
+    instead."""
     read = measured if kind == "position" else integrated
     pairs = [(trial, travel) for trial in trials if (travel := read(trial, joint)) is not None and travel.moved]
     pairs = [(trial, travel) for trial, travel in pairs if joint in trial.commands]
@@ -224,7 +226,7 @@ def follows(joint: str, pairs: Sequence[tuple[Trial, Travel]], interface: str | 
 
 
 def _same(joint: str, pairs: Sequence[tuple[Trial, Travel]], interface: str) -> bool:
-    """Whether commands that are said to be efforts lead, read as an interface, where and as far as the joint goes."""
+    """Whether commands stated to be efforts, integrated as another interface, reproduce the motion of the joint."""
     cosines = follows(joint, pairs, interface)
     if cosines.max(initial=-1.0) < SAME or not _close(joint, pairs, interface):
         return False
@@ -236,7 +238,7 @@ def _same(joint: str, pairs: Sequence[tuple[Trial, Travel]], interface: str) -> 
 
 
 def _close(joint: str, pairs: Sequence[tuple[Trial, Travel]], interface: str) -> bool:
-    """Whether commands read as positions lie where the joint is."""
+    """Whether commands, taken as positions, lie near the positions of the joint."""
     if interface != "position":
         return True
     for trial, _ in pairs:
@@ -247,7 +249,7 @@ def _close(joint: str, pairs: Sequence[tuple[Trial, Travel]], interface: str) ->
 
 
 def _effort_signs(trials: Sequence[Trial]) -> Iterator[Finding]:
-    """A servo's effort grows with what it lacks to its set point."""
+    """Findings on efforts whose sign is opposite to the servo's position error."""
     for joint in dict.fromkeys(joint for trial in trials for joint in trial.efforts):
         lack, effort = [], []
         for trial in trials:
@@ -297,7 +299,7 @@ def _servo_error(trial: Trial, joint: str) -> tuple[Array, Array] | None:
 
 
 def _force_signs(trials: Sequence[Trial]) -> Iterator[Finding]:
-    """A pressed pad reads positive: what a channel does beyond its rest and noise must not be below."""
+    """Findings on load cells that read below rest and noise when pressed."""
     for sensor in dict.fromkeys(sensor for trial in trials for sensor in trial.forces):
         for trial in trials:
             if sensor not in trial.forces:
@@ -321,7 +323,7 @@ def _force_signs(trials: Sequence[Trial]) -> Iterator[Finding]:
 
 
 def _without_drift(values: Array, rest: float) -> Array:
-    """The reading less the straight line that its whole course fits; the level at rest stays."""
+    """The reading minus its linear trend; the level at rest is kept."""
     index = np.arange(len(values))
     slope = float(np.polyfit(index, values, 1)[0])
     straight = rest + slope * index
@@ -330,5 +332,5 @@ def _without_drift(values: Array, rest: float) -> Array:
 
 
 def _varies(values: Array) -> bool:
-    """Whether it is no constant, nor so nearly one that the square of a difference is 0."""
+    """Whether a signal varies by more than rounding."""
     return bool(np.ptp(values) and np.var(values))

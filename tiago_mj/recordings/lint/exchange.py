@@ -1,4 +1,4 @@
-"""Columns that stand under each other's name: right under left, one joint under another."""
+"""Exchanged columns: right and left, or two joints, under each other's name."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ BACKWARDS, RISES = -0.95, 2.0
 
 
 def check(trials: Sequence[Trial]) -> Iterator[tuple[Finding, frozenset[str]]]:
-    """Findings, each with the joints that it is about."""
+    """Findings on exchanged columns, each with its joints."""
     joints = tuple(dict.fromkeys(joint for trial in trials for joint in trial.positions))
     for one, other in combinations(joints, 2):
         both = [trial for trial in trials if one in trial.positions and other in trial.positions]
@@ -64,7 +64,7 @@ def _velocities_exchanged(trial: Trial, one: str, other: str) -> bool:
 
 
 def _more_exchanged(trials: Sequence[Trial], one: str, other: str) -> str:
-    """Which of two exchanged pairs, positions or velocities, also runs against the commands' difference."""
+    """Whether positions or velocities of an exchanged pair contradict the commands' difference more."""
     against = {}
     for kind, read in (("position", measured), ("velocity", integrated)):
         cosines = []
@@ -98,10 +98,7 @@ def _commands_exchanged(trials: Sequence[Trial], one: str, other: str) -> bool:
 
 
 def _differ_backwards(having: Sequence[tuple[Trial, Travel, Travel]], one: str, other: str) -> bool:
-    """Whether the difference of two joints runs against that of their commands, whatever the lag.
-
-    Joints that move alike have commands that each explain either: what tells them apart is in which they differ.
-    """
+    """Whether the difference of two joints is opposite to that of their commands, at every lag."""
     clear = [(t, a, b) for t, a, b in having if rms(a.windows - b.windows) > CLEAR * float(np.hypot(a.floor, b.floor))]
     gone = [a.windows - b.windows for _, a, b in clear]
     cosines = []
@@ -118,7 +115,7 @@ def _differ_backwards(having: Sequence[tuple[Trial, Travel, Travel]], one: str, 
 
 
 def _forces_exchanged(trials: Sequence[Trial]) -> Iterator[Finding]:
-    """What of each sensor's force the effort and speed (drag) of either finger explain."""
+    """Share of each sensor's force that effort and speed (drag) of either finger explain."""
     usable = []
     for trial in trials:
         fingers = [next((j for j in trial.efforts if side in j and j in trial.velocities), "") for side in names.SIDES]

@@ -1,4 +1,4 @@
-"""A sidecar against its columns."""
+"""Consistency of a sidecar with its columns."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ OTHER_UNIT_RATIO = 5.0
 
 
 def check(trial: Trial) -> Iterator[Finding]:
-    """What the sidecar says and the columns deny, or nobody knows."""
+    """Findings on entries of a sidecar that contradict the columns or are unknown."""
     shape = (trial.sidecar.object or {}).get("shape")
     if shape is not None and shape not in SHAPES:
         yield Finding(

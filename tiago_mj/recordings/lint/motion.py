@@ -1,7 +1,7 @@
-"""How far a joint went in every window of time, by each of its channels: what makes them comparable.
+"""Displacement of a joint in windows of time, from each of its channels, so that channels can be compared.
 
-Displacements over windows are immune to what derivatives are not: quantized encoders, jittering clocks, streams of
-different rates.
+Displacements over windows are insensitive to what disturbs derivatives: quantized encoders, jittering clocks, streams
+of different rates.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ LATEST: Final = 0.3
 
 @dataclass(frozen=True)
 class Travel:
-    """Displacements of one channel.
+    """Displacements of one channel over windows.
 
     Attributes:
         windows: (n,) [m, rad].
@@ -41,19 +41,19 @@ class Travel:
 
     @property
     def moved(self) -> bool:
-        """Whether it clearly went somewhere."""
+        """Whether the displacement is clearly above the noise."""
         return bool(np.sqrt(np.mean(self.windows**2)) > CLEAR * self.floor) if len(self.windows) else False
 
 
 def edges(trial: Trial) -> tuple[Array, float]:
-    """Where windows begin, (n,) [s], and their length [s]; they overlap by half."""
+    """Beginnings of windows, (n,) [s], and their length [s]; they overlap by half."""
     span = float(trial.time[-1])
     length = min(max(span / WINDOWS, 5 * float(np.median(np.diff(trial.time)))), WINDOW)
     return np.arange(0.0, span - length + 1e-12, length / 2), length
 
 
 def measured(trial: Trial, joint: str) -> Travel | None:
-    """By the position; None where there is none."""
+    """Displacements from the position; None without one."""
     if joint not in trial.positions:
         return None
     time, values = sampled(trial, f"position.{joint}")
@@ -65,7 +65,8 @@ def measured(trial: Trial, joint: str) -> Travel | None:
 
 
 def filtered(trial: Trial, joint: str, time_constant: float) -> Array:
-    """Displacements of the position behind a first-order low-pass [s], (n,): what a filtered velocity integrates to."""
+    """Displacements of the low-pass filtered position, (n,), with a time constant [s]: the integral of a filtered
+    velocity."""
     time, values = sampled(trial, f"position.{joint}")
     out, share = values.copy(), np.exp(-np.diff(time) / time_constant)
     # Exact where the position is straight between samples: 1 - (1 - e) τ / dt of the new one, the rest of the old.
@@ -78,7 +79,7 @@ def filtered(trial: Trial, joint: str, time_constant: float) -> Array:
 
 
 def integrated(trial: Trial, joint: str, lag: float = 0.0) -> Travel | None:
-    """By the velocity, reported ``lag`` [s] later; None where there is none."""
+    """Displacements from the velocity, which is delayed by ``lag`` [s]; None without one."""
     if joint not in trial.velocities:
         return None
     time, values = sampled(trial, f"velocity.{joint}")
@@ -92,7 +93,7 @@ def integrated(trial: Trial, joint: str, lag: float = 0.0) -> Travel | None:
 
 
 def commanded(trial: Trial, actuator: str, interface: str | None, lag: float = 0.0) -> Travel | None:
-    """By the command, sent ``lag`` [s] earlier; None where there is none, or it is an effort."""
+    """Displacements from the command, sent ``lag`` [s] earlier; None without one, or for an effort."""
     if actuator not in trial.commands or interface not in ("velocity", "position"):
         return None
     time, values = sampled(trial, f"command.{actuator}")
@@ -108,7 +109,7 @@ def commanded(trial: Trial, actuator: str, interface: str | None, lag: float = 0
 
 
 def time_constants() -> Array:
-    """Of filters to try between a position and a velocity that was made of it, (n,) [s]."""
+    """Time constants to try for a velocity that is a filtered derivative, (n,) [s]."""
     return np.geomspace(*FILTERS, 12)
 
 

@@ -1,4 +1,4 @@
-"""Names of a recording against those of its robot, and what the robot has that the recording does not name."""
+"""Names in a recording that its robot lacks, and names of the robot that the recording lacks."""
 
 from __future__ import annotations
 
@@ -100,7 +100,7 @@ def _from_bag(trial: Trial) -> bool:
 
 
 def _reach(trial: Trial, joint: str) -> float:
-    """How far a joint goes [m, rad]; 0 where it was not measured."""
+    """Range of motion of a joint [m, rad]; 0 where it was not measured."""
     if joint not in trial.positions:
         return 0.0
     values = sampled(trial, f"position.{joint}")[1]
@@ -108,7 +108,7 @@ def _reach(trial: Trial, joint: str) -> float:
 
 
 def _usual_reach(trials: Sequence[Trial], joint: str, robot: Robot) -> float:
-    """How far the commanded joints that slide, or turn, as this one does go at most; 0 where there is none."""
+    """Largest range of motion of the commanded joints of the same kind (slides or hinges); 0 where there is none."""
     reach = 0.0
     for trial in trials:
         for actuator in trial.commands:

@@ -1,4 +1,4 @@
-"""Robust statistics of one channel: noise, lattice, runs. All of them ignore what a few bad samples do."""
+"""Robust statistics of one channel: noise, quantization step, runs; insensitive to a few outliers."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def noise(values: Array) -> float:
 
 
 def quantum(values: Array) -> float | None:
-    """Step of the lattice on which all values lie; None where they lie on none that matters.
+    """Step of which all values are multiples; None where there is none that matters.
 
     Args:
         values: (n,), in any order.
@@ -62,7 +62,7 @@ def runs(values: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
 
 
 def correlation(a: Array, b: Array) -> float:
-    """Cosine of two signals around zero; 0 where one of them is zero."""
+    """Cosine similarity of two signals; 0 where one of them is zero."""
     scale = float(np.linalg.norm(a) * np.linalg.norm(b))
     return float(a @ b) / scale if scale > 0 else 0.0
 

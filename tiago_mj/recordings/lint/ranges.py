@@ -1,4 +1,4 @@
-"""A recording against its robot: values that its joints can take."""
+"""Values in a recording against the ranges of its robot's joints."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ TOO_FAST: Final = 15.0
 
 @dataclass(frozen=True)
 class JointRanges:
-    """What the joints of a robot can do; joints without limits are not in it.
+    """Position and velocity ranges of the joints of a robot, without unlimited joints.
 
     Attributes:
         position: lowest and highest, by joint [m, rad].
@@ -44,7 +44,7 @@ class JointRanges:
 
     @classmethod
     def of_model(cls, model: Any) -> JointRanges:
-        """Those of a compiled ``mujoco.MjModel``; velocity limits are those of :mod:`tiago_mj.models.limits`."""
+        """Ranges of a compiled ``mujoco.MjModel``; velocity limits are those of :mod:`tiago_mj.models.limits`."""
         import mujoco
 
         from tiago_mj.models.limits import joint_limits
@@ -64,7 +64,7 @@ class JointRanges:
 
 
 def check(trials: Sequence[Trial], ranges: JointRanges) -> Iterator[Finding]:
-    """Values that no joint of the robot can take."""
+    """Findings on values outside the range of the joint."""
     mistaken = _read_as_degrees(trials, ranges)
     if mistaken:
         yield _about_model(trials, ranges, mistaken)
@@ -140,7 +140,7 @@ def _read_as_radians(trials: Sequence[Trial], ranges: JointRanges) -> Iterator[F
 
 
 def _mends(slides: bool) -> tuple[tuple[str, str, float], ...]:
-    """Code, unit and factor of what a value out of range may be."""
+    """Finding code, unit and factor that would bring a value into the range."""
     if slides:
         return (("unit_scale", "mm", 1e-3), ("unit_scale", "cm", 1e-2), ("sign", "", -1.0))
     return (("degrees", "deg", np.pi / 180), ("unit_scale", "mrad", 1e-3), ("sign", "", -1.0))
@@ -188,7 +188,7 @@ def _stated(trial: Trial, name: str) -> str | None:
 
 
 def _wild(trial: Trial, name: str, wild: NDArray[np.bool_], said: str) -> Finding:
-    """A few readings far beyond what the joint can do."""
+    """Findings on single readings far outside the range of the joint."""
     values = channel(trial, name)
     row = int(np.flatnonzero(~np.isnan(values))[np.argmax(wild)])
     unit = trial.units.get(name)

@@ -1,4 +1,4 @@
-"""What a single sensor does wrong: dead, stuck, rounded, saturated, without sign."""
+"""Faults of single sensors: dead, stuck, quantized, saturated, without sign."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ BOTH_WAYS: Final = 0.15
 
 
 def check(trials: Sequence[Trial]) -> Iterator[Finding]:
-    """What is wrong with single channels. A sensor's grid is the same in all recordings, and is judged over all."""
+    """Findings on single channels. A quantization step is estimated over all recordings."""
     stated = grids(trials)
     for name in names(tuple(trials)):
         having = [trial for trial in trials if name in _all(trial)]
@@ -66,7 +66,7 @@ def _all(trial: Trial) -> tuple[str, ...]:
 
 
 def _dead(trial: Trial, name: str, having: Sequence[Trial], coarse: float) -> Iterator[Finding]:
-    """A channel that does not change although something else says that it must have.
+    """Finding on a channel that is constant although others show that it must change.
 
     Args:
         trial: that is looked at.
@@ -105,10 +105,8 @@ def _dead(trial: Trial, name: str, having: Sequence[Trial], coarse: float) -> It
 
 
 def _must_have_read(trial: Trial, name: str, having: Sequence[Trial], coarse: float) -> str:
-    """Why a load cell that reads one value is dead; "" where a coarse grid, or that nothing touched it, explains it.
-
-    One that reads other values in other recordings, without noise, has a grid: its reading says "between".
-    """
+    """Why a load cell that reads one value must be dead; "" where a coarse quantization, or lack of contact, explains
+    it."""
     alive = False
     for other in having:
         values = sampled(other, name)[1]
@@ -132,7 +130,7 @@ def _must_have_read(trial: Trial, name: str, having: Sequence[Trial], coarse: fl
 
 
 def _slower(trial: Trial, joint: str, coarse: float) -> bool:
-    """Whether a joint is slower, by its position, than the steps of its velocity can show."""
+    """Whether a joint, by its position, is slower than the quantization step of its velocity."""
     if not np.isfinite(coarse) or joint not in trial.positions:
         return False
     time, position = sampled(trial, f"position.{joint}")
@@ -229,7 +227,7 @@ def _stuck(trial: Trial, name: str) -> Iterator[Finding]:
 
 
 def _elsewhere(trial: Trial, kind: str, joint: str, value: float, begin: float, end: float) -> bool:
-    """Whether another channel of the joint says that this one should have changed between two times."""
+    """Whether another channel of the joint shows that this one should have changed between two times."""
     if kind == "velocity":
         if joint not in trial.positions:
             return False

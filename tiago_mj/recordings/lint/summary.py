@@ -1,4 +1,4 @@
-"""Findings for people: one line per kind of repair, however many columns and recordings it concerns."""
+"""Findings for people: one line for each kind, with the columns and recordings that it concerns."""
 
 from __future__ import annotations
 

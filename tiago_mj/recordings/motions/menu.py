@@ -180,7 +180,7 @@ def _arm() -> list[Item]:
 
 
 def _scaled(signal: Shape, shift: int) -> Shape:
-    """The same later, so that joints do not move alike."""
+    """The same motion later, so that joints do not move in step."""
     return lambda t: np.asarray(signal(t + 0.7 * shift))
 
 

@@ -31,7 +31,7 @@ def read_recordings(
     replayed: bool = True,
     robot: str | None = None,
 ) -> ReadResult:
-    """Read recordings; nothing is guessed silently.
+    """Trials from recording files and folders, and findings on what was repaired or assumed.
 
     Args:
         paths: files (``.parquet``, ``.csv``, ``.tsv``, ``.bag``, ``.mcap``, ``.db3``) or folders of them; a folder with
@@ -80,7 +80,7 @@ def read_recordings(
 
 
 def find_recordings(paths: Sequence[Path]) -> Iterator[Path]:
-    """Every recording that the paths name, folders in the order of their file names.
+    """Recording files below the given paths; those of a folder sorted by name.
 
     Raises:
         RecordingError: a path is not there, is of no known format, or a folder holds no recording.
@@ -117,19 +117,19 @@ def is_ros2_bag(path: Path) -> bool:
 
 
 def _defaults(content: Mapping[str, Any], given: Mapping[str, Any] | None) -> dict[str, Any]:
-    """What sidecars lack: from the command line, else from the map file."""
+    """Entries for sidecars that lack them: from the command line, else from the map file."""
     facts = {key: content[key] for key in FACTS if key in content}
     return {**facts, **{key: value for key, value in (given or {}).items() if value is not None}}
 
 
 def _mapped(tables: Sequence[tuple[Path, Table]], content: Mapping[str, Any]) -> list[Table]:
-    """Tables that a map file's columns are of: of a map with topics, too, those of bags are the topics'."""
+    """Tables to which the columns of a map file apply: to those of bags only where it has no topics."""
     bags = {path for path, _ in tables if path.is_dir() or path.suffix.lower() in BAGS}
     return [table for path, table in tables if path not in bags or "topics" not in content]
 
 
 def _robot(path: Path, table: Table, defaults: Mapping[str, Any]) -> str:
-    """What a recording says that it is of, a file from the recording's folder; "" where nothing says it."""
+    """Robot that a recording states; a file is relative to the recording's folder; "" where none is stated."""
     said = next((facts["robot"] for facts in (table.sidecar, defaults, table.facts) if facts.get("robot")), "")
     if not isinstance(said, str):
         return ""

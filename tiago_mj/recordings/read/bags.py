@@ -69,7 +69,7 @@ class _Entry(Closed):
 
 @dataclass(frozen=True)
 class Topic:
-    """Where the numbers of a topic go.
+    """Channels that the numbers of a topic become.
 
     Attributes:
         name: of the topic.
@@ -131,7 +131,7 @@ def read_bag(path: Path, content: Mapping[str, Any], sidecar: Mapping[str, Any],
 
 
 def read_streams(path: str, topics: Any) -> apart.Answer:
-    """What a bag holds, as :mod:`tiago_mj.io.apart` hands it over.
+    """Contents of a bag, as :mod:`tiago_mj.io.apart` passes them between processes.
 
     Args:
         path: of the bag.
@@ -186,7 +186,7 @@ def topic_map(section: Any) -> tuple[Topic, ...]:
 
 
 def _read(path: Path, topics: Sequence[Topic] | None) -> tuple[Streams, list[Finding], Mapping[str, Any]]:
-    """Streams, findings, and what sidecars may lack; without topics, of what the bag is found to hold."""
+    """Streams, findings, and defaults for sidecars; without topics, of those that the bag is found to hold."""
     highlevel: Any = load("rosbags.highlevel", "reading ROS bags")
     typesys: Any = load("rosbags.typesys", "reading ROS bags")
     store = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)  # for ROS 2 bags that do not hold their own types
@@ -228,7 +228,7 @@ def _check_joints(file: str, topic: Topic, streams: Streams) -> None:
 
 
 def _driven(file: str, reader: Any, topics: ros2_control.Topics) -> tuple[Streams, list[Finding], Mapping[str, Any]]:
-    """States and commands of a robot that ``ros2_control`` drives."""
+    """States and commands of a robot driven by ``ros2_control``."""
     states: Streams = {}
     findings = _stream(file, Topic(topics.states, "joint_state", ()), _of(reader, topics.states), states)
     sent: Streams = {}
@@ -274,7 +274,7 @@ def _driven(file: str, reader: Any, topics: ros2_control.Topics) -> tuple[Stream
 
 
 def _of(reader: Any, topic: str) -> Iterator[tuple[int, Any]]:
-    """Messages of a topic."""
+    """Messages of one topic."""
     return _messages(reader, [connection for connection in reader.connections if connection.topic == topic])
 
 
@@ -285,7 +285,7 @@ def _messages(reader: Any, connections: Sequence[Any]) -> Iterator[tuple[int, An
 
 
 def _stream(file: str, topic: Topic, messages: Iterator[tuple[int, Any]], streams: Streams) -> list[Finding]:
-    """Add the channels of a topic."""
+    """Add the channels of a topic to the streams."""
     received, headers = [], []
     rows: dict[str, list[float]] = {}
     for count, (when, message) in enumerate(messages):

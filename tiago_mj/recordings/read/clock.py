@@ -1,7 +1,7 @@
-"""The time column: unit and origin are put right where that is certain; what cannot be is refused.
+"""Time column: unit and origin are corrected where they are certain; an unusable clock is refused.
 
-Certain is: steps of 300 and more are no seconds (a log at three per 1000 s), and a rate in the sidecar that the steps
-meet exactly in another unit names that unit.
+Certain are: steps of 300 and more are not seconds (a log at three rows per 1000 s), and a rate in the sidecar that the
+steps match exactly in another unit.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ def check_clock(time: Array, file: str) -> None:
 
 
 def repair_clock(time: Array, rate_hz: float, file: str, *, declared: bool) -> tuple[Array, list[Finding]]:
-    """Time in seconds from 0, and what was done to it.
+    """Time in seconds from 0, and findings on the corrections.
 
     Args:
         time: (T,), as it stands in the file, strictly increasing; in seconds where ``declared``.

@@ -1,4 +1,4 @@
-"""From a table to a trial: columns find their channels, units are applied, the clock is put right."""
+"""Conversion of a table to a trial: columns are assigned to channels, units converted, the clock corrected."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def trial_from_table(
     replayed: bool = True,
     robot: Robot | None = None,
 ) -> tuple[list[Trial], list[Finding]]:
-    """A trial, or the parts of it that are left where its torque was off, and what was found while making it.
+    """A trial from a table, or several parts of it where the torque was off, and findings on what was repaired.
 
     Args:
         table: as it stands in its file.
@@ -160,7 +160,7 @@ def _converted_columns(table: Table, targets: Mapping[str, Target], sidecar: Sid
 
 
 def _targets(table: Table, columns: Mapping[str, Target]) -> tuple[dict[str, Target], list[Finding]]:
-    """Where every column of the table goes; columns of no known kind are listed."""
+    """Channel of every column of the table, and findings on columns of no known kind."""
     file = table.source
     for column in columns:
         if column in table.text and columns[column].column is not None:
@@ -227,7 +227,7 @@ def check_mapped(columns: Mapping[str, Target], tables: Sequence[Table], file: s
 
 
 def _meant(column: str, table: Table, columns: Mapping[str, Target]) -> str | None:
-    """What a column is a slip of: one of the map file's that this table lacks, or a kind of the contract's."""
+    """Suggestion for a misspelled column: a column of the map file that this table lacks, or a kind of the contract."""
     there = {*table.columns, *table.text}
     known = there | {target.column for name, target in columns.items() if name in there}
     lacking = [name for name, target in columns.items() if name not in there and target.column not in (None, *known)]
@@ -237,7 +237,8 @@ def _meant(column: str, table: Table, columns: Mapping[str, Target]) -> str | No
 
 
 def _named_stamps(table: Table, columns: Mapping[str, Target]) -> tuple[str | None, str | None]:
-    """The one column whose name says that it holds stamps and in which unit; None where ``time`` is there or mapped."""
+    """The only column whose name says that it holds time stamps, and its unit; None where ``time`` exists or is
+    mapped."""
     if "time" in table.columns or any(t.column == "time" and c in table.columns for c, t in columns.items()):
         return None, None
     named = {column: match[1].lower() for column in table.columns if (match := _STAMPS.match(column))}
@@ -290,7 +291,7 @@ def _factor(kind: str, unit: str, column: str, file: str) -> float:
 
 
 def _converted(kind: str, unit: str, column: str, file: str, scale: float) -> list[Finding]:
-    """A stated unit that was applied is said, where it changed anything."""
+    """A finding on a stated unit, where it changed values."""
     if scale == 1.0:
         return []
     code = "time_unit" if kind == "time" else "degrees" if unit.startswith("deg") else "unit_scale"

@@ -1,4 +1,4 @@
-"""Commands as the model takes them: named by their actuators, of an interface that is known."""
+"""Commands in the form that the model takes: named by actuator, of a known interface."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from tiago_mj.recordings.robot import Robot
 
 
 def by_actuator(commands: Mapping[str, Array], robot: Robot, file: str) -> tuple[dict[str, Array], list[Finding]]:
-    """Commands that are named by a joint under the name of the one actuator that drives it.
+    """Commands named by joint, renamed to the only actuator of that joint.
 
     Args:
         commands: by the names of their columns, (T,) each.
@@ -48,7 +48,7 @@ def by_actuator(commands: Mapping[str, Array], robot: Robot, file: str) -> tuple
 
 
 def interface_of_model(commands: Mapping[str, Array], robot: Robot, file: str) -> tuple[str, Finding] | None:
-    """What the commands are by the actuators that take them, and the line that says so; None where they do not tell.
+    """Interface of the commands from the actuators of the model, and a finding on it; None where these do not tell.
 
     Raises:
         RecordingError: the actuators take commands of several kinds.

@@ -43,7 +43,7 @@ class Dialect:
     marked: bool
 
     def said(self, point: str) -> str:
-        """One sentence of what differs from commas between cells and decimal points; empty if nothing does."""
+        """A sentence on what differs from commas between cells and decimal points; empty if nothing does."""
         found = [
             *(["a byte order mark"] if self.marked else []),
             *(
@@ -105,7 +105,7 @@ def is_number(text: str) -> bool:
 
 
 def strange(cells: Iterable[str], said: str) -> str:
-    """Of a column that is no column of numbers, the first cell that is none; the first where all are.
+    """First cell of a column that is not a number; its first cell where all are numbers.
 
     Args:
         cells: of the column.

@@ -48,7 +48,7 @@ class _Entry(Closed):
 
 @dataclass(frozen=True)
 class Target:
-    """Where a column goes.
+    """Channel, unit and scale of a column.
 
     Attributes:
         column: its name in the contract, ``time`` or ``kind.name``; None: the column is left out.

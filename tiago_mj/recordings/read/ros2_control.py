@@ -36,7 +36,7 @@ _SECOND: Final = 1e-9
 
 @dataclass(frozen=True)
 class Topics:
-    """Of one bag.
+    """Topics of states and commands in one bag.
 
     Attributes:
         states: the topic of the joint states.
@@ -71,7 +71,7 @@ class Piece:
 
 
 def topics(types: Mapping[str, str], known: Iterable[str], file: str) -> Topics | None:
-    """Which topics of a bag are states and commands; None where it has no such commands.
+    """State and command topics of a bag; None where it has no such commands.
 
     Args:
         types: message type by topic.
@@ -101,7 +101,7 @@ def topics(types: Mapping[str, str], known: Iterable[str], file: str) -> Topics 
 
 
 def interface_of(topic: str) -> str:
-    """What numbers of a forward command controller are, by its name."""
+    """Interface of a forward command controller, from its name."""
     name = topic.lower()
     if "velocit" in name:
         return "velocity"
@@ -227,7 +227,7 @@ def followers(file: str, topic: str, numbers: list[tuple[Stamps, Array]], states
 
 
 def _apart(number: tuple[Stamps, Array], state: tuple[Stamps, Array]) -> float:
-    """How far a state stays from a command that is held, root mean square."""
+    """Root mean square distance of a state from a command that is held."""
     rows = np.searchsorted(number[0], state[0], side="right") - 1
     there = rows >= 0
     if not there.any():
@@ -236,7 +236,7 @@ def _apart(number: tuple[Stamps, Array], state: tuple[Stamps, Array]) -> float:
 
 
 def told(file: str, said: Mapping[str, str], states: str, skipped: Iterable[str]) -> Finding:
-    """What was taken for what, in one line."""
+    """One line on which topics were taken for states and commands."""
     parts = [f"{states} for the joints' states", *(f"{topic} for {what}" for topic, what in said.items())]
     unread = [f"{topic} was not read, the bag does not describe its messages" for topic in skipped]
     return Finding(

@@ -43,7 +43,7 @@ _BLOCK: Final = 1 << 22
 
 @dataclass(frozen=True)
 class Table:
-    """A recording as it stands in its file.
+    """Columns of a recording file, with its sidecar.
 
     Attributes:
         columns: by name, (T,) each; NaN where a cell is empty.
@@ -87,7 +87,7 @@ def read_table(path: Path, sidecar: Mapping[str, Any], sidecar_file: str) -> Tab
 
 
 def check_size(file: str, rows: int, columns: int) -> None:
-    """Refuse what would not fit.
+    """Refuse a table above :data:`MAX_ROWS` or :data:`MAX_CELLS`.
 
     Raises:
         RecordingError: too many rows or cells.
@@ -157,7 +157,7 @@ def _floats(column: Any, arrow: Any) -> Array:
 
 @contextmanager
 def _parquet(path: Path, name: str) -> Iterator[Any]:
-    """A Parquet file, open; what arrow finds wrong with it is one line."""
+    """An open Parquet file; errors of arrow become one line."""
     arrow = pyarrow()
     try:
         with arrow.parquet.ParquetFile(path) as file:
@@ -177,10 +177,7 @@ def _parquet(path: Path, name: str) -> Iterator[Any]:
 
 
 def _rows(file: Any) -> int:
-    """Of an open file, by its footer and by its parts, which may say different things.
-
-    Nothing is asked of the parts' columns: of a damaged footer that ends the process (pyarrow 26).
-    """
+    """Number of rows of an open file, by its footer and by its row groups, which may differ."""
     parts = (file.metadata.row_group(k).num_rows for k in range(file.metadata.num_row_groups))
     return int(max(file.metadata.num_rows, sum(parts)))
 
@@ -191,8 +188,8 @@ def _holds_numbers(kind: Any, arrow: Any) -> bool:
 
 
 def _bounded(file: Any, name: str, columns: Sequence[str]) -> Any:
-    """Columns of an open file, lists and texts among them, a few rows at a time and no farther than memory allows: one
-    that is repeated takes some bytes in the file."""
+    """Columns of an open file with lists or texts, read a few rows at a time up to a bound on memory: a repeated value
+    takes only some bytes in the file."""
     pieces, size = [], 0
     for piece in file.iter_batches(_FEW, columns=list(columns)):
         size += piece.nbytes
@@ -204,7 +201,7 @@ def _bounded(file: Any, name: str, columns: Sequence[str]) -> Any:
 
 
 def _example(file: Any, field: Any) -> str:
-    """What a cell of a column holds, in so many characters as a message has; its type where cells may be large."""
+    """Value of a cell of a column, shortened for a message; its type where cells may be large."""
     arrow = pyarrow()
     groups = file.metadata.num_row_groups
     if arrow.types.is_nested(field.type) or (groups and file.metadata.row_group(0).total_byte_size > _LARGE):
@@ -220,8 +217,8 @@ def _is_pointer(path: Path) -> bool:
 
 
 def _read_csv(path: Path) -> tuple[dict[str, Array], dict[str, str], bool, str]:
-    """The columns of numbers, what a cell of each other column holds, whether the file ends within a row, and how it is
-    written where that is not with commas and points."""
+    """Numeric columns of a CSV file, an example cell of each other column, whether the file ends within a row, and a
+    sentence on an unusual dialect."""
     arrow = pyarrow()
     dialect, cut = _csv_layout(path)
     header = dialect.header
@@ -267,7 +264,7 @@ def _read_csv(path: Path) -> tuple[dict[str, Array], dict[str, str], bool, str]:
 
 
 def _csv_layout(path: Path) -> tuple[csv_dialect.Dialect, bool]:
-    """How a CSV file is written, and whether it ends within a row.
+    """Dialect of a CSV file, and whether it ends within a row.
 
     Raises:
         RecordingError: it is no text, has no header, or is larger than what is read.
@@ -297,7 +294,7 @@ def _csv_layout(path: Path) -> tuple[csv_dialect.Dialect, bool]:
 
 
 def _count_lines(path: Path) -> tuple[int, bool]:
-    """Ended lines of a text file, and whether another one follows that has no end."""
+    """Number of ended lines of a text file, and whether an unended one follows."""
     count, last = 0, b"\n"
     with path.open("rb") as stream:
         while block := stream.read(_BLOCK):

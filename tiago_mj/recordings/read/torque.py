@@ -24,12 +24,12 @@ _NAMES: Final = re.compile(r"^(torque_(on|enabled?)|motors?_(on|enabled)|enabled
 
 
 def says_torque(column: str) -> bool:
-    """Whether a column's name says that it tells whether the motors were on, of all or (``torque_on.elbow``) of one."""
+    """Whether a column's name says that it holds whether the motors were on, all or (``torque_on.elbow``) one."""
     return _NAMES.match(column) is not None
 
 
 def without_torque_off(trial: Trial, said: Mapping[str, Array]) -> tuple[list[Trial], list[Finding]]:
-    """What is left of a trial, cut where the torque was off, and the one line that tells it.
+    """Parts of a trial in which the torque was on, and a finding on them.
 
     Args:
         trial: as read.
@@ -78,7 +78,7 @@ def without_torque_off(trial: Trial, said: Mapping[str, Array]) -> tuple[list[Tr
 
 
 def _held(values: Array) -> NDArray[np.bool_]:
-    """Whether it was on, each value held until the next one; before the first it was as the first says."""
+    """On or off in every row, each value held until the next; before the first as the first."""
     rows = np.flatnonzero(~np.isnan(values))
     if not len(rows):
         return np.ones(len(values), dtype=bool)

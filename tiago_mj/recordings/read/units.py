@@ -1,4 +1,4 @@
-"""Units in which recordings come, and what turns them into the contract's."""
+"""Conversion factors from units of recordings to SI units."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ FACTORS: Final[Mapping[str, Mapping[str, float]]] = MappingProxyType(
 
 
 def factor(kind: str, unit: str) -> float:
-    """What to multiply by.
+    """Factor from a unit to the SI unit of a kind of channel.
 
     Raises:
         ValueError: the unit is no unit of that kind; says which are.
