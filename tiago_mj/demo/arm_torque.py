@@ -51,7 +51,7 @@ CUTOFF: Final = 3.0
 
 @dataclass(frozen=True)
 class Recording:
-    """What was measured.
+    """Measured motion and torque.
 
     Attributes:
         time: (S,) [s].

@@ -112,7 +112,7 @@ def _make(arguments: argparse.Namespace, out: Path, progress: Progress, began: f
 
 
 def _answer(seed: int, folder: Path, progress: Progress) -> tuple[hidden.Answer | None, str]:
-    """What was hidden and found; or None, and why not."""
+    """Hidden effect and the answer of the diagnosis; or None, and why."""
 
     try:
         return hidden.find(seed, folder, Told(progress, "diagnosing: ")), ""
@@ -121,7 +121,7 @@ def _answer(seed: int, folder: Path, progress: Progress) -> tuple[hidden.Answer 
 
 
 def _films(done: Grasp, answer: hidden.Answer | None, out: Path, progress: Progress) -> dict[str, str]:
-    """Write the films; hand those back for the page that are small enough. Without an encoder there are pictures."""
+    """Write the films, and return those small enough for the page; pictures where no encoder is found."""
     films: dict[str, tuple[list[Frame], float]] = {}
     if answer is not None and answer.panes:
         progress.stage("drawing the film", sum(len(film.snapshots) for film in answer.panes.values()))

@@ -20,7 +20,7 @@ FRAME: Final = (480, 400)
 
 @dataclass(frozen=True)
 class Grasp:
-    """What the grasp gave.
+    """Result of the grasp.
 
     Attributes:
         trace: every step.
@@ -52,7 +52,7 @@ def grasp(*, seed: int) -> Grasp:
 
 
 def strip(done: Grasp) -> list[tuple[int, str]]:
-    """Frames that tell the grasp, and what each shows: evenly spaced ones where not both fingers touched."""
+    """Frames at the events of the grasp with their captions; evenly spaced ones where not both fingers touched."""
     assert done.film is not None
     times = np.array(done.film.times)
     touches = dict(zip(names.SIDES, done.trace.contact_times(), strict=True))
@@ -74,7 +74,7 @@ def strip(done: Grasp) -> list[tuple[int, str]]:
 
 
 def _try_film(env: gymnasium.Env[Any, Any]) -> tuple[Film | None, str]:
-    """A film if one frame can be rendered, else why not."""
+    """A film if a frame can be rendered, else the reason."""
     core: Any = env.unwrapped
 
     def caption(time: float) -> str:

@@ -45,7 +45,7 @@ SHOWN: Final = ("force.right", "position.gripper_right_finger_joint")
 
 @dataclass(frozen=True)
 class Answer:
-    """What was hidden, what was said of it, and what that changes.
+    """Hidden effect, the answer of the diagnosis, and a film of both.
 
     Attributes:
         name, parameter, unit: of what was hidden.
@@ -71,7 +71,7 @@ class Answer:
 
     @property
     def value(self) -> tuple[float, float, float] | None:
-        """What was said of the magnitude, and its 90 % interval; None where another effect was named."""
+        """Estimated magnitude and its 90 % interval; None where another effect was named."""
         for effect in self.diagnosis.best.effects:
             if effect.name == self.name:
                 found = effect.parameters[self.parameter]
@@ -80,7 +80,7 @@ class Answer:
 
 
 def draw(seed: int) -> tuple[str, str, float]:
-    """Name, parameter and magnitude of what is hidden."""
+    """Draw the effect to hide: name, parameter and magnitude."""
     rng = np.random.default_rng([seed, len(HIDDEN)])
     name = list(HIDDEN)[seed % len(HIDDEN)]
     parameter, low, high = HIDDEN[name]
@@ -129,7 +129,7 @@ def find(seed: int, folder: Path, tick: Callable[..., None]) -> Answer:
 
 
 def _filmed(hidden: Any, calibration: Path, commands: Mapping[str, Array], seed: int) -> dict[str, Film]:
-    """What the commands of a grasp do in reality, in the simulator and in the repaired one."""
+    """Films of one grasp: measured, by the nominal and by the repaired simulator."""
     panes: dict[str, Film] = {}
     for pane, effects in zip(PANES, (hidden, None, str(calibration)), strict=True):
         width, height = FRAME

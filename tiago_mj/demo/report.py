@@ -17,7 +17,7 @@ from tiago_mj.sensing import ta11_curve
 
 
 def hidden_data(answer: Answer) -> dict[str, Any]:
-    """What was hidden and what was said of it; the magnitude in the effect's own unit."""
+    """Hidden effect and the diagnosis of it; the magnitude in the effect's own unit."""
     from tiago_mj.gap.report import verdict, words
 
     found, value = answer.diagnosis, answer.value
@@ -110,7 +110,7 @@ def arm_data(comparison: ArmComparison) -> dict[str, Any]:
 
 
 def headline(data: dict[str, Any]) -> tuple[str, str]:
-    """What the project is, and what this page shows of it (empty without a diagnosis)."""
+    """Heading of the page: the project, and what the page shows of it (empty without a diagnosis)."""
     hidden, curve = data["hidden"], data["curve"]
     what = (
         "TIAGo and its gripper with TA11 load-cell fingertips in MuJoCo, and a diagnosis that says why the simulator "
@@ -129,7 +129,7 @@ def headline(data: dict[str, Any]) -> tuple[str, str]:
 
 
 def lines(data: dict[str, Any]) -> list[str]:
-    """What the terminal shows."""
+    """Lines printed on the terminal."""
     grasp, curve, arm = data["grasp"], data["curve"], data["arm"]
     touches = [
         f"{side} finger {'never touches' if time is None else f'touches after {time:.2f} s'}"

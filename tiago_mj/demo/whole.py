@@ -22,7 +22,7 @@ CAMERA: Final = drawing.Camera((0.45, 0.0, 0.72), 1.9, 130, -18)
 
 
 def whole(*, seed: int, pictures: bool = True) -> tuple[Trace, list[Frame]]:
-    """The grasp, and pictures of it, if they are wanted: of the whole robot the first half, of its hand the rest."""
+    """Trace of the grasp, and its pictures if wanted: the first half of the whole robot, the rest of its hand."""
     env = gymnasium.make(ENV)
     core: Any = core_of(env)
     taken: list[drawing.Snapshot] = []

@@ -1,1 +1,1 @@
-"""Files read within bounds and written whole, and what is said of them: quoting, schemas, progress, deadlines."""
+"""Input and output: bounded readers, atomic writers, quoting, schemas, progress, deadlines."""

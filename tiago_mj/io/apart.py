@@ -46,7 +46,7 @@ _SAID: Final = "said.npy"
 
 
 class RefusedError(ValueError):
-    """What the function said of its input, one line."""
+    """The function refused its input; one line."""
 
 
 class Reader:
@@ -63,7 +63,7 @@ class Reader:
         self._owner = 0
 
     def __call__(self, asked: Mapping[str, Any], *, seconds: float, megabytes: float) -> Answer:
-        """What the function gives.
+        """Result of the function.
 
         Args:
             asked: its arguments, as JSON has them.
@@ -165,7 +165,7 @@ def _get(pipe: Any) -> bytes:
 
 
 def main(module: str, function: str) -> None:
-    """Answer until nobody asks any more."""
+    """Answer requests until standard input ends."""
     asks, answers = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
     nowhere = os.open(os.devnull, os.O_RDWR)
     os.dup2(nowhere, 0)
@@ -216,7 +216,7 @@ def _limit(megabytes: float | None) -> None:
 
 
 def _guard(folder: str) -> None:
-    """Let nothing be started, reached or written that a reader has no need of."""
+    """Forbid starting programs, opening connections and writing elsewhere."""
 
     def look(event: str, arguments: tuple[Any, ...]) -> None:
         if event.startswith(_NEVER):

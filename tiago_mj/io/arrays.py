@@ -44,7 +44,7 @@ FAULTS: Final = (
 
 @contextmanager
 def opened(path: Path | BinaryIO, most: int = MAX_UNPACKED_BYTES, *, stored: bool = False) -> Iterator[zipfile.ZipFile]:
-    """An archive whose parts are together no larger than they may be [bytes].
+    """An open archive, refused where its parts together are larger than allowed [bytes].
 
     Args:
         path: of the file, or one that is open.

@@ -102,7 +102,7 @@ def _umask() -> int:
 
 
 def _put(new: Path, folder: Path, parts: Collection[str]) -> None:
-    """Put what is in ``new`` into ``folder``."""
+    """Move the contents of ``new`` into ``folder``."""
     if not folder.exists():
         new.chmod((new.stat().st_mode & stat.S_ISGID) | (0o777 & ~_umask()))  # S_ISGID: files get the folder's group
         try:
@@ -128,7 +128,7 @@ def _put(new: Path, folder: Path, parts: Collection[str]) -> None:
 
 
 def _merge(new: Path, folder: Path) -> None:
-    """Rename what is in one folder into another, file by file."""
+    """Move the contents of one folder into another, file by file."""
     for path in sorted(new.iterdir()):
         if path.is_dir() and (folder / path.name).is_dir():
             _merge(path, folder / path.name)
@@ -150,10 +150,7 @@ _RENAME: Final[Any] = getattr(ctypes.CDLL(None, use_errno=True), "renameat2", No
 
 
 def _exchanged(new: Path, old: Path, gone: Collection[str]) -> bool:
-    """Put a folder in another's place, with those files of it that it does not have itself; whether that was possible.
-
-    Not where somebody works in the old one: the folder would vanish under a shell, a notebook or a server.
-    """
+    """Exchange a folder for another one, which takes over files that it lacks; whether that was possible."""
     if _RENAME is None or _somebody_works_in(old):
         return False
     taken = _Taken(new, old, frozenset(gone))
@@ -179,7 +176,7 @@ def _somebody_works_in(folder: Path) -> bool:
 
 
 class _Taken:
-    """What a folder takes over of another one: links to its files.
+    """Files that a new folder takes over from the old one, as links.
 
     Args:
         new, old: the folders.
@@ -192,7 +189,7 @@ class _Taken:
         self._seen: dict[Path, int] = {}
 
     def take(self) -> None:
-        """Link everything.
+        """Link every file.
 
         Raises:
             OSError: something cannot be linked, or there is too much, or a folder's owner or group cannot be kept.
@@ -236,7 +233,7 @@ class _Taken:
                 raise OSError(errno.EINVAL, "neither file nor folder")
 
     def give_back(self) -> None:
-        """Remove the links."""
+        """Remove the links again."""
         for path in reversed(self._made):
             if path.is_dir() and not path.is_symlink():
                 path.rmdir()

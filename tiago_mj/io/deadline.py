@@ -1,4 +1,4 @@
-"""When work has to be over: one value that everything which takes long is given, and asks between its steps."""
+"""Deadline of a computation, passed to every long-running function, which checks it between steps."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 
 
 class OutOfTimeError(Exception):
-    """A time budget is spent; what was known by then is the answer."""
+    """The deadline is over; what was found until then is the answer."""
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class Deadline:
 
     @property
     def set(self) -> bool:
-        """Whether there is such an instant."""
+        """Whether there is a deadline."""
         return math.isfinite(self.seconds)
 
     def spent(self) -> float:
@@ -40,11 +40,11 @@ class Deadline:
         return self.seconds - self.spent()
 
     def over(self, needed: float = 0.0) -> bool:
-        """Whether no more is left than what is needed [s]."""
+        """Whether at most the given time is left [s]."""
         return self.left() <= needed
 
     def check(self) -> None:
-        """Go on, if there is time.
+        """Raise :class:`OutOfTimeError` once the deadline is over.
 
         Raises:
             OutOfTimeError: there is none.
@@ -53,5 +53,5 @@ class Deadline:
             raise OutOfTimeError(f"{self.seconds:g} s are spent")
 
     def sooner(self, seconds: float) -> Deadline:
-        """The same, so many seconds before."""
+        """A deadline so many seconds earlier."""
         return replace(self, seconds=self.seconds - seconds)

@@ -1,4 +1,4 @@
-"""Libraries of extras, loaded when they are needed, and how they are installed."""
+"""Optional dependencies (extras): imported when needed, with instructions to install them."""
 
 from __future__ import annotations
 
@@ -46,11 +46,7 @@ def pyarrow() -> Any:
 
 
 def install(extra: str | None) -> str:
-    """The command that adds an extra to this interpreter's environment; None: that installs the base anew.
-
-    The package is in no index: it is installed from its clone. Where that is not known or gone, the command is one for
-    the folder of a clone.
-    """
+    """Command that adds an extra to this interpreter's environment; None: that which installs the package again."""
     which = f"[{extra}]" if extra else ""
     folder, editable = clone()
     if folder is None:

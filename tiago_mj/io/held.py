@@ -149,7 +149,7 @@ def _prefix(stem: str) -> str:
 
 
 def _hold(handle: int, path: Path) -> bool:
-    """Lock what was just made; whether it is still there."""
+    """Lock a file that was just made; whether it still exists."""
     if fcntl is None:
         return True
     try:

@@ -1,4 +1,4 @@
-"""What others print when they are imported, where it is not ours to show."""
+"""Import of libraries without what they print on import."""
 
 from __future__ import annotations
 

@@ -95,7 +95,7 @@ def load_text(
 
 
 def is_file(source: str | Path) -> bool:
-    """Whether it names a file; no system has names as long as some texts are that are asked."""
+    """Whether a text names an existing file; too long a text does not."""
     try:
         return Path(source).is_file()
     except (OSError, ValueError):
@@ -135,7 +135,7 @@ def is_pipe(path: Path) -> bool:
 
 
 def _guarded(parse: Callable[[], Any], fail: Fail) -> Any:
-    """What a parser gives, or one line of whatever it raises."""
+    """Result of a parser; any error becomes one line."""
     try:
         return parse()
     except json.JSONDecodeError as fault:
@@ -189,7 +189,7 @@ def _line(text: str, part: str) -> int:
 
 
 def _check_tree(value: Any, fail: Fail) -> None:
-    """Refuse what is too deep, and text that cannot be seen."""
+    """Refuse nesting that is too deep, and text with invisible characters."""
     left = [(value, 1)]
     while left:
         one, depth = left.pop()
@@ -214,7 +214,7 @@ def _check_seen(text: str, fail: Fail, where: str = "") -> None:
 
 
 class _Open:
-    """A list or mapping that has begun."""
+    """A list or mapping that is being parsed."""
 
     def __init__(self, value: Any, anchor: str | None, count: int) -> None:
         self.value, self.anchor, self.count = value, anchor, count
@@ -224,7 +224,7 @@ class _Open:
 
 
 class _Builder:
-    """Values of a parser's events, one after the other: nothing is called by itself, however deep a file is."""
+    """Values built from a parser's events without recursion, however deep the file is nested."""
 
     def __init__(self, fail: Fail) -> None:
         self.fail = fail

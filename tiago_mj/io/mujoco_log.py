@@ -52,7 +52,7 @@ def counted(kinds: Counter[str] | None = None) -> Iterator[Counter[str]]:
 
 
 def tell(kinds: Mapping[str, int]) -> None:
-    """Pass on the warnings of another process, as if they were this one's."""
+    """Emit warnings that were counted in another process in this one."""
     handler = mujoco.get_mju_user_warning()
     for text, count in kinds.items() if handler is not None else ():
         for _ in range(count):
@@ -60,7 +60,7 @@ def tell(kinds: Mapping[str, int]) -> None:
 
 
 def kind(text: str) -> str:
-    """What a warning is about, without where and when."""
+    """Kind of a warning: its text without place and time."""
     return " ".join(DETAIL.sub("", text).split()).replace(",.", ".").rstrip(".,")
 
 

@@ -20,7 +20,7 @@ TRIED: Final = 4096
 
 
 def folder(text: str) -> Path:
-    """A folder that files can be written into, there or yet to be made; nothing is made.
+    """Argparse type: a folder that can be written into, existing or not; nothing is made.
 
     Raises:
         argparse.ArgumentTypeError: it is something else, or nothing can be written there.
@@ -34,7 +34,7 @@ def folder(text: str) -> Path:
 
 
 def file(text: str) -> Path:
-    """A file that can be written, there or yet to be made; nothing is made.
+    """Argparse type: a file that can be written, existing or not; nothing is made.
 
     Raises:
         argparse.ArgumentTypeError: it is something else, or nothing can be written there.
@@ -50,7 +50,7 @@ def file(text: str) -> Path:
 
 
 def _status(path: Path) -> os.stat_result | None:
-    """What is there; None where nothing is."""
+    """File status of a path; None where nothing exists."""
     try:
         return os.stat(path)
     except FileNotFoundError:

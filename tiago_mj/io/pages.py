@@ -1,4 +1,4 @@
-"""Pages that hold names from other people's files: these are escaped, and the page may do nothing but show itself."""
+"""HTML pages with names from untrusted files: these are escaped, and a content security policy restricts the page."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ STYLES = "style-src 'unsafe-inline'"
 
 
 def environment(package: str) -> jinja2.Environment:
-    """For the templates of a package: what is put in is escaped, also characters that cannot be seen."""
+    """Template environment of a package that escapes all values, invisible characters included."""
     return jinja2.Environment(
         loader=jinja2.PackageLoader(package, "templates"),
         autoescape=True,

@@ -35,11 +35,7 @@ YOUNG: Final = 1.0
 
 
 class Estimate:
-    """Share done and time left of work whose amount turns out while it is done.
-
-    The share never falls. With every piece of work d it grows by d / (d + left) of what it lacks: where the
-    expectations were right that is the share of the whole; where more turns up than was expected it grows more slowly.
-    """
+    """Share done and time left of work whose total becomes known only during the work."""
 
     def __init__(self) -> None:
         self.share = 0.0
@@ -57,10 +53,7 @@ class Estimate:
         self._at, self._left = (now, max(done, self._at[1])), left
 
     def seconds_left(self, now: float) -> float | None:
-        """Seconds left at an instant, at the speed until the last piece of work; None: not known.
-
-        While nothing is heard they pass, but never to the end: what is late is later the longer it takes.
-        """
+        """Seconds left, at the average speed until the last report; None: not known."""
         if self._began is None or self._left is None:
             return None
         took, did = self._at[0] - self._began[0], self._at[1] - self._began[1]
@@ -73,7 +66,7 @@ class Estimate:
 
 
 class Progress:
-    """What is done and how long it takes yet. Any thread may call its methods."""
+    """Progress display of a command. Its methods may be called from any thread."""
 
     def __init__(
         self,
@@ -136,7 +129,7 @@ class Progress:
             self._stage_began = time.monotonic()
 
     def advance(self, steps: int = 1) -> None:
-        """So many more steps of the stage are done.
+        """Add steps to those done in the stage.
 
         Raises:
             RuntimeError: no stage has begun.
@@ -146,7 +139,7 @@ class Progress:
             self._done += steps
 
     def at(self, done: int, note: str = "") -> None:
-        """So many steps of the stage are done in all; ``note`` is told beside it.
+        """Set the number of steps done in the stage; ``note`` is shown beside it.
 
         Raises:
             RuntimeError: no stage has begun.
@@ -169,16 +162,13 @@ class Progress:
             self._whole.worked(done, left, time.monotonic())
 
     def now(self) -> tuple[float | None, float | None]:
-        """The share done, of the whole where it is known (:meth:`worked`), else of the stage; and the seconds left.
-
-        None: not known.
-        """
+        """Share done, of the whole command if known (:meth:`worked`), else of the stage; and the seconds left."""
         with self._lock:
             share = self._share()
             return share, self._left(share, time.monotonic())
 
     def said(self) -> str:
-        """The line as it is now: ``diagnose: screening 34 of 154, 22 %, about 25 s left``."""
+        """The present line: ``diagnose: screening 34 of 154, 22 %, about 25 s left``."""
         with self._lock:
             now = time.monotonic()
             told = [self._stage or "beginning"]
@@ -194,7 +184,7 @@ class Progress:
             return (f"{self._name}: " if self._name else "") + ", ".join(told)
 
     def settled(self) -> str:
-        """The line for a screen that is drawn again and again: as before, while a new stage is too young to be read."""
+        """The line for a screen that is redrawn often: unchanged while a new stage is too young to be read."""
         line = self.said()
         with self._lock:
             young = time.monotonic() - self._stage_began < SETTLED
@@ -261,7 +251,7 @@ class Progress:
 
 @contextmanager
 def told(name: str, stage: str, total: int | None = None, *, quiet: bool = False) -> Iterator[Progress]:
-    """Progress of work that is one stage."""
+    """Progress of work with a single stage."""
     with Progress(name, quiet=quiet) as progress:
         progress.stage(stage, total)
         yield progress
@@ -272,7 +262,7 @@ def _percent(share: float) -> str:
 
 
 def seconds(amount: float) -> str:
-    """A time as people say it: ``25 s``, ``3 min 20 s``, ``40 min``, ``2.5 h``."""
+    """A duration in words: ``25 s``, ``3 min 20 s``, ``40 min``, ``2.5 h``."""
     if amount < 90:
         return f"{amount:.0f} s"
     if amount < 600:
@@ -281,7 +271,7 @@ def seconds(amount: float) -> str:
 
 
 def _terminal(stream: TextIO) -> Any:
-    """A console that can show a line that changes; None where there is none."""
+    """A console that can redraw a line; None where there is none."""
     if not stream.isatty():
         return None
     try:

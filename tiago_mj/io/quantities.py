@@ -1,4 +1,4 @@
-"""Amounts as people say them: 0.5 mm rather than 0.0005 m, 30 ms rather than 0.03 s. Files keep SI units."""
+"""Quantities for display: 0.5 mm rather than 0.0005 m, 30 ms rather than 0.03 s. Files keep SI units."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ BARE: Final = ("-", "–", "1", "")
 
 
 def scaled(value: float, unit: str) -> tuple[float, str]:
-    """Factor and unit in which an amount of about ``value`` [unit] is said."""
+    """Factor and unit in which a quantity of about ``value`` [unit] is displayed."""
     smaller, below = SMALLER.get(unit, ("", 0.0))
     return (1000.0, smaller) if 0 < abs(value) < below else (1.0, "" if unit in BARE else unit)
 
 
 def quantity(value: float, unit: str, digits: int = 3) -> str:
-    """An amount with its unit, to so many significant digits: ``0.5 mm``."""
+    """A quantity with its unit, to so many significant digits: ``0.5 mm``."""
     factor, said = scaled(value, unit)
     return f"{bare(number(value * factor, digits))} {said}".rstrip()
 
@@ -53,7 +53,7 @@ def number(value: float | None, digits: int = 3) -> str:
 
 
 def fixed(value: float, decimals: int) -> str:
-    """With so many decimals and a true minus sign, which zero has not."""
+    """A number with fixed decimals and a typographic minus sign; zero has no sign."""
     text = f"{value + 0.0:.{decimals}f}"
     if float(text) == 0:
         text = text.lstrip("-")
@@ -61,7 +61,7 @@ def fixed(value: float, decimals: int) -> str:
 
 
 def bare(text: str) -> str:
-    """Without zeros at the end of its decimals."""
+    """A number without trailing zeros."""
     if "·" in text:
         return text
     return text.rstrip("0").rstrip(".") if "." in text else text

@@ -1,4 +1,4 @@
-"""Values that somebody else gave, in messages: short whatever they are, in one line, and without hidden characters."""
+"""Untrusted values in messages: short, in one line, and without invisible characters."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ HIDDEN: Final = re.compile(
 
 
 def quoted(value: Any, most: int = QUOTED) -> str:
-    """A value for a message, in at most so many characters; what cannot be seen is escaped."""
+    """A value for a message, in at most so many characters, invisible ones escaped."""
     text = _SHORT.repr(value)
     return text if len(text) <= most else f"{text[: most - 3]}..."
 
@@ -48,19 +48,19 @@ def visible(text: str) -> str:
 
 
 def is_number(value: Any) -> TypeGuard[float]:
-    """Whether it is a finite number that a float can hold; booleans are none."""
+    """Whether a value is a finite number within the range of a float; booleans are not."""
     if not isinstance(value, Real) or isinstance(value, bool):
         return False
     return abs(value) <= sys.float_info.max if isinstance(value, int) else math.isfinite(value)
 
 
 def is_one_of(value: Any, known: Iterable[Any]) -> bool:
-    """Whether it is among them; lists and mappings, which cannot be looked up, are not."""
+    """Whether a value is among others; unhashable values are not."""
     return isinstance(value, Hashable) and value in known
 
 
 def did_you_mean(name: Any, known: Sequence[str], listed: str = "") -> str:
-    """The end of a complaint of an unknown name: the one that is nearly the same, else all.
+    """End of a message on an unknown name: the most similar known name, else all.
 
     Args:
         name: that is unknown.
@@ -77,7 +77,7 @@ def did_you_mean(name: Any, known: Sequence[str], listed: str = "") -> str:
 
 
 class _Short(reprlib.Repr):
-    """Representations whose cost does not grow with the value."""
+    """Representation whose cost does not grow with the size of the value."""
 
     def __init__(self) -> None:
         super().__init__()

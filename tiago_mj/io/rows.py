@@ -29,7 +29,7 @@ MAX_COLUMNS: Final = 200
 def read_rows(
     path: Path, names: Sequence[str], lead: str, *, mend: str = "mend the file", error: type[Exception] = ValueError
 ) -> list[dict[str, str]]:
-    """Some columns of a CSV file, row by row.
+    """Some columns of a CSV file, row by row, as text.
 
     Args:
         path: of the file, UTF-8 text of at most :data:`tiago_mj.io.loading.MAX_BYTES`.
@@ -72,7 +72,7 @@ def read_numbers(
 def numbers(
     cells: Sequence[str], name: str, lead: str, *, mend: str = "mend the file", error: type[Exception] = ValueError
 ) -> Array:
-    """The finite numbers that cells hold, (cells,).
+    """Cells as finite numbers, (cells,).
 
     Raises:
         error: a cell holds none; one line.

@@ -26,7 +26,7 @@ _MANY: Final = 100
 
 
 class Open(BaseModel):
-    """What a file holds, with room for the user's own keys, but for those that are nearly one of ours."""
+    """Schema of a mapping with room for the user's own keys, except misspellings of known ones."""
 
     model_config = ConfigDict(strict=True, extra="allow", allow_inf_nan=False, protected_namespaces=())
 
@@ -44,7 +44,7 @@ class Open(BaseModel):
 
 
 class Closed(Open):
-    """The same without other keys."""
+    """Schema of a mapping without other keys."""
 
     model_config = ConfigDict(extra="forbid")
 
@@ -60,7 +60,7 @@ Endless = Annotated[float, Field(allow_inf_nan=True), BeforeValidator(_plain)]
 
 
 class SchemaError(ValueError):
-    """The first thing that is wrong, ``object.radius_m is 'wide': write a positive number``, and its parts.
+    """The first fault of a file, ``object.radius_m is 'wide': write a positive number``, and its parts.
 
     Attributes:
         where: keys and places, such as ``("object", "radius_m")``; empty for the whole.
@@ -77,7 +77,7 @@ class SchemaError(ValueError):
 
 
 def checked(model: type[M], given: Any, mend: str = "write a mapping, {...}") -> M:
-    """What was read, in the form of a model.
+    """A value that was read, validated by a model.
 
     Args:
         model: the form.
@@ -116,7 +116,7 @@ def checked(model: type[M], given: Any, mend: str = "write a mapping, {...}") ->
 
 
 def _walk(given: Any, error: Mapping[str, Any]) -> tuple[list[Any], Any]:
-    """Where an error of pydantic's is, without its names for forms (``float``), and what stands there."""
+    """Path to an error of pydantic's in the file, without its names for types (``float``), and the value there."""
     where: list[Any] = []
     location = [*error["loc"], *([error["ctx"]["key"]] if error["type"] == "slip" else [])]
     for part in location:

@@ -70,7 +70,7 @@ class Agent:
     origin: Mapping[str, Any] = field(default_factory=dict)
 
     def reset(self) -> None:
-        """It has no memory."""
+        """Nothing: the policy has no memory."""
 
     def __call__(self, observation: Any, info: dict[str, Any] | None = None) -> Single:
         """The action, (..., n) float32, for an observation or a batch of them."""
@@ -109,13 +109,13 @@ class Agent:
             )
 
     def save(self, path: Path) -> None:
-        """Write it whole."""
+        """Write the agent to a file, whole."""
         header = {"schema": SCHEMA, **self.header()}
         with atomic.replacing(path) as temporary, temporary.open("wb") as file:
             np.savez_compressed(file, allow_pickle=False, header=np.array(json.dumps(header)), **self.arrays())
 
     def header(self) -> dict[str, Any]:
-        """All that is not numbers in arrays, as JSON has it."""
+        """Everything that is not an array, as JSON."""
         return {
             "activation": self.activation,
             "output": self.output,
@@ -125,7 +125,7 @@ class Agent:
         }
 
     def arrays(self) -> dict[str, Any]:
-        """All its numbers, by name."""
+        """All arrays, by name."""
         found: dict[str, Any] = {"low": self.low, "high": self.high}
         for number, (weight, bias) in enumerate(self.layers):
             found[f"weight_{number}"], found[f"bias_{number}"] = weight, bias
@@ -159,7 +159,7 @@ def load_agent(path: Path, name: str | None = None) -> Agent:
 
 
 def from_arrays(header: Mapping[str, Any], found: Mapping[str, NDArray[Any]]) -> Agent:
-    """An agent of what :meth:`Agent.arrays` and its header say.
+    """An agent from its arrays and header.
 
     Raises:
         ValueError, or another of :data:`tiago_mj.io.arrays.FAULTS`: they make no agent.
@@ -210,7 +210,7 @@ def _checked(agent: Agent) -> Agent:
 
 
 def _largest(agent: Agent) -> float:
-    """What no number can exceed that it computes, of observations up to :data:`MAX_OBSERVATION`."""
+    """Bound on every intermediate result of the network, for observations up to :data:`MAX_OBSERVATION`."""
     most = MAX_OBSERVATION
     if agent.mean is not None and agent.deviation is not None:
         most = max(MAX_OBSERVATION + float(np.abs(agent.mean).max(initial=0.0)), agent.limit)

@@ -24,7 +24,7 @@ OPTIMISERS: Final[Mapping[str, Mapping[str, Any]]] = {
 
 
 def make_env(settings: Settings, count: int) -> Any:
-    """A vector environment for stable-baselines3, on one thread and without what is only seen.
+    """Vector environment for stable-baselines3, on one thread and without rendering.
 
     Raises:
         ValueError: an option of the environment is unknown or unusable; one line.
@@ -44,7 +44,7 @@ def make_env(settings: Settings, count: int) -> Any:
 
 
 def make_one_env(settings: Settings) -> Any:
-    """One scalar environment of a training, for a controller to look at or to play in."""
+    """One scalar environment of a training, for a controller."""
     from tiago_mj.rollout.options import make_env as make
 
     options = {"visual": False, **settings.env_options}
@@ -67,7 +67,7 @@ def _randomised(settings: Settings, ranges: Mapping[str, Any], count: int, optio
 
 
 def make_model(settings: Settings, env: Any, seed: int, *, fast: bool = True, fused: bool = True) -> Any:
-    """A model of stable-baselines3, on the CPU, that has learned nothing yet.
+    """Untrained stable-baselines3 model on the CPU.
 
     Args:
         settings: of the training.
@@ -149,7 +149,7 @@ def make_model(settings: Settings, env: Any, seed: int, *, fast: bool = True, fu
 
 
 def demonstrate(model: Any, settings: Settings, seed: int, *, stored: bool) -> None:
-    """Give a model the demonstrations that its hyperparameters ask for, if they do.
+    """Add the demonstrations of the hyperparameters to a model, if there are any.
 
     Args:
         model: of :func:`make_model`.
@@ -206,7 +206,7 @@ def _policy_arguments(algo: str, given: Any, fused: bool) -> dict[str, Any]:
 
 
 def _rollout(settings: Settings, envs: int) -> dict[str, Any]:
-    """How much is collected between updates, how many updates follow, and how much is remembered."""
+    """Steps between updates, number of updates, and size of the replay buffer."""
     given = settings.hyperparameters
     count, unit = given["train_freq"]
     if unit == "episode" and envs > 1:  # stable-baselines3 counts episodes of one environment only

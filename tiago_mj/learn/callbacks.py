@@ -1,4 +1,4 @@
-"""What happens beside learning: episodes are logged and the best policy kept, policies evaluated, states saved."""
+"""Callbacks of a training: log episodes, keep the best policy, evaluate policies, save states."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ EVALUATED: Final = ("steps", "mean_return", "sd_return", "success_rate")
 
 
 class Best:
-    """The best policy so far, by a mean return.
+    """Best policy so far by mean return.
 
     Attributes:
         agent: None as long as there is none.
@@ -50,14 +50,14 @@ class Best:
             self.agent = agent_of(model, {**self._origin, "steps": self.steps})
 
     def state(self) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-        """What is to be kept in a checkpoint: JSON and arrays."""
+        """State for a checkpoint: JSON and arrays."""
         if self.agent is None:
             return {}, {}
         data = {"mean": self.mean, "steps": self.steps, "header": self.agent.header()}
         return data, {f"{self._prefix}{key}": value for key, value in self.agent.arrays().items()}
 
     def restore(self, data: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> None:
-        """What a checkpoint kept."""
+        """Restore the state of a checkpoint."""
         if data.get("header") is not None:
             parts = {k.removeprefix(self._prefix): v for k, v in arrays.items() if k.startswith(self._prefix)}
             self.agent = from_arrays(data["header"], parts)
@@ -113,12 +113,12 @@ class Episodes(BaseCallback):  # type: ignore[misc]
         return float(np.mean([success for *_, success in self.log[-100:]])) if self.log else None
 
     def state(self) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-        """What is to be kept in a checkpoint: JSON and arrays."""
+        """State for a checkpoint: JSON and arrays."""
         data, arrays = self.best.state()
         return data, {**arrays, "log": np.array(self.log, dtype=np.float64).reshape(-1, 3)}
 
     def restore(self, data: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> None:
-        """What a checkpoint kept."""
+        """Restore the state of a checkpoint."""
         if arrays["log"].ndim != 2 or not np.isfinite(arrays["log"]).all():
             raise ValueError("the log of its episodes is none")
         self.log = [(int(steps), float(total), bool(success)) for steps, total, success in arrays["log"]]
@@ -183,7 +183,7 @@ class Checkpoints(BaseCallback):  # type: ignore[misc]
         self._saved_at = 0
 
     def restore(self, found: checkpoint.Checkpoint) -> None:
-        """Take over what a checkpoint kept."""
+        """Restore the state of a checkpoint."""
         self._saved_at = found.steps
         self._episodes.restore(found.callbacks["episodes"], found.arrays)
         log = [{name: float(entry[name]) for name in EVALUATED} for entry in found.callbacks["evaluations"]]
@@ -230,7 +230,7 @@ class Checkpoints(BaseCallback):  # type: ignore[misc]
 
 
 class Progress(BaseCallback):  # type: ignore[misc]
-    """Tells whoever started the training how far it is, and stops when they are gone.
+    """Reports the progress of a training to its parent process, and stops when that has ended.
 
     Args:
         folder: of the seed.
@@ -265,7 +265,7 @@ class Progress(BaseCallback):  # type: ignore[misc]
 
 
 def _break_off(model: Any) -> None:
-    """Take what hindsight replay holds of episodes that go on for whole episodes."""
+    """Mark the unfinished episodes in a hindsight replay buffer as finished."""
     buffer = getattr(model, "replay_buffer", None)
     if buffer is not None and hasattr(buffer, "truncate_last_trajectory"):
         with warnings.catch_warnings():

@@ -1,4 +1,4 @@
-"""Cards: where an agent comes from and what it reached, as JSON and as Markdown."""
+"""Agent cards: training and results of an agent, as JSON and Markdown."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ ELSEWHERE: Final = ("env_kwargs", "n_timesteps")
 
 
 class _Result(Open):
-    """Of a seed."""
+    """Result of one seed."""
 
     seed: int = Field(ge=0)
     steps: int
@@ -32,7 +32,7 @@ class _Result(Open):
 
 
 class _Card(Open):
-    """What is read of a training's card; its curve is kept as it is."""
+    """Keys of a training's card that are read; its curve is kept unread."""
 
     written: Literal["tiago_mj.card/1"] = Field(alias="schema")
     command: str
@@ -56,7 +56,7 @@ def read(path: Path) -> dict[str, Any]:
 def card(
     settings: Settings, results: Sequence[Mapping[str, Any]], curve: Mapping[str, Any], made_by: Mapping[str, str]
 ) -> dict[str, Any]:
-    """The card of a training.
+    """Card of a finished training.
 
     Args:
         settings: of the training.
@@ -76,7 +76,7 @@ def card(
 
 
 def best(results: Sequence[Mapping[str, Any]]) -> Mapping[str, Any]:
-    """The seed with the best mean of 20 training episodes; where none had 20, with the best last evaluation."""
+    """Seed with the best mean return over 20 training episodes, or, without 20 episodes, in the last evaluation."""
     return max(results, key=lambda r: r["mean_return"] if r["best_mean"] is None else r["best_mean"])
 
 
@@ -149,7 +149,7 @@ def markdown(data: Mapping[str, Any], name: str | None = None) -> str:
 
 
 def _which(data: Mapping[str, Any]) -> str:
-    """Which agent of the training a page is about."""
+    """Which agent of the training a page describes."""
     if "agent_seed" not in data:
         return ""
     cut = "; its observations are cut at those of its training" if data.get("agent_is_cut") else ""

@@ -41,7 +41,7 @@ _RUNNING: Final = ("obs_rms", "ret_rms")
 
 @dataclass(frozen=True)
 class Checkpoint:
-    """What a file holds.
+    """Contents of a checkpoint.
 
     Attributes:
         steps: environment steps so far.
@@ -94,9 +94,7 @@ def write(
 
 
 def read(path: Path, model: Any) -> Checkpoint:
-    """Put a model, made with the same settings, into the state that a file holds; and return the rest.
-
-    The generators are restored by :func:`restore_generators`, when nothing else is drawn before training goes on.
+    """Restore a model, made with the same settings, from a checkpoint; returns the rest of it.
 
     Raises:
         ValueError: the file is damaged, or of another model; one line.
@@ -137,7 +135,7 @@ def read(path: Path, model: Any) -> Checkpoint:
 
 @contextmanager
 def readable(path: Path) -> Iterator[None]:
-    """Put the form of a checkpoint's contents to use; whatever that trips over becomes one line.
+    """Context in which faults of a checkpoint become one line.
 
     Raises:
         ValueError: says how to go on.
@@ -176,7 +174,7 @@ def _finite(value: Any) -> bool:
 
 
 def restore_generators(model: Any) -> None:
-    """Put every generator back to where it was, if the model comes from a checkpoint."""
+    """Restore the state of every random generator of a model from a checkpoint."""
     restored = model.__dict__.pop("_restored", None)
     if restored is None:
         return
@@ -193,7 +191,7 @@ def _put_generators(model: Any, states: Mapping[str, Any], torch_state: torch.Te
 
 
 def _check_generators(model: Any, states: Mapping[str, Any], torch_state: torch.Tensor) -> None:
-    """Raise what putting them back would, and leave them as they are."""
+    """Raise what restoring the generators would raise, and leave them unchanged."""
     now, torch_now = _generators(model), torch.get_rng_state()
     try:
         _put_generators(model, states, torch_state)

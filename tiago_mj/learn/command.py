@@ -85,7 +85,7 @@ def run(arguments: argparse.Namespace) -> int:
 def _train(
     arguments: argparse.Namespace, settings: Settings, folders: Sequence[Path], left: int, rate: float
 ) -> tuple[dict[str, Any], list[dict[str, Any]]]:
-    """Train what is left of all seeds and write the card; its data, and what came of each seed."""
+    """Train all unfinished seeds and write the card; returns its data and the result of each seed."""
     # On a cluster Ray ends the processes, and the lock of a seed whose machine is lost outlives them.
     starter, patience = (os.getpid(), None) if arguments.backend == "local" else (None, held.LEASE)
     tasks = [
@@ -176,7 +176,7 @@ def _ranges(path: Path | None) -> Any:
 
 
 def _try_out(settings: Settings, *, measure: bool) -> float:
-    """Make one environment and a model, so that what is unusable is said once, before anything is written.
+    """Make one environment and a model, so that unusable settings are reported before anything is written.
 
     Returns:
         Environment steps a second of a seed; 0 where they are not measured.

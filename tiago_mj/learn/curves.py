@@ -65,7 +65,7 @@ def _read(path: Path, name: str) -> tuple[Array, Array]:
 
 
 def moving_mean(values: Array) -> Array:
-    """Mean of each value and the 19 before it, or of those there are, (n,)."""
+    """Mean over each value and up to 19 before it, (n,)."""
     total = np.concatenate([[0.0], np.cumsum(values)])
     end = np.arange(1, len(values) + 1)
     begin = np.maximum(end - WINDOW, 0)

@@ -1,8 +1,8 @@
-"""Agents that take what lies beyond their training for the edge of it.
+"""Agents whose observations are clipped to the range seen in training.
 
-A network of ReLUs goes on in straight lines where it has met nothing: asked for twice the force it was trained on, it
-answers with whatever the slopes at the edge come to. Cutting every entry of the observation at the least and the
-greatest value of the training's own memory keeps it where it has learned; nothing else of the agent changes.
+A ReLU network extrapolates linearly: asked for twice the force it was trained on, it answers by the slopes at the edge
+of its training data. Clipping every entry of the observation to the smallest and largest value of the replay buffer
+keeps it where it has learned; nothing else of the agent changes.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 
 
 def met(file: Path, agent: Agent) -> tuple[Array, Array]:
-    """The least and the greatest of every entry of the observations that a training remembers, each (inputs,).
+    """Smallest and largest value of every entry of the observations in a replay buffer, each (inputs,).
 
     Args:
         file: the seed's checkpoint, with a replay buffer.
@@ -43,7 +43,7 @@ def met(file: Path, agent: Agent) -> tuple[Array, Array]:
 
 
 def cut(agent: Agent, low: Array, high: Array) -> Agent:
-    """The same agent for observations within these bounds, and outside of them as at the bounds.
+    """The agent with observations clipped to these bounds.
 
     Args:
         agent: without normalisation.

@@ -26,7 +26,7 @@ from tiago_mj.rollout.policies import make_policy
 
 
 class Dagger(TD3):  # type: ignore[misc]
-    """The actor of a TD3, taught by a controller; its critics learn nothing.
+    """TD3 whose actor imitates a controller (DAgger); the critics learn nothing.
 
     Attributes:
         expert: the controller; it remembers nothing, so that one serves all environments.
@@ -36,11 +36,11 @@ class Dagger(TD3):  # type: ignore[misc]
 
     @property
     def acts(self) -> bool:
-        """Whether the actor decides: until it has learned something, the controller does."""
+        """Whether the actor acts; until its first update the controller does."""
         return bool(self._n_updates > 0)
 
     def train(self, gradient_steps: int, batch_size: int = 100) -> None:
-        """Bring the actor's actions nearer to the controller's: mean squared differences over batches."""
+        """Update the actor to reduce the mean squared difference from the controller's actions over batches."""
         self.policy.set_training_mode(True)
         self._update_learning_rate(self.actor.optimizer)
         for _ in range(gradient_steps):
@@ -54,7 +54,7 @@ class Dagger(TD3):  # type: ignore[misc]
         self.logger.record("train/actor_loss", loss.item())  # of the last update
 
     def _sample_action(self, learning_starts: int, action_noise: Any = None, n_envs: int = 1) -> tuple[Any, Any]:
-        """What is executed, and what is stored: the controller's."""
+        """Executed action, and the controller's action, which is stored."""
         wanted = self._corrections(n_envs)
         action = self.predict(self._last_obs, deterministic=True)[0] if self.acts else wanted
         if action_noise is not None:
@@ -62,14 +62,14 @@ class Dagger(TD3):  # type: ignore[misc]
         return action, wanted
 
     def _corrections(self, count: int) -> NDArray[np.float32]:
-        """The controller's actions for what is seen, (environments, n)."""
+        """The controller's actions for the observations, (environments, n)."""
         seen = self._last_obs if self._vec_normalize_env is None else self._last_original_obs
         rows = [each_part(seen, itemgetter(k)) for k in range(count)]
         return np.clip([self.expert(row, {}) for row in rows], -1.0, 1.0).astype(np.float32)
 
 
 def expert_of(name: str, env: gymnasium.Env[Any, Any]) -> Policy:
-    """A controller that can be imitated: it decides by the present observation alone.
+    """A controller that can be imitated: its action depends on the present observation alone.
 
     Args:
         name: ``scripted``, or an agent's name or file.

@@ -23,7 +23,7 @@ FIRST_SEED: Final = 2_000_000
 
 @dataclass(frozen=True)
 class Demonstrations:
-    """What a controller did; every array is (steps, environments, ...), dictionaries of arrays in the goal form.
+    """Transitions of a controller; every array is (steps, environments, ...), dictionaries of arrays in the goal form.
 
     Attributes:
         observations, next_observations: of the environments.
@@ -42,7 +42,7 @@ class Demonstrations:
 
 
 def played(settings: Settings, count: int, seed: int) -> Demonstrations:
-    """Episodes of the controller that the hyperparameters name.
+    """Demonstrations of the controller that the hyperparameters name.
 
     Args:
         settings: of the training.
@@ -75,12 +75,12 @@ def played(settings: Settings, count: int, seed: int) -> Demonstrations:
 
 
 def episodes_each(asked: Mapping[str, Any], count: int) -> int:
-    """Episodes of each of ``count`` environments that make as many as were asked for."""
+    """Number of episodes for each of ``count`` environments, for a total of at least those asked for."""
     return -(-int(asked["episodes"]) // count)
 
 
 def store(found: Demonstrations, buffer: Any) -> None:
-    """Add them to a replay buffer of stable-baselines3, as if the agent had played them."""
+    """Add demonstrations to a replay buffer of stable-baselines3."""
     for t in range(len(found.rewards)):
         ended = found.ended[t]
         buffer.add(
@@ -94,11 +94,7 @@ def store(found: Demonstrations, buffer: Any) -> None:
 
 
 def show(found: Demonstrations, normalised: Any) -> None:
-    """Let a ``VecNormalize`` count their observations as seen.
-
-    What the actor imitates is normalised as what it observes afterwards is: statistics that only began with the first
-    step would change all that it has learned until then.
-    """
+    """Update the statistics of a ``VecNormalize`` with their observations."""
     if not (normalised.norm_obs and normalised.training):
         return
     seen, statistics = found.observations, normalised.obs_rms
@@ -108,7 +104,7 @@ def show(found: Demonstrations, normalised: Any) -> None:
 
 
 class Examples:
-    """Demonstrated actions that the actor is compared with.
+    """Demonstrated actions for the imitation loss of the actor.
 
     Args:
         found: demonstrations.
@@ -123,11 +119,11 @@ class Examples:
         self._actions = found.intended.reshape(-1, found.intended.shape[-1])
 
     def weight(self, left: float) -> float:
-        """Of the mean squared difference when a share of the training is left, 1 to 0."""
+        """Weight of the imitation loss at a remaining share of the training, from 1 to 0."""
         return self._weight * (self._keep + (1.0 - self._keep) * left)
 
     def drawn(self, normalised: Any = None) -> tuple[Any, Any]:
-        """Some of them: observations as the networks take them, and actions, (batch, n) tensors.
+        """A random batch: normalised observations and actions, (batch, n) tensors.
 
         Args:
             normalised: a ``VecNormalize`` whose statistics observations are normalised by; None: they are not.
@@ -158,7 +154,7 @@ def _episode(env: Any, policy: Any, seed: int, noise: float, rng: np.random.Gene
 
 
 def _stacked(rows: Sequence[Sequence[Any]]) -> Any:
-    """Of [step][environment] one array, (steps, environments, ...), or one for each name of dictionaries."""
+    """Arrays from [step][environment], (steps, environments, ...), one for each key of dictionaries."""
     if isinstance(rows[0][0], dict):
         return {name: np.array([[one[name] for one in step] for step in rows]) for name in rows[0][0]}
     return np.array(rows)
@@ -169,5 +165,5 @@ def _at(part: Any, t: int) -> Any:
 
 
 def each_part(part: Any, change: Callable[[Any], Any]) -> Any:
-    """An observation, or the parts of one, changed."""
+    """A function applied to an observation, or to each entry of a dictionary of them."""
     return {name: change(one) for name, one in part.items()} if isinstance(part, dict) else change(part)

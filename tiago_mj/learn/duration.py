@@ -1,4 +1,4 @@
-"""How long a training will take, measured before it begins."""
+"""Duration of a training, estimated before it begins."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def _shorten(model: Any) -> None:
 
 
 def said(rate: float, steps: int, seeds: int, jobs: int, left: int) -> str:
-    """The estimate in a line.
+    """The estimate as one line.
 
     Args:
         rate: environment steps a second of one seed alone.

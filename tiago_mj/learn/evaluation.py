@@ -1,4 +1,4 @@
-"""How good a policy is at a moment of its training: the same few episodes every time, all at once."""
+"""Evaluation of a policy during training: the same few episodes every time, in parallel."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Evaluator:
         self._env = env
 
     def __call__(self, agent: Agent) -> dict[str, float]:
-        """Mean and standard deviation of the returns, and the share of episodes that end in success."""
+        """Mean and standard deviation of the returns, and the success rate."""
         env = self._env
         env.seed(FIRST_SEED)
         observation = env.reset()

@@ -1,4 +1,4 @@
-"""From a stable-baselines3 model to an agent of numbers."""
+"""Conversion of a stable-baselines3 model to an agent file."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from tiago_mj.learn.agent_file import ACTIVATIONS, Agent
 
 
 def agent_of(model: Any, origin: Mapping[str, Any] | None = None) -> Agent:
-    """The deterministic policy of a TD3, DDPG, SAC, PPO or A2C model, with its normalisation.
+    """Deterministic policy of a TD3, DDPG, SAC, PPO or A2C model with its normalisation, as an agent.
 
     Args:
         model: of stable-baselines3, with a multilayer perceptron.

@@ -1,4 +1,4 @@
-"""One seed's training, from its settings to its agents; begun, or gone on with where it was stopped."""
+"""Training of one seed, from its settings to its agents; started, or resumed from a checkpoint."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ BEST, LAST, MODEL = "best.npz", "last.npz", "model.zip"
 
 @dataclass(frozen=True)
 class Task:
-    """A seed to be trained.
+    """A seed to be trained, and where.
 
     Attributes:
         settings: of the training.
@@ -114,7 +114,7 @@ def _train(task: Task, folder: Path) -> dict[str, Any]:
 
 
 def origin_of(settings: Settings, seed: int) -> dict[str, Any]:
-    """Where an agent comes from, as its file says it."""
+    """Origin of an agent, as its file states it."""
     from tiago_mj.learn.settings import provenance
 
     return {

@@ -20,7 +20,7 @@ FALLING: Final = "lin_"
 
 
 class Falling(ActionNoise):  # type: ignore[misc]
-    """Noise times the share of the training that is left.
+    """Action noise scaled by the remaining share of the training.
 
     Args:
         noise: at the training's start.
@@ -41,7 +41,7 @@ class Falling(ActionNoise):  # type: ignore[misc]
 
 
 class Fall(BaseCallback):  # type: ignore[misc]
-    """Tells noise that falls how much of the training is left.
+    """Callback that tells decaying noise the remaining share of the training.
 
     Args:
         steps: of the training.
@@ -62,7 +62,7 @@ class Fall(BaseCallback):  # type: ignore[misc]
 
 
 def noise_of(given: Mapping[str, Any], shape: tuple[int, ...]) -> ActionNoise | None:
-    """The noise that hyperparameters ask for; None: none.
+    """Action noise of the hyperparameters; None for none.
 
     Args:
         given: checked hyperparameters with ``noise_type`` and ``noise_std``.

@@ -1,6 +1,7 @@
-"""Multilayer perceptrons with ReLU whose numbers lie in one array, and whose gradients are computed layer by layer.
+"""Multilayer perceptrons with ReLU whose parameters are one flat array, with gradients by backpropagation layer by
+layer.
 
-What automatic differentiation would do, without its bookkeeping, and without the gradients that nobody asks for.
+This avoids the bookkeeping of automatic differentiation and gradients that are not needed.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ class Perceptron:
         return values
 
     def backward(self, values: Sequence[Tensor], gradient: Tensor, into: Perceptron | None) -> Tensor:
-        """Pass a gradient back.
+        """Backpropagate a gradient.
 
         Args:
             values: of :meth:`forward`.
@@ -55,7 +56,7 @@ class Perceptron:
 
 
 def stacked(networks: Sequence[Sequence[Tensor]]) -> tuple[Tensor, list[Perceptron]]:
-    """Perceptrons whose numbers lie one after the other in one array.
+    """Perceptrons whose parameters are consecutive in one array.
 
     Args:
         networks: of each, weight and bias of every layer in turn.

@@ -1,4 +1,4 @@
-"""How far a training of several seeds is: each seed reports to a small file, which whoever started it shows."""
+"""Progress of a training of several seeds: each seed writes a small file, which the parent process displays."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ LOOK: Final = 0.5
 
 
 def report(folder: Path, facts: Mapping[str, Any]) -> None:
-    """Say how far a seed is."""
+    """Write the progress of a seed."""
     atomic.write_text(folder / FILE, json.dumps(dict(facts)))
 
 
@@ -33,7 +33,7 @@ class _Facts(Open):
 
 
 def look(folder: Path) -> dict[str, Any]:
-    """What a seed said last; nothing where it has not said anything that can be read: it is for people to see."""
+    """Last reported progress of a seed; empty where its file is missing or unreadable."""
     try:
         return checked(_Facts, load_json(folder / FILE, FILE)).model_dump()
     except ValueError:
@@ -41,7 +41,7 @@ def look(folder: Path) -> dict[str, Any]:
 
 
 def steps(folder: Path) -> int:
-    """Environment steps that a seed said it has done."""
+    """Environment steps that a seed has reported."""
     return int(look(folder).get("steps", 0))
 
 
@@ -70,7 +70,7 @@ def shown(folders: Sequence[Path], total: int, *, quiet: bool, every: float = EV
 
 
 def _watch(progress: Progress, folders: Sequence[Path], total: int, over: threading.Event) -> None:
-    """Pass on what the seeds say."""
+    """Display what the seeds report."""
     last = False
     while not last:
         facts = [look(folder) for folder in folders]

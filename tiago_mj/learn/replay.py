@@ -1,4 +1,4 @@
-"""Hindsight replay that looks up once, not at every update, which transitions can be replayed."""
+"""Hindsight replay buffer that keeps the list of valid transitions instead of searching it at every update."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class HindsightBuffer(HerReplayBuffer):  # type: ignore[misc]
         super().add(*args, **kwargs)
 
     def truncate_last_trajectory(self) -> None:
-        """Take episodes that go on for finished ones."""
+        """Mark unfinished episodes as finished."""
         self._replayable = None
         super().truncate_last_trajectory()
 

@@ -1,4 +1,4 @@
-"""What a training is: everything that its result depends on, but the seed and the versions of the software."""
+"""Settings of a training: everything its result depends on, except the seed and the versions of the software."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ LIBRARIES: Final = ("mujoco", "gymnasium", "stable-baselines3", "torch", "numpy"
 
 @dataclass(frozen=True)
 class Settings:
-    """One training, of any number of seeds.
+    """Settings of one training, of any number of seeds.
 
     Attributes:
         env: id, with its namespace.
@@ -65,7 +65,7 @@ class Settings:
         )
 
     def as_data(self) -> dict[str, Any]:
-        """As JSON has it."""
+        """The settings as JSON data."""
         data: dict[str, Any] = json.loads(json.dumps(asdict(self)))
         return data
 
@@ -93,7 +93,7 @@ class _Written(Parts):
 
 
 def claim(folder: Path, settings: Settings) -> bool:
-    """Make a folder that of a training, or find that it already is.
+    """Make the folder of a training, or check that an existing one has the same settings.
 
     Returns:
         Whether the training had begun before.
@@ -147,7 +147,7 @@ def provenance() -> dict[str, str]:
 
 
 def _commit() -> str:
-    """Of the checkout that this package is in; empty where it is installed from a wheel."""
+    """Commit of the checkout that this package runs from; empty for an installed wheel."""
     here = Path(__file__).parent
 
     def git(*words: str) -> str:

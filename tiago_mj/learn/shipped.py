@@ -74,7 +74,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _use(agent: Mapping[str, Any]) -> str:
-    """The command that plays an agent where it was trained."""
+    """Command that plays an agent in its training environment."""
     words = [f"{key}={json.dumps(value)}" for key, value in (agent["env_options"] or {}).items()]
     options = "".join(f" --env-option {shlex.quote(word)}" for word in words)
     return f"tiago-mj rollout --env {agent['env'].partition('/')[2]}{options} --policy {agent['name']}"

@@ -66,13 +66,13 @@ DEFAULT: Final = "default"
 
 
 def _whole(value: Any) -> Any:
-    """YAML 1.1 reads 4e5 as text, 4.0e+5 as a number."""
+    """A whole number, also from text such as 4e5, which YAML 1.1 reads as text."""
     number = float(value) if isinstance(value, (str, float)) else value
     return int(number) if isinstance(number, float) and number.is_integer() else number
 
 
 def _mapping(value: Any) -> Any:
-    """The value of ``dict(net_arch=[400, 300], activation_fn=nn.ReLU)`` and the like, without running it."""
+    """Value of text such as ``dict(net_arch=[400, 300], activation_fn=nn.ReLU)``, parsed and not evaluated."""
     if not isinstance(value, str):
         return {} if value is None else value
     if len(value) > _LONGEST:
@@ -131,7 +131,7 @@ _Sizes = list[Annotated[int, Field(ge=1, le=100_000)]]
 
 
 class _PolicyArguments(Closed):
-    """What an exported agent can be made of."""
+    """Policy arguments that an exported agent supports."""
 
     net_arch: _Sizes | dict[str, _Sizes] = Field(default=[], description="give a list of layers' sizes")
     activation_fn: Annotated[
@@ -212,7 +212,7 @@ def shipped(algo: str) -> Traversable:
 
 
 def read_hyperparameters(algo: str, env_id: str, path: Path | None = None) -> dict[str, Any]:
-    """The entry of an environment, as plain data.
+    """Hyperparameters of an environment, as plain data.
 
     Args:
         algo: of :data:`ALGORITHMS`.
@@ -242,7 +242,7 @@ def read_hyperparameters(algo: str, env_id: str, path: Path | None = None) -> di
 
 
 def checked(algo: str, entry: Mapping[str, Any], where: str) -> dict[str, Any]:
-    """An entry whose keys are known and whose values have the right form.
+    """An entry with known keys and values of the right type.
 
     Raises:
         ValueError: one is not; says which, where, and what is possible.
@@ -271,7 +271,7 @@ def checked(algo: str, entry: Mapping[str, Any], where: str) -> dict[str, Any]:
 
 
 def class_arguments(algo: str) -> frozenset[str]:
-    """Arguments of the algorithm's class that an entry may have."""
+    """Arguments of the algorithm's class that an entry may set."""
     if algo not in ALGORITHMS:
         raise ValueError(f"algorithm {quoted(algo)} is unknown: use one of {', '.join(ALGORITHMS)}")
     known = frozenset(inspect.signature(sb3_class(algo).__init__).parameters) - _NOT_GIVEN

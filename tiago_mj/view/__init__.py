@@ -1,1 +1,1 @@
-"""What is seen: robots in a browser, films, figures, and how all of it is drawn without a display."""
+"""Views: robots in a browser, films and figures, drawn with or without a display."""

@@ -1,4 +1,4 @@
-"""What a diagnosis gets to be seen: a still for its report, and a scene beside it."""
+"""Pictures of a diagnosis: a still for its report, and an interactive scene beside it."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ MAX_SCENE_BYTES: Final = 5_000_000
 
 @dataclass(frozen=True)
 class Pictures:
-    """Of a diagnosis.
+    """Pictures of one diagnosis.
 
     Attributes:
         scene: an HTML page that opens without a server; None without the extra ``view``, or where it is too large.
@@ -38,7 +38,7 @@ class Pictures:
 
 
 def pictures(plant: Plant, trials: Sequence[Trial], diagnosis: Diagnosis, deadline: Deadline | None = None) -> Pictures:
-    """Replay the recording that the report draws, and draw the robots.
+    """Still and scene of a diagnosis, from a replay of the recording that its report shows.
 
     Args:
         plant: the nominal simulator.

@@ -1,4 +1,4 @@
-"""Curves beside a scene, as viser's charts draw them: with a line at the time that is shown, and the gap shaded."""
+"""Curves beside a scene, drawn by viser's charts: with a line at the time that is shown, and the gap shaded."""
 
 from __future__ import annotations
 
@@ -98,5 +98,5 @@ class Chart:
 
 
 def thin(time: Array, samples: int = SAMPLES) -> NDArray[np.intp]:
-    """Rows that are drawn of so many."""
+    """Indices of at most ``samples`` evenly spaced rows."""
     return np.unique(np.linspace(0, len(time) - 1, min(samples, len(time))).astype(int))

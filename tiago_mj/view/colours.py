@@ -16,7 +16,7 @@ Colour = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class Look:
-    """How one of several robots is told from the others.
+    """Name, colour and opacity of one of several robots.
 
     Attributes:
         name: for the legend.
@@ -52,13 +52,13 @@ def rgb(colour: str) -> Colour:
 
 
 def rgb255(colour: str) -> tuple[int, int, int]:
-    """The same from 0 to 255."""
+    """Red, green and blue from 0 to 255 of ``#rrggbb``."""
     value = int(colour.removeprefix("#"), 16)
     return value >> 16, value >> 8 & 255, value & 255
 
 
 def mixed(one: Colour, other: Colour, share: float) -> Colour:
-    """``share`` of the other colour in one."""
+    """Mixture of two colours with ``share`` of the second."""
     a, b, c = (x + share * (y - x) for x, y in zip(one, other, strict=True))
     return a, b, c
 

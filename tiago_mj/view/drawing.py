@@ -81,7 +81,7 @@ class Snapshot:
 
 
 def snapshot(core: Any, caption: str = "") -> Snapshot:
-    """An environment as it stands."""
+    """Snapshot of the present state of an environment."""
     model, data = core.model, core.data
     pads = [mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, name) for name in names.PAD_SITE.values()]
     return Snapshot(
@@ -95,8 +95,8 @@ def snapshot(core: Any, caption: str = "") -> Snapshot:
 
 
 def camera_of(core: Any) -> Camera:
-    """Where an environment is best seen from: at the pads of a gripper, at the hand of a whole robot that holds
-    something, over the table where the goal is a place."""
+    """Camera for an environment: at the pads of a gripper, at the hand of a whole robot that holds something, over the
+    table where the goal is a place."""
     if _goal_site(core.model) >= 0:
         return OVER_THE_TABLE
     return AT_THE_PADS if len(core.joints) == len(names.SIDES) else AT_THE_HAND
@@ -157,7 +157,7 @@ def _drawn(
     camera: Camera,
     done: Callable[[int], None],
 ) -> Iterator[Frame]:
-    """Frames one after another, by one renderer."""
+    """Frames of snapshots in order, drawn by one renderer."""
     width, height = size
     quality, offscreen = model.vis.quality, model.vis.global_
     before = quality.shadowsize, quality.offsamples, offscreen.offwidth, offscreen.offheight
@@ -198,7 +198,7 @@ def _camera(camera: Camera, one: Snapshot) -> mujoco.MjvCamera:
 
 
 def _arrows(scene: mujoco.MjvScene, force: PadForce) -> None:
-    """The force on a pad, from the pad outwards, and the goal's beside it as a pale, wider one."""
+    """Draw the force on a pad as an arrow away from the pad, and the goal's as a pale, wider one."""
     if force.goal is not None:
         _arrow(scene, force, force.goal, 2 * ARROW_RADIUS, GOAL)
     if force.newtons > MIN_DRAWN_FORCE:

@@ -113,7 +113,7 @@ class Film:
             self.snapshots.append(drawing.snapshot(self._core, caption))
 
     def draw(self, *, processes: int | None = 1, done: Callable[[int], None] = lambda frames: None) -> list[Frame]:
-        """Frames of what was taken, each (height, width, 3); drawn once.
+        """Frames of the snapshots, each (height, width, 3); drawn once.
 
         Args:
             processes: see :func:`tiago_mj.view.drawing.draw`.
@@ -180,7 +180,7 @@ def write_frames(path: Path, frames: Sequence[Frame], fps: float) -> None:
 
 
 def _check_whole(temporary: Path, path: Path, frames: int) -> None:
-    """ffmpeg ends without a word where the drive is full: see that the film holds every frame."""
+    """Refuse a film with fewer frames than were written: ffmpeg does not report a full drive."""
     ffmpeg: Any = importlib.import_module("imageio_ffmpeg")
     try:
         written = ffmpeg.count_frames_and_secs(temporary)[0]

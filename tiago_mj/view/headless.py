@@ -1,4 +1,4 @@
-"""Rendering without a display: to be settled before anything imports ``mujoco``, which chooses its OpenGL then."""
+"""Rendering without a display: the OpenGL backend is chosen before ``mujoco`` is imported."""
 
 from __future__ import annotations
 
@@ -23,12 +23,7 @@ complaints: list[str] = []
 
 
 def choose_gl(environment: MutableMapping[str, str] = os.environ, platform: str = sys.platform) -> None:
-    """Settle ``MUJOCO_GL`` on Linux, so that ``mujoco`` can be imported and, if at all possible, renders.
-
-    Unset without a display it becomes ``egl``, where an EGL library is there. Where it names what is not there, with
-    which ``mujoco`` could not even be imported, it becomes ``disabled``: rendering then says what to install, and
-    everything else works.
-    """
+    """Set ``MUJOCO_GL`` on Linux so that ``mujoco`` can be imported and, if possible, render."""
     if not platform.startswith("linux") or "mujoco" in sys.modules:
         return
     if "MUJOCO_GL" not in environment:
@@ -51,10 +46,7 @@ def without_display(environment: Mapping[str, str] = os.environ, platform: str =
 
 
 def hush_unmade_viewers() -> None:
-    """Keep gymnasium's offscreen viewer from printing a traceback when one that never came to be is thrown away.
-
-    Where no OpenGL context can be made its destructor fails on the missing context; what matters was said already.
-    """
+    """Prevent a traceback from gymnasium's offscreen viewer when it is deleted after its construction failed."""
     known = sys.unraisablehook
 
     def hook(fault: sys.UnraisableHookArgs) -> None:

@@ -53,7 +53,7 @@ def run(server: Any, watched: Session) -> None:
 
 
 class Live:
-    """The scene, its panels, and what they do.
+    """Scene and panels of a live environment.
 
     Args:
         server: a ``viser.ViserServer``.
@@ -355,7 +355,7 @@ class _Curves:
 
 
 class _EffectPanel:
-    """One effect's controls: on or off, what it is on, its magnitudes."""
+    """Controls of one effect: on or off, targets, magnitudes."""
 
     def __init__(self, gui: Any, watched: Session, name: str, given: Entry | None, touched: Any, removed: Any) -> None:
         self._gui, self._session, self._name, self._touched = gui, watched, name, touched
@@ -380,7 +380,7 @@ class _EffectPanel:
         self._make_sliders({} if given is None else dict(given.parameters))
 
     def entry(self) -> Entry | None:
-        """The effect as it is set; None where it is off."""
+        """The effect as set by the controls; None while it is off."""
         if not self._on.value:
             return None
         values = {name: float(slider.value) / factor for name, (slider, factor) in self._sliders.items()}

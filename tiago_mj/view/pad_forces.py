@@ -1,4 +1,4 @@
-"""Where the forces on the pads act, for whatever draws them: films, the viewer."""
+"""Points of application of the forces on the pads, for films and the viewer."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class PadForce:
 
 
 def pad_forces(core: Any) -> list[PadForce]:
-    """The forces on the pads of an environment as it stands; none where it has no load cells."""
+    """Forces on the pads in the present state of an environment; none where it has no load cells."""
     model, data, found = core.model, core.data, []
     force = np.asarray(core.state.force_contact)
     goal = force_goal(core)

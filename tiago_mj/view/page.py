@@ -53,7 +53,7 @@ def render(story: Story, *, beside: bool = False) -> str:
 
 
 def with_panel(page: str, story: Story, *, slower: int, larger: int) -> str:
-    """viser's page with what is seen, its legend and its curves beside the scene."""
+    """viser's page with legend and curves beside the scene."""
     environment = pages.environment("tiago_mj.view")
     roles = [motion.role for motion in story.motions]
     panel = environment.get_template("panel.html.j2").render(
@@ -81,5 +81,5 @@ def with_panel(page: str, story: Story, *, slower: int, larger: int) -> str:
 
 
 def slow_motion(duration: float) -> int:
-    """How many times slower than life a recording of so many seconds is played."""
+    """Slow-motion factor for a recording of so many seconds."""
     return next((k for k in SLOWER if k * duration >= LONG_ENOUGH), SLOWER[-1])

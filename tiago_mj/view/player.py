@@ -43,7 +43,7 @@ def play(server: Any, trials: Sequence[str], tell: Callable[[str], Story], first
 
 
 class Player:
-    """The scene, its panel, and what the panel does.
+    """Scene and panel that play recordings.
 
     Attributes:
         stage: with the robots.
@@ -208,7 +208,7 @@ class Player:
 
 
 def legend(story: Story) -> str:
-    """What was found and which robot is which, as HTML."""
+    """Legend as HTML: what was found, and the colours of the robots."""
     rows = [
         _row("#9aa1a9" if m.role == "measured" else colours.LOOKS[m.role].colour, colours.LOOKS[m.role].name)
         for m in story.motions

@@ -1,4 +1,4 @@
-"""Curves of a story as the paths of an SVG, in pixels."""
+"""Curves of a story as SVG paths, in pixels."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ PLOTS: Final = 3
 
 @dataclass(frozen=True)
 class Line:
-    """One curve: whose, its path, and its colour's role."""
+    """One curve: its robot, path and colour."""
 
     role: str
     path: str
@@ -55,7 +55,7 @@ class Plot:
 
 
 def plots(story: Story, most: int = PLOTS) -> tuple[Plot, ...]:
-    """The channels with most of the gap; below each what the simulators differ by, where there are simulators."""
+    """Plots of the channels with the largest gap, each with the simulators' differences below it."""
     out = []
     for name in shown(story, most):
         out.append(plot(story, name))
@@ -65,13 +65,13 @@ def plots(story: Story, most: int = PLOTS) -> tuple[Plot, ...]:
 
 
 def differences(story: Story, name: str) -> Mapping[str, Array]:
-    """What the simulators differ by from what was measured, by role, each (T,)."""
+    """Simulated minus measured curves of a channel, by role, each (T,)."""
     of = curves(story.signals, name)
     return {role: values - of["measured"] for role, values in of.items() if role != "measured"}
 
 
 def shown(story: Story, most: int) -> list[str]:
-    """Channels that are drawn: those with most of the gap, positions before the velocities that repeat them."""
+    """Channels to be drawn: those with the largest gap, positions before the velocities of the same joint."""
     kinds = {"position": 0, "force": 0, "effort": 0, "velocity": 1}
     return sorted(story.channels, key=lambda name: kinds.get(name.partition(".")[0], 1))[:most]
 
@@ -122,13 +122,13 @@ def _plot(story: Story, title: str, of: Mapping[str, Array], unit: str, height: 
 
 
 def unit_of(values: Collection[Array], unit: str) -> tuple[float, str]:
-    """Factor and unit in which a channel reads best: millimetres for small metres, degrees stay radians."""
+    """Factor and display unit of a channel: millimetres for small metres, radians stay."""
     largest = max((float(np.nanmax(np.abs(v))) for v in values if np.isfinite(v).any()), default=0.0)
     return scaled(largest, unit)
 
 
 def nice(low: float, high: float, most: int) -> list[float]:
-    """Round numbers within a range, at most so many."""
+    """At most ``count`` round numbers within a range."""
     span = high - low
     if not span > 0:
         return [low]

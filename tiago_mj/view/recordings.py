@@ -1,4 +1,4 @@
-"""Recordings, and what a diagnosis said of them, as stories."""
+"""Recordings and their diagnosis, as stories to watch."""
 
 from __future__ import annotations
 
@@ -38,13 +38,13 @@ class Library:
     diagnosis: Diagnosis | None
 
     def story(self, name: str) -> Story:
-        """Of a trial by its name."""
+        """Story of a trial, by its name."""
         trial = next(one for one in self.trials if one.name == name)
         return tell(self.plant, trial, self.effects, self.diagnosis)
 
     @property
     def first(self) -> str:
-        """The trial that is shown first: one that the diagnosis was tested on, else the first."""
+        """Name of the trial that is shown first: a test trial of the diagnosis, else the first."""
         tested = self.diagnosis.splits.get("test", ()) if self.diagnosis is not None else ()
         return next((trial.name for trial in self.trials if trial.name in tested), self.trials[0].name)
 
@@ -93,7 +93,7 @@ def library(
 
 
 def as_diagnosed(plant: Plant, trials: Sequence[Trial]) -> Sequence[Trial]:
-    """Long recordings of a plain model cut as the diagnosis cuts them."""
+    """Trials as the diagnosis saw them: long recordings of a plain model are cut."""
     if plant.environment is not None or not trials[0].commands or torques_along_a_motion(plant, trials):
         return trials
     return cut_long(trials)

@@ -22,7 +22,7 @@ UNDER: Final = 0.001
 
 @dataclass
 class Drawn:
-    """One robot in the scene.
+    """One robot in a viser scene.
 
     Attributes:
         root: frame above all of it; moving it moves the robot.
@@ -103,7 +103,7 @@ def draw(
 
 
 def furnish(server: Any, model: mujoco.MjModel, low: Array, high: Array) -> None:
-    """Floor, light and camera, so that a box is well in sight.
+    """Add floor and light, and place the camera so that a box is in view.
 
     Args:
         server: a ``viser.ViserServer``.
@@ -157,7 +157,7 @@ def _down() -> tuple[float, float, float, float]:
 
 
 def floor_of(model: mujoco.MjModel) -> float | None:
-    """Height of the first level plane of the world [m]; None where there is none."""
+    """Height of the first horizontal plane of the world body [m]; None where there is none."""
     for geom in range(model.ngeom):
         if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_PLANE and int(model.geom_bodyid[geom]) == 0:
             return float(model.geom_pos[geom, 2])

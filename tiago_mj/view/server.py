@@ -1,4 +1,4 @@
-"""The server of a view: on this machine alone, at the port that was asked for, and gone when it is closed."""
+"""Web server of a view: reachable from this machine alone, at a given port, closed with its context."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def serving(port: int, title: str) -> Iterator[Any]:
 
 
 def check(port: int) -> None:
-    """Refuse a port that nobody can listen at.
+    """Refuse a port that cannot be listened on.
 
     Raises:
         ValueError: says which, and what to do.
@@ -64,12 +64,12 @@ def check(port: int) -> None:
 
 
 def in_use(port: int) -> str:
-    """What to say of a port that another program has."""
+    """Message on a port that another program uses."""
     return f"--port {port}: another program listens there; give another port, or 0 for any that is free"
 
 
 def wait(tick: Callable[[], None], period: float) -> None:
-    """Call again and again, every so many seconds, until the program is told to end (SIGINT, SIGTERM)."""
+    """Call a function every so many seconds until the program is told to end (SIGINT, SIGTERM)."""
     told: list[int] = []  # no Event: its lock may be held where the handler would take it, in this very thread
     before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
     for number in before:

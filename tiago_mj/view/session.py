@@ -1,4 +1,4 @@
-"""An environment that is watched: who commands it, which effects act, and what happened; without any browser.
+"""A live environment without its browser: its policy, its effects, and the rows of the present episode.
 
 Beside it runs its nominal twin: the same start, the same actions, none of the effects.
 """
@@ -35,7 +35,7 @@ REMEMBERED: Final = 4000
 
 @dataclass(frozen=True)
 class Row:
-    """What happened in one control step.
+    """Measurements of one control step.
 
     Attributes:
         time: since the start of the episode [s].
@@ -103,7 +103,7 @@ class Session:
         self.policies = self._known(policy)
 
     def _known(self, given: str) -> tuple[str, ...]:
-        """Policies that this environment takes; the one that was asked for among them."""
+        """Policies that fit this environment, the requested one included."""
         found = [HAND]
         for name in ("pi", "pi-tuned", RANDOM, *shipped_agents()):
             try:
@@ -114,7 +114,7 @@ class Session:
         return tuple(dict.fromkeys([*found, given]))
 
     def command_by(self, name: str) -> None:
-        """Let another policy command from the next step on.
+        """Use another policy from the next step on.
 
         Raises:
             ValueError: there is no such policy, or it does not fit the environment; the one before commands on.
@@ -128,7 +128,7 @@ class Session:
         self.commander = name
 
     def give(self, effects: Sequence[Entry]) -> None:
-        """Let other effects act from now on; the episode goes on.
+        """Use other effects from now on; the episode continues.
 
         Raises:
             ValueError: they do not fit this robot; those before act on.
@@ -137,7 +137,7 @@ class Session:
         self.effects = tuple(effects)
 
     def reset(self) -> None:
-        """Begin a new episode; its twin begins alike."""
+        """Begin a new episode of the environment and its twin, with the same seed."""
         self._observation, self._info = self._env.reset(seed=self._seed)
         self._twin.reset(seed=self._seed)
         self._seed += 1
@@ -148,7 +148,7 @@ class Session:
             self._policy.reset()
 
     def step(self) -> Row:
-        """One control step of both."""
+        """Advance the environment and its twin by one control step."""
         action = self.action if self._policy is None else self._policy(self._observation, self._info)
         self._observation, reward, _, _, self._info = self._env.step(action)
         self._twin.step(action)
@@ -195,7 +195,7 @@ class Session:
         return [(one.side, one.place, one.newtons * one.outwards) for one in pad_forces(self.core)]
 
     def contacts(self) -> Array:
-        """Points where something presses on something, (n, 3) [m]."""
+        """Positions of active contacts, (n, 3) [m]."""
         data = self.core.data
         points = [data.contact.pos[k] for k in range(data.ncon) if data.contact.efc_address[k] >= 0]
         return np.array(points).reshape(-1, 3)
@@ -210,7 +210,7 @@ def session(
     seed: int = 0,
     trust: bool = False,
 ) -> Session:
-    """Make an environment to be watched.
+    """Session of a new environment and its twin.
 
     Args:
         env: its id.
@@ -250,7 +250,7 @@ class Knob:
 
 
 def offered(session: Session) -> tuple[str, ...]:
-    """Effects that something of this robot can have."""
+    """Names of the effects that have a target on this robot."""
     targets = session.core.wiring().targets
     has_object = session.core.object_choice is not None
     return tuple(
@@ -261,7 +261,7 @@ def offered(session: Session) -> tuple[str, ...]:
 
 
 def whom(session: Session, effect: str) -> dict[str, tuple[str, ...] | None]:
-    """What an effect may be on, by a label: all, or one; where some slide and others turn, all of a kind."""
+    """Possible targets of an effect by label: all or one; all slides or all hinges where there are both."""
     targets = session.core.wiring().targets
     kind = EFFECTS[effect].targets
     them = targets.names(kind)
@@ -278,7 +278,7 @@ def whom(session: Session, effect: str) -> dict[str, tuple[str, ...] | None]:
 
 
 def knobs(session: Session, effect: str, target: tuple[str, ...] | None) -> tuple[Knob, ...]:
-    """Parameters of an effect for a target, with the bounds that it declares, as far as the model has what it takes."""
+    """Parameters of an effect on a target with their declared bounds, limited to what the model can lose."""
     model, wiring = session.nominal.model, session.core.wiring()
     targets, declared = wiring.targets, EFFECTS[effect]
     names = targets.names(declared.targets)

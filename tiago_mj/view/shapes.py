@@ -1,4 +1,4 @@
-"""What of a compiled model is to be seen: triangles of every body, by colour.
+"""Visible geometry of a compiled model: triangles of every body, by colour.
 
 MuJoCo's own viewer shows geoms of the groups 0 to 2; so does this. A texture is shown as its mean colour.
 """
@@ -48,7 +48,7 @@ class Part:
 
 @functools.lru_cache(maxsize=2)  # a stage asks again and again, and nobody changes a model that is shown
 def parts(model: mujoco.MjModel) -> tuple[Part, ...]:
-    """Everything that is seen of a model but planes, for which a grid stands; bodies in their order."""
+    """Visible parts of a model in the order of its bodies, without planes, for which a grid stands."""
     by: dict[tuple[int, tuple[float, ...]], list[trimesh.Trimesh]] = {}
     for geom in range(model.ngeom):
         rgba = colour_of(model, geom)
@@ -121,7 +121,7 @@ def colour_of(model: mujoco.MjModel, geom: int) -> Array:
 
 
 def mesh_of(model: mujoco.MjModel, geom: int) -> trimesh.Trimesh | None:
-    """Triangles of a geom in its own frame [m]; None where nothing is drawn of it."""
+    """Triangles of a geom in its own frame [m]; None for an invisible one."""
     kind, size = mujoco.mjtGeom(int(model.geom_type[geom])), np.array(model.geom_size[geom], dtype=float)
     if kind in (mujoco.mjtGeom.mjGEOM_MESH, mujoco.mjtGeom.mjGEOM_SDF):
         return _asset(model, int(model.geom_dataid[geom]))

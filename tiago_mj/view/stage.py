@@ -24,7 +24,7 @@ LOOKED_AT: Final = 60
 
 
 class Kinematics:
-    """Where bodies are for rows of a story.
+    """Poses of the bodies in rows of a story, by forward kinematics.
 
     Args:
         story: whose model and motions.
@@ -36,7 +36,7 @@ class Kinematics:
         self._measured = story.motions[0].qpos
 
     def __call__(self, motion: Motion, row: int, larger: float = 1.0) -> tuple[Array, Array]:
-        """Positions (nbody, 3) [m] and quaternions (nbody, 4) of a motion's row.
+        """Positions (nbody, 3) [m] and quaternions (nbody, 4) in one row of a motion.
 
         Args:
             motion: of one robot.
@@ -78,7 +78,7 @@ class Stage:
         self.show(0)
 
     def show(self, row: int) -> None:
-        """Let the robots stand as in a row."""
+        """Draw the robots as in a row."""
         self.row = row
         with self.server.atomic():
             for motion in self.story.motions:
@@ -98,7 +98,7 @@ class Stage:
                 mesh.opacity = None if beside or opacity >= 1 else opacity
 
     def hide(self, role: str, hidden: bool) -> None:
-        """Take a robot away, or bring it back."""
+        """Hide a robot, or show it again."""
         self._shown[role] = not hidden
         self._robots[role].root.visible = not hidden
 
@@ -135,14 +135,14 @@ class Stage:
         return tuple(float(v) for v in place)
 
     def _aside(self) -> Array:
-        """From one robot to the next, side by side (3,) [m]: across the view, as wide as all that is repeated."""
+        """Offset from one robot to the next when side by side, (3,) [m]."""
         wide = 1.2 * max(float(np.linalg.norm((self.high - self.low)[:2])), _width_of_fixed(self.story.model))
         towards = np.array(scene.VIEW)
         across = np.array([-towards[1], towards[0], 0.0])
         return wide * across / np.linalg.norm(across)
 
     def _seen(self) -> tuple[Array, Array]:
-        """The box that the camera looks at."""
+        """Box that the camera looks at."""
         if not self.beside:
             return self.low, self.high
         last = (len(self.story.motions) - 1) * self._aside()
@@ -187,14 +187,14 @@ def _corners(story: Story, poses: Sequence[tuple[Array, Array]], bodies: NDArray
 
 
 def well_seen(size: float, away: float) -> int:
-    """How many times larger differences are drawn, so that the largest of them is well seen."""
+    """Factor by which differences are exaggerated, so that the largest is well visible."""
     if not away > 0:
         return 1
     return max((k for k in LARGER if k * away <= WELL_SEEN * size), default=1)
 
 
 def _width_of_fixed(model: mujoco.MjModel) -> float:
-    """Horizontal size of what never moves [m]; 0 where nothing of it is seen."""
+    """Horizontal size of the fixed bodies [m]; 0 where none is visible."""
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     moves = moving(model)

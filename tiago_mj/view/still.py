@@ -1,4 +1,4 @@
-"""A still of a story, drawn by MuJoCo: the robots as ghosts in one place, what the diagnosis names lit."""
+"""Still picture of a story, rendered by MuJoCo: the robots as ghosts in one place, the diagnosed part highlighted."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ FIELD: Final = 40.0
 
 
 def still(story: Story) -> tuple[bytes, int, float] | None:
-    """A PNG of the moment at which the nominal simulator is farthest off, how many times larger differences are drawn,
-    and the moment [s]; None where OpenGL cannot be started."""
+    """PNG of the moment with the largest nominal error, the exaggeration of differences, and the moment [s]; None where
+    OpenGL cannot be started."""
     low, high, away = measures(story)
     size = float(np.linalg.norm(high - low))
     larger = well_seen(size, away)
@@ -54,7 +54,8 @@ def still(story: Story) -> tuple[bytes, int, float] | None:
 
 
 def framed(pixels: Array, centre: Array, distance: float) -> tuple[Array, float] | None:
-    """Where to look, and from how far, for the robots to fill a picture; None where they do, or are not in it whole.
+    """Point and distance for the camera that make the robots fill the picture; None where they fill it, or are not
+    whole in it.
 
     Args:
         pixels: as it is now, (HEIGHT, WIDTH, 3).
@@ -78,7 +79,8 @@ def framed(pixels: Array, centre: Array, distance: float) -> tuple[Array, float]
 
 
 def farthest(story: Story) -> int:
-    """The row in which the nominal simulator's joints are farthest from the measured ones; the middle without one."""
+    """Row with the largest distance between nominal and measured joint positions; the middle row without a
+    simulator."""
     nominal = next((motion for motion in story.motions if motion.role == "nominal"), None)
     if nominal is None or not story.joints:
         return len(story.time) // 2
@@ -160,7 +162,7 @@ def _paint(model: mujoco.MjModel, story: Story) -> None:
 
 
 def _at(model: mujoco.MjModel, poses: tuple[Array, Array]) -> Any:
-    """MuJoCo's data with bodies in their places; geoms follow."""
+    """MuJoCo's data with bodies and geoms at given poses."""
     data = mujoco.MjData(model)
     data.xpos[:], data.xquat[:] = poses
     rotation, frame = np.zeros(9), np.zeros(4)

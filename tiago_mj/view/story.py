@@ -42,7 +42,7 @@ PAUSE: Final = 0.02
 
 @dataclass(frozen=True)
 class Motion:
-    """How one robot stands, row by row.
+    """Motion of one robot, row by row.
 
     Attributes:
         role: ``measured``, ``nominal`` or ``repaired``.
@@ -55,7 +55,7 @@ class Motion:
 
 @dataclass(frozen=True)
 class Mark:
-    """A stretch of the time line in which the gap lies: from and to [s], and what it is."""
+    """Interval of the time line that contains part of the gap: from and to [s], and a label."""
 
     start: float
     end: float
@@ -64,7 +64,7 @@ class Mark:
 
 @dataclass(frozen=True)
 class Story:
-    """What is watched of one trial.
+    """One trial with its replays, ready to be watched.
 
     Attributes:
         robot: name of what was simulated.
@@ -96,7 +96,7 @@ class Story:
 
     @property
     def time(self) -> Array:
-        """Of the rows, (T,) [s]."""
+        """Times of the rows, (T,) [s]."""
         return self.signals.time
 
 
@@ -188,7 +188,7 @@ def _with_object(plant: Plant, trial: Trial) -> mujoco.MjModel:
 
 
 def _measured(plant: Plant, trial: Trial) -> tuple[Array, list[str]]:
-    """Positions of the measured robot, (T, nq), and what of it was not measured, as sentences."""
+    """Positions of the measured robot, (T, nq), and sentences on what was not measured."""
     qpos = np.tile(plant.starts[trial.name].qpos, (len(trial.time), 1))
     missing = []
     for joint, address in zip(plant.joints, plant.wiring.qpos, strict=True):
@@ -203,7 +203,7 @@ def _measured(plant: Plant, trial: Trial) -> tuple[Array, list[str]]:
 
 
 def _unmeasured(plant: Plant, model: mujoco.MjModel, trial: Trial) -> frozenset[int]:
-    """Bodies that move freely: no encoder says where they are."""
+    """Freely moving bodies, whose pose no encoder measures."""
     return frozenset(
         int(model.jnt_bodyid[joint])
         for joint in range(model.njnt)
@@ -215,7 +215,7 @@ def _unmeasured(plant: Plant, model: mujoco.MjModel, trial: Trial) -> frozenset[
 
 
 def _efforts(plant: Plant, trial: Trial, data: noise_model.Data) -> Overlay:
-    """What was measured where nothing can be replayed: positions, velocities, efforts."""
+    """Measured curves (positions, velocities, efforts) of a trial that cannot be replayed."""
     values = {name: data.value[0, : len(trial.time), c] for c, name in enumerate(data.channels)}
     values |= {f"effort.{name}": np.asarray(effort) for name, effort in trial.efforts.items()}
     slides = dict(zip(plant.joints, plant.wiring.targets.slides, strict=True))
@@ -248,7 +248,8 @@ def _verdict(diagnosis: Diagnosis | None) -> str:
 
 
 def _off(signals: Overlay, name: str) -> Array:
-    """How far the nominal simulator is off in a channel, in units of its noise floor, (T,); 0 where unknown."""
+    """Distance of the nominal from the measured curve of a channel, in units of its noise floor, (T,); 0 where
+    unknown."""
     if name not in signals.nominal:
         return np.zeros(len(signals.time))
     away = np.abs(signals.nominal[name] - signals.measured[name]) / max(signals.floor.get(name, 1.0), 1e-12)
@@ -256,7 +257,7 @@ def _off(signals: Overlay, name: str) -> Array:
 
 
 def _ordered(signals: Overlay, diagnosis: Diagnosis | None) -> tuple[str, ...]:
-    """Channels, those with most of the gap first."""
+    """Channels by decreasing share of the gap."""
     share: dict[str, float] = {}
     for place in diagnosis.where if diagnosis is not None else ():
         share[place.channel] = share.get(place.channel, 0.0) + place.share
@@ -265,7 +266,7 @@ def _ordered(signals: Overlay, diagnosis: Diagnosis | None) -> tuple[str, ...]:
 
 
 def _marks(signals: Overlay, channels: Sequence[str], diagnosis: Diagnosis | None) -> tuple[Mark, ...]:
-    """Where on the time line most of the gap is."""
+    """Intervals of the time line with most of the gap."""
     if not channels or len(signals.time) < 2 or (diagnosis is not None and diagnosis.kind == "no_gap"):
         return ()
     name = channels[0]
@@ -295,7 +296,7 @@ def _marks(signals: Overlay, channels: Sequence[str], diagnosis: Diagnosis | Non
 
 
 def _guilty(plant: Plant, diagnosis: Diagnosis | None, channels: Sequence[str]) -> tuple[frozenset[int], str]:
-    """Bodies to light, and what they are."""
+    """Bodies to highlight, and their label."""
     if diagnosis is not None and diagnosis.kind == "no_gap":
         return frozenset(), ""
     if diagnosis is not None and diagnosis.best.effects:
@@ -314,7 +315,7 @@ def _guilty(plant: Plant, diagnosis: Diagnosis | None, channels: Sequence[str]) 
 
 
 def _of_target(plant: Plant, kind: str, name: str) -> set[int]:
-    """Bodies that a target of an effect moves, or is."""
+    """Bodies of a target of an effect."""
     model = plant.model
     if kind == "object":
         body = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, names.OBJECT_BODY)
