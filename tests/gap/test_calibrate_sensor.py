@@ -15,7 +15,8 @@ from tiago_mj.recordings.record.environment import Plan, record
 from tiago_mj.recordings.recording import RecordingError
 from tiago_mj.recordings.write import write_trial
 from tiago_mj.rollout.policies import make_policy
-from tiago_mj.sensing.load_cell import LoadCell, named_load_cell
+from tiago_mj.sensing.load_cell import LoadCell
+from tiago_mj.sensing.sheet import named_load_cell
 from tiago_mj.sensor_calibration import FALSE_CONTACTS, calibrate
 from tiago_mj.sensor_calibration.rest import at_rest
 

@@ -17,8 +17,14 @@ from numpy.typing import NDArray
 
 from tiago_mj.effects import EFFECTS
 from tiago_mj.envs.flat import core_of
+from tiago_mj.gap.pipeline import diagnose
+from tiago_mj.gap.report import write
+from tiago_mj.gap.simulation.plant import plant_of
 from tiago_mj.io import extra
 from tiago_mj.io.deadline import Deadline
+from tiago_mj.recordings import lint
+from tiago_mj.recordings.record.environment import Plan, record
+from tiago_mj.rollout.policies import make_policy
 from tiago_mj.view.film import Film
 
 Array = NDArray[np.float64]
@@ -100,12 +106,6 @@ def find(seed: int, folder: Path, tick: Callable[..., None]) -> Answer:
     """
     extra.load("pandas", "the diagnosis")
     limits = extra.load("threadpoolctl", "the diagnosis").threadpool_limits
-    from tiago_mj.gap.pipeline import diagnose
-    from tiago_mj.gap.report import write
-    from tiago_mj.gap.simulation.plant import plant_of
-    from tiago_mj.recordings import lint
-    from tiago_mj.recordings.record.environment import Plan, record
-    from tiago_mj.rollout.policies import make_policy
 
     name, parameter, truth = draw(seed)
     plan = Plan(ENV, {}, {name: {parameter: truth}}, None, "pi")

@@ -9,6 +9,7 @@ from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image
 
 from tiago_mj.demo.arm_torque import HOW_TO_GET
 from tiago_mj.demo.report import headline
@@ -24,7 +25,6 @@ def embedded(content: bytes, suffix: str) -> str:
 
 def photo(frame: NDArray[np.uint8]) -> str:
     """A frame, (height, width, 3), as the data URI of a JPEG."""
-    from PIL import Image
 
     stream = io.BytesIO()
     Image.fromarray(frame).save(stream, format="JPEG", quality=85)

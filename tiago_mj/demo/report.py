@@ -10,6 +10,7 @@ import numpy as np
 from tiago_mj.demo.arm_torque import HOW_TO_GET, SOURCE, ArmComparison
 from tiago_mj.demo.grasp import ENV, Grasp
 from tiago_mj.demo.hidden import Answer
+from tiago_mj.gap.report import verdict, words
 from tiago_mj.io.quantities import quantity
 from tiago_mj.models import names
 from tiago_mj.rollout import Trace
@@ -18,7 +19,6 @@ from tiago_mj.sensing import ta11_curve
 
 def hidden_data(answer: Answer) -> dict[str, Any]:
     """Hidden effect and the diagnosis of it; the magnitude in the effect's own unit."""
-    from tiago_mj.gap.report import verdict, words
 
     found, value = answer.diagnosis, answer.value
     return {

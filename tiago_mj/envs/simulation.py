@@ -30,8 +30,9 @@ from tiago_mj.io.quoting import did_you_mean, is_number, is_one_of, quoted
 from tiago_mj.models import names, scene
 from tiago_mj.models.files import model_file
 from tiago_mj.models.objects import GraspObject
-from tiago_mj.sensing.load_cell import LoadCell, MovingAverage, named_load_cell
+from tiago_mj.sensing.load_cell import LoadCell, MovingAverage
 from tiago_mj.sensing.noise import NoiseBlocks
+from tiago_mj.sensing.sheet import named_load_cell
 
 if TYPE_CHECKING:
     from tiago_mj.effects.chain import Chain, Wiring

@@ -9,9 +9,17 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from tiago_mj.effects import read_effects
+from tiago_mj.experiment_design.along import preflight_along
+from tiago_mj.experiment_design.excitation import preflight
+from tiago_mj.gap.simulation.along_a_motion import along_a_motion
+from tiago_mj.gap.simulation.plant import plant_of
 from tiago_mj.io import atomic, extra, outputs
 from tiago_mj.io.progress import told
 from tiago_mj.io.quantities import quantity
+from tiago_mj.recordings import lint
+from tiago_mj.recordings.lint.summary import summary
+from tiago_mj.recordings.read import read_recordings
 from tiago_mj.recordings.recording import Finding, RecordingError
 
 
@@ -40,24 +48,16 @@ def run(arguments: argparse.Namespace) -> int:
     extra.load("pandas", "reading recordings")
     if not arguments.json:
         extra.load("rich", "the table")
-    from tiago_mj.recordings.read import read_recordings
 
     try:
         robot = arguments.env or (str(arguments.model) if arguments.model else None)
         defaults = {"robot": robot} if robot else {}
         read = read_recordings(arguments.recordings, map_file=arguments.map, defaults=defaults, robot=robot)
-        # What cannot be used is said before the rest is loaded, which takes a second.
-        from tiago_mj.effects import read_effects
-        from tiago_mj.gap.simulation.plant import plant_of
-        from tiago_mj.recordings import lint
 
         given = read_effects(arguments.effects)
         plant = plant_of(read.trials, env=arguments.env, model=arguments.model, given=given)
         findings = (*read.findings, *lint.inspect_all(read.trials, plant))
         lint.refuse(read.trials, findings)
-        from tiago_mj.experiment_design.along import preflight_along
-        from tiago_mj.experiment_design.excitation import preflight
-        from tiago_mj.gap.simulation.along_a_motion import along_a_motion
 
         usable = lint.believed(read.trials, findings)
         with told("preflight", "trying what these recordings would show", quiet=arguments.json):
@@ -114,8 +114,6 @@ def _not_excited(effects: Sequence[Any]) -> list[str]:
 def _show(data: dict[str, Any], findings: Sequence[Finding]) -> None:
     from rich.console import Console
     from rich.table import Table
-
-    from tiago_mj.recordings.lint.summary import summary
 
     console = Console()
     count = f"{data['trials']} recording{'s' if data['trials'] > 1 else ''}"

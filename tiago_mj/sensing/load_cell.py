@@ -26,7 +26,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final
 
@@ -153,23 +152,6 @@ SENSING: Final[Mapping[str, LoadCell]] = MappingProxyType(
         "newtons": LoadCell(contact_unit=1.0),
     }
 )
-
-
-def named_load_cell(name: str | Path) -> LoadCell:
-    """The preset of that name, or what a file describes (:mod:`tiago_mj.sensing.sheet`).
-
-    Raises:
-        ValueError: no such preset or file; says which there are.
-    """
-    if isinstance(name, Path) or (isinstance(name, str) and name.endswith((".yaml", ".yml"))):
-        from tiago_mj.sensing.sheet import read_load_cell
-
-        return read_load_cell(name)
-    if not isinstance(name, str) or name not in SENSING:
-        raise ValueError(
-            f"sensing {quoted(name)} is unknown: use one of {', '.join(SENSING)}, a sensor's .yaml file, or a LoadCell"
-        )
-    return SENSING[name]
 
 
 class MovingAverage:

@@ -21,7 +21,7 @@ from pydantic import Field
 from tiago_mj.io.loading import load_yaml
 from tiago_mj.io.quoting import quoted
 from tiago_mj.io.schema import Open, SchemaError, checked
-from tiago_mj.sensing.load_cell import LoadCell
+from tiago_mj.sensing.load_cell import SENSING, LoadCell
 
 SCHEMA: Final = "tiago_mj.sensor/1"
 SUFFIXES: Final = (".yaml", ".yml")
@@ -65,3 +65,18 @@ def read_load_cell(path: str | Path) -> LoadCell:
         return LoadCell(**known)
     except ValueError as fault:
         raise ValueError(f"{file.name}: {fault}") from fault
+
+
+def named_load_cell(name: str | Path) -> LoadCell:
+    """The preset of that name, or the load cell that a file describes.
+
+    Raises:
+        ValueError: no such preset or file; says which there are.
+    """
+    if isinstance(name, Path) or (isinstance(name, str) and name.endswith(SUFFIXES)):
+        return read_load_cell(name)
+    if not isinstance(name, str) or name not in SENSING:
+        raise ValueError(
+            f"sensing {quoted(name)} is unknown: use one of {', '.join(SENSING)}, a sensor's .yaml file, or a LoadCell"
+        )
+    return SENSING[name]

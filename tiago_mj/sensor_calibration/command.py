@@ -9,9 +9,14 @@ from pathlib import Path
 
 import yaml
 
+from tiago_mj.effects import read_effects
 from tiago_mj.io import atomic, extra, outputs
 from tiago_mj.io.progress import told
+from tiago_mj.recordings import lint
+from tiago_mj.recordings.read import read_recordings
 from tiago_mj.recordings.recording import RecordingError
+from tiago_mj.sensor_calibration.rest import FALSE_CONTACTS
+from tiago_mj.sensor_calibration.sheet import UNKNOWN, Calibration, calibrate, text
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -45,11 +50,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Calibrate, write, and say in short what was found."""
     extra.load("pandas", "reading recordings")
-    from tiago_mj.effects import read_effects
-    from tiago_mj.recordings import lint
-    from tiago_mj.recordings.read import read_recordings
-    from tiago_mj.sensor_calibration.rest import FALSE_CONTACTS
-    from tiago_mj.sensor_calibration.sheet import UNKNOWN, Calibration, calibrate, text
 
     if arguments.out.suffix not in (".yaml", ".yml"):
         raise ValueError(f"--out {arguments.out}: give a file that ends with .yaml")
@@ -79,7 +79,6 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _say(found: object, path: Path) -> None:
-    from tiago_mj.sensor_calibration.sheet import Calibration
 
     assert isinstance(found, Calibration)
     sizes = {scale.sensor: scale for scale in found.scales}

@@ -8,6 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from tiago_mj.io import extra, outputs
+from tiago_mj.recordings.recording import RecordingError
+from tiago_mj.view import live, page, player
+from tiago_mj.view.recordings import library
 from tiago_mj.view.server import HOST, PORT, check, serving
 
 
@@ -75,9 +78,6 @@ def _recordings(arguments: argparse.Namespace) -> int:
     if arguments.model is not None and arguments.env is not None:
         raise ValueError("--env and --model both say which robot this is: give one")
     extra.load("pandas", "reading recordings")
-    from tiago_mj.recordings.recording import RecordingError
-    from tiago_mj.view import page, player
-    from tiago_mj.view.recordings import library
 
     if arguments.save is not None and arguments.save.suffix.lower() not in (".html", ".htm"):
         raise ValueError(f"--save {arguments.save}: name an HTML file, such as scene.html")
@@ -105,16 +105,15 @@ def _recordings(arguments: argparse.Namespace) -> int:
                 print(f"{arguments.save}: {first} in {size / 1e6:.1f} MB; it opens in any browser, without a server")
             return 0
         with serving(arguments.port, f"{known.plant.name}: recordings") as server:
+            shown = player.Player(server, names, known.story, first, beside=arguments.beside)
             _say(server, arguments.json)
-            player.play(server, names, known.story, first, beside=arguments.beside)
+            shown.run()
     except RecordingError as fault:
         raise ValueError(str(fault)) from fault
     return 0
 
 
 def _live(arguments: argparse.Namespace) -> int:
-    from tiago_mj.view import live
-
     check(arguments.port)
     session = live.session(
         arguments.env,
@@ -126,8 +125,9 @@ def _live(arguments: argparse.Namespace) -> int:
     )
     try:
         with serving(arguments.port, session.name) as server:
+            shown = live.Live(server, session)
             _say(server, arguments.json)
-            live.run(server, session)
+            shown.run()
     finally:
         session.close()
     return 0

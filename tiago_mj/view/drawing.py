@@ -17,6 +17,7 @@ from typing import Any, Final
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image, ImageDraw, ImageFont
 
 from tiago_mj.models import names
 from tiago_mj.models.scene import GOAL_SITE
@@ -222,7 +223,6 @@ def _arrow(
 
 def captioned(frame: Frame, text: str) -> Frame:
     """The frame with a line of text in its upper left corner."""
-    from PIL import Image, ImageDraw, ImageFont
 
     image = Image.fromarray(frame)
     size = max(12, frame.shape[0] // 26)

@@ -24,7 +24,7 @@ from tiago_mj.view.shapes import Part, extent, moving
 
 Array = NDArray[np.float64]
 
-__all__ = ["Session", "run", "session"]
+__all__ = ["Live", "Session", "session"]
 
 FPS: Final = 30.0
 CHARTS_HZ: Final = 8.0
@@ -45,11 +45,6 @@ CONTACTS: Final = 32
 
 #: How a finger's name begins, which leaves no room on a slider.
 _GRIPPER: Final = "the gripper's "
-
-
-def run(server: Any, watched: Session) -> None:
-    """Show an environment until the program is ended."""
-    wait(Live(server, watched).tick, 1 / FPS)
 
 
 class Live:
@@ -73,6 +68,10 @@ class Live:
         self._panel()
         self._curves = _Curves(server.gui, watched)
         self._draw()
+
+    def run(self) -> None:
+        """Simulate and draw until the program is told to end."""
+        wait(self.tick, 1 / FPS)
 
     def tick(self) -> None:
         """Simulate the time that has passed, and draw."""

@@ -28,22 +28,15 @@ PLACES: Final = ("ghosts in one place", "side by side")
 WIDTH: Final = 430
 
 
-def play(server: Any, trials: Sequence[str], tell: Callable[[str], Story], first: str, *, beside: bool = False) -> None:
-    """Show recordings until the program is ended.
+class Player:
+    """Scene and panel that play recordings.
 
     Args:
         server: a ``viser.ViserServer``.
         trials: names of those that can be chosen.
-        tell: the story of one.
-        first: that is shown at first.
+        tell: story of a trial, by its name.
+        first: trial that is shown at first.
         beside: whether the robots stand side by side at first.
-    """
-    player = Player(server, trials, tell, first, beside=beside)
-    wait(player.tick, 1 / FPS)
-
-
-class Player:
-    """Scene and panel that play recordings.
 
     Attributes:
         stage: with the robots.
@@ -69,6 +62,10 @@ class Player:
             self._choice = server.gui.add_dropdown("recording", tuple(trials), initial_value=first)
             self._choice.on_update(lambda _: self._want(str(self._choice.value)))
         self._begin(tell(first))
+
+    def run(self) -> None:
+        """Play and draw until the program is told to end."""
+        wait(self.tick, 1 / FPS)
 
     def tick(self) -> None:
         """Advance the time line by the time that has passed, and draw."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 from dataclasses import dataclass
 
 from tiago_mj.models.convert.errors import ConversionError
@@ -93,7 +94,6 @@ def _check_mimics(urdf: Urdf) -> None:
 
 
 def _nearest(name: str, urdf: Urdf) -> str:
-    import difflib
 
     close = difflib.get_close_matches(name, urdf.links, n=1)
     return f' (did you mean "{close[0]}"?)' if close else ""
