@@ -13,6 +13,7 @@ pytest.importorskip("stable_baselines3", reason="needs the extra 'train'")
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 
 
+@pytest.mark.slow  # of a benchmark; what it times, test_updates.py compares
 def test_updates_are_timed_and_saved(tmp_path):
     (tmp_path / "results").mkdir()
     for name in ("training_speed.py", "machine.py"):
