@@ -83,7 +83,7 @@ def scaled(factor):
     return lambda values, trial: values * factor
 
 
-@pytest.mark.parametrize("seeds", [3, pytest.param(SEEDS, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seeds", [2, pytest.param(SEEDS, marks=pytest.mark.slow)])
 def test_clean_recordings_of_every_environment_raise_no_alarm(seeds):
     """Several seeds of every task under random actions, and of the tactile ones under the force controller."""
     quick = {"GripperTactile-v0": "pi", "TIAGoTactile-v0": None}
@@ -99,7 +99,7 @@ def test_clean_recordings_of_every_environment_raise_no_alarm(seeds):
                 assert found([trial], ranges) == set(), (identifier, policy, trial.name)
 
 
-@pytest.mark.parametrize("policy", ["pi", "random"])
+@pytest.mark.parametrize("policy", ["pi", pytest.param("random", marks=pytest.mark.slow)])
 def test_no_effect_of_the_library_at_its_default_is_taken_for_a_fault_of_the_log(policy, ranges):
     """A refusal would keep the effect from being diagnosed."""
     from tiago_mj.effects import EFFECTS
