@@ -1,4 +1,4 @@
-"""What a diagnosis is worth: policies across a gap whose cause is withheld from them.
+"""Value of a diagnosis for training: returns of policies across a gap whose cause is withheld from them.
 
     python benchmarks/across_a_gap.py DIR [--withheld EFFECT ...] [--hyperparameters FILE] [--agent last] [--jobs 2]
 

@@ -1,11 +1,11 @@
-"""Calibrate the verdict: fit its numbers to finished runs of the blind check, and write them down.
+"""Calibrate the verdict: fit its parameters to finished runs of the blind check, and write them down.
 
     python -m benchmarks.calibrate RUN... [--unseen RUN...] --out tiago_mj/gap/decision/verdict.json
 
 A diagnosis stores the evidence for every explanation; the verdict is a function of it and of a few numbers
 (:func:`tiago_mj.gap.decision.verdict.decide`), so that it can be judged again without simulating anything. Each number
-is fitted to what it is for, and drawn towards what was chosen by hand before there were any runs: with few cases it
-stays there.
+is fitted to its own criterion, and regularised towards the value that it had before there were any runs: with few cases
+it stays there.
 
 * ``temperature``: the log loss of the true explanation, up to its classes.
 * ``stands``: as few effects as possible are missed while at most 3 % of the cases without a gap get a name.

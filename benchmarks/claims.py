@@ -1,4 +1,4 @@
-"""The paper's claims as tables: what raw and binary forces are worth, and what the rest of the robot costs.
+"""The paper's claims as tables: the value of raw and binary forces, and the cost of controlling the whole robot.
 
     python benchmarks/claims.py DIR [--jobs 2]
 

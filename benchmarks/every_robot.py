@@ -1,4 +1,4 @@
-"""What trained agents of the whole robot, of Fetch's counterparts and of the goal position reach.
+"""Success rates of trained agents on the whole robot, Fetch's counterparts and the goal position.
 
     tiago-mj train --env TIAGoReach-v0 --algo her-td3 --seeds 3 --out runs/reach
     python benchmarks/every_robot.py reach=runs/reach [NAME=RUN ...] [--episodes 200]

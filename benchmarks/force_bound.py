@@ -1,4 +1,5 @@
-"""The most that any controller can earn in the paper's task, and what optimal control of the nominal model earns.
+"""Upper bound on the return of any controller in the paper's task, and the return of optimal control of the nominal
+model.
 
     python benchmarks/force_bound.py [--servos ideal pal] [--evaluations 9000] [--seed 0]
 

@@ -1,4 +1,4 @@
-"""How large the house is: lines, rooms, functions, definitions that stand twice, counted from the source.
+"""Size and structure of the code: lines, rooms, functions, duplicate definitions, counted from the source.
 
     python -m benchmarks.house [--json]
 

@@ -1,4 +1,5 @@
-"""What a finished training came to: each seed's agents beside the PI controllers, the bound, and the learning curves.
+"""Results of a finished training: each seed's agents beside the PI controllers and the bound, and the learning
+curves.
 
     tiago-mj train --env GripperTactile-v0 --algo td3 --seeds 5 --env-option servo=ideal --out runs/paper
     python benchmarks/learning.py runs/paper --name learning_paper_ideal [--episodes 20]

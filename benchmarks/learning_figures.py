@@ -1,4 +1,4 @@
-"""Pictures of what trained agents came to: a dot a seed, a row a policy, a panel a setting."""
+"""Figures of the results of trained agents: a dot for each seed, a row for each policy, a panel for each setting."""
 
 from __future__ import annotations
 

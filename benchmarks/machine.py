@@ -1,4 +1,4 @@
-"""What a benchmark's figures were made on, and where they go."""
+"""Processor, cores and versions that a benchmark ran on, and the file that its figures are written to."""
 
 from __future__ import annotations
 

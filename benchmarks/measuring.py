@@ -1,4 +1,4 @@
-"""How the speed benchmarks measure: loads, rates, memory, and samples that ``pyperf`` can read.
+"""Measurement of speed: loads, rates, memory, and samples in the format of ``pyperf``.
 
 A shared machine changes its speed from second to second, so what is compared is measured in turns: each round has one
 sample of everything, ratios are taken within a round, and medians over the rounds are told.

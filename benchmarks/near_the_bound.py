@@ -1,4 +1,4 @@
-"""How near to the bound of the paper's task do agents come that are trained on objects and goals around the paper's?
+"""Distance from the bound of the paper's task of agents trained on objects and goals around the paper's.
 
     python benchmarks/near_the_bound.py DIR [--jobs 2]
 

@@ -1,4 +1,4 @@
-"""What each choice of the physics costs and gives: time of a step, and the force curve against a 0.1 ms reference.
+"""Cost and accuracy of each choice of the physics: time of a step, and the force curve against a 0.1 ms reference.
 
     python benchmarks/physics.py [--rounds 20] [--robots gripper_ta11 tiago_ta11]
 

@@ -1,4 +1,5 @@
-"""How honest the line of progress of ``tiago-mj diagnose`` is: does its share fall, and is the time left true?
+"""Accuracy of the progress line of ``tiago-mj diagnose``: whether its share falls, and whether the time left is
+true.
 
     pip install 'tiago-mj[gap]'
     python benchmarks/progress_honesty.py show

@@ -1,4 +1,4 @@
-"""How often the shape of a residual tells its stage, on recordings of the blind check's simulator with one effect each.
+"""Accuracy of the stage told by the shape of a residual, on recordings of the blind check with one effect each.
 
     python -m benchmarks.residual_stages
 

@@ -1,4 +1,4 @@
-"""What the scripted experts reach in the reach, push and pick-and-place tasks, and how close to anything they come.
+"""Success rates and final distances of the scripted experts in the reach, push and pick-and-place tasks.
 
     python benchmarks/scripted_experts.py [--episodes 1000] [ID ...]
 

@@ -1,4 +1,4 @@
-"""Does the steady task's agent keep contact, and what does that cost? On what it was trained on, and outside of it.
+"""Contact and its cost for the steady task's agent, in the training conditions and outside of them.
 
     tiago-mj train --env GripperTactileSteady-v0 --algo td3 --seeds 5 --out runs/steady
     python benchmarks/steady.py runs/steady [--episodes 50]

@@ -1,4 +1,4 @@
-"""What a diagnosis must beat, scored on the same cases by the same rules.
+"""Baselines that a diagnosis must beat, scored on the same cases by the same rules.
 
 * ``most_frequent``: whatever is recorded, the class of effect that this run's single effects have most often; it knows
   the labels' mix, which no diagnosis does.

@@ -1,4 +1,4 @@
-"""What measures the drives' torques where recordings tell of them: a torque sensor, or the motor's current."""
+"""Effort sensors of the recordings: a torque sensor behind the motor, or the motor's current."""
 
 from __future__ import annotations
 

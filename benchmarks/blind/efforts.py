@@ -1,4 +1,4 @@
-"""Which cases a run has whose recordings hold motion and measured efforts, and no commands.
+"""Cases of a run whose recordings hold motion and measured efforts, without commands.
 
 The robot moves under the servos of :mod:`benchmarks.blind.reality`, which the recordings do not tell. What they tell of
 its torques comes from a *torque sensor* behind the motor (noise, gain, offset, delay) or from the *motor's current*

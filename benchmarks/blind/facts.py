@@ -1,4 +1,5 @@
-"""Ordinary facts of a robot and its session: what any of its kind has, whatever effect it has beside.
+"""Nuisance properties of a robot and its session, drawn independently of the effect: converters with few bits, small
+motions.
 
 A converter of few bits is no effect where the data sheet states it: the sidecars say its step. A session that moves a
 joint little in most recordings and far in the others is how somebody recorded, and nothing is said of it. Facts are

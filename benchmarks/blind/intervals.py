@@ -1,4 +1,4 @@
-"""Scores with what they are worth: Wilson intervals for shares, the bootstrap for the rest (90 %)."""
+"""Scores with 90 % intervals: Wilson intervals for shares, the bootstrap for everything else."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is worth keeping of a run: every label, and of every answer what scores and calibration need.
+"""Compact file of a run of the blind check: every label, and of every answer what scores and calibration need.
 
     python -m benchmarks.blind.kept write RUN FILE
     python -m benchmarks.blind.kept score FILE...

@@ -1,4 +1,5 @@
-"""What a user would have sent: grasps under force control, squeezes, waves, moves in the air; another mix every trial.
+"""Command programs of the recordings: grasps under force control, squeezes, waves, free motions; another mix in
+every trial.
 
 A program is a generator that is sent what was measured and yields the speeds of the set points. In velocity control
 they are the commands; in position control they are added up to targets.

@@ -1,4 +1,4 @@
-"""Does the recommended motion help? It is played in the case's own reality, and everything is diagnosed again.
+"""Value of the recommended motion: it is recorded in the reality of the case, and everything is diagnosed again.
 
 An ambiguous case is resolvable where the truth is in its set; it is resolved where the second verdict is the true
 class alone.

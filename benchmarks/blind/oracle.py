@@ -1,4 +1,4 @@
-"""What could be known: how much an effect shows at all, and how much of the gap knowing it would close.
+"""Upper bounds for a diagnosis: how visible an effect is, and how much of the gap the true effect closes.
 
 Decided by the generator's own simulations of the recorded commands, on the test trials, never by the diagnosis:
 

@@ -1,4 +1,5 @@
-"""The page of a run: scores with intervals, who was taken for whom, how honest the probabilities are, every case."""
+"""HTML page of a run of the blind check: scores with intervals, a confusion matrix, the calibration of
+probabilities, all cases."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""Two versions of the diagnosis on the same cases: which one mended, which it broke, and whether that is chance.
+"""Paired comparison of two versions of the diagnosis on the same cases (McNemar): cases that one answers and the
+other does not.
 
     python -m benchmarks.blind.paired BEFORE.json AFTER.json [--out FILE]
 

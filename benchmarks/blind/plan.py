@@ -1,4 +1,4 @@
-"""Which cases a run has: the same for the same number and seed, and the first n of a longer run are those of a shorter.
+"""Cases of a run, drawn from its number of cases and its seed; the first n of a longer run are those of a run of n.
 
 Kinds come in a fixed order of a hundred, so that every run holds the mix; effects of a kind go through the whole
 dictionary before one comes again.

@@ -1,4 +1,5 @@
-"""From a seed to scores: generate, seal, diagnose each case in a process of its own, open the labels, score."""
+"""A run of the blind check: generate cases from a seed, seal their labels, diagnose each in a process of its own,
+score."""
 
 from __future__ import annotations
 

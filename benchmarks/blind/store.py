@@ -1,4 +1,4 @@
-"""Where a run lies, and how its labels stay sealed until every case is diagnosed.
+"""Folder of a run, and how its labels stay sealed until every case is diagnosed.
 
     DIR/cases/NNN/recordings/    what the diagnosis is given, and nothing else
     DIR/cases/NNN/diagnosis/     what it wrote

@@ -42,7 +42,8 @@ MIN_TONE_VARIANCE_SHARE: Final = 0.5
 MIN_TONE_CYCLES: Final = 3
 #: Share of the time until a load cell should feel something in which it surely does not, wherever the object stands.
 UNTOUCHED_SHARE: Final = 0.6
-#: A grid that leaves out every other line of one that is stated has twice its step: halfway there.
+#: Ratio of a measured to the stated quantization step from which on it is coarser: between 1 (as stated) and 2 (every
+#: other level missing).
 COARSER_GRID_RATIO: Final = 1.5
 #: Offset of a load cell that is one, three deviations of what every cell may have [sensor units].
 MIN_BIAS: Final = 0.006
