@@ -19,12 +19,12 @@ from benchmarks.machine import machine
 from benchmarks.real import logs, score
 from benchmarks.real.cases import CASES, absent
 from benchmarks.real.declare import Case, seal
-from benchmarks.strangers.case import command
+from benchmarks.user_robots.case import command
 
 SEAL: Final = "seal.txt"
 ANSWERS: Final = "answers"
 
-#: Runs ``tiago-mj WORDS`` in a folder; what :func:`benchmarks.strangers.case.command` says.
+#: Runs ``tiago-mj WORDS`` in a folder; what :func:`benchmarks.user_robots.case.command` says.
 Command = Callable[[list[str], Path, Path, float | None], dict[str, Any]]
 
 

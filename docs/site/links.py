@@ -22,7 +22,7 @@ MOVED: Final = {
     "SECURITY.md": "security.md",
     "models/PROVENANCE.md": "provenance.md",
     "benchmarks/blind/README.md": "blind-generator.md",
-    "benchmarks/strangers/README.md": "strangers.md",
+    "benchmarks/user_robots/README.md": "user-robots.md",
 }
 
 

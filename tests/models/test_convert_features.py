@@ -256,7 +256,7 @@ def test_a_root_link_named_world_is_the_world(tmp_path):
 
 def test_a_converted_arm_under_its_default_servos_stands_still_in_any_pose(tmp_path):
     """Its servos are stiff, and a forearm is lighter to turn where the upper arm may give way than at rest."""
-    from benchmarks.strangers.models import STRANGERS
+    from benchmarks.user_robots.models import STRANGERS
 
     path = STRANGERS["bench_arm"].write(tmp_path)
     model = mujoco.MjModel.from_xml_path(str(path))

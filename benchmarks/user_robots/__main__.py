@@ -1,4 +1,4 @@
-"""``python -m benchmarks.strangers``: record and diagnose cases, and say how many were right."""
+"""``python -m benchmarks.user_robots``: record and diagnose cases, and say how many were right."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.machine import RESULTS, machine
-from benchmarks.strangers.case import Case, run
-from benchmarks.strangers.models import STRANGERS
-from benchmarks.strangers.truths import TRUTHS
+from benchmarks.user_robots.case import Case, run
+from benchmarks.user_robots.models import STRANGERS
+from benchmarks.user_robots.truths import TRUTHS
 
 
 def table(rows: Sequence[dict[str, Any]]) -> str:
@@ -95,7 +95,7 @@ def _seeds(text: str) -> list[int]:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.strangers", description=(__doc__ or "").strip())
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.user_robots", description=(__doc__ or "").strip())
     parser.add_argument("--models", default="all", help=f"all, or some of {','.join(STRANGERS)}")
     parser.add_argument("--truths", default="all", help=f"all, or some of {','.join(TRUTHS)}")
     parser.add_argument("--seeds", type=_seeds, default=[0, 1, 2], help="how many, or which: 5,7 or 5,")
@@ -105,7 +105,7 @@ def main() -> int:
     parser.add_argument("--logs", type=int, help="recordings of a case, instead of 3 to 20")
     parser.add_argument("--seconds", type=float, help="of a recording, instead of 2.5 to 6")
     parser.add_argument("--rate", type=float, help="of a recording [Hz], instead of 50 to 500")
-    parser.add_argument("--save", action="store_true", help="write benchmarks/results/strangers.json, too")
+    parser.add_argument("--save", action="store_true", help="write benchmarks/results/user_robots.json, too")
     asked = parser.parse_args()
     cases = [
         Case(model, truth, seed, asked.logs, asked.seconds, asked.rate)
@@ -126,11 +126,11 @@ def main() -> int:
     words = [word for word in sys.argv[1:] if word != "--save"]
     words = ["DIR" if word == str(asked.out) else word for word in words]
     whole = {
-        "command": f"python -m benchmarks.strangers {' '.join(words)}",
+        "command": f"python -m benchmarks.user_robots {' '.join(words)}",
         "machine": machine(),
         "results": {"summary": said, "cases": rows},
     }
-    paths = [asked.out / "strangers.json", *([RESULTS / "strangers.json"] if asked.save else [])]
+    paths = [asked.out / "user_robots.json", *([RESULTS / "user_robots.json"] if asked.save else [])]
     for path in paths:
         path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(json.dumps(whole, indent=1) + "\n")

@@ -11,9 +11,9 @@ import mujoco
 import numpy as np
 import pytest
 
-from benchmarks.strangers import __main__ as main
-from benchmarks.strangers import case, record, truths
-from benchmarks.strangers.models import STRANGERS, Stranger
+from benchmarks.user_robots import __main__ as main
+from benchmarks.user_robots import case, record, truths
+from benchmarks.user_robots.models import STRANGERS, Stranger
 from tiago_mj.gap.simulation import replay
 from tiago_mj.gap.simulation.plant import Plant, plant_of
 from tiago_mj.recordings import lint

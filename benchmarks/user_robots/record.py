@@ -19,9 +19,9 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.strangers import motions, truths
-from benchmarks.strangers.models import STRANGERS, Stranger
-from benchmarks.strangers.truths import Truth
+from benchmarks.user_robots import motions, truths
+from benchmarks.user_robots.models import STRANGERS, Stranger
+from benchmarks.user_robots.truths import Truth
 
 Array = NDArray[np.float64]
 

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from benchmarks.strangers import record
-from benchmarks.strangers.models import STRANGERS
+from benchmarks.user_robots import record
+from benchmarks.user_robots.models import STRANGERS
 
 ROOT: Final = Path(__file__).resolve().parents[2]
 #: Lines of a command's output that are kept.
