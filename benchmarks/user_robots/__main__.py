@@ -14,7 +14,7 @@ from typing import Any
 
 from benchmarks.machine import RESULTS, machine
 from benchmarks.user_robots.case import Case, run
-from benchmarks.user_robots.models import STRANGERS
+from benchmarks.user_robots.models import USER_ROBOTS
 from benchmarks.user_robots.truths import TRUTHS
 
 
@@ -60,7 +60,7 @@ def summary(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
         },
         "right_by_model": {
             name: [sum(row["right"] for row in some), len(some)]
-            for name in STRANGERS
+            for name in USER_ROBOTS
             if (some := [row for row in rows if row["model"] == name])
         },
         "false_names_without_effect": [sum(bool(row["false_names"]) for row in without), len(without)],
@@ -96,7 +96,7 @@ def _seeds(text: str) -> list[int]:
 
 def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.user_robots", description=(__doc__ or "").strip())
-    parser.add_argument("--models", default="all", help=f"all, or some of {','.join(STRANGERS)}")
+    parser.add_argument("--models", default="all", help=f"all, or some of {','.join(USER_ROBOTS)}")
     parser.add_argument("--truths", default="all", help=f"all, or some of {','.join(TRUTHS)}")
     parser.add_argument("--seeds", type=_seeds, default=[0, 1, 2], help="how many, or which: 5,7 or 5,")
     parser.add_argument("--out", type=Path, required=True, help="folder; what lies there is not made again")
@@ -110,7 +110,7 @@ def main() -> int:
     cases = [
         Case(model, truth, seed, asked.logs, asked.seconds, asked.rate)
         for seed in asked.seeds
-        for model in _names(asked.models, list(STRANGERS), "model")
+        for model in _names(asked.models, list(USER_ROBOTS), "model")
         for truth in _names(asked.truths, TRUTHS, "truth")
     ]
     threads = max((os.cpu_count() or 1) // asked.jobs, 1) if asked.jobs > 1 else 0

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from benchmarks.user_robots import record
-from benchmarks.user_robots.models import STRANGERS
+from benchmarks.user_robots.models import USER_ROBOTS
 
 ROOT: Final = Path(__file__).resolve().parents[2]
 #: Lines of a command's output that are kept.
@@ -88,10 +88,10 @@ def run(case: Case, folder: Path, *, budget: float | None, threads: int) -> dict
 
 def recorded(case: Case, work: Path) -> dict[str, Any]:
     """Write model and recordings; what is true of them."""
-    stranger = STRANGERS[case.model]
-    path = stranger.write(work)
+    robot = USER_ROBOTS[case.model]
+    path = robot.write(work)
     asked = {k: v for k in ("logs", "seconds", "rate") if (v := getattr(case, k)) is not None}
-    reality, plan = record.make(stranger, case.truth, case.seed, path, asked=asked)
+    reality, plan = record.make(robot, case.truth, case.seed, path, asked=asked)
     record.write(reality, plan, case.seed, work / "recordings", f"../{path.name}")
     facts = {"rate_hz": plan.rate, "logs": plan.logs, "seconds_each": plan.seconds}
     return {**reality.truth.label(), **facts}
@@ -190,4 +190,4 @@ def classes(names: list[str]) -> set[str]:
 
 def classes_of_truth(case: Case, effect: str) -> set[str]:
     """The class of a truth, and of what is the same in that robot."""
-    return classes([effect, *STRANGERS[case.model].same.get(effect, ())])
+    return classes([effect, *USER_ROBOTS[case.model].same.get(effect, ())])

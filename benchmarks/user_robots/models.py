@@ -13,7 +13,7 @@ from typing import Final
 
 
 @dataclass(frozen=True)
-class Stranger:
+class UserRobot:
     """A robot and how it is moved.
 
     Attributes:
@@ -321,14 +321,14 @@ def _six(pattern: str, home: tuple[float, ...], swing: tuple[float, ...]) -> dic
 _HOME6: Final = (0.0, -0.6, 0.9, 0.0, 0.5, 0.0)
 _SWING6: Final = (0.6, 0.4, 0.5, 0.7, 0.6, 0.8)
 
-STRANGERS: Final[Mapping[str, Stranger]] = {
+USER_ROBOTS: Final[Mapping[str, UserRobot]] = {
     one.name: one
     for one in (
-        Stranger(
+        UserRobot(
             "hinge", "a pendulum with a stock position servo", HINGE, "position", {"hinge": 0.3}, {"hinge": 0.8}, "arm"
         ),
-        Stranger("pendulum", "a pendulum with a motor", PENDULUM, "effort", {"swing": 0.2}, {"swing": 0.9}, "rod"),
-        Stranger(
+        UserRobot("pendulum", "a pendulum with a motor", PENDULUM, "effort", {"swing": 0.2}, {"swing": 0.9}, "rod"),
+        UserRobot(
             "two_joint",
             "two hinges in a vertical plane, stock position servos, angles in degrees",
             TWO_JOINT,
@@ -337,10 +337,10 @@ STRANGERS: Final[Mapping[str, Stranger]] = {
             {"shoulder": 0.6, "elbow": 0.8},
             "forearm",
         ),
-        Stranger(
+        UserRobot(
             "lift", "a slide against gravity", LIFT, "position", {"lift_servo": 0.0}, {"lift_servo": 0.15}, "carriage"
         ),
-        Stranger(
+        UserRobot(
             "scara",
             "four joints, three of them vertical axes",
             SCARA,
@@ -350,7 +350,7 @@ STRANGERS: Final[Mapping[str, Stranger]] = {
             "flange",
             loads=(1.0, 3.0),
         ),
-        Stranger(
+        UserRobot(
             "arm6_motor",
             "six joints with motors, under the user's own computed torques",
             ARM6_MOTOR,
@@ -359,7 +359,7 @@ STRANGERS: Final[Mapping[str, Stranger]] = {
             tool="hand",
             loads=(0.8, 2.0),
         ),
-        Stranger(
+        UserRobot(
             "arm6_soft",
             "six joints, stock position servos of low gain, no joint damping, degrees",
             ARM6_SOFT,
@@ -369,7 +369,7 @@ STRANGERS: Final[Mapping[str, Stranger]] = {
             pace=0.7,
             loads=(0.8, 2.0),
         ),
-        Stranger(
+        UserRobot(
             "arm6_stiff",
             "six joints, stock position servos of high gain",
             ARM6_STIFF,
@@ -378,7 +378,7 @@ STRANGERS: Final[Mapping[str, Stranger]] = {
             tool="hand",
             loads=(1.0, 3.0),
         ),
-        Stranger(
+        UserRobot(
             "pan_tilt",
             "a camera head under velocity servos, which sinks slowly under gravity",
             PAN_TILT,
@@ -388,7 +388,7 @@ STRANGERS: Final[Mapping[str, Stranger]] = {
             "camera",
             loads=(0.5, 1.2),
         ),
-        Stranger(
+        UserRobot(
             "leg",
             "a walker's leg of three joints, servos given by dampratio",
             LEG,
@@ -398,7 +398,7 @@ STRANGERS: Final[Mapping[str, Stranger]] = {
             "tibia",
             loads=(0.6, 1.5),
         ),
-        Stranger(
+        UserRobot(
             "gripper",
             "two fingers, one driven, coupled by an equality; level, so that a payload shows as inertia alone",
             GRIPPER,
@@ -409,7 +409,7 @@ STRANGERS: Final[Mapping[str, Stranger]] = {
             loads=(1.5, 3.0),
             same={"payload": ("armature",)},
         ),
-        Stranger(
+        UserRobot(
             "bench_arm",
             "two hinges, a converted URDF: set points moved by velocities",
             BENCH_ARM,

@@ -1,4 +1,4 @@
-"""The reality in which the strangers are recorded: MuJoCo at another step, all a few per cent off, with encoders.
+"""Reality in which user robots are recorded: MuJoCo at another time step, all numbers a few per cent off, with encoders.
 
 The user's model is loaded anew, every mass, gain and damping is made a little different, and it is stepped at 0.5 ms
 with ``implicitfast``, whatever the model says. What is written is what the contract asks of a user: columns ``time``,
@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.user_robots import motions, truths
-from benchmarks.user_robots.models import STRANGERS, Stranger
+from benchmarks.user_robots.models import USER_ROBOTS, UserRobot
 from benchmarks.user_robots.truths import Truth
 
 Array = NDArray[np.float64]
@@ -91,13 +91,13 @@ class Reality:
     """A robot as it really is.
 
     Attributes:
-        stranger: its kind.
+        robot: its kind.
         nominal: the user's model.
         model: what it is.
         truth: what it has that the model lacks.
     """
 
-    stranger: Stranger
+    robot: UserRobot
     nominal: mujoco.MjModel
     model: mujoco.MjModel
     truth: Truth
@@ -157,7 +157,7 @@ def play(reality: Reality, wanted: Array, rate: float, user: Callable[[Array, in
     """
     model, truth = reality.model, reality.truth
     data = mujoco.MjData(model)
-    home = np.array([reality.stranger.home[name] for name in reality.actuators])
+    home = np.array([reality.robot.home[name] for name in reality.actuators])
     _put(model, data, reality, home)
     parts = round(1 / (rate * STEP))
     late = round(truth.value / STEP) if truth.kind == "delay" and truth.value else 0
@@ -177,8 +177,8 @@ def play(reality: Reality, wanted: Array, rate: float, user: Callable[[Array, in
             data.qfrc_applied[dof] = bristles(float(data.qvel[dof]))
             mujoco.mj_step(model, data)
 
-    if reality.stranger.interface == "position" or model.na:
-        data.ctrl[:] = wanted[0] if reality.stranger.interface == "position" else 0.0
+    if reality.robot.interface == "position" or model.na:
+        data.ctrl[:] = wanted[0] if reality.robot.interface == "position" else 0.0
         run(round(STILL / STEP))
         data.time = 0.0
     begin = data.act.copy() if model.na else home
@@ -186,7 +186,7 @@ def play(reality: Reality, wanted: Array, rate: float, user: Callable[[Array, in
     v = [int(model.joint(name).dofadr[0]) for name in reality.joints]
     rows = len(wanted)
     idle = np.zeros(model.nu)
-    if reality.stranger.interface == "position":
+    if reality.robot.interface == "position":
         idle = wanted[0]
     sent = np.zeros((rows, model.nu))
     position, velocity, force = np.zeros((rows, len(q))), np.zeros((rows, len(v))), np.zeros((rows, model.nu))
@@ -258,18 +258,18 @@ class ComputedTorque:
 
 def session(reality: Reality, plan: Plan, seed: int, logs: range) -> list[Log]:
     """Logs of a plan; the motions depend on seed and number alone, so that truths can be compared."""
-    stranger, made = reality.stranger, []
+    robot, made = reality.robot, []
     time = np.arange(round(plan.seconds * plan.rate) + 1) / plan.rate
-    home = np.array([stranger.home[name] for name in reality.actuators])
-    swing = np.array([stranger.swing[name] for name in reality.actuators])
-    smooth = stranger.interface != "position"
+    home = np.array([robot.home[name] for name in reality.actuators])
+    swing = np.array([robot.swing[name] for name in reality.actuators])
+    smooth = robot.interface != "position"
     for number in logs:
         rng = np.random.default_rng([seed, 1, number])
-        away = [motions.motion(number, time, rng, stranger.pace, smooth=smooth) for _ in home]
+        away = [motions.motion(number, time, rng, robot.pace, smooth=smooth) for _ in home]
         path = home + swing * np.stack(away, axis=1)
-        if stranger.interface == "position":
+        if robot.interface == "position":
             made.append(play(reality, path, plan.rate, None))
-        elif stranger.interface == "velocity":
+        elif robot.interface == "velocity":
             speed = np.vstack([np.diff(path, axis=0) * plan.rate, np.zeros_like(home)])
             limit = reality.nominal.actuator_ctrlrange[:, 1]
             bounded = np.where(reality.nominal.actuator_ctrllimited == 1, limit, np.inf)
@@ -280,7 +280,7 @@ def session(reality: Reality, plan: Plan, seed: int, logs: range) -> list[Log]:
 
 
 def make(
-    stranger: Stranger,
+    robot: UserRobot,
     kind: str,
     seed: int,
     model: Path,
@@ -291,26 +291,26 @@ def make(
     """The reality of a case and the plan of its session; a truth is made as large as it takes to be clear.
 
     Args:
-        stranger: the robot.
+        robot: to be recorded.
         kind: truth.
         seed: of jitter, motions, rate, number of logs, noise and the truth's size.
         model: the user's MJCF.
         spread: of the jitter; 0 for the very model.
         asked: numbers of the plan that are not drawn.
     """
-    number = list(STRANGERS).index(stranger.name)
+    number = list(USER_ROBOTS).index(robot.name)
     plan = replace(Plan.drawn(np.random.default_rng([seed, 2, number])), **(asked or {}))
     nominal = mujoco.MjModel.from_xml_path(str(model))
 
     def real(truth: Truth, spread: float) -> Reality:
-        load = (stranger.tool, truth.value) if truth.kind == "payload" and truth.value else None
+        load = (robot.tool, truth.value) if truth.kind == "payload" and truth.value else None
         made = jittered(model, np.random.default_rng([seed, 3, number]), spread, load)
-        return Reality(stranger, nominal, made, truth)
+        return Reality(robot, nominal, made, truth)
 
     plain = real(Truth("none"), spread)
     rng = np.random.default_rng([seed, 4, number, truths.TRUTHS.index(kind)])
     driven = tuple(nominal.joint(int(j)).name for j in plain.driven)
-    truth = truths.draw(kind, rng, driven, stranger.loads)
+    truth = truths.draw(kind, rng, driven, robot.loads)
     if kind == "none":
         return plain, plan
     probe = range(min(3, plan.logs))
@@ -322,7 +322,7 @@ def make(
         span = float(np.ptp(np.percentile(pulls, [2.5, 97.5])))
         truth = replace(truth, value=truth.facts["share"] * span)
     elif truth.kind == "payload":
-        truth = replace(truth, value=truth.facts["share"] * float(nominal.body(stranger.tool).mass[0]))
+        truth = replace(truth, value=truth.facts["share"] * float(nominal.body(robot.tool).mass[0]))
     for _ in range(ENLARGED + 1):
         shows = _difference(without, session(real(truth, spread), plan, seed, probe), noise, plain)
         if kind == "delay" or shows > max(CLEAR[0], CLEAR[1] * jitter):
@@ -334,7 +334,7 @@ def make(
 
 def _difference(one: list[Log], other: list[Log], noise: Array, reality: Reality) -> float:
     """Root mean square of the joint that differs most, in standard deviations of its encoder; of motors, of torques."""
-    if reality.stranger.interface == "effort":
+    if reality.robot.interface == "effort":
         far = np.concatenate([a.command - b.command for a, b in zip(one, other, strict=True)])
         unit = 0.002 * np.ptp(np.concatenate([a.command for a in one]), axis=0)
     else:
@@ -390,7 +390,7 @@ def _sidecar(reality: Reality, plan: Plan, log: Log, trial: str, robot: str) -> 
         "trial": trial,
         "robot": robot,
         "rate_hz": plan.rate,
-        "interface": reality.stranger.interface,
+        "interface": reality.robot.interface,
     }
     if reality.model.na:  # a controller that moves set points knows where they are
         joints = [reality.nominal.joint(int(j)).name for j in reality.driven]

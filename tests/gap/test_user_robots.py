@@ -13,7 +13,7 @@ import pytest
 
 from benchmarks.user_robots import __main__ as main
 from benchmarks.user_robots import case, record, truths
-from benchmarks.user_robots.models import STRANGERS, Stranger
+from benchmarks.user_robots.models import USER_ROBOTS, UserRobot
 from tiago_mj.gap.simulation import replay
 from tiago_mj.gap.simulation.plant import Plant, plant_of
 from tiago_mj.recordings import lint
@@ -21,25 +21,25 @@ from tiago_mj.recordings.read import read_recordings
 from tiago_mj.recordings.recording import Finding, Trial
 
 SMALL = {"logs": 2, "seconds": 2.5, "rate": 100.0}
-PLAYED = [name for name, one in STRANGERS.items() if one.interface != "effort"]
+PLAYED = [name for name, one in USER_ROBOTS.items() if one.interface != "effort"]
 
 
 def recorded(
-    stranger: Stranger, kind: str, folder: Path, *, seed: int = 0, spread: float = record.JITTER
+    robot: UserRobot, kind: str, folder: Path, *, seed: int = 0, spread: float = record.JITTER
 ) -> tuple[Plant, Sequence[Trial], tuple[Finding, ...], record.Reality, record.Plan]:
-    path = stranger.write(folder)
-    reality, plan = record.make(stranger, kind, seed, path, spread=spread, asked=SMALL)
+    path = robot.write(folder)
+    reality, plan = record.make(robot, kind, seed, path, spread=spread, asked=SMALL)
     record.write(reality, plan, seed, folder / kind, f"../{path.name}")
     read = read_recordings([folder / kind])
     plant = plant_of(read.trials)
     return plant, read.trials, (*read.findings, *lint.inspect_all(read.trials, plant)), reality, plan
 
 
-@pytest.mark.parametrize("name", STRANGERS)
+@pytest.mark.parametrize("name", USER_ROBOTS)
 def test_recordings_of_every_truth_are_accepted_without_complaint(name: str, tmp_path: Path) -> None:
     """Of every robot; a step of an encoder is said, and is true."""
     for kind in truths.TRUTHS:
-        _, trials, findings, reality, _ = recorded(STRANGERS[name], kind, tmp_path)
+        _, trials, findings, reality, _ = recorded(USER_ROBOTS[name], kind, tmp_path)
         lint.refuse(trials, findings)
         assert {finding.code for finding in findings} <= {"quantum"}, findings
         assert len(trials) == SMALL["logs"]
@@ -54,7 +54,7 @@ def test_recordings_of_every_truth_are_accepted_without_complaint(name: str, tmp
 
 @pytest.mark.parametrize("name", PLAYED)
 def test_without_effect_and_jitter_the_users_model_replays_what_was_recorded(name: str, tmp_path: Path) -> None:
-    plant, trials, _, reality, plan = recorded(STRANGERS[name], "none", tmp_path, spread=0.0)
+    plant, trials, _, reality, plan = recorded(USER_ROBOTS[name], "none", tmp_path, spread=0.0)
     on = replay.grid(plant, trials)
     measured = np.stack([np.stack([trial.positions[j] for j in plant.joints], axis=1) for trial in trials])
 
@@ -73,9 +73,9 @@ def test_without_effect_and_jitter_the_users_model_replays_what_was_recorded(nam
 
 def test_torques_of_motors_are_the_nominal_models_along_the_motion(tmp_path: Path) -> None:
     """Without effect and jitter: inverse dynamics of what was measured gives what was commanded."""
-    stranger = STRANGERS["pendulum"]
-    path = stranger.write(tmp_path)
-    reality, plan = record.make(stranger, "none", 0, path, spread=0.0, asked=SMALL)
+    robot = USER_ROBOTS["pendulum"]
+    path = robot.write(tmp_path)
+    reality, plan = record.make(robot, "none", 0, path, spread=0.0, asked=SMALL)
     log = record.session(reality, plan, 0, range(1))[0]
     data, wanted = mujoco.MjData(reality.nominal), []
     change = np.gradient(log.velocity, axis=0) * plan.rate

@@ -256,9 +256,9 @@ def test_a_root_link_named_world_is_the_world(tmp_path):
 
 def test_a_converted_arm_under_its_default_servos_stands_still_in_any_pose(tmp_path):
     """Its servos are stiff, and a forearm is lighter to turn where the upper arm may give way than at rest."""
-    from benchmarks.user_robots.models import STRANGERS
+    from benchmarks.user_robots.models import USER_ROBOTS
 
-    path = STRANGERS["bench_arm"].write(tmp_path)
+    path = USER_ROBOTS["bench_arm"].write(tmp_path)
     model = mujoco.MjModel.from_xml_path(str(path))
     data = mujoco.MjData(model)
     for elbow in np.linspace(-2.0, 2.0, 9):
