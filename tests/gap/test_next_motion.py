@@ -77,7 +77,7 @@ def told():
 @pytest.fixture
 def short_menu(monkeypatch):
     """A menu of a few motions, where it does not matter how many there are."""
-    few = ("rest", "squeeze_fast", "free_reversals_slow", "small_reversals", "release_slow")
+    few = ("squeeze_fast", "free_reversals_slow", "small_reversals")
     listed = [item for item in items() if item.name.removeprefix("position_") in few]
     monkeypatch.setattr(rehearse, "items", lambda: listed)
 
