@@ -91,9 +91,9 @@ def test_a_closed_form_under_noise_has_its_shape(name, seed):
 
 @pytest.mark.parametrize(("decay", "trials"), [(0, TRIALS), (15, TRIALS), (15, 2), (5, 1)], ids=str)
 def test_noise_has_no_shape(decay, trials):
-    """200 draws all together with each number of trials; correlated over a tenth of a trial, less of a single one."""
+    """White noise, and noise that is correlated over a tenth of a trial, less of a single one."""
     named = []
-    for seed in range(200 if trials == TRIALS else 100):
+    for seed in range(100):
         on = course(seed, trials, 150)
         found = residual_shape.shares(noise(np.random.default_rng([seed, 9]), on.position.shape, decay), on)
         named.append(residual_shape.named(found, trials).shape)
