@@ -1,4 +1,4 @@
-"""Reality in which user robots are recorded: MuJoCo at another time step, all numbers a few per cent off, with encoders.
+"""Reality in which user robots are recorded: MuJoCo at another time step, numbers off by a few per cent, with encoders.
 
 The user's model is loaded anew, every mass, gain and damping is made a little different, and it is stepped at 0.5 ms
 with ``implicitfast``, whatever the model says. What is written is what the contract asks of a user: columns ``time``,

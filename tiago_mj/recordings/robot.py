@@ -37,6 +37,7 @@ class Robot:
     @classmethod
     def of_model(cls, model: Any) -> Robot:
         """Names of a compiled ``mujoco.MjModel``; unnamed elements are left out."""
+        # Recordings are read without a simulator: MuJoCo is loaded for a model alone.
         import mujoco
 
         from tiago_mj.models.actuators import driven_joint, replayed_interfaces
@@ -70,6 +71,7 @@ def robot_of(file: str) -> Robot | None:
     path = Path(file)
     if not file.endswith(MODELS) or not is_file(path):
         return None
+    # As in of_model: only a model needs MuJoCo.
     from tiago_mj.models.bounded import load_model
 
     return Robot.of_model(load_model(path, f"{path.name} does not compile", RecordingError))

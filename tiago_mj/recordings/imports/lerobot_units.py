@@ -102,6 +102,7 @@ def arm_of(path: Path) -> Arm:
     Raises:
         RecordingError: the file is missing or does not compile, or is a URDF.
     """
+    # Recordings are read without a simulator: MuJoCo is loaded for a model alone.
     import mujoco
 
     from tiago_mj.models.bounded import load_model

@@ -45,6 +45,7 @@ class JointRanges:
     @classmethod
     def of_model(cls, model: Any) -> JointRanges:
         """Ranges of a compiled ``mujoco.MjModel``; velocity limits are those of :mod:`tiago_mj.models.limits`."""
+        # Recordings are read without a simulator: MuJoCo is loaded for a model alone.
         import mujoco
 
         from tiago_mj.models.limits import joint_limits
