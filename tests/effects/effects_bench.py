@@ -10,8 +10,8 @@ import numpy as np
 
 import tiago_mj  # noqa: F401
 from tiago_mj.effects import read_effects
-from tiago_mj.effects.chain import Chain
 from tiago_mj.effects.host import BatchHost
+from tiago_mj.effects.runner import Runner
 from tiago_mj.sensing.load_cell import LoadCell
 
 RIGHT, LEFT = 0, 1
@@ -94,8 +94,9 @@ def batch_rollout(sims, actions, env=GRIPPER, *, uniform, **arguments):
     host.state("qpos")[:] = core.data.qpos
     host.state("act")[:] = core.data.act
     wiring = core.wiring()
-    chain = Chain(host, wiring, [read_effects(sim) for sim in sims], uniform)
-    chain.start(core.dt, core.n_substeps, core.contact())
+    runner = Runner(host, wiring, [read_effects(sim) for sim in sims], uniform)
+    chain = runner.chain
+    runner.start(core.dt, core.n_substeps, core.contact())
     host.forward()
     rows = []
 
@@ -111,7 +112,7 @@ def batch_rollout(sims, actions, env=GRIPPER, *, uniform, **arguments):
     read()
     for action in actions:
         command = core.drive.command(np.clip(action, -1.0, 1.0), core.data.act)  # as step() does
-        chain.advance(np.broadcast_to(command, (len(sims), len(command))).copy())
+        runner.advance(np.broadcast_to(command, (len(sims), len(command))).copy())
         read()
     return tuple(np.array(column) for column in zip(*rows, strict=True))
 

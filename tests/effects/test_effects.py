@@ -231,8 +231,7 @@ def test_one_simulation_and_a_batch_of_many_agree_to_the_last_bit(setup):
     for k, sim in enumerate(sims):
 
         def draw_alike(core):
-            if core._chain is not None:
-                core._chain.now.uniform = broadcasting(1)
+            core._runner.chain.now.uniform = broadcasting(1)
 
         one = rollout(sim, actions, env, prepare=draw_alike, sensing=QUIET, **arguments)
         np.testing.assert_array_equal(states[:, k], one.state, err_msg=str(sim))
@@ -257,7 +256,7 @@ def test_nothing_of_an_effect_or_an_object_remains_in_the_model_after_another_re
         plain.reset(seed=seed)
         for _ in range(20):
             core.step(np.zeros(core.action_space.shape))
-        core._chain.restore()
+        core.make_nominal()
         nominal, restored = model_numbers(plain), model_numbers(core)
         for name, value in nominal.items():
             np.testing.assert_array_equal(restored[name], value, err_msg=f"{name}, seed {seed}")

@@ -11,13 +11,13 @@ import pytest
 from effects_bench import GRIPPER, TIAGO, make
 
 from tiago_mj.effects import EFFECTS, Entry, check_entries, read_effects
-from tiago_mj.effects.chain import Chain
 from tiago_mj.effects.checks import TAKEN_FROM
 from tiago_mj.effects.declare import Effect, effect
 from tiago_mj.effects.fields import parameter
 from tiago_mj.effects.host import ScalarHost
 from tiago_mj.effects.inertia import removable_inertia
 from tiago_mj.effects.nominal import STOCKS, removable
+from tiago_mj.effects.runner import Runner
 from tiago_mj.effects.wiring import wire
 
 #: Fields of a model that must not fall below 0, and effects that can make them less.
@@ -68,12 +68,12 @@ def test_whatever_can_make_a_number_of_the_model_less_says_from_what_it_takes(na
     before = {field: getattr(core.model, field).copy() for field in (field for field, _ in LESS.values())}
     data = mujoco.MjData(core.model)
     entry = Entry(name, None, {p.name: min(lows)})
-    chain = Chain(ScalarHost(data), wiring, [[entry]], np.zeros)
-    chain.start(core.dt, core.n_substeps, core.contact())
+    runner = Runner(ScalarHost(data), wiring, [[entry]], np.zeros)
+    runner.start(core.dt, core.n_substeps, core.contact())
     fallen = {
         field for field, sign in LESS.values() if (sign * (getattr(core.model, field) - before[field]) < -1e-12).any()
     }
-    chain.restore()
+    runner.restore()
     for field in fallen - {"dof_frictionloss"} if name == "asymmetric_friction" else fallen:  # it adds in one direction
         assert EFFECTS[name].takes_from is not None, field
         assert LESS[name][0] == field
@@ -165,8 +165,8 @@ def test_no_armature_that_is_asked_for_leaves_two_links_without_inertia():
     model = mujoco.MjModel.from_xml_string(TWO_LINKS)
     wiring = wire(model, joints=("shoulder", "elbow"), actuators=("shoulder", "elbow"), interface="position")
     data = mujoco.MjData(model)
-    chain = Chain(ScalarHost(data), wiring, [[Entry("armature", None, {"mass": -0.05})]], np.zeros)
-    chain.start(0.01, 5)
+    runner = Runner(ScalarHost(data), wiring, [[Entry("armature", None, {"mass": -0.05})]], np.zeros)
+    runner.start(0.01, 5)
     mujoco.mj_forward(model, data)
     matrix = np.zeros((2, 2))
     mujoco.mj_fullM(model, data, matrix)

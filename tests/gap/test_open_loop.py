@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tiago_mj.effects.chain import Chain
+from tiago_mj.effects.runner import Runner
 from tiago_mj.effects.spec import Entry
 from tiago_mj.gap.simulation import replay
 from tiago_mj.gap.simulation.plant import plant_of
@@ -33,13 +33,13 @@ def test_a_run_in_one_go_is_that_of_single_steps_to_the_last_bit(
     on = replay.grid(plant, trials)
     sims = [(k % 2, effects) for k, effects in enumerate(MIXED)]
     at_once: list[bool] = []
-    known = Chain.open_loop.fget
+    known = Runner.open_loop.fget
     assert known is not None
-    monkeypatch.setattr(Chain, "open_loop", property(lambda chain: at_once.append(known(chain)) or at_once[-1]))
+    monkeypatch.setattr(Runner, "open_loop", property(lambda runner: at_once.append(known(runner)) or at_once[-1]))
     in_one_go = replay.simulate(plant, on, sims, threads=1)
     assert sorted(at_once) == [False, True]
     monkeypatch.setattr(replay, "_in_batches", replay._batch)
-    monkeypatch.setattr(Chain, "open_loop", False)
+    monkeypatch.setattr(Runner, "open_loop", False)
     stepwise = replay.simulate(plant, on, sims, threads=1)
     for name in replay.Signals.__dataclass_fields__:
         np.testing.assert_array_equal(getattr(in_one_go, name), getattr(stepwise, name), err_msg=name)

@@ -6,8 +6,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from tiago_mj.effects.chain import Chain
 from tiago_mj.effects.host import ScalarHost
+from tiago_mj.effects.runner import Runner
 from tiago_mj.effects.spec import Entry
 from tiago_mj.effects.wiring import wire
 
@@ -26,11 +26,11 @@ def play(effects: tuple[Entry, ...], commands: np.ndarray, period: float) -> np.
     model = mujoco.MjModel.from_xml_string(PENDULUM)
     data = mujoco.MjData(model)
     wiring = wire(model, joints=["hinge"], actuators=["hinge"], interface="position")
-    chain = Chain(ScalarHost(data), wiring, [effects], lambda shape: np.zeros(shape))
-    chain.start(period, round(period / model.opt.timestep))
+    runner = Runner(ScalarHost(data), wiring, [effects], lambda shape: np.zeros(shape))
+    runner.start(period, round(period / model.opt.timestep))
     out = []
     for command in commands:
-        chain.advance(np.array([[command]]))
+        runner.advance(np.array([[command]]))
         out.append(data.qpos[0])
     return np.array(out)
 

@@ -12,6 +12,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+#: Where an array has what belongs together.
+Span = slice | NDArray[np.intp]
+
+
+def span(addresses: Sequence[int]) -> Span:
+    """A slice where the addresses are consecutive (no copy, a third of the time), else an index array."""
+    first = addresses[0] if addresses else 0
+    if list(addresses) == list(range(first, first + len(addresses))) and first >= 0:
+        return slice(first, first + len(addresses))
+    return np.array(addresses, dtype=np.intp)
 
 
 class Host(Protocol):
@@ -45,6 +55,14 @@ class Host(Protocol):
         """Recompute the constants that follow from masses and inertias."""
 
 
+class Watched(Host, Protocol):
+    """Simulations that say which of them go on."""
+
+    @property
+    def diverged(self) -> NDArray[np.bool_]:
+        """Those that MuJoCo has given up, (nsim,): what follows is no motion."""
+
+
 class ScalarHost:
     """One model and its data, as views: what is written is the simulation's own."""
 
@@ -52,11 +70,15 @@ class ScalarHost:
 
     def __init__(self, data: mujoco.MjData) -> None:
         self._data = data
+        self.model: mujoco.MjModel = data.model
+        self._states: dict[str, Array] = {}
 
-    @property
-    def model(self) -> mujoco.MjModel:
-        """Of the data: a copy of which has a model of its own."""
-        return self._data.model
+    def __getstate__(self) -> mujoco.MjData:
+        """The data alone: a copy of it has a model of its own, and its memory is elsewhere."""
+        return self._data
+
+    def __setstate__(self, data: mujoco.MjData) -> None:
+        self.__init__(data)  # type: ignore[misc]
 
     def field(self, name: str) -> Array:
         """See :class:`Host`."""
@@ -69,7 +91,9 @@ class ScalarHost:
 
     def state(self, name: str) -> Array:
         """See :class:`Host`."""
-        return getattr(self._data, name)[None]
+        if name not in self._states:
+            self._states[name] = getattr(self._data, name)[None]
+        return self._states[name]
 
     def output(self, name: str) -> Array:
         """See :class:`Host`."""
@@ -78,6 +102,11 @@ class ScalarHost:
     def set_timestep(self, seconds: Array) -> None:
         """See :class:`Host`."""
         self.model.opt.timestep = float(seconds[0])
+
+    @property
+    def diverged(self) -> NDArray[np.bool_]:
+        """See :class:`Watched`."""
+        return np.array([has_diverged(self._data)])
 
     def step(self, count: int) -> None:
         """See :class:`Host`."""

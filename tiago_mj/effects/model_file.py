@@ -23,6 +23,7 @@ from tiago_mj.effects.chain import EACH_STEP, EACH_SUBSTEP, Chain, acts
 from tiago_mj.effects.declare import overrides
 from tiago_mj.effects.host import ScalarHost
 from tiago_mj.effects.now import Wiring
+from tiago_mj.effects.runner import Runner
 from tiago_mj.effects.spec import Entry
 
 Array = NDArray[np.float64]
@@ -98,9 +99,9 @@ def changed(model: mujoco.MjModel, wiring: Wiring, entries: Sequence[Entry], per
     for adr, joint in zip(wiring.act, wiring.targets.actuated, strict=True):
         if adr >= 0:
             host.state("act")[:, adr] = host.state("qpos")[:, wiring.qpos[joint]]
-    chain = Chain(host, wiring, [entries], np.zeros)
-    chain.start(period, substeps)
-    return chain
+    runner = Runner(host, wiring, [entries], np.zeros)
+    runner.start(period, substeps)
+    return runner.chain
 
 
 def read(path: Path, timestep: float) -> mujoco.MjSpec:

@@ -117,9 +117,9 @@ class RobotEnv(RobotSimulation):
         if not self._begun or self._gone:
             checks.begun(self._begun, self._closed, "step")
             raise error.ResetNeeded("this episode's simulation has diverged: call reset() first")
-        command, before = checks.action_in_range(action, self.joints), self.state
-        self._set_action(command)
-        self._mujoco_step(command)
+        before = self.state
+        self._set_action(checks.action_in_range(action, self.joints))
+        self._mujoco_step(self.command)
         self._read()
         if self.diverged:  # MuJoCo has begun anew: what it shows is of no episode
             self.state, self._gone = State(*(part.copy() for part in before)), True

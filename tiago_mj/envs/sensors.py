@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from tiago_mj.effects.chain import Chain
 from tiago_mj.envs.state import State, StateReader
 from tiago_mj.sensing.load_cell import LoadCell
 from tiago_mj.sensing.sources import PadForces
-
-if TYPE_CHECKING:
-    from tiago_mj.effects.chain import Chain
 
 Array = NDArray[np.float64]
 

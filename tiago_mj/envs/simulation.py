@@ -11,7 +11,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import mujoco
 import numpy as np
@@ -19,11 +19,15 @@ from gymnasium import spaces
 from gymnasium_robotics.envs.robot_env import MujocoRobotEnv
 from numpy.typing import NDArray
 
+from tiago_mj.effects import Entry, read_effects
+from tiago_mj.effects.now import Wiring
+from tiago_mj.effects.runner import Runner
+from tiago_mj.effects.wiring import wire
 from tiago_mj.envs import checks, copies
 from tiago_mj.envs.choices import ObjectChoice, check_fits
 from tiago_mj.envs.drive import CONTROLS, Drive
 from tiago_mj.envs.fixed import Fixed
-from tiago_mj.envs.sensors import OneOf, Sensors
+from tiago_mj.envs.sensors import Measured, OneOf, Sensors
 from tiago_mj.envs.start import Start, contact_of, grasp_frame, put_object
 from tiago_mj.io import mujoco_log
 from tiago_mj.io.quoting import did_you_mean, is_number, is_one_of, quoted
@@ -33,9 +37,6 @@ from tiago_mj.models.objects import GraspObject
 from tiago_mj.sensing.load_cell import LoadCell, MovingAverage
 from tiago_mj.sensing.noise import NoiseBlocks
 from tiago_mj.sensing.sheet import named_load_cell
-
-if TYPE_CHECKING:
-    from tiago_mj.effects.chain import Chain, Wiring
 
 Array = NDArray[np.float64]
 
@@ -93,7 +94,7 @@ class RobotSimulation(MujocoRobotEnv, ABC):  # type: ignore[misc]
     control: Fixed[str] = Fixed()
     servo: Fixed[str] = Fixed()
     velocity_limit: Fixed[Array] = Fixed()
-    _chain: Chain | None = None
+    _runner: Runner
 
     #: Whether the fingers, the last two joints, stay where they start, whatever the action says of them.
     FINGERS_HELD = False
@@ -165,7 +166,7 @@ class RobotSimulation(MujocoRobotEnv, ABC):  # type: ignore[misc]
         self.load_cell = sensing if isinstance(sensing, LoadCell) else named_load_cell(sensing)
         self.object_choice = item
         self._force_source = force_source
-        self._effects = effects
+        self.effects: tuple[Entry, ...] = read_effects(effects)
         self._load_cells = load_cells or item is not None
         longest = IDEAL_MAX_TIMESTEP if servo == "ideal" else MAX_TIMESTEP
         substeps = math.ceil(1 / (control_hz * longest) - 1e-9)
@@ -224,14 +225,7 @@ class RobotSimulation(MujocoRobotEnv, ABC):  # type: ignore[misc]
         source = self._force_source if self._load_cells else None
         self.sensors = Sensors(self.model, self.joints, self.load_cell, source)
         self._pads = self.sensors.pads
-        self.drive = Drive.of(
-            self.model,
-            self.joints,
-            control=self.control,
-            ideal=self.servo == "ideal",
-            period=self._period,
-            held=self.FINGERS_HELD,
-        )
+        self.drive = Drive.of(self.model, self.joints, control=self.control, held=self.FINGERS_HELD)
         self.velocity_limit = self.drive.velocity_limit
         self._actuated = np.array(self.model.jnt_qposadr[self.model.actuator_trnid[:, 0]])
         self._ctrl = np.array([self.model.actuator(name).id for name in self.joints])
@@ -247,7 +241,7 @@ class RobotSimulation(MujocoRobotEnv, ABC):  # type: ignore[misc]
         self._grasp_frame()
         self._noise = NoiseBlocks(1, self.load_cell.noises)
         self._item_in_place, self._offset = self._scene.item, 0.0
-        self._chain = None if self._effects is None else self._make_chain()
+        self._act_under(self.effects)
         self._settle(self._object_position(0.0))
 
     def _check_joints(self) -> None:
@@ -260,15 +254,12 @@ class RobotSimulation(MujocoRobotEnv, ABC):  # type: ignore[misc]
             if name in self.joints[:k]:
                 raise ValueError(f"joints has {quoted(name)} twice: name each joint once")
 
-    def _make_chain(self) -> Chain:
-        """The same signal chain that the diagnosis simulates with, for this one simulation."""
-        from tiago_mj.effects import check_entries, read_effects
-        from tiago_mj.effects.chain import Chain
-        from tiago_mj.effects.host import ScalarHost
-
-        entries, wiring = read_effects(self._effects), self.wiring()
-        check_entries(entries, self.model, wiring)
-        return Chain(ScalarHost(self.data), wiring, [entries], self._uniform)
+    def _act_under(self, effects: tuple[Entry, ...]) -> None:
+        """Let effects act on what is commanded and measured, by the same runner that the diagnosis simulates with."""
+        self._runner = Runner.of_one(self.data, self.wiring(), effects, self._uniform)
+        self.effects = effects
+        chain = self._runner.chain
+        self._measured: Measured | None = None if chain.passes_readings else OneOf(chain)
 
     def _uniform(self, shape: tuple[int, ...]) -> Array:
         return self.np_random.random(shape)
@@ -284,27 +275,22 @@ class RobotSimulation(MujocoRobotEnv, ABC):  # type: ignore[misc]
         Raises:
             ValueError: they do not fit this robot; one line. Those before act on.
         """
-        before, given = self._chain, self._effects
-        if before is not None:
-            before.restore()
+        self._runner.restore()
         try:
-            self._effects = effects
-            self._chain = None if effects is None else self._make_chain()
-        except ValueError:
-            self._effects, self._chain = given, before
-            raise
+            self._act_under(read_effects(effects))
         finally:
             data = self.data
             state = data.qpos.copy(), data.qvel.copy(), data.act.copy()
-            if self._chain is not None:
-                self._chain.start(self._period, self.n_substeps, self.contact())
+            self._runner.start(self._period, self.n_substeps, self.contact())
             data.qpos[:], data.qvel[:], data.act[:] = state
             mujoco.mj_forward(self.model, data)
 
+    def make_nominal(self) -> None:
+        """Take back what effects did to the model, until the next reset."""
+        self._runner.restore()
+
     def wiring(self) -> Wiring:
         """Where commands, joints and sensors are, for effects and the diagnosis."""
-        from tiago_mj.effects.wiring import wire
-
         return wire(
             self.model,
             joints=self.joints,
@@ -319,8 +305,7 @@ class RobotSimulation(MujocoRobotEnv, ABC):  # type: ignore[misc]
         return contact_of(self._item_in_place)
 
     def _reset_sim(self) -> bool:
-        if self._chain is not None:
-            self._chain.restore()  # the next object goes into the nominal model
+        self._runner.restore()  # the next object goes into the nominal model
         start = self._draw_start(self.np_random)
         if start is not None:
             self._offset = start.offset
@@ -347,8 +332,7 @@ class RobotSimulation(MujocoRobotEnv, ABC):  # type: ignore[misc]
         mujoco.mj_resetData(self.model, self.data)
         self.data.qpos[:] = self._start_qpos(self._item_in_place, place)
         self.data.act[:] = self._start_act(self.data.qpos)
-        if self._chain is not None:
-            self._chain.start(self._period, self.n_substeps, self.contact())
+        self._runner.start(self._period, self.n_substeps, self.contact())
         mujoco.mj_forward(self.model, self.data)
         self._filter.reset()
         self._noise.forget()
@@ -371,20 +355,14 @@ class RobotSimulation(MujocoRobotEnv, ABC):  # type: ignore[misc]
             tare=self._tare,
             noise=noise,
             average=self._filter,
-            effects=None if self._chain is None else OneOf(self._chain),
+            effects=self._measured,
         )
 
     def _set_action(self, action: Array) -> None:
-        data = self.data
-        self.command = self.drive.command(action, data.act)
-        if self._chain is None:
-            self.drive.apply(self.command, data.ctrl, data.act, data.qpos, data.qvel)
+        self.command = self.drive.command(action, self.data.act)
 
-    def _mujoco_step(self, action: Array) -> None:
-        if self._chain is None:
-            mujoco.mj_step(self.model, self.data, nstep=self.n_substeps)
-        else:
-            self._chain.advance(self.command[None])
+    def _mujoco_step(self, command: Array) -> None:
+        self._runner.advance(command[None])
 
     @property
     def diverged(self) -> bool:
@@ -410,9 +388,12 @@ class RobotSimulation(MujocoRobotEnv, ABC):  # type: ignore[misc]
 
     @n_substeps.setter
     def n_substeps(self, count: Any) -> None:
-        if self._chain is not None:
+        made = "_runner" in vars(self)
+        if made and self.effects:
             raise AttributeError("n_substeps cannot be changed while effects act: set it first, then give_effects")
         self._n_substeps = checks.whole_number("n_substeps", count, MOST_SUBSTEPS)
+        if made:
+            self._runner.chain.now.substeps = self._n_substeps
 
     @property
     def dt(self) -> float:

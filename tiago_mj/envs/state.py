@@ -11,11 +11,10 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from tiago_mj.effects.host import span
 from tiago_mj.models import names
 
 Array = NDArray[np.float64]
-#: Where an array has what belongs together.
-Span = slice | NDArray[np.intp]
 
 
 class State(NamedTuple):
@@ -71,11 +70,3 @@ class StateReader:
             qpos[..., self._object_qpos],
             qvel[..., self._object_qvel],
         )
-
-
-def span(addresses: list[int]) -> Span:
-    """A slice where the addresses are consecutive (no copy, a third of the time), else an index array."""
-    first = addresses[0]
-    if addresses == list(range(first, first + len(addresses))):
-        return slice(first, first + len(addresses))
-    return np.array(addresses, dtype=np.intp)

@@ -31,6 +31,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from tiago_mj.effects.runner import Runner
 from tiago_mj.envs.hold_force import HoldForce
 from tiago_mj.envs.start import put_object
 from tiago_mj.models import names, scene
@@ -113,7 +114,7 @@ def check(core: Any) -> None:
         raise ValueError("the bound is of holding a force that load cells feel: use GripperTactile-v0")
     if core.joints != names.FINGERS:
         raise ValueError("the bound is of the gripper alone: an arm can carry a finger to the object")
-    if core._effects is not None:
+    if core.effects:
         raise ValueError("the bound is of the nominal model: leave the effects out")
     if core.load_cell.average != 1 or np.any(np.asarray(core.load_cell.bias)):
         raise ValueError("the bound is of a load cell without averaging and bias")
@@ -134,44 +135,50 @@ def expected_distance(distance: Array, noise: Array) -> Array:
 
 
 def free_travel(core: Any, steps: int) -> Array:
-    """Distance that each finger closes at the speed limit without an obstacle, (steps, 2) [m]."""
-    data = _start(core, core._item_in_place, np.array([AWAY, 0.0]))
+    """Distance that each finger closes at the speed limit without an obstacle, (steps, 2) [m].
+
+    Row t is what the readings of control step t + 1 are of: the state one physics step before its end.
+    """
+    data, runner = _start(core, core._item_in_place, np.array([AWAY, 0.0]))
     begin = np.array(data.qpos[core._qpos_address])
     rows = []
     for _ in range(steps):
-        rows.append(begin - _closing_step(core, data))
+        rows.append(begin - _closing_step(core, data, runner))
     return np.array(rows)
 
 
 def closing_forces(core: Any, steps: int) -> Array:
     """Readings without noise of both fingers closing at the speed limit on the object in their middle, (steps, 2)."""
-    data = _start(core, core._item_in_place, core._middle)
+    data, runner = _start(core, core._item_in_place, core._middle)
     rows = []
     for _ in range(steps):
-        _closing_step(core, data)
+        _closing_step(core, data, runner)
         rows.append(core.load_cell.signal(core._pads.truth(data.sensordata)))
     return np.array(rows)
 
 
-def _start(core: Any, item: GraspObject, place: Array) -> mujoco.MjData:
+def _start(core: Any, item: GraspObject, place: Array) -> tuple[mujoco.MjData, Runner]:
     data = mujoco.MjData(core.model)
     data.qpos[:] = core.initial_qpos
     address = int(core.model.joint(names.OBJECT_JOINT).qposadr[0])
     put_object(data.qpos, address, item, place, core._object_orientation)
     data.act[:] = core._start_act(data.qpos)
+    runner = Runner.of_one(data, core.wiring(), (), np.zeros)
+    runner.start(core.dt, core.n_substeps)
     mujoco.mj_forward(core.model, data)
-    return data
+    return data, runner
 
 
-def _closing_step(core: Any, data: mujoco.MjData) -> Array:
+def _closing_step(core: Any, data: mujoco.MjData, runner: Runner) -> Array:
     """One control step at the limit; the fingers' positions one physics step before its end, (2,) [m]."""
+    seen = [np.array(data.qpos[core._qpos_address])]
     command = core.drive.command(-np.ones(2), data.act)
-    core.drive.apply(command, data.ctrl, data.act, data.qpos, data.qvel)
-    if core.n_substeps > 1:
-        mujoco.mj_step(core.model, data, nstep=core.n_substeps - 1)
-    seen = np.array(data.qpos[core._qpos_address])
-    mujoco.mj_step(core.model, data)
-    return seen
+    runner.advance(
+        command[None],
+        parts=core.n_substeps,
+        between=lambda part: seen.append(np.array(data.qpos[core._qpos_address])),
+    )
+    return seen[-1]
 
 
 def _first(when: NDArray[np.bool_]) -> int:

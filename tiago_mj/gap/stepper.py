@@ -16,14 +16,13 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tiago_mj.effects import check_entries, read_effects, written
-from tiago_mj.effects.chain import Chain
-from tiago_mj.effects.host import ScalarHost
+from tiago_mj.effects import read_effects, written
 from tiago_mj.effects.model_file import MARK
+from tiago_mj.effects.runner import LoadCells, Runner
 from tiago_mj.effects.wiring import wire
 from tiago_mj.gap.simulation.plant import substeps
 from tiago_mj.io.quoting import quoted
-from tiago_mj.recordings.record.plain import interface_of, scalar_joints
+from tiago_mj.recordings.record.plain import interface_of, scalar_joints, touch_sensors
 
 Array = NDArray[np.float64]
 
@@ -59,20 +58,18 @@ class Stepper:
         self._substeps = substeps(self.period, timestep)
         self.model.opt.timestep = self.period / self._substeps
         self.data = mujoco.MjData(self.model)
-        touch = [s for s in range(model.nsensor) if model.sensor_type[s] == mujoco.mjtSensor.mjSENS_TOUCH]
-        self._touch = [int(model.sensor_adr[s]) for s in touch]
+        touch = touch_sensors(model)
+        self._cells = LoadCells(touch.newtons)
         self._wiring = wire(
             self.model,
             joints=joints,
             actuators=actuators,
-            sensors=tuple(model.sensor(s).name for s in touch),
+            sensors=touch.names,
             interface=interface,
         )
         self.joints, self.actuators = self._wiring.targets.joint, self._wiring.targets.command
-        entries = read_effects(effects)
-        check_entries(entries, self.model, self._wiring)
         self._seed = seed
-        self._chain = Chain(ScalarHost(self.data), self._wiring, [entries], self._uniform)
+        self._runner = Runner.of_one(self.data, self._wiring, read_effects(effects), self._uniform)
         self.reset()
 
     def reset(
@@ -92,7 +89,7 @@ class Stepper:
         Raises:
             ValueError: an unknown name, or a shape that is not the model's; one line.
         """
-        self._chain.restore()
+        self._runner.restore()
         model, data, wiring = self.model, self.data, self._wiring
         if model.nkey:
             mujoco.mj_resetDataKeyframe(model, data, 0)
@@ -110,9 +107,9 @@ class Stepper:
             points[_place(name, self.actuators, "actuator")] = value
         stateful = wiring.act >= 0
         data.act[wiring.act[stateful]] = points[stateful]
-        data.qpos[wiring.qpos] = self._chain.true_position(data.qpos[wiring.qpos][None])[0]
+        data.qpos[wiring.qpos] = self._runner.chain.true_position(data.qpos[wiring.qpos][None])[0]
         self._rng = np.random.default_rng(self._seed)
-        self._chain.start(self.period, self._substeps, held=points[None])
+        self._runner.start(self.period, self._substeps, held=points[None])
         mujoco.mj_forward(model, data)
         self._command = points if wiring.interface == "position" else np.zeros(len(self.actuators))
         self._measure()
@@ -136,15 +133,12 @@ class Stepper:
             name = self.actuators[int(np.flatnonzero(~np.isfinite(wanted))[0])]
             raise ValueError(f"command of {name!r} is no finite number: give one")
         self._command = wanted
-        self._chain.advance(wanted[None])
+        self._runner.advance(wanted[None])
         self._measure()
 
     def _measure(self) -> None:
-        data, wiring, chain = self.data, self._wiring, self._chain
-        self.position = chain.position(data.qpos[wiring.qpos][None])[0]
-        self.velocity = chain.velocity(data.qvel[wiring.dof][None])[0]
-        newtons = data.sensordata[self._touch][None]
-        self.force = chain.reading(newtons, lambda force: force, np.zeros_like(newtons))[0]
+        measured = self._runner.measured(self._cells)
+        self.position, self.velocity, self.force = measured.position[0], measured.velocity[0], measured.reading[0]
 
     def _uniform(self, shape: tuple[int, ...]) -> Array:
         return self._rng.random(shape)

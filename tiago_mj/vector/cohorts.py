@@ -1,9 +1,9 @@
 """Effects on many simulations whose episodes begin at different times.
 
 What effects remember is an array over the simulations of a chain, made anew at the start of an episode. Simulations
-that start together are a cohort: they share one chain, which serves them until the last of them starts again. Where
-every simulation is of one cohort, as it is while episodes have one length, a chain works on the batch itself; else on
-copies of its members' rows, which are written back.
+that start together are a cohort: they share one runner, which serves them until the last of them starts again. Where
+every simulation is of one cohort, as it is while episodes have one length, a runner works on the batch itself; else on
+copies of its members' rows, which are written back. Without effects there is nothing to remember, and one cohort lasts.
 """
 
 from __future__ import annotations
@@ -15,7 +15,9 @@ import mujoco.batch
 import numpy as np
 from numpy.typing import NDArray
 
-from tiago_mj.effects.chain import Chain, Wiring
+from tiago_mj.effects.host import DIVERGING
+from tiago_mj.effects.now import Wiring
+from tiago_mj.effects.runner import Runner
 from tiago_mj.effects.spec import Entry
 
 Array = NDArray[np.float64]
@@ -28,6 +30,8 @@ class Members:
     Attributes:
         rows: the members, of the batch.
         present: which of them have not started another episode since.
+        everyone: whether the cohort is the whole batch, so that nothing needs to be copied.
+        stepped: of a cohort that is the whole batch, those that the next step is of; None: all.
         failed: those in which MuJoCo raised an error.
     """
 
@@ -36,15 +40,17 @@ class Members:
         self.nsim = len(rows)
         self.rows = rows
         self.present = np.ones(len(rows), dtype=bool)
+        self.stepped: Rows | None = None
         self.failed: list[int] = []
         self._batch = batch
+        self.everyone = self.nsim == batch.nsim
         self._fields: dict[str, Array] = {}
         self._states: dict[str, Array] = {}
+        self._views: dict[str, Array] = {}
 
-    @property
-    def everyone(self) -> bool:
-        """Whether the cohort is the whole batch, so that nothing needs to be copied."""
-        return self.nsim == self._batch.nsim and bool(self.present.all())
+    def __getstate__(self) -> dict[str, Any]:
+        """Without the views of the batch's memory, which a copy makes of its own batch."""
+        return {**vars(self), "_views": {}}
 
     @property
     def left(self) -> Rows:
@@ -54,30 +60,38 @@ class Members:
     def leave(self, rows: Rows) -> None:
         """These start another episode: nothing is written to them any more."""
         self.present &= ~np.isin(self.rows, rows)
+        self.everyone = self.everyone and bool(self.present.all())
 
     def field(self, name: str) -> Array:
         """See :class:`Host`."""
-        return self._of(self._fields, name, self._batch.expand(name))
+        return self._of(self._fields, name, self._batch.expand)
 
     def state(self, name: str) -> Array:
         """See :class:`Host`."""
-        return self._of(self._states, name, self._batch.bind(name))
+        return self._of(self._states, name, self._batch.bind)
 
-    def _of(self, copies: dict[str, Array], name: str, values: Array) -> Array:
+    def _of(self, copies: dict[str, Array], name: str, whole: Callable[[str], Array]) -> Array:
         if self.everyone:
-            return values
+            if name not in self._views:
+                self._views[name] = whole(name)
+            return self._views[name]
         if name not in copies:
-            copies[name] = values[self.rows]
+            copies[name] = whole(name)[self.rows]
         return copies[name]
 
     def output(self, name: str) -> Array:
         """See :class:`Host`."""
-        values = self._batch.bind(name)
-        return values if self.everyone else values[self.rows]
+        return self._of({}, name, self._batch.bind)
 
     def set_timestep(self, seconds: Array) -> None:
         """See :class:`Host`."""
         self.field("opt.timestep")[:] = seconds
+
+    @property
+    def diverged(self) -> NDArray[np.bool_]:
+        """See :class:`tiago_mj.effects.host.Watched`."""
+        warned: NDArray[np.bool_] = self._batch.warning[self.rows][:, DIVERGING, 1].any(axis=1)
+        return warned | np.isin(self.rows, self.failed)
 
     def write(self) -> None:
         """Write what was changed to the batch."""
@@ -96,7 +110,7 @@ class Members:
         """See :class:`Host`."""
         self.write()
         try:
-            self._batch.step(None if self.everyone else self.left, nstep=count)
+            self._batch.step(self.stepped if self.everyone else self.left, nstep=count)
         except mujoco.batch.SimulationError as fault:  # the others have been stepped
             self.failed += [int(k) for k in fault.ids]
         self._renew()
@@ -115,7 +129,7 @@ class Members:
 
 
 class Cohort:
-    """One chain of effects and the simulations that it serves.
+    """One runner and the simulations that it serves.
 
     Args:
         batch: the simulations.
@@ -135,31 +149,33 @@ class Cohort:
     ) -> None:
         self.members = Members(batch, rows)
         self._generators = generators
-        self.chain = Chain(self.members, wiring, [effects] * len(rows), self._uniform)
+        self.runner = Runner(self.members, wiring, [effects] * len(rows), self._uniform)
+        self.passes_readings = self.runner.chain.passes_readings
 
     def start(self, period: float, substeps: int, contact: Any) -> None:
-        """Apply the effects to the members' models and initial states; see :meth:`Chain.start`."""
-        self.chain.start(period, substeps, contact)
+        """Apply the effects to the members' models and initial states; see :meth:`Runner.start`."""
+        self.runner.start(period, substeps, contact)
         self.members.write()
 
     def advance(self, command: Array) -> None:
         """Let commands, (nsim of the batch, N), act on the members for one control period."""
-        self.chain.advance(command[self.members.rows])
+        members = self.members
+        self.runner.advance(command if members.everyone else command[members.rows])
 
     # What is measured: of the members that are left -----------------------------------------------------------------
 
     def reading(self, newtons: Array, units_per_newton: Callable[[Array], Array], noise: Array) -> Array:
         """See :class:`tiago_mj.envs.sensors.Measured`."""
-        reading = self.chain.reading(self._filled(newtons), units_per_newton, self._filled(noise))
+        reading = self.runner.chain.reading(self._filled(newtons), units_per_newton, self._filled(noise))
         return reading[self.members.present]
 
     def position(self, position: Array) -> Array:
         """See :class:`tiago_mj.envs.sensors.Measured`."""
-        return self.chain.position(self._filled(position))[self.members.present]
+        return self.runner.chain.position(self._filled(position))[self.members.present]
 
     def velocity(self, velocity: Array) -> Array:
         """See :class:`tiago_mj.envs.sensors.Measured`."""
-        return self.chain.velocity(self._filled(velocity))[self.members.present]
+        return self.runner.chain.velocity(self._filled(velocity))[self.members.present]
 
     def _filled(self, values: Array) -> Array:
         """Zeros for members that have left."""
@@ -176,27 +192,36 @@ class Cohort:
 
 
 class Cohorts:
-    """All effects of a batch.
+    """All simulations of a batch, as cohorts.
 
     Args:
         batch: the simulations.
         wiring: their parts.
-        given: effects as a user writes them.
+        effects: that each of them has.
         generators: one a simulation; may be replaced in place.
+
+    Attributes:
+        now: the cohorts.
+        lasting: whether there is one for good, of all: without effects.
     """
 
     def __init__(
-        self, batch: mujoco.batch.Batch, wiring: Wiring, given: Any, generators: list[np.random.Generator]
+        self,
+        batch: mujoco.batch.Batch,
+        wiring: Wiring,
+        effects: tuple[Entry, ...],
+        generators: list[np.random.Generator],
     ) -> None:
-        from tiago_mj.effects import read_effects
-
-        self._batch, self._wiring, self._effects, self._generators = batch, wiring, read_effects(given), generators
+        self._batch, self._wiring, self._effects, self._generators = batch, wiring, effects, generators
         self.now: list[Cohort] = []
-        for name in ("qfrc_actuator", "qfrc_smooth", "actuator_force"):
+        self.lasting = not effects
+        for name in ("qfrc_actuator", "qfrc_smooth", "actuator_force") if effects else ():
             batch.bind(name)  # a batch fills what is asked for at its next call: ask before the first
 
     def leave(self, rows: Rows) -> None:
         """These are about to start another episode."""
+        if self.lasting:
+            return
         for cohort in self.now:
             cohort.members.leave(rows)
         self.now = [cohort for cohort in self.now if cohort.members.present.any()]
@@ -212,12 +237,39 @@ class Cohorts:
             substeps: physics steps in it.
             contacts: one each, see :func:`tiago_mj.envs.start.contact_of`.
         """
+        if self.lasting:
+            if not self.now:
+                self._begin(np.arange(self._batch.nsim), period, substeps, None)
+            return
         for points in dict.fromkeys(None if c is None else c[2] for c in contacts):
             chosen = [k for k, c in enumerate(contacts) if (None if c is None else c[2]) == points]
             given = [c for k in chosen if (c := contacts[k]) is not None]
             # Stiffness and damping may be each simulation's own; the number of contact points is of the shape.
             stiffness, damping = (np.array([c[which] for c in given]) for which in (0, 1))
-            contact: Any = None if points is None else (stiffness, damping, points)
-            cohort = Cohort(self._batch, self._wiring, self._effects, rows[chosen], self._generators)
-            cohort.start(period, substeps, contact)
-            self.now.append(cohort)
+            self._begin(rows[chosen], period, substeps, None if points is None else (stiffness, damping, points))
+
+    def _begin(self, rows: Rows, period: float, substeps: int, contact: Any) -> None:
+        cohort = Cohort(self._batch, self._wiring, self._effects, rows, self._generators)
+        cohort.start(period, substeps, contact)
+        self.now.append(cohort)
+
+    def advance(self, command: Array, rows: Rows | None) -> list[int]:
+        """Let commands act for one control period.
+
+        Args:
+            command: (nsim, N).
+            rows: which are stepped, the others leave their cohorts; None: all.
+
+        Returns:
+            Those in which MuJoCo has raised an error.
+        """
+        if self.lasting:
+            self.now[0].members.stepped = rows
+        elif rows is not None:
+            self.leave(np.setdiff1d(np.arange(self._batch.nsim), rows))
+        failed: list[int] = []
+        for cohort in self.now:
+            cohort.members.failed.clear()
+            cohort.advance(command)
+            failed += cohort.members.failed
+        return failed

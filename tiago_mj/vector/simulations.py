@@ -46,15 +46,12 @@ class Simulations:
 
     def __init__(self, core: RobotEnv, count: int, threads: int) -> None:
         self._core = core
-        if core._chain is not None:
-            core._chain.restore()  # the batch is made of the nominal model
+        core.make_nominal()  # the batch is made of its model
         self.batch = CopiedBatch(core.model, count, threads)
         self._bind()
         self.generators: list[np.random.Generator] = [seeding.np_random()[0] for _ in range(count)]
         self.models = Models(self.batch, core.model, core._item_in_place)
-        self._cohorts: Cohorts | None = None
-        if core._effects is not None:
-            self._cohorts = Cohorts(self.batch, core.wiring(), core._effects, self.generators)
+        self._cohorts = Cohorts(self.batch, core.wiring(), core.effects, self.generators)
         self._noise = NoiseBlocks(count, core.load_cell.noises)
         self._average = MovingAverage(core.load_cell.average, count)
         self._tare = np.zeros((count, 2))
@@ -88,7 +85,7 @@ class Simulations:
         model = core.model
         numbers = mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_INTEGRATION) + 4 * model.nsensordata
         own_model = 0
-        if core._effects is not None or (core.object_choice is not None and not core.object_choice.fixed):
+        if core.effects or (core.object_choice is not None and not core.object_choice.fixed):
             own_model = 8 * (40 * model.ngeom + 40 * model.nbody + 30 * model.nv)
         return int(8 * (numbers + 2 * NOISE_BLOCK + 200) + own_model)
 
@@ -98,8 +95,7 @@ class Simulations:
         """Begin another episode of some simulations; nothing of the one before remains."""
         core = self._core
         items: list[GraspObject | None] = []
-        if self._cohorts is not None:
-            self._cohorts.leave(rows)
+        self._cohorts.leave(rows)
         self.batch.reset(rows, stage=mujoco.mjtStage.mjSTAGE_NONE)
         for row in rows.tolist():
             start = core._draw_start(self.generators[row])
@@ -107,9 +103,9 @@ class Simulations:
             place = core._middle if start is None else start.place
             self._qpos[row] = core._start_qpos(items[-1], place)
         self._act[rows] = core._start_act(self._qpos[rows])
-        self.models.give(rows, items, restore=self._cohorts is not None)
-        if self._cohorts is not None:
-            self._cohorts.start(rows, core.dt, core.n_substeps, [contact_of(item) for item in items])
+        self.models.give(rows, items, restore=bool(core.effects))
+        self._cohorts.start(rows, core.dt, core.n_substeps, [contact_of(item) for item in items])
+        if core.effects:
             self.models.note_expanded()
         self.batch.forward(rows)
         self._average.reset(rows)
@@ -136,19 +132,7 @@ class Simulations:
         command = core.drive.command(action, self._act)
         if idle is not None:
             command = np.where(idle[:, None], core.drive.idle(self._act), command)
-        failed: list[int] = []
-        if self._cohorts is None:
-            core.drive.apply(command, self._ctrl, self._act, self._qpos, self._qvel)
-            try:
-                self.batch.step(rows, nstep=core.n_substeps)
-            except mujoco.batch.SimulationError as fault:  # the others have been stepped
-                failed = [int(k) for k in fault.ids]
-        else:
-            if rows is not None:
-                self._cohorts.leave(np.setdiff1d(self._every, rows))
-            for cohort in self._cohorts.now:
-                cohort.advance(command)
-                failed += cohort.members.failed
+        failed = self._cohorts.advance(command, rows)
         self._read(rows)
         diverged = self._diverged(failed, rows)
         if len(diverged):
@@ -168,14 +152,15 @@ class Simulations:
 
     def _read(self, rows: Rows | None) -> None:
         """Take one reading of every sensor of some simulations; None: of all."""
-        if self._cohorts is None:
+        if self._cohorts.lasting:
             self._read_some(rows, None)
             return
         wanted = self._every if rows is None else rows
         for cohort in self._cohorts.now:
             left = cohort.members.left
             if np.isin(left, wanted).all():
-                self._read_some(None if len(left) == len(self._every) else left, cohort)
+                chosen = None if len(left) == len(self._every) else left
+                self._read_some(chosen, None if cohort.passes_readings else cohort)
 
     def _read_some(self, rows: Rows | None, effects: object) -> None:
         core = self._core

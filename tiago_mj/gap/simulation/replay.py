@@ -22,10 +22,12 @@ from tiago_mj.effects import EFFECTS
 from tiago_mj.effects.chain import EACH_STEP, EACH_SUBSTEP, Chain
 from tiago_mj.effects.declare import only_measures, overrides
 from tiago_mj.effects.host import BatchHost
+from tiago_mj.effects.runner import LoadCells, Log, Runner
 from tiago_mj.effects.spec import Entry
-from tiago_mj.gap.simulation.plant import Plant
+from tiago_mj.gap.simulation.plant import Plant, Start
 from tiago_mj.io.deadline import Deadline
 from tiago_mj.models import scene
+from tiago_mj.models.objects import GraspObject
 from tiago_mj.recordings.recording import Trial
 
 Array = NDArray[np.float64]
@@ -33,8 +35,6 @@ Effects = tuple[Entry, ...]
 
 #: Simulations in one batch: enough to fill any number of threads, few enough to stay within memory.
 BATCH_SIZE = 256
-#: Physics steps that an open loop runs at once: few enough to stay within memory.
-MAX_ROLLOUT_STEPS = 512
 #: A sensor with a memory takes its signal in steps of at most this [s]. Its input is straight in between: at 25 Hz, row
 #: by row, filters and delays were off by up to twenty deviations of a joint's noise.
 MAX_PART: Final = 5e-3
@@ -239,12 +239,10 @@ def measure(
             :func:`unmeasured` where sensors' effects are given.
         parts: of each row's period in ``true``, as :func:`simulate` made them.
     """
-    host = _NoSimulation(plant.model, len(sims))
     sensing = [[e for e in (*plant.given, *entries) if sensor_only(e)] for _, entries in sims]
-    chain = Chain(host, plant.wiring, sensing, _uniform(sims, None, seed))  # type: ignore[arg-type]
+    chain = Chain.unsimulated(plant.model, plant.wiring, sensing, _uniform(sims, None, seed))
     chain.now.dt = np.full(len(sims), plant.period / parts)
-    for effect in chain.effects:
-        effect.start(chain.now)
+    chain.begin()
     rows = true.thinned(parts)
     position, velocity, reading = (np.empty_like(of) for of in (rows.position, rows.velocity, rows.reading))
     trial = np.array([t for t, _ in sims])
@@ -270,10 +268,9 @@ def measure(
 def only_commands(plant: Plant, sims: Sequence[Effects]) -> Chain:
     """The chain of effects on commands, without a simulation: for what it makes of them before a servo moves. What is
     given beside them, such as friction, has no part in that."""
-    host = _NoSimulation(plant.model, len(sims))
     given = [entry for entry in plant.given if EFFECTS[entry.name].stage in ("timing", "command")]
     sims = [(*given, *effects) for effects in sims]
-    return Chain(host, plant.wiring, sims, _uniform([(0, effects) for effects in sims], None, 0))  # type: ignore[arg-type]
+    return Chain.unsimulated(plant.model, plant.wiring, sims, _uniform([(0, effects) for effects in sims], None, 0))
 
 
 def unmeasured(plant: Plant) -> Plant:
@@ -303,101 +300,61 @@ def _batch(
     parts: int = 1,
 ) -> Signals:
     """Simulations in one batch; ``poses``, (nsim, T, nq), is filled where it is given."""
-    nsim, length = len(sims), on.commands.shape[1] + 1
     trial = np.array([t for t, _ in sims])
-    host = BatchHost(mujoco.batch.Batch(plant.model, nsim, threads))
-    wiring = plant.wiring
+    host = BatchHost(mujoco.batch.Batch(plant.model, len(sims), threads))
     starts = [plant.starts[on.trials[t].name] for t in trial]
+    set_points = np.array([start.set_point for start in starts])
+    _set_initial(plant, host, starts, set_points)
+    runner = Runner(host, plant.wiring, [entries for _, entries in sims], _uniform(sims, on.delivered, seed))
+    qpos = host.state("qpos")
+    qpos[:, plant.wiring.qpos] = runner.chain.true_position(qpos[:, plant.wiring.qpos])
+    item = starts[0].item
+    contact = None if item is None else (item.stiffness, item.damping, scene.CONTACT_POINTS[item.shape])
+    if not on.uniform or plant.substeps * plant.model.opt.timestep != plant.period:
+        host.set_timestep(np.full(len(sims), plant.period / plant.substeps))
+    runner.start(plant.period, plant.substeps, contact, set_points)
+    runner.seen()  # a batch fills what is asked for at its next call
+    host.forward()
+    log = Log(runner, _cells(plant, host), on.commands.shape[1] * parts + 1, poses=poses is not None)
+    runner.run(
+        on.commands[trial],
+        log,
+        seconds=None if on.uniform else on.period[trial],
+        parts=parts,
+        relative_to=set_points if plant.relative else None,
+        check=deadline.check,
+    )
+    if poses is not None:
+        poses[:] = log.poses
+    at = log.readings
+    return Signals(at.position, at.velocity, at.effort, _averaged(plant, at.reading, parts), at.newtons).until(log.ends)
+
+
+def _set_initial(plant: Plant, host: BatchHost, starts: Sequence[Start], set_points: Array) -> None:
+    """Objects, positions, velocities, inputs and set points, (nsim, nactuators), of the trials' starts."""
     host.batch.reset(stage=mujoco.mjtStage.mjSTAGE_NONE)
     _set_objects(plant, host, starts)
     host.state("qpos")[:] = [start.qpos for start in starts]
     host.state("qvel")[:] = [start.qvel for start in starts]
     if starts[0].idle is not None:
         host.state("ctrl")[:] = [start.idle for start in starts]
-    stateful = wiring.act >= 0
+    stateful = plant.wiring.act >= 0
     if stateful.any():
-        points = np.array([start.set_point for start in starts])
         act = host.state("act")
-        act[:, wiring.act[stateful]] = points[:, stateful]
-    chain = Chain(host, wiring, [entries for _, entries in sims], _uniform(sims, on.delivered, seed))
-    qpos = host.state("qpos")
-    qpos[:, wiring.qpos] = chain.true_position(qpos[:, wiring.qpos])
-    substeps = plant.substeps
-    item = starts[0].item
-    contact = None if item is None else (item.stiffness, item.damping, scene.CONTACT_POINTS[item.shape])
-    if not on.uniform or substeps * plant.model.opt.timestep != plant.period:
-        host.set_timestep(np.full(nsim, plant.period / substeps))
-    chain.start(plant.period, substeps, contact, np.array([start.set_point for start in starts]))
-    host.forward()
-    tare = plant.pads.tare(host.output("sensordata")) if plant.pads is not None else 0.0
-    shape = (nsim, (length - 1) * parts + 1)
-    position, velocity, effort = (np.zeros((*shape, len(plant.joints))) for _ in range(3))
-    reading, newtons = np.zeros((*shape, len(plant.sensors))), np.zeros((*shape, len(plant.sensors)))
-    quiet = np.zeros((nsim, len(plant.sensors)))
+        act[:, plant.wiring.act[stateful]] = set_points[:, stateful]
 
-    def read(k: int | slice, qpos: Array, qvel: Array, force: Array, sensordata: Array) -> None:
-        if poses is not None:
-            poses[:, k] = qpos
-        position[:, k] = chain.position(qpos[..., wiring.qpos])
-        velocity[:, k] = chain.velocity(qvel[..., wiring.dof])
-        effort[:, k] = force[..., wiring.dof]
-        if plant.pads is not None and plant.cell is not None:
-            of_rows = tare if isinstance(k, int) else np.asarray(tare)[..., None, :]
-            newtons[:, k] = plant.pads.read(sensordata, of_rows)
-            reading[:, k] = chain.reading(
-                newtons[:, k], plant.cell.signal, quiet if isinstance(k, int) else quiet[:, None]
-            )
 
-    ends = np.full(nsim, shape[1])
+def _cells(plant: Plant, host: BatchHost) -> LoadCells:
+    """The plant's load cells, which read nothing at the start."""
+    pads, cell = plant.pads, plant.cell
+    if pads is None or cell is None:
+        return LoadCells(lambda sensordata: np.zeros((*sensordata.shape[:-1], len(plant.sensors))))
+    tare = np.asarray(pads.tare(host.output("sensordata")))
 
-    def note_ends(row: int) -> None:
-        ends[:] = np.where(host.diverged, np.minimum(ends, (row - 1) * parts + 1), ends)
+    def newtons(sensordata: Array) -> Array:
+        return pads.read(sensordata, tare if sensordata.ndim == 2 else tare[..., None, :])
 
-    def present() -> tuple[Array, ...]:
-        return host.state("qpos"), host.state("qvel"), host.output("qfrc_actuator"), host.output("sensordata")
-
-    def reading_after(begun: int) -> Callable[[int], None]:
-        return lambda part: read(begun + part, *present())
-
-    present()
-    host.forward()
-    read(0, *present())
-    if on.uniform and not plant.relative and chain.open_loop:
-        idle = host.state("ctrl")
-        fields = ("qpos", "qvel", "qfrc_actuator", "sensordata")
-        most = max(MAX_ROLLOUT_STEPS // substeps, 1)
-        for first in range(0, length - 1, most):
-            deadline.check()
-            rows = min(most, length - 1 - first)
-            some = np.repeat(idle[:, None], rows * substeps, axis=1)
-            some[:, :, wiring.ctrl] = chain.ahead(on.commands[trial, first : first + rows])
-            seen = host.rollout(some, fields)
-            note_ends(first + 1)
-            begun, steps = first * parts, substeps // parts
-            if chain.passes_readings:
-                ends_of_parts = {name: seen[name][:, steps - 1 :: steps] for name in fields}
-                read(slice(begun + 1, begun + rows * parts + 1), *ends_of_parts.values())
-                continue
-            then = chain.now.elapsed
-            for k in range(rows * parts):
-                chain.now.step = first + k // parts + 1
-                chain.now.elapsed = (begun + k + 1) * chain.now.dt / parts
-                read(begun + k + 1, *(seen[name][:, (k + 1) * steps - 1] for name in fields))
-            chain.now.step, chain.now.elapsed = first + rows, then
-        return Signals(position, velocity, effort, _averaged(plant, reading, parts), newtons).until(ends)
-    held = np.array([start.set_point for start in starts])
-    for k in range(length - 1):
-        deadline.check()
-        sent = on.commands[trial, k]
-        if plant.relative:
-            # The controller and the servo read one encoder, so that what is wrong with it cancels: the true position.
-            here = host.state("qpos")[:, wiring.qpos[list(wiring.targets.actuated)]]
-            sent = held = np.where(np.isnan(sent), held, here + sent)
-        begun = k * parts
-        chain.advance(sent, None if on.uniform else on.period[trial, k], parts, reading_after(begun))
-        note_ends(k + 1)
-        read(begun + parts, *present())
-    return Signals(position, velocity, effort, _averaged(plant, reading, parts), newtons).until(ends)
+    return LoadCells(newtons, cell.signal)
 
 
 def _averaged(plant: Plant, reading: Array, parts: int = 1) -> Array:
@@ -416,13 +373,13 @@ def _averaged(plant: Plant, reading: Array, parts: int = 1) -> Array:
     return total / np.minimum(np.arange(1, reading.shape[1] + 1), count)[None, :, None]
 
 
-def _set_objects(plant: Plant, host: BatchHost, starts: Sequence[object]) -> None:
+def _set_objects(plant: Plant, host: BatchHost, starts: Sequence[Start]) -> None:
     """Trials with other objects than the model's: their fields, simulation by simulation."""
-    items = [start.item for start in starts]  # type: ignore[attr-defined]
+    items = [start.item for start in starts]
     if all(item is None for item in items):
         return
-    models = {}
-    for item in dict.fromkeys(items):
+    models: dict[GraspObject | None, mujoco.MjModel] = {None: plant.model}
+    for item in filter(None, dict.fromkeys(items)):
         model = copy.copy(plant.model)
         scene.set_object(model, item)
         models[item] = model
@@ -458,10 +415,3 @@ def _uniform(
         return np.stack([drawn[int(t)] for t in trial])
 
     return draw
-
-
-class _NoSimulation:
-    """A host without a simulation, for effects that only measure."""
-
-    def __init__(self, model: mujoco.MjModel, nsim: int) -> None:
-        self.model, self.nsim = model, nsim

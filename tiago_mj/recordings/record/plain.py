@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -10,9 +11,8 @@ import mujoco
 import numpy as np
 
 from tiago_mj import __version__
-from tiago_mj.effects import check_entries, read_effects
-from tiago_mj.effects.chain import Chain
-from tiago_mj.effects.host import ScalarHost, has_diverged
+from tiago_mj.effects import read_effects
+from tiago_mj.effects.runner import LoadCells, Log, Readings, Runner
 from tiago_mj.effects.wiring import wire
 from tiago_mj.io.quoting import quoted
 from tiago_mj.models import bounded
@@ -98,88 +98,134 @@ def record_model(
         ValueError: model, motion or effects are unusable, or the simulation diverges.
     """
     model = load_model(path)
-    data = mujoco.MjData(model)
-    joints, interface = scalar_joints(model), interface_of(model)
-    actuators = tuple(model.actuator(a).name for a in range(model.nu))
-    _check_motion(motion, actuators, interface)
+    joints, interface, servo = scalar_joints(model), interface_of(model), _servo_facts(model)
+    _check_motion(motion, _actuators(model), interface)
     wanted = rate_hz or (motion.rate_hz if motion else None) or RATE
     if not is_rate(wanted):
         raise ValueError(f"the control rate is {quoted(wanted)}: {A_RATE}")
     substeps = max(round(1 / (wanted * model.opt.timestep)), 1)
-    period = substeps * model.opt.timestep
-    touch = [s for s in range(model.nsensor) if model.sensor_type[s] == _TOUCH]
-    wiring = wire(
-        model,
-        joints=joints,
-        actuators=actuators,
-        sensors=tuple(model.sensor(s).name for s in touch),
-        interface=interface,
-    )
-    rng = np.random.default_rng(seed)
-    servo = _servo_facts(model, actuators)
-    entries = read_effects(effects)
-    check_entries(entries, model, wiring)
-    chain = Chain(ScalarHost(data), wiring, [entries], lambda shape: rng.random(shape))
+    simulation = _Simulation(model, joints, interface, substeps, effects)
+    rate = 1 / simulation.period
     for number in range(seed, seed + episodes):
-        rng = np.random.default_rng(number)
-        chain.restore()
-        played = motion or _random(model, data, interface, 1 / period, number)
+        simulation.restore()
+        played = motion or _random(model, simulation.data, interface, rate, number)
         name = f"{label}-{number:03d}"
-        _reset(model, data, chain.set_points)
-        chain.start(period, substeps)
-        mujoco.mj_forward(model, data)
-        sequence = played.at(1 / period)
-        still = chain.set_points()[0] if interface == "position" else np.zeros(len(actuators))
-        start = chain.set_points()[0]
-        commands = np.tile(still, (played.steps(1 / period) + 1, 1))
-        commands[-1] = np.nan
-        for column, actuator in enumerate(actuators):
-            if actuator in sequence:
-                commands[:-1, column] = sequence[actuator]
-        rows = []
-        for row in commands:
-            newtons = data.sensordata[[int(model.sensor_adr[s]) for s in touch]]
-            rows.append(
-                (
-                    chain.position(data.qpos[wiring.qpos][None])[0],
-                    chain.velocity(data.qvel[wiring.dof][None])[0],
-                    data.qfrc_actuator[wiring.dof].copy(),
-                    chain.reading(newtons[None], lambda force: force, np.zeros((1, len(touch))))[0],
-                )
+        commands, log = simulation.play(played, number)
+        if log.ends[0] <= len(commands):
+            raise ValueError(
+                f"{path.name} diverges after {log.ends[0] * simulation.period:.2g} s of {name}, so nothing is "
+                'recorded: try a shorter <option timestep="…"/> or integrator="implicitfast", or damp joints and servos'
             )
-            if not np.isnan(row).any():
-                chain.advance(row[None])
-                if has_diverged(data):
-                    raise ValueError(
-                        f"{path.name} diverges after {len(rows) * period:.2g} s of {name}, so nothing is recorded: try "
-                        'a shorter <option timestep="…"/> or integrator="implicitfast", or damp joints and servos'
-                    )
-        position, velocity, effort, force = (np.array(part) for part in zip(*rows, strict=True))
-        yield Trial(
-            name=name,
-            time=np.arange(len(commands)) * period,
-            commands=_by_name(actuators, commands),
-            positions=_by_name(joints, position),
-            velocities=_by_name(joints, velocity),
-            efforts=_by_name(joints, effort),
-            forces=_by_name(wiring.targets.sensor, force),
-            sidecar=Sidecar(
+        yield simulation.trial(
+            commands,
+            log.readings,
+            Sidecar(
                 schema=SCHEMA,
                 trial=name,
                 robot=robot or path.name,
-                rate_hz=1 / period,
+                rate_hz=rate,
                 interface=interface,
                 servo=servo,
-                initial={
-                    "position": dict(zip(joints, position[0].tolist(), strict=True)),
-                    "velocity": dict(zip(joints, velocity[0].tolist(), strict=True)),
-                    "set_point": dict(zip(actuators, start.tolist(), strict=True)),
-                },
                 motion={"file": played.name} if motion else {"policy": "random"},
                 source={"tool": "tiago-mj record", "version": __version__, "seed": number},
             ),
-            source=f"{name}.parquet",
         )
+
+
+@dataclass(frozen=True)
+class TouchSensors:
+    """A model's touch sensors.
+
+    Attributes:
+        names: in the model's order.
+        addresses: of each in ``sensordata``.
+    """
+
+    names: tuple[str, ...]
+    addresses: tuple[int, ...]
+
+    def newtons(self, sensordata: Array) -> Array:
+        """Their forces, (..., nsensordata) to (..., nsensors) [N]."""
+        return sensordata[..., list(self.addresses)]
+
+
+def touch_sensors(model: mujoco.MjModel) -> TouchSensors:
+    """The touch sensors of a model; there may be none."""
+    ids = [s for s in range(model.nsensor) if model.sensor_type[s] == _TOUCH]
+    return TouchSensors(tuple(model.sensor(s).name for s in ids), tuple(int(model.sensor_adr[s]) for s in ids))
+
+
+class _Simulation:
+    """One simulation of a plain model under effects, which plays motions."""
+
+    def __init__(
+        self, model: mujoco.MjModel, joints: tuple[str, ...], interface: str, substeps: int, effects: Any
+    ) -> None:
+        self._model, self.data = model, mujoco.MjData(model)
+        self._substeps, self.period = substeps, substeps * model.opt.timestep
+        touch = touch_sensors(model)
+        self._cells = LoadCells(touch.newtons)
+        self._wiring = wire(
+            model,
+            joints=joints,
+            actuators=_actuators(model),
+            sensors=touch.names,
+            interface=interface,
+        )
+        self._rng = np.random.default_rng()
+        self._runner = Runner.of_one(self.data, self._wiring, read_effects(effects), self._uniform)
+
+    def _uniform(self, shape: tuple[int, ...]) -> Array:
+        return self._rng.random(shape)
+
+    def restore(self) -> None:
+        """Make the model nominal again."""
+        self._runner.restore()
+
+    def play(self, motion: Motion, seed: int) -> tuple[Array, Log]:
+        """Commands of a motion, (nrows, nactuators), and what is measured before, between and after them."""
+        self._rng = np.random.default_rng(seed)
+        self.restore()
+        _reset(self._model, self.data)
+        self._runner.start(self.period, self._substeps)
+        mujoco.mj_forward(self._model, self.data)
+        names = self._wiring.targets.command
+        still = self._runner.set_points()[0] if self._wiring.interface == "position" else np.zeros(len(names))
+        commands = np.tile(still, (motion.steps(1 / self.period), 1))
+        sequence = motion.at(1 / self.period)
+        for column, actuator in enumerate(names):
+            if actuator in sequence:
+                commands[:, column] = sequence[actuator]
+        self._held = self._runner.set_points()[0]
+        log = Log(self._runner, self._cells, len(commands) + 1)
+        self._runner.run(commands[None], log)
+        return commands, log
+
+    def trial(self, commands: Array, readings: Readings, sidecar: Sidecar) -> Trial:
+        """A recording of what was played; after the last command nothing was sent any more."""
+        targets = self._wiring.targets
+        position, velocity = readings.position[0], readings.velocity[0]
+        sent = np.concatenate([commands, np.full((1, commands.shape[1]), np.nan)])
+        initial = {
+            "position": dict(zip(targets.joint, position[0].tolist(), strict=True)),
+            "velocity": dict(zip(targets.joint, velocity[0].tolist(), strict=True)),
+            "set_point": dict(zip(targets.command, self._held.tolist(), strict=True)),
+        }
+        return Trial(
+            name=sidecar.trial,
+            time=np.arange(len(sent)) * self.period,
+            commands=_by_name(targets.command, sent),
+            positions=_by_name(targets.joint, position),
+            velocities=_by_name(targets.joint, velocity),
+            efforts=_by_name(targets.joint, readings.effort[0]),
+            forces=_by_name(targets.sensor, readings.reading[0]),
+            sidecar=replace(sidecar, initial=initial),
+            source=f"{sidecar.trial}.parquet",
+        )
+
+
+def _actuators(model: mujoco.MjModel) -> tuple[str, ...]:
+    return tuple(model.actuator(a).name for a in range(model.nu))
 
 
 def _check_motion(motion: Motion | None, actuators: tuple[str, ...], interface: str) -> None:
@@ -200,7 +246,7 @@ def _by_name(names: tuple[str, ...], values: Array) -> dict[str, Array]:
     return {name: np.ascontiguousarray(values[:, k]) for k, name in enumerate(names)}
 
 
-def _reset(model: mujoco.MjModel, data: mujoco.MjData, set_points: Any) -> None:
+def _reset(model: mujoco.MjModel, data: mujoco.MjData) -> None:
     """The first keyframe, or the reference pose; set points of integrating servos where their joints are."""
     if model.nkey:
         mujoco.mj_resetDataKeyframe(model, data, 0)
@@ -214,7 +260,7 @@ def _reset(model: mujoco.MjModel, data: mujoco.MjData, set_points: Any) -> None:
 
 def _random(model: mujoco.MjModel, data: mujoco.MjData, interface: str, rate_hz: float, seed: int) -> Motion:
     """A smooth random motion around the start, within :data:`SHARE` of the limits."""
-    _reset(model, data, None)
+    _reset(model, data)
     low, high = {}, {}
     for k in range(model.nu):
         name, joint = model.actuator(k).name, int(model.actuator_trnid[k, 0])
@@ -232,7 +278,8 @@ def _random(model: mujoco.MjModel, data: mujoco.MjData, interface: str, rate_hz:
     return random_motion(low, high, SECONDS, rate_hz, seed)
 
 
-def _servo_facts(model: mujoco.MjModel, actuators: tuple[str, ...]) -> dict[str, Any]:
+def _servo_facts(model: mujoco.MjModel) -> dict[str, Any]:
+    actuators = _actuators(model)
     return {
         "name": "model",
         "stiffness": {name: float(0.0 - model.actuator_biasprm[k, 1]) for k, name in enumerate(actuators)},
