@@ -71,7 +71,7 @@ def _row(core):
     return (
         state.position,
         state.velocity,
-        data.qpos[core._qpos_address].copy(),
+        data.qpos[core.qpos_address].copy(),
         data.qvel[core._qvel_address].copy(),
         data.actuator_force[core._ctrl].copy(),
         data.act[core._ctrl].copy(),
@@ -101,7 +101,7 @@ def batch_rollout(sims, actions, env=GRIPPER, *, uniform, **arguments):
     rows = []
 
     def read():
-        newtons = core._pads.truth(host.output("sensordata"))
+        newtons = core.sensors.pads.truth(host.output("sensordata"))
         reading = chain.reading(newtons, core.load_cell.signal, np.zeros_like(newtons))
         qpos, qvel = host.state("qpos"), host.state("qvel")
         state = np.concatenate([qpos, qvel, host.state("act")], axis=1)

@@ -244,7 +244,7 @@ def test_a_payload_weighs_on_every_joint_by_its_lever_arm(mass):
     nominal = rollout(None, np.zeros((360, 10)), TIAGO, prepare=without_friction)
     core = make(None, TIAGO)
     core.reset(seed=0)
-    core.data.qpos[core._qpos_address] = r.true_position[-1]  # the pose into which the arm sags
+    core.data.qpos[core.qpos_address] = r.true_position[-1]  # the pose into which the arm sags
     mujoco.mj_forward(core.model, core.data)
     tool = np.zeros((3, core.model.nv))
     mujoco.mj_jacBodyCom(core.model, core.data, tool, None, core.model.body(names.GRIPPER_BODY).id)

@@ -141,11 +141,11 @@ def test_goals_and_objects_are_drawn_from_the_documented_ranges():
     for seed in range(40):
         env.reset(seed=seed)
         goals.append(core.goal[0])
-        widths.append(core._item_in_place.width)
-        masses.append(core._item_in_place.mass)
-        stiffnesses.append(core._item_in_place.stiffness)
-        offsets.append(core._offset)
-        shapes.add(core._item_in_place.shape)
+        widths.append(core.item.width)
+        masses.append(core.item.mass)
+        stiffnesses.append(core.item.stiffness)
+        offsets.append(core.offset)
+        shapes.add(core.item.shape)
     for values, (low, high) in (
         (goals, HoldForceSteady.GOALS),
         (widths, HoldForceSteady.WIDTHS),

@@ -44,7 +44,7 @@ def test_the_first_contacts_are_where_the_simulator_has_them(servo, arguments):
         contact.append(env.step([-1.0, -1.0])[4]["in_contact"])
     contact = np.array(contact)
     assert bound.first_contact == np.argmax(contact.any(axis=1)) + 1
-    if env._offset == 0:
+    if env.offset == 0:
         assert bound.both_contacts == np.argmax(contact.all(axis=1)) + 1
     else:  # the far finger may wait for an object that friction holds, but is never there sooner
         assert bound.first_contact < bound.both_contacts <= np.argmax(contact.all(axis=1)) + 1
@@ -53,11 +53,11 @@ def test_the_first_contacts_are_where_the_simulator_has_them(servo, arguments):
 def closed(env, actions):
     """Distance by which each finger has closed after every step."""
     env.reset(seed=0)
-    begin = env.data.qpos[env._qpos_address].copy()
+    begin = env.data.qpos[env.qpos_address].copy()
     rows = []
     for action in actions:
         env.step(action)
-        rows.append(begin - env.data.qpos[env._qpos_address])
+        rows.append(begin - env.data.qpos[env.qpos_address])
     return np.array(rows)
 
 

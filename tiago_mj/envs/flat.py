@@ -44,9 +44,9 @@ class FlatView(gymnasium.Env[Array, Array]):
     def __init__(self, core: RobotEnv, relative: int) -> None:
         self.core = core
         self._relative = relative
-        bound = core._observation_bound()
+        bound, goal = core.bounds()
         if relative:
-            bound[-relative:] += core._goal_bound()
+            bound[-relative:] += goal
         self.observation_space = spaces.Box(-bound, bound, dtype=np.float64)
         self.action_space = core.action_space
         self.metadata = core.metadata

@@ -75,6 +75,22 @@ class RobotEnv(RobotSimulation):
     def _get_obs(self) -> dict[str, Array]:
         return self.observed(self.state, self._goal)
 
+    def bounds(self) -> tuple[Array, Array]:
+        """Largest magnitudes of the observation's entries, (n,), and of the goal's, (g,)."""
+        return self._observation_bound(), self._goal_bound()
+
+    def draw_goal(self, rng: np.random.Generator, object_place: Array) -> Array:
+        """The goal of one episode, (g,), drawn as the task says; ``object_place`` as for :meth:`_draw_goal`."""
+        return self._draw_goal(rng, object_place)
+
+    def checked_goal(self, goal: Any) -> Array:
+        """A goal that a user gives, (g,).
+
+        Raises:
+            ValueError: it cannot be reached, has another shape or is not finite.
+        """
+        return self._checked_goal(goal)
+
     def observed(self, state: State, goal: Array) -> dict[str, Array]:
         """The observation, of one simulation or of many (leading axes of every array)."""
         return {
@@ -176,6 +192,11 @@ class RobotEnv(RobotSimulation):
         if not self._begun:
             checks.begun(self._begun, self._closed, "render")
         return super().render()
+
+    def show(self, goal: Array) -> Any:
+        """Render what ``model`` and ``data`` hold as an episode in which ``goal``, (g,), is asked."""
+        self._goal, self._begun = goal, True
+        return self.render()
 
     def compute_reward(self, achieved_goal: Any, desired_goal: Any, info: Any) -> Any:
         """Reward of reaching ``achieved_goal`` where ``desired_goal`` was asked; over leading batch axes, as HER needs.

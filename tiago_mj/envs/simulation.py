@@ -24,9 +24,10 @@ from tiago_mj.effects.now import Wiring
 from tiago_mj.effects.runner import Runner
 from tiago_mj.effects.wiring import wire
 from tiago_mj.envs import checks, copies
-from tiago_mj.envs.choices import ObjectChoice, check_fits
+from tiago_mj.envs.choices import Interval, ObjectChoice, check_fits
 from tiago_mj.envs.drive import CONTROLS, Drive
 from tiago_mj.envs.fixed import Fixed
+from tiago_mj.envs.replay_specification import ReplaySpecification
 from tiago_mj.envs.sensors import Measured, OneOf, Sensors
 from tiago_mj.envs.start import Start, contact_of, grasp_frame, put_object
 from tiago_mj.io import mujoco_log
@@ -93,8 +94,10 @@ class RobotSimulation(MujocoRobotEnv, ABC):  # type: ignore[misc]
     joints: Fixed[tuple[str, ...]] = Fixed()
     control: Fixed[str] = Fixed()
     servo: Fixed[str] = Fixed()
+    force_source: Fixed[str] = Fixed()
     velocity_limit: Fixed[Array] = Fixed()
     _runner: Runner
+    _place_asked: Array | None = None
 
     #: Whether the fingers, the last two joints, stay where they start, whatever the action says of them.
     FINGERS_HELD = False
@@ -165,8 +168,8 @@ class RobotSimulation(MujocoRobotEnv, ABC):  # type: ignore[misc]
         self.servo = servo
         self.load_cell = sensing if isinstance(sensing, LoadCell) else named_load_cell(sensing)
         self.object_choice = item
-        self._force_source = force_source
-        self.effects: tuple[Entry, ...] = read_effects(effects)
+        self.force_source = force_source
+        self._effects = read_effects(effects)
         self._load_cells = load_cells or item is not None
         longest = IDEAL_MAX_TIMESTEP if servo == "ideal" else MAX_TIMESTEP
         substeps = math.ceil(1 / (control_hz * longest) - 1e-9)
@@ -208,7 +211,63 @@ class RobotSimulation(MujocoRobotEnv, ABC):  # type: ignore[misc]
         if self.object_choice is None:
             return None
         item, offset = self.object_choice.draw(rng)
-        return Start(item, offset, self._object_position(offset))
+        return Start(item, offset, self.object_place(offset))
+
+    # What others may ask and set ------------------------------------------------------------------------------------
+
+    def draw_start(self, rng: np.random.Generator) -> Start | None:
+        """The object and its place for one episode, drawn as the task says; None on an empty table."""
+        return self._draw_start(rng)
+
+    def object_place(self, offset: float) -> Array:
+        """Where an object's axis meets the table at reset, (2,) [m], by its offset along the grasp axis [m]."""
+        return self._object_position(offset) if self._place_asked is None else self._place_asked
+
+    def begin_with(self, item: GraspObject, offset: float, place: Array | None = None) -> None:
+        """Let the next episodes begin with one object, whatever the task would draw.
+
+        Args:
+            item: the object, instead of the environment's own.
+            offset: along the grasp axis [m].
+            place: where its axis meets the table, (2,) [m]; None: where the task puts it.
+        """
+        self.object_choice = ObjectChoice((item,), None, None, None, None, Interval(offset, offset))
+        self._place_asked = place
+
+    @property
+    def effects(self) -> tuple[Entry, ...]:
+        """What acts on this robot; :meth:`give_effects` changes it."""
+        return self._effects
+
+    @property
+    def item(self) -> GraspObject | None:
+        """The object of this episode; None on an empty table."""
+        return self._item
+
+    @property
+    def offset(self) -> float:
+        """Of the object along the grasp axis at the start of this episode [m]."""
+        return self._offset
+
+    @property
+    def set_points(self) -> Array:
+        """The servos' set points, (N,) [m, rad]."""
+        points: Array = self.data.act[self._ctrl].copy()
+        return points
+
+    def replay_specification(self) -> ReplaySpecification:
+        """What simulates an episode of this environment again, without effects."""
+        choice, pads = self.object_choice, self.sensors.pads
+        return ReplaySpecification(
+            model=self.model,
+            wiring=self.wiring(),
+            period=self.dt,
+            pads=pads,
+            cell=None if pads is None else self.load_cell,
+            item=None if choice is None else choice.first(),
+            offset=0.0 if choice is None else choice.offset.low,
+            start_qpos=lambda item, offset: self.start_qpos(item, self.object_place(offset)),
+        )
 
     # gymnasium-robotics' hooks --------------------------------------------------------------------------------------
 
@@ -222,15 +281,14 @@ class RobotSimulation(MujocoRobotEnv, ABC):  # type: ignore[misc]
         if self.object_choice is not None:
             check_fits(self.object_choice, scene.opening(self.model))
             self._object_address = int(self.model.joint(names.OBJECT_JOINT).qposadr[0])
-        source = self._force_source if self._load_cells else None
+        source = self.force_source if self._load_cells else None
         self.sensors = Sensors(self.model, self.joints, self.load_cell, source)
-        self._pads = self.sensors.pads
         self.drive = Drive.of(self.model, self.joints, control=self.control, held=self.FINGERS_HELD)
         self.velocity_limit = self.drive.velocity_limit
         self._actuated = np.array(self.model.jnt_qposadr[self.model.actuator_trnid[:, 0]])
         self._ctrl = np.array([self.model.actuator(name).id for name in self.joints])
         self._range = np.stack([self.drive.low, self.drive.high], axis=1)
-        self._qpos_address = np.array([self.model.joint(name).qposadr[0] for name in self.joints])
+        self.qpos_address = np.array([self.model.joint(name).qposadr[0] for name in self.joints])
         self._qvel_address = np.array([self.model.joint(name).dofadr[0] for name in self.joints])
         self.initial_time = 0.0
         self.initial_qpos = scene.pose(self.model)
@@ -240,8 +298,8 @@ class RobotSimulation(MujocoRobotEnv, ABC):  # type: ignore[misc]
         self._filter = MovingAverage(self.load_cell.average)
         self._grasp_frame()
         self._noise = NoiseBlocks(1, self.load_cell.noises)
-        self._item_in_place, self._offset = self._scene.item, 0.0
-        self._act_under(self.effects)
+        self._item, self._offset = self._scene.item, 0.0
+        self._act_under(self._effects)
         self._settle(self._object_position(0.0))
 
     def _check_joints(self) -> None:
@@ -257,7 +315,7 @@ class RobotSimulation(MujocoRobotEnv, ABC):  # type: ignore[misc]
     def _act_under(self, effects: tuple[Entry, ...]) -> None:
         """Let effects act on what is commanded and measured, by the same runner that the diagnosis simulates with."""
         self._runner = Runner.of_one(self.data, self.wiring(), effects, self._uniform)
-        self.effects = effects
+        self._effects = effects
         chain = self._runner.chain
         self._measured: Measured | None = None if chain.passes_readings else OneOf(chain)
 
@@ -295,34 +353,34 @@ class RobotSimulation(MujocoRobotEnv, ABC):  # type: ignore[misc]
             self.model,
             joints=self.joints,
             actuators=self.joints,
-            sensors=names.SIDES if self._pads is not None else (),
+            sensors=names.SIDES if self.sensors.pads is not None else (),
             interface=self.control,
             ideal=self.servo == "ideal",
         )
 
     def contact(self) -> tuple[float, float, int] | None:
         """Stiffness [N/m], damping [N·s/m] and contact points of one pad with the present object; None without one."""
-        return contact_of(self._item_in_place)
+        return contact_of(self._item)
 
     def _reset_sim(self) -> bool:
         self._runner.restore()  # the next object goes into the nominal model
         start = self._draw_start(self.np_random)
         if start is not None:
             self._offset = start.offset
-            if start.item != self._item_in_place:
+            if start.item != self._item:
                 scene.set_object(self.model, start.item, self.data)
-                self._item_in_place = start.item
+                self._item = start.item
         self._settle(self._middle if start is None else start.place)
         return True
 
-    def _start_qpos(self, item: GraspObject | None, place: Array) -> Array:
+    def start_qpos(self, item: GraspObject | None, place: Array | None) -> Array:
         """Where everything is at the start of an episode, (nq,)."""
         qpos: Array = self.initial_qpos.copy()
-        if item is not None:
+        if item is not None and place is not None:
             put_object(qpos, self._object_address, item, place, self._object_orientation)
         return qpos
 
-    def _start_act(self, qpos: Array) -> Array:
+    def start_act(self, qpos: Array) -> Array:
         """The servos' set points at the start: where their joints are, (..., na)."""
         points: Array = qpos[..., self._actuated]
         return points
@@ -330,8 +388,8 @@ class RobotSimulation(MujocoRobotEnv, ABC):  # type: ignore[misc]
     def _settle(self, place: Array) -> None:
         """Put everything at the start of an episode; nothing of the episode before remains."""
         mujoco.mj_resetData(self.model, self.data)
-        self.data.qpos[:] = self._start_qpos(self._item_in_place, place)
-        self.data.act[:] = self._start_act(self.data.qpos)
+        self.data.qpos[:] = self.start_qpos(self._item, place)
+        self.data.act[:] = self.start_act(self.data.qpos)
         self._runner.start(self._period, self.n_substeps, self.contact())
         mujoco.mj_forward(self.model, self.data)
         self._filter.reset()
@@ -347,7 +405,7 @@ class RobotSimulation(MujocoRobotEnv, ABC):  # type: ignore[misc]
     def _read(self) -> None:
         """Take one reading of every sensor; noise is drawn here and nowhere else."""
         data = self.data
-        noise = None if self._pads is None else self._noise.take((self.np_random,))[0]
+        noise = None if self.sensors.pads is None else self._noise.take((self.np_random,))[0]
         self.state = self.sensors.read(
             data.qpos,
             data.qvel,
@@ -389,7 +447,7 @@ class RobotSimulation(MujocoRobotEnv, ABC):  # type: ignore[misc]
     @n_substeps.setter
     def n_substeps(self, count: Any) -> None:
         made = "_runner" in vars(self)
-        if made and self.effects:
+        if made and self._effects:
             raise AttributeError("n_substeps cannot be changed while effects act: set it first, then give_effects")
         self._n_substeps = checks.whole_number("n_substeps", count, MOST_SUBSTEPS)
         if made:

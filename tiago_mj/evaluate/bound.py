@@ -33,7 +33,6 @@ from numpy.typing import NDArray
 
 from tiago_mj.effects.runner import Runner
 from tiago_mj.envs.hold_force import HoldForce
-from tiago_mj.envs.start import put_object
 from tiago_mj.models import names, scene
 from tiago_mj.models.objects import GraspObject
 
@@ -77,7 +76,7 @@ def least_cost(core: Any, steps: int) -> LeastCost:
         ValueError: there is no bound for this environment; says why.
     """
     check(core)
-    item, offset, goal = core._item_in_place, core._offset, np.asarray(core.goal, dtype=np.float64)
+    item, offset, goal = core.item, core.offset, np.asarray(core.goal, dtype=np.float64)
     travel = free_travel(core, steps)
     opening = scene.opening(copy.copy(core.model))
     gaps = (opening - item.width) / 2 + offset * np.array([1.0, -1.0])  # right, left: the offset is to the left
@@ -118,7 +117,7 @@ def check(core: Any) -> None:
         raise ValueError("the bound is of the nominal model: leave the effects out")
     if core.load_cell.average != 1 or np.any(np.asarray(core.load_cell.bias)):
         raise ValueError("the bound is of a load cell without averaging and bias")
-    if core._force_source != "contact":
+    if core.force_source != "contact":
         raise ValueError("the bound is of force_source 'contact': another source feels more than the object")
 
 
@@ -139,8 +138,8 @@ def free_travel(core: Any, steps: int) -> Array:
 
     Row t is what the readings of control step t + 1 are of: the state one physics step before its end.
     """
-    data, runner = _start(core, core._item_in_place, np.array([AWAY, 0.0]))
-    begin = np.array(data.qpos[core._qpos_address])
+    data, runner = _start(core, core.item, np.array([AWAY, 0.0]))
+    begin = np.array(data.qpos[core.qpos_address])
     rows = []
     for _ in range(steps):
         rows.append(begin - _closing_step(core, data, runner))
@@ -149,20 +148,18 @@ def free_travel(core: Any, steps: int) -> Array:
 
 def closing_forces(core: Any, steps: int) -> Array:
     """Readings without noise of both fingers closing at the speed limit on the object in their middle, (steps, 2)."""
-    data, runner = _start(core, core._item_in_place, core._middle)
+    data, runner = _start(core, core.item, core.object_place(0.0))
     rows = []
     for _ in range(steps):
         _closing_step(core, data, runner)
-        rows.append(core.load_cell.signal(core._pads.truth(data.sensordata)))
+        rows.append(core.load_cell.signal(core.sensors.pads.truth(data.sensordata)))
     return np.array(rows)
 
 
 def _start(core: Any, item: GraspObject, place: Array) -> tuple[mujoco.MjData, Runner]:
     data = mujoco.MjData(core.model)
-    data.qpos[:] = core.initial_qpos
-    address = int(core.model.joint(names.OBJECT_JOINT).qposadr[0])
-    put_object(data.qpos, address, item, place, core._object_orientation)
-    data.act[:] = core._start_act(data.qpos)
+    data.qpos[:] = core.start_qpos(item, place)
+    data.act[:] = core.start_act(data.qpos)
     runner = Runner.of_one(data, core.wiring(), (), np.zeros)
     runner.start(core.dt, core.n_substeps)
     mujoco.mj_forward(core.model, data)
@@ -171,12 +168,12 @@ def _start(core: Any, item: GraspObject, place: Array) -> tuple[mujoco.MjData, R
 
 def _closing_step(core: Any, data: mujoco.MjData, runner: Runner) -> Array:
     """One control step at the limit; the fingers' positions one physics step before its end, (2,) [m]."""
-    seen = [np.array(data.qpos[core._qpos_address])]
+    seen = [np.array(data.qpos[core.qpos_address])]
     command = core.drive.command(-np.ones(2), data.act)
     runner.advance(
         command[None],
         parts=core.n_substeps,
-        between=lambda part: seen.append(np.array(data.qpos[core._qpos_address])),
+        between=lambda part: seen.append(np.array(data.qpos[core.qpos_address])),
     )
     return seen[-1]
 

@@ -207,10 +207,10 @@ class VectorRobotEnv(VectorEnv[Any, Any, Any]):
         size = self.simulations.goal.shape[1]
         asked = np.asarray(goal) if not isinstance(goal, (str, bytes)) else np.asarray(None)
         if asked.shape == (self.num_envs, size):
-            return np.array([self.core._checked_goal(one) for one in asked])
+            return np.array([self.core.checked_goal(one) for one in asked])
         if asked.ndim > 1:
             raise ValueError(f"goal has shape {asked.shape}: give ({size},), or ({self.num_envs}, {size}) for one each")
-        return np.broadcast_to(self.core._checked_goal(goal), (self.num_envs, size))
+        return np.broadcast_to(self.core.checked_goal(goal), (self.num_envs, size))
 
     def _check_open(self) -> None:
         if self.closed:
@@ -279,8 +279,7 @@ class VectorRobotEnv(VectorEnv[Any, Any, Any]):
         batch.get_model(row, core.model)
         batch.get_data(row, core.data)
         mujoco.mj_forward(core.model, core.data)
-        core._goal, core._begun = self.simulations.goal[row], True
-        return core.render()
+        return core.show(self.simulations.goal[row])
 
 
 def _everyone(count: int) -> Mask:

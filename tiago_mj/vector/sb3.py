@@ -147,7 +147,7 @@ class SB3VecEnv(VecEnv):  # type: ignore[misc]
             return {}
         if any(set(given) != {"goal"} for given in options):
             raise ValueError("options of environments differ or are unknown: give every one a 'goal', or none")
-        return {"goal": np.array([self.envs.core._checked_goal(given["goal"]) for given in options])}
+        return {"goal": np.array([self.envs.core.checked_goal(given["goal"]) for given in options])}
 
 
 def one(info: Mapping[str, Any], k: int) -> dict[str, Any]:

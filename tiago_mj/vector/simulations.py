@@ -50,13 +50,13 @@ class Simulations:
         self.batch = CopiedBatch(core.model, count, threads)
         self._bind()
         self.generators: list[np.random.Generator] = [seeding.np_random()[0] for _ in range(count)]
-        self.models = Models(self.batch, core.model, core._item_in_place)
+        self.models = Models(self.batch, core.model, core.item)
         self._cohorts = Cohorts(self.batch, core.wiring(), core.effects, self.generators)
         self._noise = NoiseBlocks(count, core.load_cell.noises)
         self._average = MovingAverage(core.load_cell.average, count)
         self._tare = np.zeros((count, 2))
         self._every = np.arange(count)
-        self.goal = np.zeros((count, len(core._goal_bound())))
+        self.goal = np.zeros((count, len(core.bounds()[1])))
         blank = [np.zeros(shape) for shape in _shapes(core.state, count)]
         self.state = State(*blank)
 
@@ -98,11 +98,10 @@ class Simulations:
         self._cohorts.leave(rows)
         self.batch.reset(rows, stage=mujoco.mjtStage.mjSTAGE_NONE)
         for row in rows.tolist():
-            start = core._draw_start(self.generators[row])
+            start = core.draw_start(self.generators[row])
             items.append(None if start is None else start.item)
-            place = core._middle if start is None else start.place
-            self._qpos[row] = core._start_qpos(items[-1], place)
-        self._act[rows] = core._start_act(self._qpos[rows])
+            self._qpos[row] = core.start_qpos(items[-1], None if start is None else start.place)
+        self._act[rows] = core.start_act(self._qpos[rows])
         self.models.give(rows, items, restore=bool(core.effects))
         self._cohorts.start(rows, core.dt, core.n_substeps, [contact_of(item) for item in items])
         if core.effects:
@@ -113,7 +112,7 @@ class Simulations:
         self._tare[rows] = core.sensors.tare(self._sensordata[rows])
         self._read(rows)
         for row in rows.tolist():
-            self.goal[row] = core._draw_goal(self.generators[row], self.state.object_pose[row, :3])
+            self.goal[row] = core.draw_goal(self.generators[row], self.state.object_pose[row, :3])
 
     # A control step -------------------------------------------------------------------------------------------------
 
@@ -173,7 +172,7 @@ class Simulations:
             qvel,
             sensed,
             tare=tare,
-            noise=None if core._pads is None else self._noise.take(self.generators, rows),
+            noise=None if core.sensors.pads is None else self._noise.take(self.generators, rows),
             average=lambda sample: self._average(sample, which),
             effects=effects,  # type: ignore[arg-type]
         )

@@ -157,7 +157,7 @@ class Session:
         force, reading = np.asarray(core.state.force_contact), np.asarray(core.state.force_raw)
         row = Row(
             time=self.steps * core.dt,
-            set_point=core.data.act[core._ctrl].copy(),
+            set_point=core.set_points,
             position=np.array(core.state.position),
             nominal=np.array(self.nominal.state.position),
             force=force if force.shape == (2,) else none,

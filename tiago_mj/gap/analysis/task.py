@@ -19,7 +19,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from tiago_mj.envs.choices import Interval, ObjectChoice
 from tiago_mj.envs.flat import core_of
 from tiago_mj.envs.hold_force import HoldForce
 from tiago_mj.envs.state import State
@@ -236,19 +235,16 @@ def _policy(asked: Asked, env: gymnasium.Env[Any, Any]) -> Any:
 def _condition(core: Any, asked: Asked, trial: Trial) -> None:
     """Set the next episode's object, its pose, and the joints at rest at their set points, as in a trial."""
     start = asked.plant.starts[trial.name]
-    for joint, address in zip(core.joints, core._qpos_address, strict=True):
+    for joint, address in zip(core.joints, core.qpos_address, strict=True):
         if joint in asked.plant.actuators:
             core.initial_qpos[address] = start.set_point[asked.plant.actuators.index(joint)]
     if start.item is not None and core.object_choice is not None:
         said = trial.sidecar.object or {}
         offset = grasp_object(said)[1] if said else core.object_choice.offset.low
-        core.object_choice = ObjectChoice((start.item,), None, None, None, None, Interval(offset, offset))
-        vars(core).pop("_object_position", None)
-        if said.get("position_m") is not None:
-            place = np.array(said["position_m"][:2], dtype=np.float64)
-            core._object_position = lambda offset: place
+        place = said.get("position_m")
+        core.begin_with(start.item, offset, None if place is None else np.array(place[:2], dtype=np.float64))
     try:
-        core._checked_goal(_goal(trial))
+        core.checked_goal(_goal(trial))
     except ValueError as fault:
         raise RecordingError(f"{trial.source}: goal in the sidecar: {fault}") from fault
 
@@ -327,7 +323,7 @@ def _achieved(core: Any, trial: Trial) -> Array:
         object_pose=np.full((rows, 7), np.nan),
         object_velocity=np.full((rows, 6), np.nan),
     )
-    return np.asarray(core._achieved(state))
+    return np.asarray(core.observed(state, core.goal)["achieved_goal"])
 
 
 def _grasp_points(core: Any, position: Array) -> Array:
@@ -338,7 +334,7 @@ def _grasp_points(core: Any, position: Array) -> Array:
     data = mujoco.MjData(core.model)
     for k in np.flatnonzero(np.isfinite(position).all(axis=1)):
         data.qpos[:] = core.initial_qpos
-        data.qpos[core._qpos_address] = position[k]
+        data.qpos[core.qpos_address] = position[k]
         mujoco.mj_kinematics(core.model, data)
         out[k] = data.site(names.GRASP_SITE).xpos
     return out

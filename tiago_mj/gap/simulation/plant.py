@@ -18,12 +18,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tiago_mj.effects import check_entries
-from tiago_mj.effects.chain import Wiring
+from tiago_mj.effects.now import Wiring
 from tiago_mj.effects.spec import Entry
 from tiago_mj.effects.wiring import wire
+from tiago_mj.envs.replay_specification import ReplaySpecification
 from tiago_mj.io.loading import is_file
 from tiago_mj.io.quoting import quoted
-from tiago_mj.models import names, scene
+from tiago_mj.models import scene
 from tiago_mj.models.actuators import driven_joint, replayed_interfaces
 from tiago_mj.models.bounded import check_speed, load_model
 from tiago_mj.models.objects import KEYS, SHAPES, GraspObject
@@ -211,22 +212,22 @@ def _environment(trials: Sequence[Trial], robot: str) -> Plant:
                 "--model"
             )
     arguments = environment_arguments(trials[0].sidecar)
-    core = _core(name, arguments)
+    replayed = _core(name, arguments).replay_specification()
     starts = {}
     for trial in trials:
         if trial.sidecar.robot != trials[0].sidecar.robot or trial.sidecar.interface != trials[0].sidecar.interface:
             raise RecordingError(
                 f"{trial.source}: another robot or interface than {trials[0].source}: diagnose them apart"
             )
-        starts[trial.name] = _environment_start(core, trial)
+        starts[trial.name] = _environment_start(replayed, trial)
     return Plant(
         name=name,
-        model=core.model,
-        wiring=core.wiring(),
-        max_timestep=core.model.opt.timestep,
-        period=core.dt,
-        cell=core.load_cell if core._pads is not None else None,
-        pads=core._pads,
+        model=replayed.model,
+        wiring=replayed.wiring,
+        max_timestep=replayed.model.opt.timestep,
+        period=replayed.period,
+        cell=replayed.cell,
+        pads=replayed.pads,
         environment={"id": f"tiago_mj/{name}", **arguments},
         relative=_relative(trials),
         starts=starts,
@@ -249,19 +250,13 @@ def _core(name: str, arguments: Mapping[str, Any]) -> Any:
     return getattr(env, "core", env)
 
 
-def _environment_start(core: Any, trial: Trial) -> Start:
+def _environment_start(replayed: ReplaySpecification, trial: Trial) -> Start:
     item, offset = grasp_object(trial.sidecar.object)
-    if core.object_choice is None:
+    if replayed.item is None:
         item = None
     elif item is None:
-        item, offset = core.object_choice.first(), core.object_choice.offset.low
-    qpos = core.initial_qpos.copy()
-    if item is not None:
-        address = int(core.model.joint(names.OBJECT_JOINT).qposadr[0])
-        qpos[address : address + 2] = core._object_position(offset)
-        qpos[address + 2] = scene.TABLE_TOP + item.half_extents()[2]
-        qpos[address + 3 : address + 7] = core._object_orientation
-    return _initial(core.model, core.wiring(), trial, qpos, item)
+        item, offset = replayed.item, replayed.offset
+    return _initial(replayed.model, replayed.wiring, trial, replayed.start_qpos(item, offset), item)
 
 
 def _relative(trials: Sequence[Trial]) -> bool:

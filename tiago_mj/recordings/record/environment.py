@@ -228,7 +228,7 @@ def episode_facts(core: Any) -> dict[str, Any]:
     by_joint = dict(zip(core.joints, core.state.position.tolist(), strict=True))
     speeds = dict(zip(core.joints, core.state.velocity.tolist(), strict=True))
     start = {name: float(core.initial_qpos[int(core.model.joint(name).qposadr[0])]) for name in core.joints}
-    item = core._item_in_place
+    item = core.item
     thing = None
     if item is not None:
         thing = {
@@ -240,8 +240,8 @@ def episode_facts(core: Any) -> dict[str, Any]:
             "stiffness": item.stiffness,
             "damping": item.damping,
             "friction": item.friction,
-            "offset_m": core._offset,
-            "position_m": np.asarray(core._object_position(core._offset)).tolist(),
+            "offset_m": core.offset,
+            "position_m": np.asarray(core.object_place(core.offset)).tolist(),
         }
     return {
         "object": thing,
