@@ -25,7 +25,7 @@ from machine import save
 from time_step import REFERENCE
 
 import tiago_mj  # noqa: F401
-from tiago_mj.envs import simulation
+from tiago_mj.envs import arguments as shared
 from tiago_mj.models import names, scene
 
 IDS = {"gripper_ta11": "GripperTactile-v0", "tiago_ta11": "TIAGoTactile-v0"}
@@ -45,7 +45,7 @@ class Choice:
     """
 
     name: str
-    step: float = simulation.MAX_TIMESTEP
+    step: float = shared.MAX_TIMESTEP
     model: Callable[[mujoco.MjModel], None] | None = None
     spec: Callable[[mujoco.MjSpec], None] | None = None
 
@@ -120,7 +120,7 @@ def make(choice: Choice, robot: str, **arguments: Any) -> Any:
             choice.model(model)
         return model
 
-    with mock.patch.object(simulation, "MAX_TIMESTEP", choice.step), mock.patch.object(scene, "build", build):
+    with mock.patch.object(shared, "MAX_TIMESTEP", choice.step), mock.patch.object(scene, "build", build):
         return gymnasium.make(f"tiago_mj/{IDS[robot]}", **arguments).unwrapped
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from machine import save
 
 import tiago_mj  # noqa: F401
-from tiago_mj.envs import simulation
+from tiago_mj.envs import arguments
 
 REFERENCE = 1e-4
 STEPS = (1 / 240, 1 / 480, 1 / 960, 1 / 1920)
@@ -24,7 +24,7 @@ STEPS = (1 / 240, 1 / 480, 1 / 960, 1 / 1920)
 
 def curve(timestep: float, item: str, program: str, control_hz: float) -> np.ndarray:
     """Contact forces (steps, 2) [N] of a second and a quarter of commands."""
-    simulation.MAX_TIMESTEP = timestep
+    arguments.MAX_TIMESTEP = timestep
     env = gymnasium.make("tiago_mj/GripperTactile-v0", object=item, control_hz=control_hz).unwrapped
     env.reset(seed=0)
     forces = []
@@ -37,7 +37,7 @@ def curve(timestep: float, item: str, program: str, control_hz: float) -> np.nda
 
 
 def main() -> None:
-    default = simulation.MAX_TIMESTEP
+    default = arguments.MAX_TIMESTEP
     rows = []
     for control_hz in (240.0, 25.0):
         for program in ("close", "wave"):

@@ -92,7 +92,9 @@ def check_names(kind: type, arguments: Iterable[str]) -> None:
     known: set[str] = set()
     for base in kind.__mro__:
         if "__init__" in vars(base) and base.__module__.startswith(f"{__package__}."):
-            known |= set(inspect.signature(base.__init__).parameters) - {"self", "kwargs"}  # type: ignore[misc]
+            parameters = inspect.signature(base.__init__).parameters.values()  # type: ignore[misc]
+            known |= {p.name for p in parameters if p.kind is inspect.Parameter.KEYWORD_ONLY}
+            known |= set(vars(base).get("ARGUMENTS", ()))
     for name in arguments:
         if name not in known:
             near = difflib.get_close_matches(name, sorted(known | FURTHER), n=1, cutoff=0.5)

@@ -53,7 +53,7 @@ class GripperClose(RobotEnv):
 
     ## Arguments
 
-    See :class:`GripperClose.__init__` and :class:`tiago_mj.envs.simulation.RobotSimulation`.
+    See :class:`GripperClose.__init__` and :class:`tiago_mj.envs.arguments.SimulationArguments`.
 
     ## Version History
 

@@ -76,7 +76,7 @@ class HoldForce(RobotEnv):
     ## Arguments
 
     See :class:`HoldForce.__init__` and, for what every environment shares,
-    :class:`tiago_mj.envs.simulation.RobotSimulation`.
+    :class:`tiago_mj.envs.arguments.SimulationArguments`.
 
     ## Version History
 

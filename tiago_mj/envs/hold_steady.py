@@ -120,7 +120,7 @@ class HoldForceSteady(HoldForce):
 
     ## Arguments
 
-    See :class:`HoldForceSteady.__init__`, :class:`HoldForce` and :class:`tiago_mj.envs.simulation.RobotSimulation`.
+    See :class:`HoldForceSteady.__init__`, :class:`HoldForce` and :class:`tiago_mj.envs.arguments.SimulationArguments`.
 
     ## Version History
 

@@ -68,7 +68,8 @@ class PickAndPlace(ObjectToGoal):
     ## Arguments
 
     See :class:`tiago_mj.envs.position_goal.ObjectToGoal` and, for what every environment shares,
-    :class:`tiago_mj.envs.simulation.RobotSimulation`; here `control_hz` is 25 and `force_source` is `touch` by default.
+    :class:`tiago_mj.envs.arguments.SimulationArguments`; here `control_hz` is 25 and `force_source` is `touch` by
+    default.
 
     ## Version History
 

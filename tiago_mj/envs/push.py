@@ -63,7 +63,8 @@ class Push(ObjectToGoal):
     ## Arguments
 
     See :class:`tiago_mj.envs.position_goal.ObjectToGoal` and, for what every environment shares,
-    :class:`tiago_mj.envs.simulation.RobotSimulation`; here `control_hz` is 25 and `force_source` is `touch` by default:
+    :class:`tiago_mj.envs.arguments.SimulationArguments`; here `control_hz` is 25 and `force_source` is `touch` by
+    default:
     a push presses on the sides of the fingertips, and has no component along the load cells' axis.
 
     ## Version History

@@ -65,7 +65,8 @@ class Reach(PositionGoal):
     ## Arguments
 
     See :class:`Reach.__init__` and, for what every environment shares,
-    :class:`tiago_mj.envs.simulation.RobotSimulation`; here `control_hz` is 25 and `force_source` is `touch` by default,
+    :class:`tiago_mj.envs.arguments.SimulationArguments`; here `control_hz` is 25 and `force_source` is `touch` by
+    default,
     so that the cells feel the table.
 
     ## Version History

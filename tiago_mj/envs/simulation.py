@@ -6,12 +6,11 @@ goal environment of it.
 
 from __future__ import annotations
 
-import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from pathlib import Path
+from dataclasses import fields
 from types import MappingProxyType
-from typing import Any, Final
+from typing import Any, ClassVar, Final
 
 import mujoco
 import numpy as np
@@ -24,37 +23,28 @@ from tiago_mj.effects.now import Wiring
 from tiago_mj.effects.runner import Runner
 from tiago_mj.effects.wiring import wire
 from tiago_mj.envs import checks, copies
+from tiago_mj.envs.arguments import RENDER_MODES, SimulationArguments
 from tiago_mj.envs.choices import Interval, ObjectChoice, check_fits
-from tiago_mj.envs.drive import CONTROLS, Drive
+from tiago_mj.envs.drive import Drive
 from tiago_mj.envs.fixed import Fixed
 from tiago_mj.envs.replay_specification import ReplaySpecification
 from tiago_mj.envs.sensors import Measured, OneOf, Sensors
 from tiago_mj.envs.start import Start, contact_of, grasp_frame, put_object
 from tiago_mj.io import mujoco_log
-from tiago_mj.io.quoting import did_you_mean, is_number, is_one_of, quoted
+from tiago_mj.io.quoting import did_you_mean, is_one_of, quoted
 from tiago_mj.models import names, scene
 from tiago_mj.models.files import model_file
 from tiago_mj.models.objects import GraspObject
-from tiago_mj.sensing.load_cell import LoadCell, MovingAverage
+from tiago_mj.sensing.load_cell import MovingAverage
 from tiago_mj.sensing.noise import NoiseBlocks
 from tiago_mj.sensing.sheet import named_load_cell
 
 Array = NDArray[np.float64]
 
-#: Longest physics step [s]. Against a 0.1 ms reference a closing grasp's force curve is then within 1.1 % of its peak
-#: (rms), and 95 % of its control steps are within 1.4 %; the steps in which contact begins or ends are farther off, as
-#: a reading is one physics step old and the force jumps there (benchmarks/time_step.py, results/time_step.json).
-MAX_TIMESTEP: Final = 1 / 480
-#: The same for ``servo="ideal"``, whose stiffness is bound by the step: it then lags by 4 steps, half a control period.
-IDEAL_MAX_TIMESTEP: Final = 1 / 1920
 #: Warnings with which MuJoCo gives a simulation up and resets it (manual, "Simulation", "Diagnostics").
 UNSTABLE: Final = slice(int(mujoco.mjtWarning.mjWARN_BADQPOS), int(mujoco.mjtWarning.mjWARN_BADQACC) + 1)
 #: What ``n_substeps`` may be set to.
 MOST_SUBSTEPS: Final = 10_000
-#: Of a side of a rendered frame [pixel]: OpenGL's own bound on most machines.
-MOST_PIXELS: Final = 16_384
-#: Commanded finger speed [m/s]: the 2021 project's. Its URDF says 0.05, and 0.02 is what the real robot was run at.
-FINGER_SPEED: Final = 0.08
 
 
 class RobotSimulation(MujocoRobotEnv, ABC):  # type: ignore[misc]
@@ -64,30 +54,17 @@ class RobotSimulation(MujocoRobotEnv, ABC):  # type: ignore[misc]
         robot: which one.
         joints: commanded and observed joints, in the order of action and observation.
         item: the object and its place, or None for an empty table.
-        servo: ``pal`` (a velocity command moves the set point of the position servo that the real robot has: it lags)
-            or ``ideal`` (velocities are tracked within 2 ms, as in the 2021 project; four times the physics steps).
-            Effort limits hold for both.
-        control: ``velocity``: an action in [-1, 1] is a velocity over the joint's limit. ``position``: it is a target
-            over the joint's range; the set point moves there no faster than the velocity limit.
-        control_hz: rate of the actions [Hz].
-        finger_speed: velocity limit of the fingers [m/s].
-        sensing: a :class:`LoadCell`, the name of a preset (``ta11``, ``released``, ``newtons``), or the path of a file
-            that ``tiago-mj calibrate-sensor`` wrote.
-        force_source: what the load cells read: ``contact``, ``touch`` or ``force`` (:mod:`tiago_mj.sensing.sources`).
-        effects: what the real robot has and the nominal model lacks: a list, the short form, or the path of a
-            ``calibration.yaml`` (docs/effects.md).
-        load_cells: read them even where there is no object; with an object they are always read.
-        visual: whether the model has the geoms that are only seen. Without them physics is faster (docs/speed.md) and
-            nothing can be rendered; nothing else depends on them but the last digits of a contact that just begins.
-        render_mode: ``rgb_array``, ``depth_array``, ``human`` or None.
-        width, height: of rendered frames [pixel].
+        **arguments: how the robot is simulated, commanded, sensed and shown: :class:`SimulationArguments`.
 
     Raises:
         ValueError: an argument is unusable; one line says which and what is possible.
     """
 
+    #: Names of what every environment takes beside its own.
+    ARGUMENTS: ClassVar = tuple(field.name for field in fields(SimulationArguments))
+
     metadata: dict[str, Any] = {  # noqa: RUF012  (gymnasium's own form)
-        "render_modes": ["human", "rgb_array", "depth_array"],
+        "render_modes": RENDER_MODES,
         "render_fps": 240,
     }
 
@@ -119,80 +96,28 @@ class RobotSimulation(MujocoRobotEnv, ABC):  # type: ignore[misc]
         "elevation": -18,
     }
 
-    def __init__(
-        self,
-        *,
-        robot: str,
-        joints: tuple[str, ...],
-        item: ObjectChoice | None,
-        servo: str = "pal",
-        control: str = "velocity",
-        control_hz: float = 240.0,
-        finger_speed: float = FINGER_SPEED,
-        sensing: str | Path | LoadCell = "ta11",
-        force_source: str = "contact",
-        effects: Any = None,
-        load_cells: bool = False,
-        visual: bool = True,
-        render_mode: str | None = None,
-        width: int = 480,
-        height: int = 480,
-    ) -> None:
-        if not is_one_of(control, CONTROLS):
-            raise ValueError(f"control {quoted(control)} is unknown: use one of {', '.join(CONTROLS)}")
-        if not (is_number(control_hz) and 1 <= control_hz <= 10_000):
-            raise ValueError(f"control_hz is {quoted(control_hz)}: give a rate from 1 to 10000 Hz")
-        if not (is_number(finger_speed) and 0 < finger_speed <= 1):
-            raise ValueError(f"finger_speed is {quoted(finger_speed)}: give a speed above 0, at most 1 m/s")
-        if render_mode is not None and render_mode not in self.metadata["render_modes"]:
-            raise ValueError(
-                f"render_mode {quoted(render_mode)} is unknown: use one of {self.metadata['render_modes']}"
-            )
-        if render_mode is not None and not visual:
-            raise ValueError(
-                f"visual is False and render_mode {quoted(render_mode)}: there is nothing to see; leave one out"
-            )
-        for name, size in (("width", width), ("height", height)):
-            if isinstance(size, bool) or not isinstance(size, (int, np.integer)) or not 1 <= size <= MOST_PIXELS:
-                raise ValueError(
-                    f"{name} is {quoted(size)}: it is that of rendered frames, give a whole number of pixels from 1 to "
-                    f"{MOST_PIXELS}" + (" (an object's width is object_width)" if name == "width" else "")
-                )
-        for name, flag in (("visual", visual), ("load_cells", load_cells)):
-            if not isinstance(flag, (bool, np.bool_)):
-                raise ValueError(f"{name} is {quoted(flag)}: give True or False")
+    def __init__(self, *, robot: str, joints: tuple[str, ...], item: ObjectChoice | None, **arguments: Any) -> None:
+        given = SimulationArguments(**arguments)
         if not isinstance(joints, (list, tuple)) or not joints:
             raise ValueError(f"joints is {quoted(joints)}: give a list of names")
-        self.joints = joints = tuple(joints)
-        self.control = control
-        self.servo = servo
-        self.load_cell = sensing if isinstance(sensing, LoadCell) else named_load_cell(sensing)
+        self.joints = tuple(joints)
+        self.control, self.servo, self.force_source = given.control, given.servo, given.force_source
+        self.load_cell = given.load_cell
         self.object_choice = item
-        self.force_source = force_source
-        self._effects = read_effects(effects)
-        self._load_cells = load_cells or item is not None
-        longest = IDEAL_MAX_TIMESTEP if servo == "ideal" else MAX_TIMESTEP
-        substeps = math.ceil(1 / (control_hz * longest) - 1e-9)
-        self._scene = scene.SceneConfig(
-            robot=robot,
-            item=None if item is None else item.first(),
-            servo=servo,
-            timestep=1 / (control_hz * substeps),
-            velocity_limits=dict.fromkeys(names.FINGERS, finger_speed),
-            goal_radius=self.GOAL_RADIUS,
-            visual=visual,
-        )
-        self._period = 1 / control_hz
-        self.metadata = {**self.metadata, "render_fps": round(control_hz)}
+        self._effects = read_effects(given.effects)
+        self._load_cells = given.load_cells or item is not None
+        self._scene = given.scene(robot, None if item is None else item.first(), self.GOAL_RADIUS)
+        self._period = 1 / given.control_hz
+        self.metadata = {**self.metadata, "render_fps": round(given.control_hz)}
         super().__init__(
             model_path=str(model_file(f"robots/{robot}.xml")),
             initial_qpos=None,
             n_actions=len(joints),
-            n_substeps=substeps,
+            n_substeps=given.substeps,
             default_camera_config=dict(self.CLOSE_UP if robot.startswith("gripper") else self.OVERVIEW),
-            render_mode=render_mode,
-            width=width,
-            height=height,
+            render_mode=given.render_mode,
+            width=given.width,
+            height=given.height,
         )
         self.observation_space = self._observation_space()
 
