@@ -12,9 +12,9 @@ from gymnasium.utils import seeding
 from numpy.typing import NDArray
 
 from tiago_mj.envs.robot_env import RobotEnv
-from tiago_mj.envs.simulation import UNSTABLE
 from tiago_mj.envs.start import contact_of
 from tiago_mj.envs.state import State
+from tiago_mj.envs.stepped import UNSTABLE
 from tiago_mj.models.objects import GraspObject
 from tiago_mj.sensing.load_cell import MovingAverage
 from tiago_mj.sensing.noise import NOISE_BLOCK, NoiseBlocks
