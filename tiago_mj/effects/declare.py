@@ -29,16 +29,14 @@ from __future__ import annotations
 import inspect
 import re
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, ClassVar, Final, TypeVar
+from typing import ClassVar, Final, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tiago_mj.effects import checks
 from tiago_mj.effects.fields import Detail, Form, NominalPrior, Parameter
-
-if TYPE_CHECKING:
-    from tiago_mj.effects.now import Now
+from tiago_mj.effects.now import Now
 
 Array = NDArray[np.float64]
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tiago_mj.effects.host import Host
-from tiago_mj.effects.spec import Targets
+from tiago_mj.effects.targets import Targets
 
 Array = NDArray[np.float64]
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from tiago_mj.effects.declare import EFFECTS, Effect
 from tiago_mj.effects.fields import Detail, Parameter
+from tiago_mj.effects.targets import Targets
 from tiago_mj.io.loading import is_file
 from tiago_mj.io.quantities import SMALLER, quantity
 from tiago_mj.io.quoting import did_you_mean, is_one_of, quoted
@@ -45,43 +46,6 @@ class Entry:
 
     def __hash__(self) -> int:
         return hash((self.name, self.target, tuple(sorted(self.parameters.items()))))
-
-
-@dataclass(frozen=True)
-class Targets:
-    """What an entry can name, and the nominal limits that relative defaults refer to.
-
-    Attributes:
-        command, joint, sensor: names, in the order of the arrays.
-        slides: of the joints, whether each slides (else it turns).
-        velocity, effort: nominal limits of the actuators [m/s, rad/s], [N, N·m]; inf where there is none.
-        actuated: per actuator, the index of its joint.
-    """
-
-    command: tuple[str, ...]
-    joint: tuple[str, ...]
-    sensor: tuple[str, ...]
-    slides: tuple[bool, ...]
-    velocity: Array
-    effort: Array
-    actuated: tuple[int, ...]
-
-    def names(self, kind: str) -> tuple[str, ...]:
-        """Of one kind of target."""
-        return {"command": self.command, "joint": self.joint, "sensor": self.sensor}.get(kind, (kind,))
-
-    def slide(self, kind: str, index: int) -> bool:
-        """Whether that target is on a sliding joint."""
-        if kind == "command":
-            return self.slides[self.actuated[index]]
-        return self.slides[index] if kind == "joint" else True
-
-    def nominal(self, quantity: str, kind: str, index: int) -> float:
-        """The limit that a relative parameter is a share of."""
-        limits = self.velocity if quantity == "velocity" else self.effort
-        if kind == "command":
-            return float(limits[index])
-        return float(limits[self.actuated.index(index)]) if index in self.actuated else math.inf
 
 
 def read_effects(given: Any) -> tuple[Entry, ...]:

@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 
 from tiago_mj.effects.now import Wiring
-from tiago_mj.effects.spec import Targets
+from tiago_mj.effects.targets import Targets
 from tiago_mj.models import names
 from tiago_mj.models.limits import joint_limits
 

@@ -13,7 +13,8 @@ from tiago_mj.envs.drive import CONTROLS
 from tiago_mj.io.quoting import is_number, is_one_of, quoted
 from tiago_mj.models import names, scene
 from tiago_mj.models.objects import GraspObject
-from tiago_mj.sensing.load_cell import LoadCell, named_load_cell
+from tiago_mj.sensing.load_cell import LoadCell
+from tiago_mj.sensing.sheet import named_load_cell
 
 #: Longest physics step [s]. Against a 0.1 ms reference a closing grasp's force curve is then within 1.1 % of its peak
 #: (rms), and 95 % of its control steps are within 1.4 %; the steps in which contact begins or ends are farther off, as

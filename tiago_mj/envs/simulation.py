@@ -34,7 +34,6 @@ from tiago_mj.models.files import model_file
 from tiago_mj.models.objects import GraspObject
 from tiago_mj.sensing.load_cell import MovingAverage
 from tiago_mj.sensing.noise import NoiseBlocks
-from tiago_mj.sensing.sheet import named_load_cell
 
 Array = NDArray[np.float64]
 
