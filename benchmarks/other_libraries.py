@@ -31,7 +31,7 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecNormalize
 from training_speed import ENV, settings, timed_updates, updating
 
-from tiago_mj.learn.build import make_env
+from tiago_mj.learn.environments import make_env
 from tiago_mj.vector.sb3 import make_sb3
 
 NAME = "other_libraries"

@@ -21,7 +21,8 @@ import numpy as np
 import torch
 from machine import save
 
-from tiago_mj.learn.build import make_env, make_model
+from tiago_mj.learn.build import make_model
+from tiago_mj.learn.environments import make_env
 from tiago_mj.learn.settings import Settings
 from tiago_mj.learn.zoo_form import read_hyperparameters
 

@@ -108,7 +108,8 @@ def _agents(folder: Path) -> Any:
 
 @cache
 def _tiny_model() -> Any:
-    from tiago_mj.learn.build import make_env, make_model
+    from tiago_mj.learn.build import make_model
+    from tiago_mj.learn.environments import make_env
 
     settings = seeds.tiny_settings()
     return make_model(settings, make_env(settings, 1), 0)

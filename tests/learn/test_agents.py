@@ -18,7 +18,8 @@ from tiago_mj.rollout.policies import make_policy
 
 sb3 = pytest.importorskip("stable_baselines3", reason="needs the extra 'train'")
 
-from tiago_mj.learn.build import make_env, make_model  # noqa: E402
+from tiago_mj.learn.build import make_model  # noqa: E402
+from tiago_mj.learn.environments import make_env  # noqa: E402
 from tiago_mj.learn.export import agent_of  # noqa: E402
 from tiago_mj.learn.settings import Settings  # noqa: E402
 from tiago_mj.learn.zoo_form import checked  # noqa: E402

@@ -9,6 +9,7 @@ torch = pytest.importorskip("torch", reason="needs the extra 'train'")
 from tiago_mj.control.scripted import Scripted  # noqa: E402
 from tiago_mj.learn import build  # noqa: E402
 from tiago_mj.learn.dagger import expert_of  # noqa: E402
+from tiago_mj.learn.environments import make_env  # noqa: E402
 from tiago_mj.learn.loop import Task, train_seed  # noqa: E402
 from tiago_mj.learn.settings import Settings  # noqa: E402
 from tiago_mj.learn.zoo_form import checked, read_hyperparameters  # noqa: E402
@@ -26,7 +27,7 @@ def settings(env="TIAGoPush-v0", *, steps=480, options=None, **given):
 
 
 def trained(chosen, steps=0):
-    model = build.make_model(chosen, build.make_env(chosen, ENVS), 0)
+    model = build.make_model(chosen, make_env(chosen, ENVS), 0)
     if steps:
         model.learn(steps)
     return model
@@ -132,7 +133,7 @@ def test_controllers_that_cannot_be_imitated_are_refused():
     given = read_hyperparameters("her-td3", "TIAGoReach-v0") | {"expert": "scripted"}
     chosen = Settings("tiago_mj/TIAGoReach-v0", "her-td3", 100, {}, None, given)
     with pytest.raises(ValueError, match="expert is of dagger"):
-        build.make_model(chosen, build.make_env(chosen, 8), 0)
+        build.make_model(chosen, make_env(chosen, 8), 0)
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,7 @@ import pytest
 torch = pytest.importorskip("torch", reason="needs the extra 'train'")
 
 from tiago_mj.learn import build, demonstrations  # noqa: E402
+from tiago_mj.learn.environments import make_env  # noqa: E402
 from tiago_mj.learn.loop import Task, train_seed  # noqa: E402
 from tiago_mj.learn.settings import Settings  # noqa: E402
 from tiago_mj.learn.updates import Descent  # noqa: E402
@@ -34,7 +35,7 @@ def settings(env="TIAGoReach-v0", algo="her-td3", **asked):
 
 
 def model_of(chosen, seed=0):
-    return build.make_model(chosen, build.make_env(chosen, 2), seed)
+    return build.make_model(chosen, make_env(chosen, 2), seed)
 
 
 def test_the_replay_buffer_holds_the_controllers_episodes():

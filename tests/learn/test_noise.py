@@ -11,7 +11,8 @@ pytest.importorskip("stable_baselines3", reason="needs the extra 'train'")
 
 from stable_baselines3.common.noise import VectorizedActionNoise
 
-from tiago_mj.learn.build import make_env, make_model
+from tiago_mj.learn.build import make_model
+from tiago_mj.learn.environments import make_env
 from tiago_mj.learn.noise import Fall, Falling, noise_of
 from tiago_mj.learn.settings import Settings
 from tiago_mj.learn.zoo_form import checked

@@ -11,7 +11,7 @@ pytest.importorskip("stable_baselines3", reason="needs the extra 'train'")
 
 from tiago_mj import cli
 from tiago_mj.effects import read_effects
-from tiago_mj.learn.build import make_env
+from tiago_mj.learn.environments import make_env
 from tiago_mj.learn.randomise import draw, read_ranges
 from tiago_mj.learn.settings import Settings
 

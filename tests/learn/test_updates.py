@@ -10,7 +10,8 @@ from stable_baselines3 import TD3, HerReplayBuffer  # noqa: E402
 from stable_baselines3.common.logger import Logger  # noqa: E402
 from stable_baselines3.common.type_aliases import ReplayBufferSamples  # noqa: E402
 
-from tiago_mj.learn.build import make_env, make_model  # noqa: E402
+from tiago_mj.learn.build import make_model  # noqa: E402
+from tiago_mj.learn.environments import make_env  # noqa: E402
 from tiago_mj.learn.perceptron import stacked  # noqa: E402
 from tiago_mj.learn.replay import HindsightBuffer  # noqa: E402
 from tiago_mj.learn.settings import Settings  # noqa: E402

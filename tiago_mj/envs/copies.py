@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 from typing import Any, Final
 
+from gymnasium_robotics.envs import robot_env
 from gymnasium_robotics.envs.robot_env import MujocoRobotEnv
 
 #: Modules that gymnasium-robotics keeps in the environment, which no pickle holds.
@@ -29,6 +30,4 @@ def restore(env: MujocoRobotEnv, state: dict[str, Any]) -> None:
     """Make a copy of what :func:`kept` gave."""
     vars(env).update(state)
     env.model = env.mujoco_renderer.model = env.data.model
-    from gymnasium_robotics.envs import robot_env
-
     env._mujoco, env._utils = robot_env.mujoco, robot_env.mujoco_utils

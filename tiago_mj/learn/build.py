@@ -1,14 +1,23 @@
-"""Environments and models of a training, from its settings."""
+"""Models of a training, from its settings; importing it takes torch and stable-baselines3."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any, Final
 
 import gymnasium
+from stable_baselines3.common.utils import LinearSchedule
+from stable_baselines3.common.vec_env import VecNormalize
+from torch import nn
 
+from tiago_mj.learn import demonstrations
+from tiago_mj.learn.dagger import Dagger, expert_of
+from tiago_mj.learn.environments import make_one_env
+from tiago_mj.learn.noise import noise_of
+from tiago_mj.learn.replay import HindsightBuffer
 from tiago_mj.learn.settings import Settings
+from tiago_mj.learn.updates import FastTD3, plain
 from tiago_mj.learn.zoo_form import FAST_KEYS, OWN_KEYS, sb3_class
 
 #: Adam in one pass over all parameters. PPO's has the epsilon that stable-baselines3 gives it unless it is told else;
@@ -23,55 +32,13 @@ OPTIMISERS: Final[Mapping[str, Mapping[str, Any]]] = {
 }
 
 
-def make_env(settings: Settings, count: int) -> Any:
-    """Vector environment for stable-baselines3, on one thread and without rendering.
-
-    Raises:
-        ValueError: an option of the environment is unknown or unusable; one line.
-    """
-    from tiago_mj.vector.sb3 import make_sb3
-
-    options = {"visual": False, **settings.env_options}
-    if settings.effects is not None:
-        options["effects"] = settings.effects
-    try:
-        if settings.randomise is not None:
-            return _randomised(settings, settings.randomise, count, options)
-        return make_sb3(settings.env, count, seed=0, threads=1, **options)
-    except TypeError as fault:
-        reason = " ".join(str(fault).split()).partition("() ")[2] or str(fault)
-        raise ValueError(f"{settings.env} with --env-option: {reason}") from fault
-
-
-def make_one_env(settings: Settings) -> Any:
-    """One scalar environment of a training, for a controller."""
-    from tiago_mj.rollout.options import make_env as make
-
-    options = {"visual": False, **settings.env_options}
-    if settings.effects is not None:
-        options["effects"] = settings.effects
-    return make(settings.env, options)
-
-
-def _randomised(settings: Settings, ranges: Mapping[str, Any], count: int, options: dict[str, Any]) -> Any:
-    from tiago_mj.effects import read_effects
-    from tiago_mj.learn.randomise import Randomised
-    from tiago_mj.vector.sb3 import make_sb3
-
-    always = read_effects(settings.effects)
-
-    def make(drawn: Sequence[Any]) -> Any:
-        return make_sb3(settings.env, 1, threads=1, **{**options, "effects": [*always, *drawn]})
-
-    return Randomised(make, count, ranges)
-
-
 def make_model(settings: Settings, env: Any, seed: int, *, fast: bool = True, fused: bool = True) -> Any:
     """Untrained stable-baselines3 model on the CPU.
 
     Args:
         settings: of the training.
-        env: of :func:`make_env`; its observations are normalised where the hyperparameters ask for it.
+        env: of :func:`tiago_mj.learn.environments.make_env`; its observations are normalised where the
+            hyperparameters ask for it.
         seed: of everything that the model draws.
         fast: whether TD3 has :mod:`tiago_mj.learn.updates` in place of stable-baselines3's own updates.
         fused: whether Adam is fused.
@@ -88,23 +55,15 @@ def make_model(settings: Settings, env: Any, seed: int, *, fast: bool = True, fu
         )
     kind = sb3_class(algo)
     if fast and algo in ("td3", "her-td3"):
-        from tiago_mj.learn.updates import FastTD3
-
         kind = FastTD3
     elif algo == "dagger":
-        from tiago_mj.learn.dagger import Dagger
-
         kind = Dagger
     arguments = {k: _value(k, v) for k, v in given.items() if k not in OWN_KEYS}
     arguments["policy_kwargs"] = _policy_arguments(algo, given["policy_kwargs"], fused)
     if "train_freq" in arguments:
-        from tiago_mj.learn.noise import noise_of
-
         arguments.update(_rollout(settings, env.num_envs))
         arguments["action_noise"] = noise_of(given, env.action_space.shape)
     if algo == "her-td3":
-        from tiago_mj.learn.replay import HindsightBuffer
-
         arguments["replay_buffer_class"] = HindsightBuffer
         first = env.num_envs * settings.episode_steps  # nothing can be relabelled before an episode is over
         arguments["learning_starts"] = max(int(arguments.get("learning_starts", 0)), first)
@@ -117,8 +76,6 @@ def make_model(settings: Settings, env: Any, seed: int, *, fast: bool = True, fu
         reason = " ".join(str(fault).split())
         raise ValueError(f"{algo} cannot be made of these hyperparameters: {reason}") from fault
     if algo == "dagger":
-        from tiago_mj.learn.dagger import expert_of
-
         if settings.steps <= model.learning_starts:
             raise ValueError(
                 f"steps is {settings.steps} and learning_starts {model.learning_starts}: nothing would be learned; "
@@ -141,8 +98,6 @@ def make_model(settings: Settings, env: Any, seed: int, *, fast: bool = True, fu
         raise ValueError(f"demonstrations are of td3 and her-td3: leave them out of the hyperparameters for {algo}")
     used = [key for key in ("leak", "action_cost", "value_range") if getattr(model, key, None)]
     for key in (*used, *(("demonstrations",) if shown else ())):
-        from tiago_mj.learn.updates import plain
-
         if not plain(model):
             raise ValueError(f"{key} is of networks with ReLU that learn with Adam: leave it out, or the activation_fn")
     return model
@@ -163,8 +118,6 @@ def demonstrate(model: Any, settings: Settings, seed: int, *, stored: bool) -> N
     asked = settings.hyperparameters.get("demonstrations")
     if not asked:
         return
-    from tiago_mj.learn import demonstrations
-
     found = demonstrations.played(settings, model.env.num_envs, seed)
     model.examples = demonstrations.Examples(found, asked["weight"], asked.get("keep", 0.0))
     if stored:
@@ -179,15 +132,11 @@ def _wrapped(env: Any, given: Mapping[str, Any]) -> Any:
     normalize = given["normalize"]
     if not normalize:
         return env
-    from stable_baselines3.common.vec_env import VecNormalize
-
     return VecNormalize(env, **({} if normalize is True else normalize))
 
 
 def _value(key: str, value: Any) -> Any:
     if isinstance(value, str) and value.startswith("lin_"):
-        from stable_baselines3.common.utils import LinearSchedule
-
         return LinearSchedule(float(value.removeprefix("lin_")), 0.0, 1.0)
     if isinstance(value, float) and value.is_integer() and key in ("buffer_size", "batch_size", "learning_starts"):
         return int(value)
@@ -195,8 +144,6 @@ def _value(key: str, value: Any) -> Any:
 
 
 def _policy_arguments(algo: str, given: Any, fused: bool) -> dict[str, Any]:
-    from torch import nn
-
     arguments = dict(given)
     if "activation_fn" in arguments:
         arguments["activation_fn"] = getattr(nn, arguments["activation_fn"])
@@ -217,9 +164,7 @@ def _rollout(settings: Settings, envs: int) -> dict[str, Any]:
         updates = max(1, round(settings.updates_per_step * collected))
     most = envs * (math.ceil((settings.steps + collected) / envs) + 1)  # what can ever be stored
     if shown := given.get("demonstrations"):
-        from tiago_mj.learn.demonstrations import episodes_each
-
-        most += envs * episodes_each(shown, envs) * settings.episode_steps
+        most += envs * demonstrations.episodes_each(shown, envs) * settings.episode_steps
     return {
         "train_freq": (count, unit),
         "gradient_steps": int(updates),

@@ -11,7 +11,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from tiago_mj.effects import read_effects, written
 from tiago_mj.io import atomic, extra, held, outputs
+from tiago_mj.io.loading import load_yaml
 from tiago_mj.learn import card, curves, duration, plots, progress
 from tiago_mj.learn.loop import BEST, Task, train_seed
 from tiago_mj.learn.settings import Settings, claim, provenance
@@ -158,8 +160,6 @@ def _effects(path: Path | None) -> Any:
     """The contents of a calibration: what is trained must not change with the file."""
     if path is None:
         return None
-    from tiago_mj.effects import read_effects, written
-
     given = written.load(path)
     read_effects(given)  # complains of what it cannot use
     return given
@@ -169,8 +169,7 @@ def _ranges(path: Path | None) -> Any:
     """The contents of a file of ranges, checked."""
     if path is None:
         return None
-    from tiago_mj.io.loading import load_yaml
-    from tiago_mj.learn.randomise import read_ranges
+    from tiago_mj.learn.randomise import read_ranges  # it takes stable-baselines3, which only a training needs
 
     return read_ranges(load_yaml(path, f"--randomise {path} cannot be read"), f"--randomise {path}")
 
@@ -181,7 +180,9 @@ def _try_out(settings: Settings, *, measure: bool) -> float:
     Returns:
         Environment steps a second of a seed; 0 where they are not measured.
     """
-    from tiago_mj.learn.build import make_env, make_model
+    # They take torch and stable-baselines3, which only a training needs.
+    from tiago_mj.learn.build import make_model
+    from tiago_mj.learn.environments import make_env
 
     env = make_env(settings, settings.hyperparameters["n_envs"])
     try:

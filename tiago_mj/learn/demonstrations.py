@@ -15,7 +15,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from tiago_mj.learn.environments import make_one_env
 from tiago_mj.learn.settings import Settings
+from tiago_mj.rollout.policies import make_policy
 
 #: Seed of the first demonstrated episode of seed 0; evaluations have other ones.
 FIRST_SEED: Final = 2_000_000
@@ -52,9 +54,6 @@ def played(settings: Settings, count: int, seed: int) -> Demonstrations:
     Raises:
         ValueError: there is no such controller for this environment; one line.
     """
-    from tiago_mj.learn.build import make_one_env
-    from tiago_mj.rollout.policies import make_policy
-
     asked: Mapping[str, Any] = settings.hyperparameters["demonstrations"]
     each = episodes_each(asked, count)
     columns = []

@@ -16,7 +16,7 @@ class Evaluator:
     """Plays evaluation episodes.
 
     Args:
-        env: of :func:`tiago_mj.learn.build.make_env`, one environment an episode.
+        env: of :func:`tiago_mj.learn.environments.make_env`, one environment an episode.
     """
 
     def __init__(self, env: Any) -> None:

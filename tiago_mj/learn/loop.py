@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from tiago_mj.io import atomic, held
-from tiago_mj.learn.settings import Settings
+from tiago_mj.learn.settings import Settings, provenance
 
 BEST, LAST, MODEL = "best.npz", "last.npz", "model.zip"
 
@@ -56,8 +56,9 @@ def train_seed(task: Task) -> dict[str, Any]:
 
 def _train(task: Task, folder: Path) -> dict[str, Any]:
     from tiago_mj.learn import checkpoint
-    from tiago_mj.learn.build import demonstrate, make_env, make_model
+    from tiago_mj.learn.build import demonstrate, make_model
     from tiago_mj.learn.callbacks import Checkpoints, Episodes, Evaluations, Progress, begin_episodes
+    from tiago_mj.learn.environments import make_env
     from tiago_mj.learn.evaluation import Evaluator
     from tiago_mj.learn.export import agent_of
     from tiago_mj.learn.noise import Fall
@@ -115,8 +116,6 @@ def _train(task: Task, folder: Path) -> dict[str, Any]:
 
 def origin_of(settings: Settings, seed: int) -> dict[str, Any]:
     """Origin of an agent, as its file states it."""
-    from tiago_mj.learn.settings import provenance
-
     return {
         "env": settings.env,
         "env_options": dict(settings.env_options),

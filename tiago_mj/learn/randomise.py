@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv
 
+from tiago_mj.effects import EFFECTS, read_effects
 from tiago_mj.io.quoting import is_number, quoted, unquoted
 
 Ranges = Mapping[str, Mapping[str, Sequence[float]]]
@@ -34,8 +35,6 @@ def read_ranges(given: Any, where: str) -> dict[str, dict[str, list[float]]]:
     Raises:
         ValueError: it has another form, an effect or parameter is unknown, or a value is impossible; one line.
     """
-    from tiago_mj.effects import read_effects
-
     if not isinstance(given, Mapping) or not given:
         raise ValueError(f"{where}: give effects with ranges, such as 'command_delay: {{seconds: [0, 0.03]}}'")
     ranges: dict[str, dict[str, list[float]]] = {}
@@ -53,8 +52,6 @@ def read_ranges(given: Any, where: str) -> dict[str, dict[str, list[float]]]:
 
 def draw(ranges: Ranges, rng: np.random.Generator) -> list[dict[str, Any]]:
     """Effects of one simulator, as environments take them."""
-    from tiago_mj.effects.declare import EFFECTS
-
     drawn = []
     for name, parameters in ranges.items():
         values = {}

@@ -117,6 +117,7 @@ def export(
     folder = training / f"seed-{card['agent_seed']}"
     agent = load_agent(folder / f"{which}{SUFFIX}")
     if cut:
+        # They take torch, which no agent needs once it is trained.
         from tiago_mj.learn import cut as cutting
         from tiago_mj.learn.checkpoint import FILE
 

@@ -20,6 +20,8 @@ from tiago_mj.recordings.record import minari
 from tiago_mj.recordings.record.environment import Plan, record
 from tiago_mj.recordings.record.plain import record_model
 from tiago_mj.recordings.write import write_trial
+from tiago_mj.rollout.options import environment_id
+from tiago_mj.rollout.policies import make_policy
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -117,9 +119,6 @@ def parse_effects(given: Sequence[str] | None) -> Any:
 def _of_environment(
     arguments: argparse.Namespace, motion: Motion | None, effects: Any, collected: list[minari.Collector]
 ) -> Any:
-    from tiago_mj.rollout.options import environment_id
-    from tiago_mj.rollout.policies import make_policy
-
     if arguments.rate is not None:
         raise ValueError("--rate is of --model: give an environment its rate with --arguments '{\"control_hz\": 100}'")
     given = {} if arguments.arguments is None else parse_json(arguments.arguments, "--arguments is no JSON")
