@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
 import html.parser
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -19,9 +19,12 @@ from tiago_mj.gap.result import (
     NextMotion,
     Overlay,
     Place,
+    Remains,
     ResidualShape,
     Shrink,
     Value,
+    Verdict,
+    identity,
 )
 from tiago_mj.recordings.recording import Finding
 
@@ -36,6 +39,21 @@ CREEP = Named(
     "pad_creep", ("right",), {"fraction": Value(0.21, 0.17, 0.26, "-"), "time_constant": Value(0.33, 0.2, 0.52, "s")}
 )
 NOTHING = Explanation((), 0.01, 0.0)
+
+
+def replace(one, **changes):
+    """A changed value; a diagnosis also by what its verdict says."""
+    if isinstance(one, Diagnosis):
+        said = {key: changes.pop(key) for key in ("kind", "alternatives", "not_excited") if key in changes}
+        if (best := changes.pop("best", None)) is not None:
+            said |= {"effects": best.effects, "probability": best.probability}
+            rows = tuple(best if identity(row) == identity(best) else row for row in one.ranking)
+            changes = {"ranking": rows, **changes}
+        if {"remains", "remains_where"} & set(changes):
+            flag = changes.pop("remains", one.remains)
+            said["remains"] = Remains(flag, changes.pop("remains_where", one.remains_where))
+        one = one.with_verdict(**said)
+    return dataclasses.replace(one, **changes)
 
 
 def places(channels, rng, loud=()):
@@ -137,13 +155,10 @@ def diagnosis(kind="effect", best=(COULOMB,), *, alternatives=None, channels=GRI
     ranked = [chosen, *(one for one in tied if one.effects != chosen.effects), *others, *([NOTHING] if best else [])]
     trials = tuple(f"grasp_{i:02d}" for i in range(10))
     named = bool(best)
+    unexcited = ("clock_skew", "motor_cogging", "velocity_limit", "force_saturation", "object_mass", "rate_limit")
+    remains = Remains(True, places(channels, rng, loud[1:])) if kind == "unknown" else Remains()
     made = Diagnosis(
-        kind=kind,
-        best=chosen,
-        alternatives=tuple(tied),
-        remains=kind == "unknown",
-        remains_where=places(channels, rng, loud[1:]) if kind == "unknown" else (),
-        not_excited=("clock_skew", "motor_cogging", "velocity_limit", "force_saturation", "object_mass", "rate_limit"),
+        verdict=Verdict(kind, chosen.effects, chosen.probability, tuple(tied), remains, unexcited),
         where=places(channels, rng, loud if kind != "no_gap" else ()),
         stage="transmission" if kind in ("effect", "ambiguous") else None,
         shrink=Shrink(

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import re
 import shlex
-from dataclasses import replace
 
 import numpy as np
 import pytest
-from made_diagnoses import CASES, COULOMB, LEFT, RIGHT, Read, diagnosis, every_case
+from made_diagnoses import CASES, COULOMB, LEFT, RIGHT, Read, diagnosis, every_case, replace
 
 from tiago_mj.cli import main
 from tiago_mj.effects import EFFECTS, describe

@@ -5,18 +5,17 @@ from __future__ import annotations
 import json
 import math
 import re
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from made_diagnoses import CASES, COULOMB, Read, diagnosis, every_case, squeezed
+from made_diagnoses import CASES, COULOMB, Read, diagnosis, every_case, replace, squeezed
 
 from tiago_mj.effects import EFFECTS
 from tiago_mj.gap.analysis.promises import CLOSES
 from tiago_mj.gap.analysis.remainder import LEFT
-from tiago_mj.gap.report import consistency, html, read, terminal, verdict, words
+from tiago_mj.gap.report import consistency, html, terminal, verdict, words
 from tiago_mj.gap.report import json as report_json
 from tiago_mj.gap.result import (
     KINDS,
@@ -31,6 +30,8 @@ from tiago_mj.gap.result import (
     Place,
     Shrink,
     Value,
+    identity,
+    keys,
 )
 
 BLIND = Path(__file__).parents[2] / "benchmarks" / "results" / "blind"
@@ -126,7 +127,7 @@ def places(draw: st.DrawFn) -> tuple[Place, ...]:
 @st.composite
 def results(draw: st.DrawFn) -> Diagnosis:
     """Fields that are each possible, whatever the others are."""
-    ranking = draw(st.lists(explanations(), min_size=1, max_size=5, unique_by=consistency.identity))
+    ranking = draw(st.lists(explanations(), min_size=1, max_size=5, unique_by=identity))
     if draw(st.booleans()) and all(one.effects for one in ranking):
         ranking.append(Explanation((), 0.0, draw(st.floats(-500, 500))))
     weights = [draw(st.floats(0.0, 1.0)) ** 4 for _ in ranking]
@@ -184,13 +185,13 @@ def whole(answer: dict) -> dict:
     kept = answer["verdict"]
     closed = (answer.get("shrink") or {}).get("closed")
 
-    def keys(effects: list[dict]) -> list[str]:
+    def names(effects: list[dict]) -> list[str]:
         targets = [e["target"] if isinstance(e["target"], str) else tuple(e["target"]) for e in effects]
-        return read.keys([Named(e["name"], target) for e, target in zip(effects, targets, strict=True)])
+        return keys([Named(e["name"], target) for e, target in zip(effects, targets, strict=True)])
 
     unknown = {"validation_gain": None, "probability": None}
     ranking = [
-        {**row, **unknown, "parameters": {key: {} for key in keys(row["effects"])}}
+        {**row, **unknown, "parameters": {key: {} for key in names(row["effects"])}}
         for row in answer.get("ranking") or []
     ]
     return {

@@ -15,7 +15,7 @@ from tiago_mj.effects import read_effects
 from tiago_mj.gap import apply
 from tiago_mj.gap.report import calibration, html, terminal, write
 from tiago_mj.gap.report.repaired import repaired
-from tiago_mj.gap.result import Diagnosis, Explanation, Shrink
+from tiago_mj.gap.result import Diagnosis, Shrink, Verdict
 from tiago_mj.gap.simulation import replay
 from tiago_mj.gap.simulation.plant import Plant, plant_of
 from tiago_mj.recordings.recording import Sidecar, Trial
@@ -61,10 +61,20 @@ def robot(folder: Path, interface: str = "position", *, given: Any = None) -> tu
 
 def diagnosis(plant: Plant) -> Diagnosis:
     """One that found nothing beyond what was given."""
-    nothing = Explanation((), 1.0, 0.0)
-    closing = Shrink(None, None, 1.0, None, None, None)
     said = Diagnosis(
-        "no_gap", nothing, (), False, (), (), (), None, closing, (), (), None, {}, plant.name, True, 0, "1", 0.0
+        verdict=Verdict("no_gap", (), 1.0),
+        where=(),
+        stage=None,
+        shrink=Shrink(None, None, 1.0, None, None, None),
+        ranking=(),
+        findings=(),
+        next_motion=None,
+        splits={},
+        robot=plant.name,
+        complete=True,
+        seed=0,
+        version="1",
+        seconds=0.0,
     )
     said = replace(said, given=plant.given)
     return replace(said, repaired=repaired(said, plant))

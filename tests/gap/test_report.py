@@ -5,18 +5,20 @@ from __future__ import annotations
 import io
 import json
 import math
-from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 import yaml
-from made_diagnoses import CASES, COULOMB, LAG, LEFT, RIGHT, STIFFNESS, diagnosis, every_case, squeezed
+from made_diagnoses import CASES, COULOMB, LAG, LEFT, RIGHT, STIFFNESS, diagnosis, every_case, replace, squeezed
 
 from tiago_mj.effects import EFFECTS, read_effects
 from tiago_mj.gap import report
 from tiago_mj.gap.report import advice, calibration, residual, terminal, verdict, words
 from tiago_mj.gap.report import json as report_json
-from tiago_mj.gap.result import CARRIERS, SHAPES, Named, ResidualShape, Value
+from tiago_mj.gap.result import CARRIERS, SCHEMA, SHAPES, Named, ResidualShape, Value, json_schema
+
+DOCS = Path(__file__).parents[2] / "docs"
 
 # diagnosis.json
 
@@ -61,6 +63,37 @@ def test_a_diagnosis_has_exactly_the_keys_of_its_contract_and_only_finite_number
     for row in data["lint"]:
         assert list(row) == ["code", "file", "channel", "message", "repaired"]
     assert list(data["splits"]) == ["train", "validation", "test"]
+
+
+@every_case
+def test_every_file_is_as_the_published_schema_says(name):
+    published = json.loads((DOCS / "diagnosis.schema.json").read_text(encoding="utf-8"))
+    assert published == json_schema(), "run python docs/make_diagnosis_schema.py"
+    assert published["$id"] == SCHEMA
+    validator = pytest.importorskip("jsonschema").Draft202012Validator(published)
+    data = report_json.as_data(CASES[name])
+    assert not list(validator.iter_errors(data))
+    for wrong in ({"verdict": {}}, {"seed": "0"}, {"schema": "tiago_mj.diagnosis/2"}):
+        assert list(validator.iter_errors({**data, **wrong}))
+
+
+def test_what_a_file_of_an_earlier_version_lacks_is_unknown(tmp_path):
+    given = report_json.as_data(CASES["unknown_with_a_shape"])
+    for later in ("residual_shape", "robot", "notes", "stopped", "physics_steps", "trial_models"):
+        del given[later]
+    for later in ("per_phase", "per_channel_and_phase", "resampled", "accounted", "accounted_before"):
+        del given["shrink"][later]
+    for row in given["ranking"]:
+        del row["evidence"]
+    (tmp_path / "diagnosis.json").write_text(json.dumps(given))
+    read = report_json.load(tmp_path / "diagnosis.json")
+    assert (read.residual_shape, read.stopped, read.trial_models, read.shrink.accounted) == (None,) * 4
+    before, after = (
+        [{key: list(values) for key, values in row.parameters.items()} for row in one.ranking]
+        for one in (CASES["unknown_with_a_shape"], read)
+    )
+    assert before == after
+    assert any(before)
 
 
 def test_a_target_is_a_name_a_list_of_names_or_all():

@@ -7,11 +7,10 @@ import gzip
 import json
 import re
 import time
-from dataclasses import replace
 
 import numpy as np
 import pytest
-from made_diagnoses import CASES, GRIPPER, Read, diagnosis, every_case, overlay, places, squeezed
+from made_diagnoses import CASES, GRIPPER, Read, diagnosis, every_case, overlay, places, replace, squeezed
 
 from tiago_mj.gap.report import html as page
 from tiago_mj.gap.report import overlays, shrinking, tables, verdict

@@ -8,7 +8,6 @@ import pytest
 from tiago_mj.cli import main
 from tiago_mj.gap import pipeline
 from tiago_mj.gap.report import json as report_json
-from tiago_mj.gap.report.read import load
 from tiago_mj.recordings.read import read_recordings
 
 SINGULAR = "Inertia matrix is too close to singular at DOF {}. Check model. Time = {}."
@@ -49,4 +48,4 @@ def test_warnings_of_models_that_are_tried_are_counted_and_of_the_nominal_one_to
         "diverged": 0,
         "warnings": found.trial_models.warnings,
     }
-    assert load(path).trial_models == found.trial_models
+    assert report_json.load(path).trial_models == found.trial_models

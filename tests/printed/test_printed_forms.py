@@ -10,7 +10,6 @@ import re
 import shlex
 import sys
 import tomllib
-from dataclasses import replace
 from pathlib import Path
 
 import gymnasium
@@ -23,7 +22,7 @@ from tiago_mj.cli import build_parser
 from tiago_mj.gap.report import html, terminal
 
 sys.path.insert(0, str(ROOT / "tests" / "gap"))
-from made_diagnoses import CASES
+from made_diagnoses import CASES, replace
 
 ON_PAGES = [line for page in PAGES for line in (*of_page(page), *in_prose(page))]
 EXTRAS = set(tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["optional-dependencies"])

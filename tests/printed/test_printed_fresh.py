@@ -8,7 +8,6 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -24,7 +23,7 @@ from tiago_mj.gap.simulation.plant import plant_of
 from tiago_mj.recordings.read import read_recordings
 
 sys.path.insert(0, str(ROOT / "tests" / "gap"))
-from made_diagnoses import CASES, COULOMB, TIED, diagnosis
+from made_diagnoses import CASES, COULOMB, TIED, diagnosis, replace
 
 README = ROOT / "README.md"
 

@@ -1,6 +1,6 @@
 """A diagnosis that names friction in a gripper's fingers."""
 
-from tiago_mj.gap.result import Diagnosis, Explanation, Named, Place, Shrink, Value
+from tiago_mj.gap.result import Diagnosis, Explanation, Named, Place, Shrink, Value, Verdict
 
 LEFT = "position.gripper_left_finger_joint"
 FRICTION = Named("coulomb_friction", "all", {"force": Value(2.5, 2.3, 2.7, "N")})
@@ -10,12 +10,7 @@ def answer(**changes):
     """A diagnosis that names the friction."""
     best = Explanation((FRICTION,), 0.9, 1.0)
     given = {
-        "kind": "effect",
-        "best": best,
-        "alternatives": (best,),
-        "remains": False,
-        "remains_where": (),
-        "not_excited": (),
+        "verdict": Verdict("effect", best.effects, best.probability, (best,)),
         "where": (Place(LEFT, "free motion", "bias", 600.0, 500.0, 700.0, 1.0),),
         "stage": "transmission",
         "shrink": Shrink(None, None, 1.0, None, None, None),
@@ -29,4 +24,4 @@ def answer(**changes):
         "version": "0",
         "seconds": 1.0,
     }
-    return Diagnosis(**{**given, **changes})
+    return Diagnosis(**given).with_verdict(**changes)

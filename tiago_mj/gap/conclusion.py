@@ -21,7 +21,18 @@ from tiago_mj.gap.detectors.proposals import Proposals
 from tiago_mj.gap.inference import noise_model
 from tiago_mj.gap.inference.noise_model import Data
 from tiago_mj.gap.inference.predictor import Predictor
-from tiago_mj.gap.result import Diagnosis, Explanation, NextMotion, Place, ResidualShape, Shrink, Stopped, fault_of
+from tiago_mj.gap.result import (
+    Diagnosis,
+    Explanation,
+    NextMotion,
+    Place,
+    Remains,
+    ResidualShape,
+    Shrink,
+    Stopped,
+    Verdict,
+    fault_of,
+)
 from tiago_mj.gap.search.state import Ranked, Tick
 from tiago_mj.gap.simulation import phases
 from tiago_mj.gap.simulation.replay import Signals
@@ -40,7 +51,7 @@ REMAINDERS: Final = 20
 
 
 @dataclass(frozen=True)
-class Verdict:
+class Tried:
     """What is said, and what it does on the trials that were kept aside.
 
     Attributes:
@@ -122,12 +133,17 @@ def concluded(
     shown = [k for k in judged.rivals if ranked.fits[k].parts or judged.kind == "no_gap"]
     likeliest = explanations[judged.rivals[0]]
     return Diagnosis(
-        kind=judged.kind,
-        best=Explanation((), likeliest.probability, 0.0) if judged.kind == "no_gap" else likeliest,
-        alternatives=tuple(explanations[k] for k in (shown[:1] if judged.kind == "no_gap" else shown)),
-        remains=judged.remains and judged.kind != "no_gap",
-        remains_where=tuple(place for place in left[:5] if place.share > 0) if judged.remains else (),
-        not_excited=ranked.not_excited,
+        verdict=Verdict(
+            judged.kind,
+            () if judged.kind == "no_gap" else likeliest.effects,
+            likeliest.probability,
+            tuple(explanations[k] for k in (shown[:1] if judged.kind == "no_gap" else shown)),
+            Remains(
+                judged.remains and judged.kind != "no_gap",
+                tuple(place for place in left[:5] if place.share > 0) if judged.remains else (),
+            ),
+            ranked.not_excited,
+        ),
         where=where,
         stage=outcome.stage(best) if best.parts and judged.kind != "unknown" else unexplained.stage(shape, where),
         shrink=found.closing,
@@ -182,12 +198,7 @@ def unanswered(
         unknown = np.full(len(ranked.fits), np.nan)
         best = outcome.explanations(session.plant, ranked, unknown, unknown)[0]
     return Diagnosis(
-        kind="effect" if best.effects else "unknown",
-        best=best,
-        alternatives=(),
-        remains=False,
-        remains_where=(),
-        not_excited=(),
+        verdict=Verdict("effect" if best.effects else "unknown", best.effects, best.probability),
         where=where,
         stage=locate.stage(where) if where else None,
         shrink=Shrink(None, None, 1.0, None, None, None),
@@ -213,15 +224,13 @@ def provisional(found: Diagnosis, stopped: Stopped) -> Diagnosis:
     def without(one: Explanation) -> Explanation:
         return replace(one, probability=math.nan)
 
-    named = bool(found.best.effects)
+    said = replace(found.verdict, probability=math.nan, alternatives=tuple(map(without, found.alternatives)))
+    if not said.effects:
+        said = replace(said, kind="unknown", alternatives=(), remains=Remains())
     return replace(
         found,
-        kind=found.kind if named else "unknown",
-        best=without(found.best),
-        alternatives=tuple(without(one) for one in found.alternatives) if named else (),
-        ranking=tuple(without(one) for one in found.ranking),
-        remains=found.remains and named,
-        remains_where=found.remains_where if named else (),
+        verdict=said,
+        ranking=tuple(map(without, found.ranking)),
         next_motion=None,
         complete=False,
         stopped=stopped,
@@ -273,7 +282,7 @@ def _tried(
     base: Array,
     phase: NDArray[np.int_],
     seed: int,
-) -> Verdict:
+) -> Tried:
     """The verdict, once the trials kept aside were looked at."""
     plant, test, by = session.plant, session.indices("test"), verdict.calibration()
     repair = partial(_repaired, ranked.predict.as_simulated(), ranked, left_open, data, base)
@@ -285,7 +294,7 @@ def _tried(
     repaired = repair(judged.rivals[0])
     closing = close(repaired)
     if not test or not ranked.complete:  # what is provisional needs no more than how far it closes the gap
-        return Verdict(judged, repaired, closing, ())
+        return Tried(judged, repaired, closing, ())
     rest = leave(fit=best)
     closed, none = closing.closed, None
     if closed is not None and closed <= promises.CLOSES:  # where the object stood may hide it
@@ -305,7 +314,7 @@ def _tried(
         best, repaired = ranked.fits[kept.rivals[0]], repair(kept.rivals[0])
         closing, rest, none = close(repaired), leave(fit=best), None
     said += held_out.spoiled(plant, ranked.predict, data, best, session.trials, session.splits, seed)
-    return Verdict(kept, repaired, with_accounted(closing, rest, none), said)
+    return Tried(kept, repaired, with_accounted(closing, rest, none), said)
 
 
 def _repaired(

@@ -1,17 +1,28 @@
-"""What a diagnosis says: the value that every writer (JSON, HTML, terminal, calibration file) takes.
+"""The result of a diagnosis: what ``diagnosis.json`` holds, the report reads and ``diagnose()`` returns.
 
-Field by field it is ``diagnosis.json`` (schema ``tiago_mj.diagnosis/1``); what a picture needs beside it is in
-:class:`Overlay`. Unknown numbers are None, never NaN.
+:class:`Result` is the file, key by key (schema ``tiago_mj.diagnosis/1``): pydantic checks what is read by its types,
+writes it, and gives its JSON schema (:func:`json_schema`). :class:`Diagnosis` has beside it what only the page shows.
+Unknown numbers are None or NaN in memory and null in the file.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Any, Final
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, NotRequired, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import (
+    BeforeValidator,
+    Field,
+    PlainSerializer,
+    TypeAdapter,
+    WithJsonSchema,
+    WrapSerializer,
+)
+from typing_extensions import TypedDict
 
 from tiago_mj.effects.spec import Entry
 from tiago_mj.io.deadline import OutOfTimeError
@@ -21,6 +32,9 @@ Array = NDArray[np.float64]
 
 SCHEMA: Final = "tiago_mj.diagnosis/1"
 KINDS: Final = ("no_gap", "effect", "ambiguous", "unknown")
+SPLITS: Final = ("train", "validation", "test")
+#: Who plays a policy whose return is told.
+PLAYED: Final = ("nominal", "repaired", "measured")
 PHASES: Final = ("rest", "free motion", "reversal", "contact onset", "loading", "hold", "release")
 BANDS: Final = ("bias", "below 1 Hz", "1-5 Hz", "above 5 Hz")
 #: What a residual may follow (:mod:`tiago_mj.gap.analysis.regressors`); ``irregular``: none of the others.
@@ -32,12 +46,53 @@ SHAPES: Final = (
 CARRIERS: Final = ("motion", "position", "velocity", "apart", "force", "both", "unclear")
 
 
+def written(target: str | tuple[str, ...]) -> str | list[str]:
+    """A target as a file has it: ``"all"``, a name, several; one alone is no list."""
+    if isinstance(target, str):
+        return target
+    return target[0] if len(target) == 1 else list(target)
+
+
+def _in_order(given: Mapping[str, Any]) -> dict[str, Any]:
+    """A mapping in the order of its keys; phases in that of a motion."""
+    return dict(sorted(given.items(), key=lambda one: (one[0] in PHASES and PHASES.index(one[0]), one[0])))
+
+
+#: A number, NaN where it is not known: null in the file.
+Number = Annotated[
+    float,
+    BeforeValidator(lambda value: math.nan if value is None else value),
+    WithJsonSchema({"type": ["number", "null"]}),
+]
+Target = Annotated[str | tuple[str, ...], PlainSerializer(written, return_type=str | list[str])]
+Sorted = WrapSerializer(lambda given, written: written(_in_order(given)))
+
+if TYPE_CHECKING:
+    Kind: TypeAlias = str
+    Why: TypeAlias = str
+    Splits: TypeAlias = Mapping[str, tuple[str, ...]]
+    Return: TypeAlias = Mapping[str, Any]
+else:  # what the file may hold there
+    Kind, Why = Literal[KINDS], Literal["budget", "interrupted", "fault"]
+    Splits = TypedDict("Splits", dict.fromkeys(SPLITS, tuple[str, ...]))
+    ENDS = [f"{who}_{end}" for who in PLAYED for end in ("low", "high")]
+    Return = TypedDict(
+        "Return",
+        {
+            "policy": str | None,
+            **dict.fromkeys(PLAYED, float | None),
+            **dict.fromkeys(ENDS, NotRequired[float | None]),
+            "trials": NotRequired[Mapping[str, Mapping[str, float | None]]],
+        },
+    )
+
+
 @dataclass(frozen=True)
 class Value:
     """A parameter with its 90 % interval, in ``unit``, and the standard deviations, where there are any, of its fit
     alone and of what no recording tells of it."""
 
-    value: float
+    value: Number
     low: float | None
     high: float | None
     unit: str
@@ -45,13 +100,16 @@ class Value:
     known_to: float | None = None
 
 
+Parameters = Annotated[Mapping[str, Value], Sorted]
+
+
 @dataclass(frozen=True)
 class Named:
     """An effect on its targets, with what was fitted; ``target`` is ``"all"``, one name or several."""
 
     name: str
-    target: str | tuple[str, ...]
-    parameters: Mapping[str, Value] = field(default_factory=dict)
+    target: Target
+    parameters: Parameters = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -70,10 +128,10 @@ class Evidence:
         agreement: what trials gain by its effects over what they gain and lose together [nats]; None: not known.
     """
 
-    met: float
-    price: float
-    misfit: float
-    lasting: float
+    met: Number
+    price: Number
+    misfit: Number
+    lasting: Number
     edge: bool = False
     sharp: float | None = None
     agreement: float | None = None
@@ -88,14 +146,38 @@ class Explanation:
         probability: calibrated, that it is the true one, up to its classes; NaN where the search did not come to its
             end.
         validation_gain: drop of the validation trials' mean squared residual [in units of the floor] against the
-            nominal model with its own numbers as they were fitted, nothing added: 0 for the empty set.
+            nominal model with its own numbers as they were fitted, nothing added: 0 for the empty set; NaN: not known.
         evidence: for it; None where it was judged otherwise.
+        parameters: those of the effects, by :func:`keys`: where the file has them.
     """
 
     effects: tuple[Named, ...]
-    probability: float
-    validation_gain: float
+    probability: Number
+    validation_gain: Annotated[Number, Field(json_schema_extra={"default": None})] = math.nan
     evidence: Evidence | None = None
+    parameters: Mapping[str, Parameters] = field(default_factory=dict, repr=False)
+
+    def __post_init__(self) -> None:
+        names, given = keys(self.effects), self.parameters
+        effects = [
+            effect if effect.parameters else replace(effect, parameters=given.get(name, {}))
+            for name, effect in zip(names, self.effects, strict=True)
+        ]
+        object.__setattr__(self, "effects", tuple(effects))
+        held = {name: effect.parameters for name, effect in zip(names, effects, strict=True)}
+        object.__setattr__(self, "parameters", held)
+
+
+def identity(one: Explanation) -> tuple[tuple[str, str | tuple[str, ...]], ...]:
+    """What an explanation names, without its numbers."""
+    return tuple((effect.name, effect.target) for effect in one.effects)
+
+
+def keys(effects: Sequence[Named]) -> list[str]:
+    """Of a ranking's ``parameters``: the effect's name, with its target where one effect is there twice."""
+    names = [effect.name for effect in effects]
+    long = [[e.name, *([e.target] if isinstance(e.target, str) else e.target)] for e in effects]
+    return [name if names.count(name) == 1 else ":".join(words) for name, words in zip(names, long, strict=True)]
 
 
 @dataclass(frozen=True)
@@ -105,10 +187,10 @@ class Place:
     channel: str
     phase: str
     band: str
-    gap: float
-    low: float
-    high: float
-    share: float
+    gap: Number
+    low: Number
+    high: Number
+    share: Number
 
 
 @dataclass(frozen=True)
@@ -119,12 +201,15 @@ class Closing:
     ``accounted`` is as in :class:`Shrink`, of this part.
     """
 
-    before: float
-    after: float
+    before: Number
+    after: Number
     closed: float | None
     low: float | None = None
     high: float | None = None
     accounted: float | None = None
+
+
+Closings = Annotated[Mapping[str, Closing], Sorted]
 
 
 @dataclass(frozen=True)
@@ -149,14 +234,16 @@ class Shrink:
 
     before: float | None
     after: float | None
-    floor: float
+    floor: Number
     closed: float | None
     low: float | None
     high: float | None
-    per_channel: Mapping[str, Closing] = field(default_factory=dict)
-    task: Mapping[str, Any] | None = None
-    per_phase: Mapping[str, Closing] = field(default_factory=dict)
-    per_place: Mapping[str, Mapping[str, Closing]] = field(default_factory=dict)
+    per_channel: Closings = field(default_factory=dict)
+    task: Annotated[Return | None, Field(alias="return")] = None
+    per_phase: Closings = field(default_factory=dict)
+    per_place: Annotated[Mapping[str, Closings], Sorted, Field(alias="per_channel_and_phase")] = field(
+        default_factory=dict
+    )
     resampled: str = ""
     accounted: float | None = None
     accounted_before: float | None = None
@@ -184,7 +271,7 @@ class ResidualShape:
     stages: tuple[str, ...]
     carrier: str
     name: str
-    share: float
+    share: Number
     runner_up: str | None = None
     runner_up_share: float | None = None
     at: float | None = None
@@ -202,7 +289,165 @@ class NextMotion:
 
     file: str
     resolves: tuple[tuple[str, str], ...]
-    expected_probability: float
+    expected_probability: Number
+
+
+def fault_of(ended: BaseException | None) -> BaseException | None:
+    """What ended a search, unless it was the time."""
+    return None if isinstance(ended, OutOfTimeError) else ended
+
+
+@dataclass(frozen=True)
+class Stopped:
+    """How far a search was that ended before its end.
+
+    Attributes:
+        why: ``budget`` (its time was spent), ``interrupted`` (by the user) or ``fault`` (of this program).
+        seconds: that it took.
+        tried: effects that were tried, at one magnitude at least.
+        effects: that there were to try; 0: that was not known yet.
+        needs: seconds that the whole search takes at most, at the speed of this one; None: not known.
+    """
+
+    why: Why
+    seconds: float
+    tried: int = 0
+    effects: int = 0
+    needs: float | None = None
+
+    @classmethod
+    def by(cls, ended: BaseException | None, seconds: float) -> Stopped:
+        """By what ended the search, apart from the time; nothing else is known."""
+        if ended is None:
+            return cls("budget", seconds)
+        return cls("interrupted" if isinstance(ended, KeyboardInterrupt) else "fault", seconds)
+
+
+@dataclass(frozen=True)
+class TrialModels:
+    """How the simulations went that a search tries: models with candidate effects in them, most of which are wrong.
+
+    Attributes:
+        simulations: that were made, the nominal ones among them.
+        diverged: of these; what they were of was dropped.
+        warnings: MuJoCo's, by what they say: how often each came.
+    """
+
+    simulations: int
+    diverged: int
+    warnings: Mapping[str, int] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Remains:
+    """Whether and where a gap above the floor is left after the best explanation."""
+
+    flag: bool = False
+    where: tuple[Place, ...] = ()
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What is said to cause the gap.
+
+    Attributes:
+        kind: one of :data:`KINDS`.
+        effects: of the best explanation; none for ``no_gap``, what is known for ``unknown``.
+        probability: of the best explanation.
+        alternatives: explanations that the data cannot tell from the best, the best among them.
+        remains: what is left of the gap.
+        not_excited: effects that the motion does not excite: not ruled out.
+    """
+
+    kind: Kind
+    effects: tuple[Named, ...]
+    probability: Number
+    alternatives: tuple[Explanation, ...] = ()
+    remains: Remains = Remains()
+    not_excited: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Result:
+    """What ``diagnosis.json`` holds, in its order.
+
+    Attributes:
+        schema: its version.
+        verdict: what is said.
+        where: the gap table of the nominal model; shares sum to 1 where there is an excess.
+        stage: of the signal chain that the pattern points to, or None.
+        residual_shape: what the best explanation leaves looks like, where that is a gap; None: nothing is left, or it
+            was not asked.
+        shrink, ranking, next_motion: as named.
+        findings: of the lint.
+        splits: trial names by ``train``, ``validation``, ``test``.
+        robot: what was simulated.
+        notes: sentences that a reader should know (no test trial, channels left out, what the log cannot show).
+        complete: False where the search ended before its end: all that is said is provisional, and has no probability.
+        stopped: how far it was then; None: it came to its end.
+        seed, version: of what was drawn at random, and of this package.
+        seconds: that it took.
+        physics_steps: that were simulated; None where efforts were explained along the measured motion.
+        trial_models: how the simulations of candidate effects went, which is no sign of a fault in the user's model;
+            None as for ``physics_steps``.
+    """
+
+    schema: Literal["tiago_mj.diagnosis/1"] = SCHEMA
+    verdict: Verdict
+    where: tuple[Place, ...]
+    stage: str | None
+    residual_shape: ResidualShape | None = None
+    shrink: Shrink
+    ranking: tuple[Explanation, ...]
+    findings: Annotated[tuple[Finding, ...], Field(alias="lint")]
+    next_motion: NextMotion | None
+    splits: Splits
+    robot: str = ""
+    notes: tuple[str, ...] = ()
+    complete: bool
+    stopped: Stopped | None = None
+    seed: int
+    version: str
+    seconds: float
+    physics_steps: int | None = None
+    trial_models: TrialModels | None = None
+
+    @property
+    def kind(self) -> str:
+        """Of the verdict."""
+        return self.verdict.kind
+
+    @property
+    def best(self) -> Explanation:
+        """The best explanation, with what the ranking says of it."""
+        ranked = self.ranked(Explanation(self.verdict.effects, self.verdict.probability))
+        return replace(ranked, effects=self.verdict.effects)
+
+    def ranked(self, one: Explanation) -> Explanation:
+        """An explanation with what the ranking says of the same values, else of the same effects."""
+        same = [row for row in self.ranking if identity(row) == identity(one)]
+        row = next((row for row in same if row.effects == one.effects), same[0] if same else one)
+        return replace(row, probability=one.probability)
+
+    @property
+    def alternatives(self) -> tuple[Explanation, ...]:
+        """What the data cannot tell from the best, the best among them."""
+        return self.verdict.alternatives
+
+    @property
+    def remains(self) -> bool:
+        """Whether a gap above the floor is left after the best explanation."""
+        return self.verdict.remains.flag
+
+    @property
+    def remains_where(self) -> tuple[Place, ...]:
+        """Where it is left."""
+        return self.verdict.remains.where
+
+    @property
+    def not_excited(self) -> tuple[str, ...]:
+        """Effects that the motion does not excite."""
+        return self.verdict.not_excited
 
 
 @dataclass(frozen=True)
@@ -253,112 +498,38 @@ class Repaired:
     actuators: tuple[str, ...]
 
 
-def fault_of(ended: BaseException | None) -> BaseException | None:
-    """What ended a search, unless it was the time."""
-    return None if isinstance(ended, OutOfTimeError) else ended
-
-
-@dataclass(frozen=True)
-class Stopped:
-    """How far a search was that ended before its end.
+@dataclass(frozen=True, kw_only=True)
+class Diagnosis(Result):
+    """The whole answer: the result, and beside it what only the page shows.
 
     Attributes:
-        why: ``budget`` (its time was spent), ``interrupted`` (by the user) or ``fault`` (of this program).
-        seconds: that it took.
-        tried: effects that were tried, at one magnitude at least.
-        effects: that there were to try; 0: that was not known yet.
-        needs: seconds that the whole search takes at most, at the speed of this one; None: not known.
-    """
-
-    why: str
-    seconds: float
-    tried: int = 0
-    effects: int = 0
-    needs: float | None = None
-
-    @classmethod
-    def by(cls, ended: BaseException | None, seconds: float) -> Stopped:
-        """By what ended the search, apart from the time; nothing else is known."""
-        if ended is None:
-            return cls("budget", seconds)
-        return cls("interrupted" if isinstance(ended, KeyboardInterrupt) else "fault", seconds)
-
-
-@dataclass(frozen=True)
-class TrialModels:
-    """How the simulations went that a search tries: models with candidate effects in them, most of which are wrong.
-
-    Attributes:
-        simulations: that were made, the nominal ones among them.
-        diverged: of these; what they were of was dropped.
-        warnings: MuJoCo's, by what they say: how often each came.
-    """
-
-    simulations: int
-    diverged: int
-    warnings: Mapping[str, int] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
-class Diagnosis:
-    """The whole answer.
-
-    Attributes:
-        kind: one of :data:`KINDS`.
-        best: the best explanation (no effects for ``no_gap``; what is known for ``unknown``).
-        alternatives: explanations that the data cannot tell from the best, the best among them.
-        remains, remains_where: whether and where a gap above the floor is left after the best explanation.
-        not_excited: effects that the motion does not excite: not ruled out.
-        where: the gap table of the nominal model; shares sum to 1 where there is an excess.
-        stage: of the signal chain that the pattern points to, or None.
-        shrink, ranking, findings, next_motion: as named.
-        splits: trial names by ``train``, ``validation``, ``test``.
-        robot: what was simulated.
-        complete: False where the search ended before its end: all that is said is provisional, and has no probability.
-        stopped: how far it was then; None: it came to its end.
-        overlays: for the pictures, not in the JSON.
-        notes: sentences that a reader should know (no test trial, channels left out, what the log cannot show).
+        overlays: for the pictures.
         given: effects that were known before, and are part of the nominal and of the repaired simulator.
         repaired: the user's own model, repaired; None for an environment.
+        command: the command line that made it; not in the JSON, since the answer does not depend on it.
+        limits: most that the nominal model's drives give, by ``joint`` and ``command``, then by name [N, N·m].
+        asides: sentences on how the numbers were made, with no bearing on the answer.
         ended: what ended the search before its end, apart from the time: a fault, or the user.
-        command: the command line that made it; in the page, not in the JSON, since the answer does not depend on it.
-        limits: most that the nominal model's drives give, by ``joint`` and ``command``, then by name [N, N·m]; for the
-            page, not in the JSON.
-        asides: sentences on how the numbers were made, with no bearing on the answer; for the page, not in the JSON.
-        physics_steps: that were simulated; None where efforts were explained along the measured motion.
-        trial_models: how the simulations of candidate effects went, which is no sign of a fault in the user's model;
-            None as for ``physics_steps``.
-        residual_shape: what the best explanation leaves looks like, where that is a gap; None: nothing is left, or it
-            was not asked.
     """
 
-    kind: str
-    best: Explanation
-    alternatives: tuple[Explanation, ...]
-    remains: bool
-    remains_where: tuple[Place, ...]
-    not_excited: tuple[str, ...]
-    where: tuple[Place, ...]
-    stage: str | None
-    shrink: Shrink
-    ranking: tuple[Explanation, ...]
-    findings: tuple[Finding, ...]
-    next_motion: NextMotion | None
-    splits: Mapping[str, tuple[str, ...]]
-    robot: str
-    complete: bool
-    seed: int
-    version: str
-    seconds: float
     overlays: tuple[Overlay, ...] = ()
-    notes: tuple[str, ...] = ()
     given: tuple[Entry, ...] = ()
     repaired: Repaired | None = None
-    ended: BaseException | None = None
-    stopped: Stopped | None = None
     command: str = ""
-    physics_steps: int | None = None
     limits: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     asides: tuple[str, ...] = ()
-    trial_models: TrialModels | None = None
-    residual_shape: ResidualShape | None = None
+    ended: BaseException | None = None
+
+    def with_verdict(self, **changes: Any) -> Diagnosis:
+        """The same with some fields of its verdict changed."""
+        return replace(self, verdict=replace(self.verdict, **changes))
+
+
+#: Checks and writes what the file holds.
+FILE: Final = TypeAdapter(Result)
+
+
+def json_schema() -> dict[str, Any]:
+    """JSON schema of ``diagnosis.json``."""
+    dialect = "https://json-schema.org/draft/2020-12/schema"
+    return {"$schema": dialect, "$id": SCHEMA, **FILE.json_schema(mode="serialization")}

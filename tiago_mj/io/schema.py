@@ -90,11 +90,7 @@ def checked(model: type[M], given: Any, mend: str = "write a mapping, {...}") ->
     try:
         return model.model_validate(given)
     except ValidationError as error:
-        errors: list[Any] = error.errors(include_url=False)
-    # Of several forms that a field may have, each has its complaint: that of the one which fits farthest counts.
-    first = max(
-        (one for one in errors if one["loc"][:1] == errors[0]["loc"][:1]), key=lambda one: len(_walk(given, one)[0])
-    )
+        first = _first(error, given)
     kind, limits = first["type"], first.get("ctx") or {}
     where, value = _walk(given, first)
     inner: type[BaseModel] | None = model
@@ -113,6 +109,21 @@ def checked(model: type[M], given: Any, mend: str = "write a mapping, {...}") ->
     if kind == "slip" or (kind == "extra_forbidden" and known):
         raise SchemaError(where, "is unknown", did_you_mean(where[-1], known), {})
     raise SchemaError(where, f"is {quoted(value)}", mend, limits)
+
+
+def first_fault(error: ValidationError, given: Any) -> SchemaError:
+    """The first thing that is wrong with what was read, without what to write instead."""
+    first = _first(error, given)
+    where, value = _walk(given, first)
+    return SchemaError(where, "is missing" if first["type"] == "missing" else f"is {quoted(value)}", "", {})
+
+
+def _first(error: ValidationError, given: Any) -> Mapping[str, Any]:
+    """Of several forms that a field may have, each has its complaint: that of the one which fits farthest counts."""
+    errors: list[Any] = error.errors(include_url=False)
+    return max(
+        (one for one in errors if one["loc"][:1] == errors[0]["loc"][:1]), key=lambda one: len(_walk(given, one)[0])
+    )
 
 
 def _walk(given: Any, error: Mapping[str, Any]) -> tuple[list[Any], Any]:

@@ -9,7 +9,7 @@ from typing import Any
 
 from tiago_mj.effects import read_effects
 from tiago_mj.effects.spec import Entry
-from tiago_mj.gap.report.read import load
+from tiago_mj.gap.report.json import load
 from tiago_mj.gap.result import Diagnosis
 from tiago_mj.gap.simulation.along_a_motion import torques_along_a_motion
 from tiago_mj.gap.simulation.plant import Plant, plant_of

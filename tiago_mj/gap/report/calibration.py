@@ -9,8 +9,8 @@ import yaml
 
 from tiago_mj.effects.spec import Entry
 from tiago_mj.effects.written import SCHEMA
-from tiago_mj.gap.report.json import clean, fingerprint, target
-from tiago_mj.gap.result import Diagnosis, Named, Value
+from tiago_mj.gap.report.json import clean, fingerprint
+from tiago_mj.gap.result import Diagnosis, Named, Value, written
 from tiago_mj.io import atomic
 from tiago_mj.registration import import_and_make
 
@@ -64,7 +64,7 @@ def write(diagnosis: Diagnosis, path: Path, source: Path) -> None:
 
 def _effect(effect: Named) -> dict[str, Any]:
     parameters = {key: _value(value) for key, value in sorted(effect.parameters.items())}
-    return {"name": effect.name, "target": target(effect), "parameters": parameters}
+    return {"name": effect.name, "target": written(effect.target), "parameters": parameters}
 
 
 def _given(entry: Entry) -> dict[str, Any]:

@@ -33,7 +33,18 @@ from tiago_mj.gap.analysis.promises import CLOSES, MIN_NAMED_PROBABILITY
 from tiago_mj.gap.analysis.remainder import LEFT
 from tiago_mj.gap.analysis.shrink import NOTHING, gone
 from tiago_mj.gap.decision.verdict import most_probable
-from tiago_mj.gap.result import CARRIERS, KINDS, SHAPES, Closing, Diagnosis, Explanation, ResidualShape, Shrink
+from tiago_mj.gap.result import (
+    CARRIERS,
+    KINDS,
+    SHAPES,
+    Closing,
+    Diagnosis,
+    Explanation,
+    Remains,
+    ResidualShape,
+    Shrink,
+    identity,
+)
 
 #: Kinds of a verdict that names effects.
 NAMING: Final = ("effect", "ambiguous")
@@ -42,15 +53,8 @@ AGREE: Final = 2e-3
 #: Begins the note on what could not be reconciled.
 FAULT: Final = "A fault of this program: what this report says does not go together"
 
-Identity = tuple[tuple[str, str | tuple[str, ...]], ...]
-
 
 # What a result says ---------------------------------------------------------------------------------------------------
-
-
-def identity(one: Explanation) -> Identity:
-    """What an explanation names, without its numbers."""
-    return tuple((effect.name, effect.target) for effect in one.effects)
 
 
 def can_close(diagnosis: Diagnosis) -> bool:
@@ -114,20 +118,19 @@ def reconciled(diagnosis: Diagnosis) -> Diagnosis:
     found = _gains_of_effects(diagnosis)
     found = _with_its_kind(found)
     if found.kind == "no_gap":
-        found = replace(found, remains=False)
+        found = found.with_verdict(remains=Remains(False, found.remains_where))
     if found.kind != "ambiguous":
         found = replace(found, next_motion=None)
     if found.best.effects and not can_close(found) and closes(found.shrink) is False:
         found = replace(found, shrink=_closing_nothing(found.shrink))
     if not found.remains and must_remain(found):
-        found = replace(found, remains=True)
+        found = found.with_verdict(remains=Remains(True, found.remains_where))
     if found.residual_shape is not None:
         found = _with_its_shape(found, found.residual_shape)
     named = {effect.name for one in (found.best, *found.alternatives) for effect in one.effects}
-    return replace(
-        found,
+    return found.with_verdict(
         alternatives=_best_first(found),
-        remains_where=found.remains_where if found.remains else (),
+        remains=found.verdict.remains if found.remains else Remains(),
         not_excited=tuple(name for name in found.not_excited if name not in named),
     )
 
@@ -152,12 +155,12 @@ def _with_its_kind(diagnosis: Diagnosis) -> Diagnosis:
     """With the kind that its effects, its alternatives and the trials kept aside allow."""
     best = diagnosis.best
     if diagnosis.kind not in NAMING:
-        return replace(diagnosis, kind="unknown") if diagnosis.kind == "no_gap" and best.effects else diagnosis
+        return diagnosis.with_verdict(kind="unknown") if diagnosis.kind == "no_gap" and best.effects else diagnosis
     if not best.effects or _refuted(diagnosis) or (best.evidence is not None and best.evidence.edge):
-        return replace(diagnosis, kind="unknown")
+        return diagnosis.with_verdict(kind="unknown")
     if diagnosis.kind == "ambiguous" and len({identity(one) for one in (best, *diagnosis.alternatives)}) < 2:
         likely = not best.probability < MIN_NAMED_PROBABILITY * most_probable(best)
-        return replace(diagnosis, kind="effect" if likely else "unknown")
+        return diagnosis.with_verdict(kind="effect" if likely else "unknown")
     return diagnosis
 
 
@@ -195,12 +198,8 @@ def _gains_of_effects(diagnosis: Diagnosis) -> Diagnosis:
     def of(one: Explanation) -> Explanation:
         return replace(one, validation_gain=one.validation_gain - empty.validation_gain)
 
-    return replace(
-        diagnosis,
-        best=of(diagnosis.best) if diagnosis.best.effects else replace(diagnosis.best, validation_gain=0.0),
-        alternatives=tuple(map(of, diagnosis.alternatives)),
-        ranking=tuple(map(of, diagnosis.ranking)),
-    )
+    found = replace(diagnosis, ranking=tuple(map(of, diagnosis.ranking)))
+    return found.with_verdict(alternatives=tuple(map(of, diagnosis.alternatives)))
 
 
 def _best_first(diagnosis: Diagnosis) -> tuple[Explanation, ...]:

@@ -9,8 +9,8 @@ from typing import Any, Final
 from tiago_mj.effects import EFFECTS
 from tiago_mj.effects.declare import STAGES, twins
 from tiago_mj.gap.report import words
-from tiago_mj.gap.report.consistency import has_probability, identity
-from tiago_mj.gap.result import BANDS, PHASES, Diagnosis, Named, Place, Value
+from tiago_mj.gap.report.consistency import has_probability
+from tiago_mj.gap.result import BANDS, PHASES, Diagnosis, Named, Place, Value, identity
 
 #: Words for the stages of the signal chain, in its order.
 STAGE_NAMES: Final = {

@@ -13,7 +13,8 @@ import numpy as np
 
 from tiago_mj.effects import EFFECTS, Entry
 from tiago_mj.gap.analysis import outcome
-from tiago_mj.gap.result import Diagnosis, Explanation, Named, Place, Stopped, Value, fault_of
+from tiago_mj.gap.result import Diagnosis, Explanation, Named, Place, Remains, Stopped, Value, fault_of
+from tiago_mj.gap.result import Verdict as Said
 from tiago_mj.gap.torque import intervals, notes, tables
 from tiago_mj.gap.torque.band import clearest
 from tiago_mj.gap.torque.channels import Usable
@@ -111,14 +112,17 @@ def diagnose_inverse(
             effects, float(verdict.probability[place]), float(verdict.gains[place]), verdict.evidence[place]
         )
 
+    best = explained(verdict.best)
     left = [c for c, remains in enumerate(verdict.remains) if remains]
     return Diagnosis(
-        kind=verdict.kind,
-        best=explained(verdict.best),
-        alternatives=tuple(explained(one) for one in verdict.alternatives),
-        remains=bool(left),
-        remains_where=tables.where(evidence, verdict.best, seed, left)[:6] if left else (),
-        not_excited=_not_excited(evidence),
+        verdict=Said(
+            verdict.kind,
+            best.effects,
+            best.probability,
+            tuple(explained(one) for one in verdict.alternatives),
+            Remains(bool(left), tables.where(evidence, verdict.best, seed, left)[:6] if left else ()),
+            _not_excited(evidence),
+        ),
         where=where,
         stage=stage,
         shrink=verdict.shrink,
@@ -161,12 +165,7 @@ def _ended_early(
     fault = fault_of(ended)
     pool = {term.effect for term in e.terms}
     return Diagnosis(
-        kind="effect" if best.terms else "unknown",
-        best=lead,
-        alternatives=(),
-        remains=False,
-        remains_where=(),
-        not_excited=_not_excited(e),
+        verdict=Said("effect" if best.terms else "unknown", lead.effects, math.nan, not_excited=_not_excited(e)),
         where=where,
         stage=None,
         shrink=gap,
