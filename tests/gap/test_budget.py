@@ -20,7 +20,8 @@ from made_motions import pendulum, record
 from tiago_mj import cli
 from tiago_mj.effects import EFFECTS
 from tiago_mj.effects.spec import read_effects
-from tiago_mj.gap import command, conclusion, report
+from tiago_mj.gap import command, conclusion, pipeline, report
+from tiago_mj.gap.faults import FaultError
 from tiago_mj.gap.pipeline import diagnose
 from tiago_mj.gap.report import advice, terminal, verdict
 from tiago_mj.gap.report import json as as_json
@@ -31,7 +32,7 @@ from tiago_mj.gap.simulation.plant import plant_of
 from tiago_mj.gap.torque import diagnose_inverse
 from tiago_mj.gap.torque.search import Search
 from tiago_mj.io.deadline import Deadline, OutOfTimeError
-from tiago_mj.recordings.recording import Sidecar, Trial
+from tiago_mj.recordings.recording import RecordingError, Sidecar, Trial
 from tiago_mj.recordings.write import write_trial
 
 HINGE = """
@@ -231,7 +232,7 @@ def test_an_interrupt_has_the_same_answer_as_a_budget(rubbing, tmp_path, stage) 
     if found.complete:  # pairs are sought where one effect does not explain it all
         assert stage == "pairs"
         return
-    assert isinstance(found.ended, KeyboardInterrupt)
+    assert found.interrupted
     assert found.stopped is not None
     assert found.stopped.why == "interrupted"
     assert verdict.headline(found).startswith("Interrupted after")
@@ -243,21 +244,64 @@ def test_a_fault_is_neither(rubbing, tmp_path, monkeypatch) -> None:
         raise ValueError("numbers without sense")
 
     monkeypatch.setattr(select.rounds, "around_the_best", failing)
-    found = diagnose(rubbing, names=LIBRARY, threads=1)
+    with pytest.raises(FaultError, match="ValueError: numbers without sense") as met:
+        diagnose(rubbing, names=LIBRARY, threads=1)
+    found = met.value.answer
+    assert [effect.name for effect in found.best.effects] == ["coulomb_friction"]
     assert found.stopped is not None
     assert found.stopped.why == "fault"
     assert verdict.headline(found).startswith("Ended by a fault of this program after")
     page, shown = says_nothing_more(found, tmp_path)
     assert "ValueError" in page
     assert "ValueError" in shown
+    assert not (tmp_path / report.FAULT).exists()
+    report.write(found, tmp_path, fault=met.value.fault)
     assert "numbers without sense" in (tmp_path / report.FAULT).read_text()
-    assert "around_the_best" in (tmp_path / report.FAULT).read_text()
-    report.write(replace(found, ended=None), tmp_path)
+    assert "failing" in (tmp_path / report.FAULT).read_text()
+    report.write(found, tmp_path)
     assert not (tmp_path / report.FAULT).exists()
 
 
+@pytest.mark.parametrize(
+    ("where", "name"), [(conclusion.verdict, "judge"), (conclusion.place, "refined"), (pipeline, "with_model")]
+)
+def test_a_fault_after_the_search_keeps_what_was_found(rubbing, monkeypatch, where, name) -> None:
+    def failing(*given, **named):
+        raise KeyError("no such thing")
+
+    monkeypatch.setattr(where, name, failing)
+    with pytest.raises(FaultError, match="KeyError") as met:
+        diagnose(rubbing, names=LIBRARY, threads=1)
+    assert isinstance(met.value.__cause__, KeyError)
+    found = met.value.answer
+    assert "coulomb_friction" in {effect.name for effect in found.best.effects}
+    assert (found.stopped is None) == (where is pipeline)  # by then the whole answer was known
+    assert found.findings == ()
+    assert found.seconds > 0
+
+
+def test_a_fault_before_anything_was_found_is_one_as_well(rubbing, monkeypatch) -> None:
+    def failing(*given, **named):
+        raise ValueError("no such number")
+
+    monkeypatch.setattr(pipeline, "predictor", failing)
+    with pytest.raises(FaultError, match="ValueError: no such number") as met:
+        diagnose(rubbing, names=LIBRARY, threads=1)
+    assert (met.value.answer.kind, met.value.answer.complete) == ("unknown", False)
+    assert "nothing is named yet" in verdict.headline(met.value.answer)
+
+
+def test_recordings_that_cannot_be_used_are_no_fault(rubbing, monkeypatch) -> None:
+    def refusing(*given, **named):
+        raise RecordingError("log0.csv: mend it")
+
+    monkeypatch.setattr(pipeline, "predictor", refusing)
+    with pytest.raises(RecordingError, match=r"log0\.csv"):
+        diagnose(rubbing, names=LIBRARY, threads=1)
+
+
 def test_a_budget_that_is_not_spent_changes_nothing(rubbing) -> None:
-    free, bound = (diagnose(rubbing, names=LIBRARY, threads=1, deadline=by) for by in (None, Clock().deadline()))
+    free, bound = (diagnose(rubbing, names=LIBRARY, threads=1, deadline=by) for by in (Deadline(), Clock().deadline()))
     assert free.complete
     assert free.stopped is None
     assert as_json.as_data(replace(free, seconds=0.0)) == as_json.as_data(replace(bound, seconds=0.0))
@@ -355,6 +399,21 @@ def test_a_command_that_is_interrupted_early_writes_that_and_ends_as_interrupted
     assert cli.main(["diagnose", str(logs / "logs"), "--out", str(logs / "out"), "--jobs", "1"]) == 130
     assert json.loads((logs / "out" / "diagnosis.json").read_text())["stopped"]["why"] == "interrupted"
     assert "Interrupted after" in capsys.readouterr().out
+
+
+def test_a_fault_is_status_1_with_the_answer_and_the_traceback_in_files(logs, monkeypatch, capsys) -> None:
+    def failing(*given):
+        raise ValueError("numbers without sense")
+
+    monkeypatch.setattr(select.rounds, "around_the_best", failing)
+    words = ["diagnose", str(logs / "logs"), "--out", str(logs / "out"), "--jobs", "1", "--without", WITHOUT]
+    assert cli.main(words) == 1
+    out = logs / "out"
+    assert json.loads((out / "diagnosis.json").read_text())["stopped"]["why"] == "fault"
+    assert "ValueError: numbers without sense" in (out / report.FAULT).read_text()
+    (line,) = [line for line in capsys.readouterr().err.splitlines() if "a fault of this program" in line]
+    assert "numbers without sense" in line
+    assert str(out / report.FAULT) in line
 
 
 def test_sigterm_ends_the_work_as_ctrl_c_does() -> None:

@@ -13,6 +13,7 @@ from tiago_mj import cli
 from tiago_mj.effects import EFFECTS
 from tiago_mj.effects.spec import Entry, read_effects
 from tiago_mj.gap import command, report
+from tiago_mj.gap.faults import FaultError
 from tiago_mj.gap.inference import noise_model
 from tiago_mj.gap.inference.predictor import Predictor, predictor
 from tiago_mj.gap.pipeline import diagnose
@@ -162,9 +163,15 @@ def stopped_by(fault: BaseException, monkeypatch) -> None:
 def test_what_was_found_until_something_ends_the_search_is_the_answer(tmp_path, monkeypatch, fault):
     rubbing = played(arm(tmp_path), {"coulomb_friction": {"force": 0.6}}, tmp_path)
     stopped_by(fault, monkeypatch)
-    found = diagnose(rubbing, names=LIBRARY, threads=1)
+    if isinstance(fault, KeyboardInterrupt):
+        found = diagnose(rubbing, names=LIBRARY, threads=1)
+    else:
+        with pytest.raises(FaultError) as met:
+            diagnose(rubbing, names=LIBRARY, threads=1)
+        assert met.value.fault is fault
+        found = met.value.answer
     assert not found.complete
-    assert found.ended is fault
+    assert found.interrupted == isinstance(fault, KeyboardInterrupt)
     assert [effect.name for effect in found.best.effects] == ["coulomb_friction"]
     said = " ".join(found.notes)
     assert ("interrupted" in said) if isinstance(fault, KeyboardInterrupt) else ("ValueError: numbers without" in said)
@@ -240,7 +247,10 @@ def test_a_fault_after_the_search_does_not_lose_what_the_search_found(tmp_path, 
     else:
         monkeypatch.setattr(module, "next_motion", failing)
         monkeypatch.setattr(module.promises, "standing", lambda judged, *rest: replace(judged, kind="ambiguous"))
-    found = diagnose(played(arm(tmp_path), {"coulomb_friction": {"force": 0.6}}, tmp_path), names=LIBRARY, threads=1)
+    rubbing = played(arm(tmp_path), {"coulomb_friction": {"force": 0.6}}, tmp_path)
+    with pytest.raises(FaultError, match="numbers without sense") as met:
+        diagnose(rubbing, names=LIBRARY, threads=1)
+    found = met.value.answer
     assert [effect.name for effect in found.best.effects] == ["coulomb_friction"]
     assert not found.complete
     assert any("ValueError" in note for note in found.notes)

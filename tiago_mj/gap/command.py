@@ -16,9 +16,11 @@ from multiprocessing import current_process
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
+from tiago_mj.gap.faults import FaultError, keeping
 from tiago_mj.io import extra, outputs
 from tiago_mj.io.deadline import Deadline, OutOfTimeError
 from tiago_mj.io.progress import Progress
+from tiago_mj.io.quoting import one_line
 from tiago_mj.recordings.recording import RecordingError, Trial
 from tiago_mj.recordings.trials import LONGEST, MOST_ROWS, too_long
 
@@ -189,69 +191,76 @@ def _run(arguments: argparse.Namespace, entered: float) -> int:
         check_length(read.trials, plant)
         checked = deadline.spent()
         from tiago_mj.gap.pipeline import diagnose
-        from tiago_mj.gap.report import json, terminal, write
+        from tiago_mj.gap.report import FAULT, json, terminal, write
 
         loaded += deadline.spent() - checked
         deadline = deadline.sooner(max(WRITING[0] * loaded, WRITING[1]))
         usable = lint.believed(read.trials, findings)
         # One thread of linear algebra: the order of its sums must not depend on the machine.
         shown = Progress("diagnose", quiet=arguments.json, budget=arguments.time_budget)
-        with threadpool_limits(1), shown as progress:
-            diagnosis = diagnose(
-                read.trials,
-                findings=findings,
-                usable=usable,
-                env=arguments.env,
-                model=arguments.model,
-                names=considered(arguments.without),
-                given=given,
-                seed=arguments.seed,
-                threads=arguments.jobs,
-                deadline=deadline,
-                policy=arguments.policy,
-                trust=arguments.trust,
-                tick=Told(progress),
-            )
+        model = arguments.model
+        if model is None and plant.file is not None:  # that the recordings name: a report says which
+            arguments.model = plant.file
+        fault = None
+        try:
+            with threadpool_limits(1), shown as progress:
+                diagnosis = diagnose(
+                    read.trials,
+                    findings=findings,
+                    usable=usable,
+                    env=arguments.env,
+                    model=model,
+                    names=considered(arguments.without),
+                    given=given,
+                    seed=arguments.seed,
+                    threads=arguments.jobs,
+                    deadline=deadline,
+                    policy=arguments.policy,
+                    trust=arguments.trust,
+                    tick=Told(progress),
+                    command=shlex.join(words(arguments)),
+                )
+            needed = max(DRAWING[0] * loaded, DRAWING[1])
+            diagnosis, seen = _pictures(plant, read.trials, diagnosis, deadline, needed)
+        except FaultError as met:
+            diagnosis, seen, fault = met.answer, None, met.fault
     except RecordingError as unusable:
         print(f"tiago-mj diagnose: {unusable}", file=sys.stderr)
         return 2
-    if arguments.model is None and plant.file is not None:  # that the recordings name: a report says which
-        arguments.model = plant.file
-    diagnosis = replace(diagnosis, command=shlex.join(words(arguments)))
-    needed = max(DRAWING[0] * loaded, DRAWING[1])
-    diagnosis, seen, fault = _pictures(plant, read.trials, diagnosis, deadline, needed)
     paths = write(diagnosis, arguments.out, seen, fault)
     if arguments.json:
         print(json.text(diagnosis))
     else:
         terminal.show(diagnosis, paths)
-    if diagnosis.ended is None:
-        return 0 if fault is None else 1
-    return 130 if isinstance(diagnosis.ended, KeyboardInterrupt) else 1
+    if fault is not None:
+        said = f"{type(fault).__name__}: {one_line(fault)}"
+        print(f"tiago-mj diagnose: a fault of this program: {said} ({paths[FAULT]} says where)", file=sys.stderr)
+        return 1
+    return 130 if diagnosis.interrupted else 0
 
 
 def _pictures(
     plant: Plant, trials: Sequence[Trial], diagnosis: Diagnosis, deadline: Deadline, needed: float
-) -> tuple[Diagnosis, Pictures | None, Exception | None]:
-    """The robots to be seen, and a fault of this program where drawing them met one, which must not cost the answer;
-    None where there is no time for it (``needed`` seconds) or the user ended it, which the diagnosis then says."""
-    from tiago_mj.io.quoting import one_line
+) -> tuple[Diagnosis, Pictures | None]:
+    """The robots to be seen; None where there is no time for it (``needed`` seconds) or the user ended it, which the
+    diagnosis then says.
 
-    if deadline.over(needed) or isinstance(diagnosis.ended, KeyboardInterrupt):
+    Raises:
+        FaultError: of drawing; it has the diagnosis as it was.
+    """
+    if deadline.over(needed) or diagnosis.interrupted:
         note = "The robots are not drawn: " + (
-            "the time budget left no time for it." if diagnosis.ended is None else "the diagnosis was ended early."
+            "the diagnosis was ended early." if diagnosis.interrupted else "the time budget left no time for it."
         )
-        return replace(diagnosis, notes=(*diagnosis.notes, note)), None, None
+        return replace(diagnosis, notes=(*diagnosis.notes, note)), None
     from tiago_mj.view.beside import pictures
 
     try:
-        return diagnosis, pictures(plant, trials, diagnosis, deadline), None
-    except (OutOfTimeError, KeyboardInterrupt):
-        note = "The robots are not drawn: there was no time for it."
-        return replace(diagnosis, notes=(*diagnosis.notes, note)), None, None
-    except Exception as met:
-        print(f"tiago-mj diagnose: the robots could not be drawn: {one_line(met)}", file=sys.stderr)
-        return diagnosis, None, met
+        with keeping(lambda fault: diagnosis):
+            return diagnosis, pictures(plant, trials, diagnosis, deadline)
+    except (OutOfTimeError, KeyboardInterrupt) as end:
+        note, stopped = "The robots are not drawn: there was no time for it.", isinstance(end, KeyboardInterrupt)
+        return replace(diagnosis, notes=(*diagnosis.notes, note), interrupted=stopped), None
 
 
 def words(arguments: argparse.Namespace) -> list[str]:

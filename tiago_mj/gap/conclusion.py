@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Final, TypeVar
+from typing import Any, Final, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,23 +21,22 @@ from tiago_mj.gap.detectors.proposals import Proposals
 from tiago_mj.gap.inference import noise_model
 from tiago_mj.gap.inference.noise_model import Data
 from tiago_mj.gap.inference.predictor import Predictor
+from tiago_mj.gap.request import Request, SoFar
 from tiago_mj.gap.result import (
     Diagnosis,
     Explanation,
     NextMotion,
-    Place,
     Remains,
     ResidualShape,
     Shrink,
     Stopped,
     Verdict,
-    fault_of,
 )
-from tiago_mj.gap.search.state import Ranked, Tick
+from tiago_mj.gap.search.state import Ranked
 from tiago_mj.gap.simulation import phases
 from tiago_mj.gap.simulation.replay import Signals
 from tiago_mj.gap.simulation.session import FITTED, Session
-from tiago_mj.io.deadline import Deadline, OutOfTimeError
+from tiago_mj.io.deadline import OutOfTimeError
 
 Array = NDArray[np.float64]
 T = TypeVar("T")
@@ -68,37 +67,28 @@ class Tried:
 
 
 def concluded(
-    session: Session,
-    proposed: Proposals,
-    ranked: Ranked,
-    nominal: Signals,
-    *,
-    seed: int,
-    threads: int,
-    deadline: Deadline,
-    tick: Tick,
+    session: Session, asked: Request, so_far: SoFar, proposed: Proposals, ranked: Ranked, nominal: Signals
 ) -> Diagnosis:
     """Decide between explanations, try the verdict on the trials that were kept aside, and tell it.
 
     Args:
         session: the recordings.
-        proposed: what they say by themselves.
+        asked: what is asked of them.
+        so_far: what is known.
+        proposed: what the recordings say by themselves.
         ranked: explanations.
         nominal: the nominal replay, one row a trial.
-        seed: of the bootstrap.
-        threads: of the simulations.
-        deadline: of the whole diagnosis; that of the search has left time for this.
-        tick: told what begins.
 
     Raises:
         OutOfTimeError: the deadline was over before the answer was.
     """
+    seed, tick = asked.seed, so_far.tick
     plant, data = session.plant, proposed.data
     everything, fitted_on = range(len(session.trials)), session.indices(*FITTED)
     part = noise_model.select_trials(data, fitted_on)
     placed, ranked = _unless_ended(ranked, partial(place.refined, plant, ranked, part, fitted_on), None)
     ranked = placed or ranked
-    ranked = replace(ranked, predict=replace(ranked.predict, deadline=deadline))
+    ranked = replace(ranked, predict=replace(ranked.predict, deadline=asked.deadline))
     # Before and after are what the simulator itself does: as the environment with these effects, or the repaired model.
     simulator, left_open = ranked.predict.as_simulated(), outcome.left_open(plant, ranked)
     base = simulator.all_trials([left_open.get(outcome.nominal(ranked), ())], everything)[0]
@@ -117,8 +107,8 @@ def concluded(
             ranked.weight,
             *rivals,
             seed=seed,
-            threads=threads,
-            deadline=deadline,
+            threads=asked.threads,
+            deadline=asked.deadline,
         )
         chosen, ranked = _unless_ended(ranked, partial(_if_time, choose), chosen)
     following, late = chosen
@@ -132,7 +122,8 @@ def concluded(
     explanations = outcome.explanations(plant, ranked, judged.probability, gains)
     shown = [k for k in judged.rivals if ranked.fits[k].parts or judged.kind == "no_gap"]
     likeliest = explanations[judged.rivals[0]]
-    return Diagnosis(
+    answer = Diagnosis(
+        **_known(session, asked),
         verdict=Verdict(
             judged.kind,
             () if judged.kind == "no_gap" else likeliest.effects,
@@ -148,72 +139,74 @@ def concluded(
         stage=outcome.stage(best) if best.parts and judged.kind != "unknown" else unexplained.stage(shape, where),
         shrink=found.closing,
         ranking=tuple(explanations[k] for k in _ranked(judged)),
-        findings=(),
         next_motion=following if judged.kind == "ambiguous" else None,
-        splits=session.splits,
-        robot=plant.name,
         complete=ranked.complete,
-        seed=seed,
-        version=tiago_mj.__version__,
-        seconds=0.0,
         physics_steps=ranked.predict.tally["physics_steps"],
         overlays=tuple(
             outcome.overlay(plant, session.trials[k], data, base, found.repaired, phase, k)
             for k in (session.indices("test") or everything)[:OVERLAYS]
         ),
-        notes=found.said
-        + tuple(said for said in (late, later) if said)
-        + outcome.notes(
-            session.trials,
-            proposed.tones,
-            excluded=ranked.excluded,
-            cut_from=session.recorded if len(session.trials) > session.recorded else 0,
-            tested=bool(session.splits["test"]),
-            complete=ranked.complete,
-            ended=fault_of(ranked.ended),
-            splits=session.splits,
-            slides=[name for name, slides in zip(plant.joints, plant.wiring.targets.slides, strict=True) if slides],
-        ),
+        notes=(*found.said, *(said for said in (late, later) if said), *_notes(session, proposed, ranked)),
         asides=outcome.asides(session.trials),
-        given=plant.given,
-        ended=fault_of(ranked.ended),
         residual_shape=shape,
     )
+    return answer if ranked.complete else provisional(answer, so_far.stopped(ranked.ended, asked.deadline.spent()))
 
 
-def unanswered(
-    session: Session, where: tuple[Place, ...], ranked: Ranked | None, ended: BaseException, seed: int
-) -> Diagnosis:
-    """The answer where the time was over, or the user ended it, before what was found could be judged.
+def unanswered(session: Session, asked: Request, so_far: SoFar, ended: BaseException) -> Diagnosis:
+    """The answer where something ended the work before what was found could be judged.
 
     Args:
         session: the recordings.
-        where: the gap of the nominal model, as far as it is known.
-        ranked: what the search had found; None: nothing.
-        ended: what ended it.
-        seed: of the bootstrap.
+        asked: what is asked of them.
+        so_far: what is known.
+        ended: the time, the user, or a fault.
     """
-    best = Explanation((), math.nan, math.nan)
+    best, where, ranked = Explanation((), math.nan), so_far.where, so_far.search.ranked
     if ranked is not None:
         unknown = np.full(len(ranked.fits), np.nan)
         best = outcome.explanations(session.plant, ranked, unknown, unknown)[0]
-    return Diagnosis(
+    answer = Diagnosis(
+        **_known(session, asked),
         verdict=Verdict("effect" if best.effects else "unknown", best.effects, best.probability),
         where=where,
         stage=locate.stage(where) if where else None,
         shrink=Shrink(None, None, 1.0, None, None, None),
         ranking=(best,) if ranked is not None else (),
-        findings=(),
         next_motion=None,
-        splits=session.splits,
-        robot=session.plant.name,
         complete=False,
-        seed=seed,
-        version=tiago_mj.__version__,
-        seconds=0.0,
-        notes=(outcome.early_end(fault_of(ended)),),
-        given=session.plant.given,
-        ended=fault_of(ended),
+        notes=(outcome.early_end(ended),),
+    )
+    return provisional(answer, so_far.stopped(ended, asked.deadline.spent()))
+
+
+def _known(session: Session, asked: Request) -> dict[str, Any]:
+    """What every answer repeats of what it was given."""
+    return {
+        "findings": tuple(asked.findings),
+        "splits": session.splits,
+        "robot": session.plant.name,
+        "seed": asked.seed,
+        "version": tiago_mj.__version__,
+        "seconds": 0.0,
+        "given": session.plant.given,
+        "command": asked.command,
+    }
+
+
+def _notes(session: Session, proposed: Proposals, ranked: Ranked) -> tuple[str, ...]:
+    """Sentences on the recordings and on how far the search came."""
+    plant = session.plant
+    return outcome.notes(
+        session.trials,
+        proposed.tones,
+        excluded=ranked.excluded,
+        cut_from=session.recorded if len(session.trials) > session.recorded else 0,
+        tested=bool(session.splits["test"]),
+        complete=ranked.complete,
+        ended=ranked.ended,
+        splits=session.splits,
+        slides=[name for name, slides in zip(plant.joints, plant.wiring.targets.slides, strict=True) if slides],
     )
 
 
@@ -234,6 +227,7 @@ def provisional(found: Diagnosis, stopped: Stopped) -> Diagnosis:
         next_motion=None,
         complete=False,
         stopped=stopped,
+        interrupted=stopped.why == "interrupted",
     )
 
 
@@ -334,8 +328,9 @@ def _ranked(judged: verdict.Judged) -> list[int]:
 
 
 def _unless_ended(ranked: Ranked, work: Callable[[], T], otherwise: T) -> tuple[T, Ranked]:
-    """What a stage after the search gives, or else something; and the search, which says so if something ended that."""
+    """What the work gives, and the search as it was; where the time or the user ends the work, a substitute, and the
+    search as one that came to no end."""
     try:
         return work(), ranked
-    except (Exception, KeyboardInterrupt) as fault:
-        return otherwise, replace(ranked, complete=False, ended=ranked.ended or fault)
+    except (OutOfTimeError, KeyboardInterrupt) as end:
+        return otherwise, replace(ranked, complete=False, ended=ranked.ended or end)

@@ -2,25 +2,24 @@
 
 from __future__ import annotations
 
-import time
-from collections import Counter
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
-from pathlib import Path
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 import tiago_mj
-from tiago_mj.effects import Entry
-from tiago_mj.gap.ahead import Ahead, AheadInTime, Listener
+from tiago_mj.gap.ahead import Ahead, AheadInTime
 from tiago_mj.gap.analysis import locate, task
 from tiago_mj.gap.conclusion import concluded, provisional, simulations, unanswered
 from tiago_mj.gap.detectors.proposals import proposals
+from tiago_mj.gap.faults import keeping
 from tiago_mj.gap.inference import hypotheses, noise_model
 from tiago_mj.gap.inference.predictor import predictor
 from tiago_mj.gap.report.consistency import checked
 from tiago_mj.gap.report.repaired import with_model
-from tiago_mj.gap.result import Diagnosis, Place, Stopped, TrialModels
+from tiago_mj.gap.request import Needs, Request, SoFar
+from tiago_mj.gap.result import Diagnosis
 from tiago_mj.gap.search import select
 from tiago_mj.gap.search.state import Question
 from tiago_mj.gap.simulation import phases, replay, sizes
@@ -29,136 +28,40 @@ from tiago_mj.gap.simulation.session import FITTED, Session
 from tiago_mj.gap.simulation.session import session as session_of
 from tiago_mj.gap.torque import diagnose_inverse
 from tiago_mj.io import mujoco_log
-from tiago_mj.io.deadline import Deadline, OutOfTimeError
-from tiago_mj.recordings.recording import Finding, Trial
+from tiago_mj.io.deadline import OutOfTimeError
+from tiago_mj.recordings.recording import Trial
 
 
-def diagnose(
-    trials: Sequence[Trial],
-    *,
-    findings: Sequence[Finding] = (),
-    usable: noise_model.Usable | None = None,
-    env: str | None = None,
-    model: Path | None = None,
-    names: Sequence[str] | None = None,
-    given: Sequence[Entry] = (),
-    seed: int = 0,
-    threads: int = 0,
-    deadline: Deadline | None = None,
-    policy: str | None = None,
-    trust: bool = False,
-    tick: Listener = lambda stage, done, left: None,
-) -> Diagnosis:
-    """Diagnose recordings of commands and what was measured.
+def diagnose(trials: Sequence[Trial], **asked: Any) -> Diagnosis:
+    """Diagnose recordings: read, replay, look at the readings, search, decide, try on the trials kept aside, tell.
 
     Args:
-        trials: of one robot.
-        findings: of the lint, for the report.
-        usable: channels that the lint trusts, of all trials or by their sources; None for all.
-        env, model: what to simulate where the recordings do not say.
-        names: effects to consider; None for the whole library.
-        given: effects that are known already: part of the nominal simulator, and of what is found beside them.
-        seed: of effects that draw at random and of the bootstrap.
-        threads: of the simulations; the answer does not depend on it.
-        deadline: by which there is an answer, what was found until then; None: there is none.
-        policy: ``pi`` or a file, whose return the nominal and the repaired simulator predict; None: not asked.
-        trust: load that file although loading runs what it holds.
-        tick: told how far it is.
+        trials: of one robot, with commands and what was measured.
+        asked: fields of :class:`tiago_mj.gap.request.Request`, each of which may be left out.
 
     Raises:
         RecordingError: the recordings hold nothing that can be compared; one line.
+        FaultError: of this program; it has the best answer until then.
     """
-    asked = Request(
-        tuple(findings),
-        usable,
-        env,
-        model,
-        names,
-        tuple(given),
-        seed,
-        threads,
-        deadline or Deadline(),
-        policy,
-        trust,
-        Ahead(tick),
-    )
+    request = Request(**asked)
+    so_far = SoFar(Ahead(request.tick))
     with mujoco_log.counted() as warned:
-        found = _diagnosed(trials, asked)
-    return checked(replace(found, notes=(*found.notes, *mujoco_log.sentences(warned))))
-
-
-@dataclass(frozen=True)
-class Request:
-    """What :func:`diagnose` was asked, apart from the recordings; fields as its arguments."""
-
-    findings: tuple[Finding, ...]
-    usable: noise_model.Usable | None
-    env: str | None
-    model: Path | None
-    names: Sequence[str] | None
-    given: tuple[Entry, ...]
-    seed: int
-    threads: int
-    deadline: Deadline
-    policy: str | None
-    trust: bool
-    tick: Ahead
-
-
-@dataclass
-class _SoFar:
-    """What is known while a diagnosis runs: the answer where it ends early.
-
-    Attributes:
-        where: the gap of the nominal model.
-        search: what the search has found.
-        needs: given what was done, how many seconds the whole takes at most; None where nothing tells.
-        tally: of simulations (:class:`tiago_mj.gap.inference.predictor.Predictor`).
-        warned: MuJoCo's warnings of models that were tried, which are not the user's, by kind.
-    """
-
-    where: tuple[Place, ...] = ()
-    search: select.PartialResult = field(default_factory=select.PartialResult)
-    needs: Callable[[], float | None] = lambda: None
-    tally: Counter[str] = field(default_factory=Counter)
-    warned: Counter[str] = field(default_factory=Counter)
-
-    def trial_models(self) -> TrialModels | None:
-        """How the simulations went; None: there was none."""
-        if not self.tally:
-            return None
-        return TrialModels(self.tally["simulations"], self.tally["diverged"], dict(sorted(self.warned.items())))
-
-
-def _diagnosed(trials: Sequence[Trial], asked: Request) -> Diagnosis:
-    """Read, replay, look at the readings, search, decide, try on the trials kept aside, tell."""
-    begun = time.monotonic()
-    session = session_of(trials, env=asked.env, model=asked.model, given=asked.given)
-    question = _question(session, asked)
-    so_far = _SoFar()
-    try:
+        session = session_of(trials, env=request.env, model=request.model, given=request.given)
+        question = _question(session, request)
         explain = _along_the_motion if along_a_motion(session.plant, session.trials) else _forward
-        found = explain(session, asked, so_far)
-    except (OutOfTimeError, KeyboardInterrupt) as end:
-        found = unanswered(session, so_far.where, so_far.search.ranked, end, asked.seed)
-    if not found.complete:
-        search = so_far.search
-        stopped = found.stopped or replace(
-            Stopped.by(found.ended, 0.0), tried=len(search.tried), effects=search.effects, needs=so_far.needs()
-        )
-        found = provisional(found, replace(stopped, seconds=asked.deadline.spent()))
-    found = replace(
-        found,
-        findings=found.findings or asked.findings,
-        trial_models=so_far.trial_models(),
-        seconds=time.monotonic() - begun,
-    )
-    return task.told(with_model(found, session.plant), question, asked.deadline, asked.tick)
+        with keeping(lambda fault: so_far.answer or so_far.timed(unanswered(session, request, so_far, fault))):
+            try:
+                found = explain(session, request, so_far)
+            except (OutOfTimeError, KeyboardInterrupt) as end:
+                found = unanswered(session, request, so_far, end)
+            so_far.answer = so_far.timed(found)
+            found = task.told(with_model(so_far.answer, session.plant), question, request.deadline, so_far.tick)
+            return checked(replace(found, notes=(*found.notes, *mujoco_log.sentences(warned))))
 
 
-def _forward(session: Session, asked: Request, so_far: _SoFar) -> Diagnosis:
+def _forward(session: Session, asked: Request, so_far: SoFar) -> Diagnosis:
     """Replay the commands, look at the readings, search, decide, try on the trials kept aside."""
-    plant, tick, deadline = session.plant, asked.tick, asked.deadline
+    plant, tick, deadline = session.plant, so_far.tick, asked.deadline
     tick("replaying", len(session.trials))
     begun = deadline.spent()
     predict, nominal = predictor(
@@ -192,17 +95,8 @@ def _forward(session: Session, asked: Request, so_far: _SoFar) -> Diagnosis:
         proposed.servo_motion,
         steps,
     )
-    before, already = deadline.spent(), predict.tally["physics_steps"]
-
-    def needs() -> float | None:
-        """By the search's own limit of physics steps, at its speed so far."""
-        done = predict.tally["physics_steps"] - already
-        a_step = (deadline.spent() - before) / done if done > steps else a_simulation / max(steps, 1)
-        if not np.isfinite(question.budget):
-            return None
-        return max(before + a_step * (question.budget - already) + reserve, deadline.spent())
-
-    so_far.needs = needs
+    if np.isfinite(question.budget):
+        so_far.needs = Needs(deadline, predict.tally, question.budget, a_simulation / max(steps, 1), steps, reserve)
     tick.measured_in(question.fitted_trials * question.steps, question.budget)
     with mujoco_log.counted(so_far.warned):
         ranked = select.select(
@@ -212,24 +106,20 @@ def _forward(session: Session, asked: Request, so_far: _SoFar) -> Diagnosis:
             landing=a_simulation * select.LANDING * question.first_trials,
             tick=tick,
         )
-        return concluded(
-            session, proposed, ranked, nominal, seed=asked.seed, threads=asked.threads, deadline=deadline, tick=tick
-        )
+        return concluded(session, asked, so_far, proposed, ranked, nominal)
 
 
 def _question(session: Session, asked: Request) -> task.Asked | None:
     """A policy whose return is to be predicted; None: not asked."""
-    if asked.policy is None:
-        return None
-    tested = [session.trials[k] for k in session.indices("test")]
-    return task.ask(session.plant, tested, asked.policy, trust=asked.trust, seed=asked.seed)
+    tested, play = [session.trials[k] for k in session.indices("test")], asked.policy
+    return None if play is None else task.ask(session.plant, tested, play, trust=asked.trust, seed=asked.seed)
 
 
-def _along_the_motion(session: Session, asked: Request, so_far: _SoFar) -> Diagnosis:
+def _along_the_motion(session: Session, asked: Request, so_far: SoFar) -> Diagnosis:
     """Explain the efforts along the measured motion, or the commands where they are efforts."""
     plant = session.plant
     trials, joints = efforts_along(plant, session.trials)
-    return diagnose_inverse(
+    found = diagnose_inverse(
         trials,
         plant.model,
         joints,
@@ -239,6 +129,10 @@ def _along_the_motion(session: Session, asked: Request, so_far: _SoFar) -> Diagn
         version=tiago_mj.__version__,
         names=asked.names,
         given=plant.given,
-        tick=AheadInTime(asked.tick.listener),
+        tick=AheadInTime(asked.tick),
         deadline=asked.deadline,
+    )
+    found = replace(found, command=asked.command)
+    return (
+        found if found.stopped is None else provisional(found, replace(found.stopped, seconds=asked.deadline.spent()))
     )

@@ -292,11 +292,6 @@ class NextMotion:
     expected_probability: Number
 
 
-def fault_of(ended: BaseException | None) -> BaseException | None:
-    """What ended a search, unless it was the time."""
-    return None if isinstance(ended, OutOfTimeError) else ended
-
-
 @dataclass(frozen=True)
 class Stopped:
     """How far a search was that ended before its end.
@@ -317,8 +312,8 @@ class Stopped:
 
     @classmethod
     def by(cls, ended: BaseException | None, seconds: float) -> Stopped:
-        """By what ended the search, apart from the time; nothing else is known."""
-        if ended is None:
+        """By what ended the search; None: the time. Nothing else is known."""
+        if ended is None or isinstance(ended, OutOfTimeError):
             return cls("budget", seconds)
         return cls("interrupted" if isinstance(ended, KeyboardInterrupt) else "fault", seconds)
 
@@ -509,7 +504,7 @@ class Diagnosis(Result):
         command: the command line that made it; not in the JSON, since the answer does not depend on it.
         limits: most that the nominal model's drives give, by ``joint`` and ``command``, then by name [N, N·m].
         asides: sentences on how the numbers were made, with no bearing on the answer.
-        ended: what ended the search before its end, apart from the time: a fault, or the user.
+        interrupted: whether the user ended it, be it before its end or while something beside the answer was made.
     """
 
     overlays: tuple[Overlay, ...] = ()
@@ -518,7 +513,7 @@ class Diagnosis(Result):
     command: str = ""
     limits: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     asides: tuple[str, ...] = ()
-    ended: BaseException | None = None
+    interrupted: bool = False
 
     def with_verdict(self, **changes: Any) -> Diagnosis:
         """The same with some fields of its verdict changed."""

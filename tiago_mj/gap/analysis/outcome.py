@@ -18,6 +18,7 @@ from tiago_mj.gap.inference.noise_model import Data
 from tiago_mj.gap.result import Explanation, Named, Overlay, Value
 from tiago_mj.gap.search.state import Ranked
 from tiago_mj.gap.simulation.plant import Plant
+from tiago_mj.io.deadline import OutOfTimeError
 from tiago_mj.recordings import travel
 from tiago_mj.recordings.recording import Trial
 
@@ -160,7 +161,7 @@ def notes(
         cut_from: how many recordings were cut into the trials; 0 where none was.
         tested: whether a trial was kept for testing.
         complete: whether the search came to its end.
-        ended: what ended it, apart from the time.
+        ended: what ended it; None: the time.
         splits: names of the train, validation and test trials.
         slides: joints that slide.
     """
@@ -193,7 +194,7 @@ def early_end(ended: BaseException | None) -> str:
     """A sentence on what ended a search early; None where the time was over."""
     if isinstance(ended, KeyboardInterrupt):
         return "The search was interrupted: what is said is the best so far."
-    if ended is not None:
+    if ended is not None and not isinstance(ended, OutOfTimeError):
         fault = f"{type(ended).__name__}: {' '.join(str(ended).split())[:200]}"
         return f"A fault of this program ended the search ({fault}): what is said is the best so far."
     return "The time budget ran out: what is said is the best so far."

@@ -108,9 +108,9 @@ def told(
     except OutOfTimeError:
         note = f"The time budget left no time to predict the return of {Path(asked.policy).name}."
         return replace(diagnosis, notes=(*diagnosis.notes, note))
-    except KeyboardInterrupt as stop:
+    except KeyboardInterrupt:
         note = f"The return of {Path(asked.policy).name} is not predicted, as that was interrupted."
-        return replace(diagnosis, notes=(*diagnosis.notes, note), ended=stop)
+        return replace(diagnosis, notes=(*diagnosis.notes, note), interrupted=True)
     shrink = replace(diagnosis.shrink, task=played)
     return replace(diagnosis, shrink=shrink, seconds=diagnosis.seconds + time.monotonic() - begun)
 

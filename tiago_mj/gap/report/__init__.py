@@ -31,7 +31,7 @@ def write(
         diagnosis: the answer.
         folder: of the files.
         seen: pictures of the robots; None: the report has none.
-        fault: of this program, whose traceback is written, too; None: what ended the search, if that was one.
+        fault: of this program, whose traceback is written, too.
     """
     diagnosis = checked(diagnosis)
     page = html.render(diagnosis, seen)
@@ -43,7 +43,7 @@ def write(
         if seen is not None and seen.scene:
             atomic.write_text(new / SCENE, seen.scene)
         atomic.write_text(new / "report.html", page)
-        if isinstance(met := fault or diagnosis.ended, Exception):
-            atomic.write_text(new / FAULT, "".join(traceback.format_exception(met)))
+        if fault is not None:
+            atomic.write_text(new / FAULT, "".join(traceback.format_exception(fault)))
         names = sorted(path.name for path in new.iterdir())
     return {name: folder / name for name in sorted(names, key=PARTS.index)}

@@ -356,7 +356,7 @@ def _trials(d: Diagnosis) -> Iterator[str]:
     counted = re.match(r"(\d+) test trials", shrink.resampled)
     if counted and test and int(counted[1]) != len(test):
         yield f"{counted[1]} test trials were drawn, of {len(test)}"
-    if d.complete and d.ended is not None:
+    if d.complete and d.stopped is not None:
         yield "the search came to its end, and was ended before"
 
 

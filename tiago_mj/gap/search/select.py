@@ -34,8 +34,7 @@ from tiago_mj.gap.search import (
 )
 from tiago_mj.gap.search.screen import screen
 from tiago_mj.gap.search.state import Question, Ranked, State, Tick
-from tiago_mj.io.deadline import Deadline
-from tiago_mj.recordings.recording import RecordingError
+from tiago_mj.io.deadline import Deadline, OutOfTimeError
 
 Array = NDArray[np.float64]
 
@@ -84,7 +83,7 @@ def select(
     landing: float = 0.0,
     tick: Tick = lambda stage, total, done=0, *, gap=None: None,
 ) -> Ranked:
-    """Explanations of the trials ranked by evidence; where the search is ended early, those found until then.
+    """Explanations of the trials ranked by evidence; where time or user end the search, those found until then.
 
     Args:
         asked: what is to be explained; its simulations have the same deadline, which ends them.
@@ -104,10 +103,10 @@ def select(
 
     try:
         return _search(asked, so_far, out_of_time, tick)
-    except (Exception, KeyboardInterrupt) as fault:
-        if so_far.ranked is None or isinstance(fault, RecordingError):
+    except (OutOfTimeError, KeyboardInterrupt) as end:
+        if so_far.ranked is None:
             raise
-        return replace(so_far.ranked, complete=False, ended=fault)
+        return replace(so_far.ranked, complete=False, ended=end)
 
 
 def _search(asked: Question, so_far: PartialResult, out_of_time: Callable[[], bool], tick: Tick) -> Ranked:

@@ -147,7 +147,7 @@ class Ranked:
         weight: square root of what a sample of each channel counts for, (C,).
         predict: simulations, in which those commands are lost that were.
         excluded: indices of excluded trials: their motion departs from what the best explanation predicts.
-        ended: what ended the search before its end: a fault, the user, or the time while something was simulated.
+        ended: what ended the search before its end: the user, or the time while something was simulated.
     """
 
     fits: tuple[Fitted, ...]

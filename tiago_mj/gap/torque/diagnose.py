@@ -13,7 +13,7 @@ import numpy as np
 
 from tiago_mj.effects import EFFECTS, Entry
 from tiago_mj.gap.analysis import outcome
-from tiago_mj.gap.result import Diagnosis, Explanation, Named, Place, Remains, Stopped, Value, fault_of
+from tiago_mj.gap.result import Diagnosis, Explanation, Named, Place, Remains, Stopped, Value
 from tiago_mj.gap.result import Verdict as Said
 from tiago_mj.gap.torque import intervals, notes, tables
 from tiago_mj.gap.torque.band import clearest
@@ -162,7 +162,6 @@ def _ended_early(
     e = search.evidence
     gap = tables.shrink(e, null, best, told.seed)
     lead = Explanation(tuple(_named(e, best, k, {}, {}) for k in best.terms), math.nan, math.nan)
-    fault = fault_of(ended)
     pool = {term.effect for term in e.terms}
     return Diagnosis(
         verdict=Said("effect" if best.terms else "unknown", lead.effects, math.nan, not_excited=_not_excited(e)),
@@ -179,10 +178,9 @@ def _ended_early(
         version=told.version,
         seconds=clock.perf_counter() - told.began,
         overlays=tables.overlays(e, null, best),
-        notes=(outcome.early_end(fault), *notes.of_method(told.trials, told.usable, search)),
+        notes=(outcome.early_end(ended), *notes.of_method(told.trials, told.usable, search)),
         given=told.given,
-        ended=fault,
-        stopped=replace(Stopped.by(fault, 0.0), tried=len(search.looked_at & pool), effects=len(pool)),
+        stopped=replace(Stopped.by(ended, 0.0), tried=len(search.looked_at & pool), effects=len(pool)),
     )
 
 
