@@ -21,7 +21,7 @@ from tiago_mj import cli
 from tiago_mj.effects import EFFECTS
 from tiago_mj.effects.spec import read_effects
 from tiago_mj.gap import command, conclusion, pipeline, report
-from tiago_mj.gap.faults import FaultError
+from tiago_mj.gap.faults import FAULT, FaultError
 from tiago_mj.gap.pipeline import diagnose
 from tiago_mj.gap.report import advice, terminal, verdict
 from tiago_mj.gap.report import json as as_json
@@ -254,12 +254,12 @@ def test_a_fault_is_neither(rubbing, tmp_path, monkeypatch) -> None:
     page, shown = says_nothing_more(found, tmp_path)
     assert "ValueError" in page
     assert "ValueError" in shown
-    assert not (tmp_path / report.FAULT).exists()
+    assert not (tmp_path / FAULT).exists()
     report.write(found, tmp_path, fault=met.value.fault)
-    assert "numbers without sense" in (tmp_path / report.FAULT).read_text()
-    assert "failing" in (tmp_path / report.FAULT).read_text()
+    assert "numbers without sense" in (tmp_path / FAULT).read_text()
+    assert "failing" in (tmp_path / FAULT).read_text()
     report.write(found, tmp_path)
-    assert not (tmp_path / report.FAULT).exists()
+    assert not (tmp_path / FAULT).exists()
 
 
 @pytest.mark.parametrize(
@@ -410,10 +410,10 @@ def test_a_fault_is_status_1_with_the_answer_and_the_traceback_in_files(logs, mo
     assert cli.main(words) == 1
     out = logs / "out"
     assert json.loads((out / "diagnosis.json").read_text())["stopped"]["why"] == "fault"
-    assert "ValueError: numbers without sense" in (out / report.FAULT).read_text()
+    assert "ValueError: numbers without sense" in (out / FAULT).read_text()
     (line,) = [line for line in capsys.readouterr().err.splitlines() if "a fault of this program" in line]
     assert "numbers without sense" in line
-    assert str(out / report.FAULT) in line
+    assert str(out / FAULT) in line
 
 
 def test_sigterm_ends_the_work_as_ctrl_c_does() -> None:

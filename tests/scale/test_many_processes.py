@@ -154,6 +154,29 @@ def test_a_run_that_is_stopped_while_it_clears_up_is_made_again(gone, tmp_path, 
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a", "out"]
 
 
+def test_a_fault_of_one_folder_leaves_its_traceback_and_the_others(tmp_path, capsys, monkeypatch):
+    def command(words):
+        if Path(words[1]).name == "a":
+            raise RuntimeError("numbers without sense")
+        with atomic.replacing_set(Path(words[3])) as new:
+            (new / "diagnosis.json").write_text('{"verdict": {"kind": "no_gap"}, "shrink": {"closed": null}}')
+        return 0
+
+    monkeypatch.setattr(diagnose_all.cli, "main", command)
+    for name in "ab":
+        (tmp_path / name).mkdir()
+    words = ["diagnose-all", str(tmp_path / "a"), str(tmp_path / "b"), "--out", str(tmp_path / "out"), "--jobs", "1"]
+    arguments = cli.build_parser("diagnose-all").parse_args([*words, "--json"])
+    assert diagnose_all.run(arguments) == 1
+    assert json.loads(capsys.readouterr().out)["a"]["complaint"] == "RuntimeError: numbers without sense"
+    assert sorted(path.name for path in (tmp_path / "out").rglob("*.*")) == [
+        "diagnoses.json",
+        "diagnosis.json",
+        "fault.txt",
+    ]
+    assert "RuntimeError: numbers without sense" in (tmp_path / "out" / "a" / "fault.txt").read_text()
+
+
 def test_a_drive_that_is_full_ends_all_and_leaves_the_old_diagnoses(tmp_path, capsys, monkeypatch):
     made = []
 

@@ -16,7 +16,7 @@ from multiprocessing import current_process
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from tiago_mj.gap.faults import FaultError, keeping
+from tiago_mj.gap.faults import FAULT, FaultError, keeping
 from tiago_mj.io import extra, outputs
 from tiago_mj.io.deadline import Deadline, OutOfTimeError
 from tiago_mj.io.progress import Progress
@@ -191,7 +191,7 @@ def _run(arguments: argparse.Namespace, entered: float) -> int:
         check_length(read.trials, plant)
         checked = deadline.spent()
         from tiago_mj.gap.pipeline import diagnose
-        from tiago_mj.gap.report import FAULT, json, terminal, write
+        from tiago_mj.gap.report import json, terminal, write
 
         loaded += deadline.spent() - checked
         deadline = deadline.sooner(max(WRITING[0] * loaded, WRITING[1]))

@@ -26,6 +26,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from tiago_mj import __version__, cli
+from tiago_mj.gap import faults
 from tiago_mj.io import atomic, held, outputs
 from tiago_mj.io.progress import told
 from tiago_mj.rollout import scale
@@ -145,14 +146,17 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _appear(out: Path, kept: dict[str, Path], summary: str) -> None:
-    """Put all diagnoses and the summary into ``out`` at once."""
+    """Put all diagnoses, tracebacks of faults and the summary into ``out`` at once."""
     from tiago_mj.gap.report import PARTS
 
-    parts = [f"{name}/{part}" for name, folder in kept.items() if _outcome_file(folder).exists() for part in PARTS]
-    with atomic.replacing_set(out, parts=parts) as new:
-        for name, folder in kept.items():
-            if _outcome_file(folder).exists():
-                shutil.copytree(folder, new / name, copy_function=_linked)
+    told = {
+        name: folder
+        for name, folder in kept.items()
+        if _outcome_file(folder).exists() or (folder / faults.FAULT).exists()
+    }
+    with atomic.replacing_set(out, parts=[f"{name}/{part}" for name in told for part in PARTS]) as new:
+        for name, folder in told.items():
+            shutil.copytree(folder, new / name, copy_function=_linked)
         atomic.write_text(new / SUMMARY, summary)
 
 
@@ -268,6 +272,9 @@ def _diagnosed(task: Task) -> Outcome:
     except SystemExit as stop:  # argparse's
         status = stop.code if isinstance(stop.code, int) else 1
     except Exception as fault:  # one folder's fault must not lose the others' results
+        kept = Path(task.kept)
+        kept.mkdir(parents=True, exist_ok=True)
+        faults.write(fault, kept)
         return Outcome(1, f"{type(fault).__name__}: {' '.join(str(fault).split())}")
     if status:
         return Outcome(status, complained.getvalue().strip().removeprefix("tiago-mj diagnose: "))

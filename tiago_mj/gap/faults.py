@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
+import traceback
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
 
+from tiago_mj.io import atomic
 from tiago_mj.io.deadline import OutOfTimeError
 from tiago_mj.io.quoting import one_line
 from tiago_mj.recordings.recording import RecordingError
 
 if TYPE_CHECKING:
     from tiago_mj.gap.result import Diagnosis
+
+
+#: Where a fault of this program came from.
+FAULT: Final = "fault.txt"
 
 
 class FaultError(Exception):
@@ -44,3 +51,8 @@ def keeping(answer: Callable[[Exception], Diagnosis]) -> Iterator[None]:
         raise
     except Exception as fault:
         raise FaultError(fault, answer(fault)) from fault
+
+
+def write(fault: BaseException, folder: Path) -> None:
+    """Write a fault's traceback into a folder, as :data:`FAULT`."""
+    atomic.write_text(folder / FAULT, "".join(traceback.format_exception(fault)))

@@ -7,26 +7,35 @@ Unknown numbers are None or NaN in memory and null in the file.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, NotRequired, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import (
-    BeforeValidator,
-    Field,
-    PlainSerializer,
-    TypeAdapter,
-    WithJsonSchema,
-    WrapSerializer,
-)
+from pydantic import Field, TypeAdapter
 from typing_extensions import TypedDict
 
 from tiago_mj.effects.spec import Entry
+from tiago_mj.gap.parts import (
+    PHASES,
+    Closing,
+    Closings,
+    Evidence,
+    Explanation,
+    Named,
+    Number,
+    Place,
+    Sorted,
+    Value,
+    identity,
+    keys,
+    written,
+)
 from tiago_mj.io.deadline import OutOfTimeError
 from tiago_mj.recordings.recording import Finding
+
+__all__ = ["PHASES", "Closing", "Evidence", "Explanation", "Named", "Place", "Value", "identity", "keys", "written"]
 
 Array = NDArray[np.float64]
 
@@ -35,7 +44,6 @@ KINDS: Final = ("no_gap", "effect", "ambiguous", "unknown")
 SPLITS: Final = ("train", "validation", "test")
 #: Who plays a policy whose return is told.
 PLAYED: Final = ("nominal", "repaired", "measured")
-PHASES: Final = ("rest", "free motion", "reversal", "contact onset", "loading", "hold", "release")
 BANDS: Final = ("bias", "below 1 Hz", "1-5 Hz", "above 5 Hz")
 #: What a residual may follow (:mod:`tiago_mj.gap.analysis.regressors`); ``irregular``: none of the others.
 SHAPES: Final = (
@@ -45,27 +53,6 @@ SHAPES: Final = (
 #: What carries it (:class:`ResidualShape`).
 CARRIERS: Final = ("motion", "position", "velocity", "apart", "force", "both", "unclear")
 
-
-def written(target: str | tuple[str, ...]) -> str | list[str]:
-    """A target as a file has it: ``"all"``, a name, several; one alone is no list."""
-    if isinstance(target, str):
-        return target
-    return target[0] if len(target) == 1 else list(target)
-
-
-def _in_order(given: Mapping[str, Any]) -> dict[str, Any]:
-    """A mapping in the order of its keys; phases in that of a motion."""
-    return dict(sorted(given.items(), key=lambda one: (one[0] in PHASES and PHASES.index(one[0]), one[0])))
-
-
-#: A number, NaN where it is not known: null in the file.
-Number = Annotated[
-    float,
-    BeforeValidator(lambda value: math.nan if value is None else value),
-    WithJsonSchema({"type": ["number", "null"]}),
-]
-Target = Annotated[str | tuple[str, ...], PlainSerializer(written, return_type=str | list[str])]
-Sorted = WrapSerializer(lambda given, written: written(_in_order(given)))
 
 if TYPE_CHECKING:
     Kind: TypeAlias = str
@@ -85,131 +72,6 @@ else:  # what the file may hold there
             "trials": NotRequired[Mapping[str, Mapping[str, float | None]]],
         },
     )
-
-
-@dataclass(frozen=True)
-class Value:
-    """A parameter with its 90 % interval, in ``unit``, and the standard deviations, where there are any, of its fit
-    alone and of what no recording tells of it."""
-
-    value: Number
-    low: float | None
-    high: float | None
-    unit: str
-    deviation: float | None = None
-    known_to: float | None = None
-
-
-Parameters = Annotated[Mapping[str, Value], Sorted]
-
-
-@dataclass(frozen=True)
-class Named:
-    """An effect on its targets, with what was fitted; ``target`` is ``"all"``, one name or several."""
-
-    name: str
-    target: Target
-    parameters: Parameters = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
-class Evidence:
-    """What speaks for an explanation and against it.
-
-    Attributes:
-        met: how well it meets the recordings it was fitted to [nats].
-        price: what it costs: nominal numbers that had to move, freedom that its magnitudes have, rarity [nats].
-        misfit: mean squared residual of the worst channel, in units of floor and tolerance.
-        lasting: mean square of the worst channel's residual over quarters of a second, in units of what it should
-            scatter by.
-        edge: whether one of its magnitudes lies at the bound of what is possible.
-        sharp: the larger of ``misfit`` and ``lasting`` in units of what is left to tolerate beside the best
-            explanation; None: not known.
-        agreement: what trials gain by its effects over what they gain and lose together [nats]; None: not known.
-    """
-
-    met: Number
-    price: Number
-    misfit: Number
-    lasting: Number
-    edge: bool = False
-    sharp: float | None = None
-    agreement: float | None = None
-
-
-@dataclass(frozen=True)
-class Explanation:
-    """A set of effects that may explain the gap; the empty set is the nominal model.
-
-    Attributes:
-        effects: none, one or two.
-        probability: calibrated, that it is the true one, up to its classes; NaN where the search did not come to its
-            end.
-        validation_gain: drop of the validation trials' mean squared residual [in units of the floor] against the
-            nominal model with its own numbers as they were fitted, nothing added: 0 for the empty set; NaN: not known.
-        evidence: for it; None where it was judged otherwise.
-        parameters: those of the effects, by :func:`keys`: where the file has them.
-    """
-
-    effects: tuple[Named, ...]
-    probability: Number
-    validation_gain: Annotated[Number, Field(json_schema_extra={"default": None})] = math.nan
-    evidence: Evidence | None = None
-    parameters: Mapping[str, Parameters] = field(default_factory=dict, repr=False)
-
-    def __post_init__(self) -> None:
-        names, given = keys(self.effects), self.parameters
-        effects = [
-            effect if effect.parameters else replace(effect, parameters=given.get(name, {}))
-            for name, effect in zip(names, self.effects, strict=True)
-        ]
-        object.__setattr__(self, "effects", tuple(effects))
-        held = {name: effect.parameters for name, effect in zip(names, effects, strict=True)}
-        object.__setattr__(self, "parameters", held)
-
-
-def identity(one: Explanation) -> tuple[tuple[str, str | tuple[str, ...]], ...]:
-    """What an explanation names, without its numbers."""
-    return tuple((effect.name, effect.target) for effect in one.effects)
-
-
-def keys(effects: Sequence[Named]) -> list[str]:
-    """Of a ranking's ``parameters``: the effect's name, with its target where one effect is there twice."""
-    names = [effect.name for effect in effects]
-    long = [[e.name, *([e.target] if isinstance(e.target, str) else e.target)] for e in effects]
-    return [name if names.count(name) == 1 else ":".join(words) for name, words in zip(names, long, strict=True)]
-
-
-@dataclass(frozen=True)
-class Place:
-    """One row of the gap table. ``gap`` is the mean squared residual in units of the floor; ``share`` of the excess."""
-
-    channel: str
-    phase: str
-    band: str
-    gap: Number
-    low: Number
-    high: Number
-    share: Number
-
-
-@dataclass(frozen=True)
-class Closing:
-    """Gap of a part of the test trials, before and after; ``closed`` is None where there was nothing to close.
-
-    ``low`` and ``high`` are the ends of its 90 % interval, which holds ``closed``; None where it is not known.
-    ``accounted`` is as in :class:`Shrink`, of this part.
-    """
-
-    before: Number
-    after: Number
-    closed: float | None
-    low: float | None = None
-    high: float | None = None
-    accounted: float | None = None
-
-
-Closings = Annotated[Mapping[str, Closing], Sorted]
 
 
 @dataclass(frozen=True)

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import traceback
 from pathlib import Path
 from typing import Final
 
+from tiago_mj.gap import faults
 from tiago_mj.gap.report import calibration, html, json
 from tiago_mj.gap.report.consistency import checked
 from tiago_mj.gap.result import Diagnosis
@@ -15,10 +15,8 @@ from tiago_mj.io import atomic
 REPAIRED: Final = "repaired.xml"
 #: The robots, to be watched in a browser.
 SCENE: Final = "scene.html"
-#: Where a fault of this program came from.
-FAULT: Final = "fault.txt"
 #: Every file that there may be.
-PARTS: Final = ("diagnosis.json", "calibration.yaml", REPAIRED, SCENE, "report.html", FAULT)
+PARTS: Final = ("diagnosis.json", "calibration.yaml", REPAIRED, SCENE, "report.html", faults.FAULT)
 
 
 def write(
@@ -44,6 +42,6 @@ def write(
             atomic.write_text(new / SCENE, seen.scene)
         atomic.write_text(new / "report.html", page)
         if fault is not None:
-            atomic.write_text(new / FAULT, "".join(traceback.format_exception(fault)))
+            faults.write(fault, new)
         names = sorted(path.name for path in new.iterdir())
     return {name: folder / name for name in sorted(names, key=PARTS.index)}
