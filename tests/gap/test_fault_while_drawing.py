@@ -26,6 +26,19 @@ def test_the_answer_is_written_with_the_traceback_beside_it(tmp_path: Path, monk
     assert "RuntimeError: no such robot" in paths[FAULT].read_text()
 
 
+def test_the_numbers_are_written_where_the_page_cannot_be_drawn(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def failing(*given: object) -> None:
+        raise ValueError("no such table")
+
+    report.write(made_diagnoses.diagnosis(), tmp_path)
+    monkeypatch.setattr(report.html, "render", failing)
+    paths = report.write(made_diagnoses.diagnosis(), tmp_path)
+    assert set(paths) == {"diagnosis.json", "calibration.yaml", FAULT} == {path.name for path in tmp_path.iterdir()}
+    assert "ValueError: no such table" in paths[FAULT].read_text()
+
+
 #: Where whatever was raised may be caught: the one place that keeps the answer, and one folder among many.
 BROAD = {"faults.py", "diagnose_all.py"}
 

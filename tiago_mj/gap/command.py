@@ -232,9 +232,9 @@ def _run(arguments: argparse.Namespace, entered: float) -> int:
         print(json.text(diagnosis))
     else:
         terminal.show(diagnosis, paths)
-    if fault is not None:
-        said = f"{type(fault).__name__}: {one_line(fault)}"
-        print(f"tiago-mj diagnose: a fault of this program: {said} ({paths[FAULT]} says where)", file=sys.stderr)
+    if FAULT in paths:
+        said = f" ({type(fault).__name__}: {one_line(fault)})" if fault is not None else ""
+        print(f"tiago-mj diagnose: a fault of this program{said}: {paths[FAULT]} says where", file=sys.stderr)
         return 1
     return 130 if diagnosis.interrupted else 0
 

@@ -23,7 +23,7 @@ def write(
     diagnosis: Diagnosis, folder: Path, seen: html.Seen | None = None, fault: Exception | None = None
 ) -> dict[str, Path]:
     """Write all files into ``folder``, which is made where it is missing: all or none; paths by name. A file of an
-    earlier diagnosis that this one does not have is removed.
+    earlier diagnosis that this one does not have is removed. A fault of drawing the page costs the page alone.
 
     Args:
         diagnosis: the answer.
@@ -32,7 +32,12 @@ def write(
         fault: of this program, whose traceback is written, too.
     """
     diagnosis = checked(diagnosis)
-    page = html.render(diagnosis, seen)
+    page = ""
+    try:
+        with faults.keeping(lambda met: diagnosis):
+            page = html.render(diagnosis, seen)
+    except faults.FaultError as met:
+        fault = fault or met.fault
     with atomic.replacing_set(folder, parts=PARTS) as new:
         json.write(diagnosis, new / "diagnosis.json")
         calibration.write(diagnosis, new / "calibration.yaml", new / "diagnosis.json")
@@ -40,7 +45,8 @@ def write(
             atomic.write_text(new / REPAIRED, diagnosis.repaired.xml)
         if seen is not None and seen.scene:
             atomic.write_text(new / SCENE, seen.scene)
-        atomic.write_text(new / "report.html", page)
+        if page:
+            atomic.write_text(new / "report.html", page)
         if fault is not None:
             faults.write(fault, new)
         names = sorted(path.name for path in new.iterdir())
