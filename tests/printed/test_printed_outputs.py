@@ -191,7 +191,7 @@ KNOWN: Final = {
     ("gap/report/advice.py", "tiago-mj train"): "reports, in test_printed_fresh.py",
     ("gap/report/advice.py", "env = gymnasium.make"): "reports, in test_printed_fresh.py",
     ("gap/report/calibration.py", "tiago_mj.gap.apply("): "names a function",
-    ("gap/report/read.py", "tiago-mj diagnose"): "names a command",
+    ("gap/report/json.py", "tiago-mj diagnose"): "names a command",
     ("gap/report/repaired.py", "Made by tiago-mj diagnose"): "names a command",
     ("gap/report/repaired.py", "tiago_mj.gap.apply("): "names a function",
     ("gap/report/verdict.py", "tiago_mj.gap.apply("): "names a function",
