@@ -191,7 +191,6 @@ def _run(arguments: argparse.Namespace, entered: float) -> int:
         check_length(read.trials, plant)
         checked = deadline.spent()
         from tiago_mj.gap.pipeline import diagnose
-        from tiago_mj.gap.report import json, terminal, write
 
         loaded += deadline.spent() - checked
         deadline = deadline.sooner(max(WRITING[0] * loaded, WRITING[1]))
@@ -227,6 +226,15 @@ def _run(arguments: argparse.Namespace, entered: float) -> int:
     except RecordingError as unusable:
         print(f"tiago-mj diagnose: {unusable}", file=sys.stderr)
         return 2
+    return _written(diagnosis, seen, fault, arguments)
+
+
+def _written(
+    diagnosis: Diagnosis, seen: Pictures | None, fault: Exception | None, arguments: argparse.Namespace
+) -> int:
+    """Write the answer and say it in short; the exit status."""
+    from tiago_mj.gap.report import json, terminal, write
+
     paths = write(diagnosis, arguments.out, seen, fault)
     if arguments.json:
         print(json.text(diagnosis))
