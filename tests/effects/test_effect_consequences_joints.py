@@ -258,6 +258,34 @@ def test_a_payload_weighs_on_every_joint_by_its_lever_arm(mass):
     assert np.sign(mass) * (nominal.true_position - r.true_position)[-1] @ lever > 1e-4  # it sags, or rises
 
 
+@shows("link_mass")
+@pytest.mark.parametrize("factor", [1.2, 0.7])
+def test_a_heavier_link_weighs_on_the_joints_that_carry_it_by_its_lever_arm(factor):
+    effect = [{"name": "link_mass", "target": "arm_4_joint", "parameters": {"factor": factor}}]
+    r = rollout(effect, np.zeros((360, 10)), TIAGO, prepare=without_friction)
+    nominal = rollout(None, np.zeros((360, 10)), TIAGO, prepare=without_friction)
+    core = make(None, TIAGO)
+    core.reset(seed=0)
+    core.data.qpos[core.qpos_address] = r.true_position[-1]
+    mujoco.mj_forward(core.model, core.data)
+    link, expected = int(core.model.joint("arm_4_joint").bodyid[0]), np.zeros(core.model.nv)
+    for body in np.flatnonzero(core.model.body_weldid == link):
+        jacobian = np.zeros((3, core.model.nv))
+        mujoco.mj_jacBodyCom(core.model, core.data, jacobian, None, int(body))
+        expected += (factor - 1) * core.model.body_mass[body] * GRAVITY * jacobian[2]
+    rise = (r.effort - nominal.effort)[-1]
+    carried = slice(1, 5)  # the torso may lie on its end stop; what is beyond the link does not carry it
+    np.testing.assert_allclose(rise[carried], expected[core._qvel_address][carried], rtol=0.02, atol=0.01)
+    assert np.abs(rise[5:]).max() < 0.01
+
+
+@shows("torque_offset")
+@pytest.mark.parametrize("force", [2.0, -1.0])
+def test_a_constant_force_on_a_finger_moves_it_until_the_servo_gives_as_much(force):
+    r = free({"torque_offset": {"force": force}}, (-0.02, 1.0), (0.0, 2.0))
+    np.testing.assert_allclose((r.true_position - r.set_point)[-1], force / KP, rtol=0.01)
+
+
 @shows("gravity_tilt")
 @pytest.mark.parametrize("angle", [0.1, -0.3])
 def test_under_a_tilt_a_free_object_falls_sideways(angle):

@@ -47,11 +47,13 @@ CONTRACT = {
     "stribeck_friction": ("joint", "friction", {"static": (FORCE, 0, 3), "velocity": (SPEED, None, 0.01)}),
     "load_dependent_friction": ("joint", "friction", {"coefficient": ("-", 0, 0.15)}),
     "asymmetric_friction": ("joint", None, {"force": (FORCE, 0, 2)}),
+    "torque_offset": ("joint", None, {"force": (FORCE, 0, 1)}),
     "backlash": ("joint", "play", {"width": (LENGTH, 0, 0.001)}),
     "joint_elasticity": ("joint", "gain", {"stiffness": (("N/m", "N·m/rad"), INF, 3000)}),
     "armature": ("joint", None, {"mass": (("kg", "kg·m²"), 0, 0.3)}),
     "coupling_error": ("joint", None, {"ratio": ("-", 0, 0.1)}),
     "payload": ("joint", None, {"mass": ("kg", 0, 0.5)}),
+    "link_mass": ("joint", None, {"factor": ("-", 1, 1.1)}),
     "gravity_tilt": ("object", None, {"angle": ("rad", 0, 0.1)}),
     "contact_stiffness": ("object", None, {"factor": ("-", 1, 0.3)}),
     "contact_damping": ("object", None, {"factor": ("-", 1, 4)}),
@@ -186,17 +188,18 @@ def test_no_value_that_a_fit_may_try_makes_the_arm_diverge(end):
         target = arm if declared.targets in ("joint", "command") and name != "payload" else "all"
         r = rollout([{"name": name, "target": target, "parameters": _tried(values)}], actions, TIAGO)
         assert np.isfinite(r.state).all(), name
-        # 0.2 rad/s are commanded. A wrist of 0.5 g·m² that 10 N·m of friction let go leaps at some rad/s; an arm falls
-        # through a play of 0.1 rad or onto a spring of 1 N·m/rad, and goes by jumps on a grid of 0.1 rad.
-        falls = {"asymmetric_friction": 10, "backlash": 3, "joint_elasticity": 3, **dict.fromkeys(JUMPS, 5)}
+        # 0.2 rad/s are commanded. A wrist of 0.5 g·m² that 10 N·m push, or of friction let go, leaps at some rad/s; an
+        # arm falls through a play of 0.1 rad or onto a spring of 1 N·m/rad, and goes by jumps on a grid of 0.1 rad.
+        leaps = dict.fromkeys(("asymmetric_friction", "torque_offset"), 10)
+        falls = {**leaps, "backlash": 3, "joint_elasticity": 3, **dict.fromkeys(JUMPS, 5)}
         assert np.abs(r.true_velocity[:, 1:8]).max() < falls.get(name, 1), name
 
 
 #: What can be less than nominal, or point the other way; all else is a size, a time, a share or a factor.
 SIGNED = {
     "clock_skew", "servo_damping", "coulomb_friction", "viscous_friction", "asymmetric_friction", "armature",
-    "coupling_error", "payload", "gravity_tilt", "object_size", "object_offset", "encoder_bias", "force_bias",
-    "force_nonlinearity", "force_drift", "force_crosstalk",
+    "coupling_error", "torque_offset", "payload", "gravity_tilt", "object_size", "object_offset", "encoder_bias",
+    "force_bias", "force_nonlinearity", "force_drift", "force_crosstalk",
 }  # fmt: skip
 
 

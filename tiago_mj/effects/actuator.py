@@ -186,6 +186,9 @@ class TorqueConstant(Effect):
 
     factor = parameter("-", identity=1.0, default=0.8, bounds=(0.2, 3.0))
 
+    def measure_effort(self, effort: Array) -> Array:
+        return effort / self.factor[0]
+
     def change(self, now: Now) -> None:
         ids = now.wiring.actuators
         gain, bias = now.host.field("actuator_gainprm"), now.host.field("actuator_biasprm")

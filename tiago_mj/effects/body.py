@@ -136,3 +136,37 @@ class GravityTilt(Effect):
         along = (gravity @ axis)[:, None] * axis
         tilted = along + cosine * (gravity - along) + sine * np.cross(axis, gravity)  # Rodrigues
         gravity[:] = np.where(self.present, tilted, gravity)
+
+
+@effect("link_mass", stage="body", targets="joint")
+class LinkMass(Effect):
+    """Mass and moments of inertia of what a joint carries up to the next joint, by a factor. What compensates gravity
+    lifts the nominal mass.
+
+    Formula: mass = factor · nominal mass; inertia = factor · nominal inertia
+
+    In a recording: joint torques follow the weight of that link over the pose, and its inertia.
+
+    Typical: 0.9-1.1.
+
+    On the robot: weigh the link, with its cables and covers.
+
+    Source: chosen.
+
+    MuJoCo: ``body_mass``, ``body_inertia``, ``body_gravcomp``.
+    """
+
+    nameable = False
+    effort_prior = known_to(0.05)
+
+    factor = parameter("-", identity=1.0, default=1.1, bounds=(0.3, 3.0), possible=(0.0, 1000.0))
+
+    def change(self, now: Now) -> None:
+        model = now.host.model
+        mass, inertia, compensation = (now.host.field(name) for name in ("body_mass", "body_inertia", "body_gravcomp"))
+        for k, dof in enumerate(now.wiring.dof):
+            for body in np.flatnonzero(model.body_weldid == model.dof_bodyid[dof]):
+                mass[:, body] *= self.factor[:, k]
+                inertia[:, body] *= self.factor[:, k, None]
+                compensation[:, body] /= self.factor[:, k]  # it lifts the nominal mass, not the new one
+        now.rebuild = True

@@ -58,7 +58,7 @@ NOT_INHERITED: Final = ("clause", "clause_less", "nominal_prior", "shows_as", "t
 #: Hooks that any effect may have, beside those whose arrays have the shape of its targets.
 COMMON_HOOKS: Final = ("start", "change", "place", "model_attributes")
 HOOKS: Final = {
-    "command": ("command", "set_point", "given", "servo_force", "force_range"),
+    "command": ("command", "set_point", "given", "servo_force", "force_range", "measure_effort"),
     "joint": (
         "set_point",
         "added_friction",
@@ -138,6 +138,11 @@ class Effect:
     #: adjust it, and the effect is named only where it goes beyond. A model's numbers are known to about 4 % where
     #: nothing says more. None: it has none, or that is known exactly.
     nominal_prior: ClassVar[NominalPrior | None] = None
+    #: The same where measured efforts are compared with the torques that a motion needs; None: ``nominal_prior``.
+    effort_prior: ClassVar[NominalPrior | None] = None
+    #: Name of the parameter by which all that is measured of the motion is late, against commands and efforts; empty:
+    #: it is not.
+    delays_readings: ClassVar[str] = ""
     #: Whether what it does is drawn at random: no simulation repeats it, so that known as it is it closes no gap.
     by_chance: ClassVar[bool] = False
     #: Hooks that have something to do only where a detail of that name is given.
@@ -202,6 +207,11 @@ class Effect:
     def added_force(self, now: Now) -> Array:
         """Force on the joints to add before a physics step, (nsim, njoints) [N, N·m]."""
         return np.zeros((now.nsim, len(now.wiring.dof)))
+
+    def measure_effort(self, effort: Array) -> Array:
+        """Efforts of the actuators' joints, (T, nactuators) [N, N·m]; what a recording says of them, which takes the
+        nominal drive's word for it. Only where efforts are compared along a motion, with one simulation."""
+        return effort
 
     def servo_force(self, now: Now) -> Array:
         """Force that the servos add to their own, within their limits, before a physics step, (nsim, nactuators)

@@ -28,6 +28,8 @@ class Host(Protocol):
     """Simulations whose fields are arrays with a leading axis of simulations."""
 
     nsim: int
+    #: Whether it steps; else motions are given, and torques are asked for.
+    simulates: bool
 
     @property
     def model(self) -> mujoco.MjModel:
@@ -67,6 +69,7 @@ class ScalarHost:
     """One model and its data, as views: what is written is the simulation's own."""
 
     nsim = 1
+    simulates = True
 
     def __init__(self, data: mujoco.MjData) -> None:
         self._data = data
@@ -144,6 +147,8 @@ class BatchHost:
     A simulation that diverges, or whose model MuJoCo refuses (nothing is left of an inertia), stops where it is:
     :attr:`diverged` says which have.
     """
+
+    simulates = True
 
     def __init__(self, batch: mujoco.batch.Batch) -> None:
         self.batch = batch

@@ -102,10 +102,15 @@ ORDER: Final = (
 )
 
 
-def known_to_some_percent() -> tuple[type[Effect], ...]:
-    """Effects that change a number of the nominal model which is known to a prior only (:attr:`Effect.nominal_prior`),
-    in the order of a fit; those that are not the library's come last."""
-    mine = [declared for declared in EFFECTS.values() if declared.nominal_prior is not None]
+def known_to_some_percent(*, efforts: bool = False) -> tuple[type[Effect], ...]:
+    """Effects that change a number of the nominal model which is known to a prior only, in the order of a fit; those
+    that are not the library's come last.
+
+    Args:
+        efforts: whether efforts are compared along a motion (:attr:`Effect.effort_prior`), not replays of commands
+            (:attr:`Effect.nominal_prior`).
+    """
+    mine = [one for one in EFFECTS.values() if one.nominal_prior or (efforts and one.effort_prior)]
     places = {name: place for place, name in enumerate(ORDER)}
     return tuple(sorted(mine, key=lambda declared: places.get(declared.name, len(places))))
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from tiago_mj.effects.declare import Array, Effect, effect
-from tiago_mj.effects.fields import parameter
+from tiago_mj.effects.fields import known_to, parameter
 from tiago_mj.effects.memory import DelayLine
 from tiago_mj.effects.now import Now
 
@@ -28,6 +28,8 @@ class ClockOffset(Effect):
     clause = "the measured channels are stamped {seconds} late"
     clause_less = "the measured channels are stamped {seconds} early"
     signal_only = True
+    delays_readings = "seconds"
+    effort_prior = known_to(0.5, share_of="row")
 
     seconds = parameter("s", identity=0.0, default=0.03, bounds=(0.0, 0.2))
 

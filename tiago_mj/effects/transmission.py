@@ -315,6 +315,32 @@ class AsymmetricFriction(Effect):
         return self._pushes
 
 
+@effect("torque_offset", stage="transmission", targets="joint")
+class TorqueOffset(Effect):
+    """A constant force or torque on a joint that the model lacks.
+
+    Formula: joint force += force
+
+    In a recording: efforts and the servo's error are off by the same at every speed and in every pose.
+
+    Typical: 0.5 % of the drive's limit: a cable, a worn balancer; a torque sensor's zero looks the same.
+
+    On the robot: read the effort of the unpowered joint in a pose in which it carries nothing.
+
+    Source: chosen.
+
+    MuJoCo: none; ``qfrc_applied``.
+    """
+
+    nameable = False
+    effort_prior = known_to(0.005, share_of="limit")
+
+    force = parameter(FORCE, identity=0.0, default=1.0, bounds=(-10.0, 10.0))
+
+    def added_force(self, now: Now) -> Array:
+        return self.force
+
+
 @effect("backlash", stage="transmission", targets="joint", gap_class="play")
 class Backlash(Effect):
     """Play between motor and joint: the joint feels the motor only when that has crossed the gap.
@@ -510,7 +536,7 @@ class Armature(Effect):
         if self._least is None:
             model = now.host.model
             self._least = np.zeros(len(dofs))
-            if (self.mass < 0).any():
+            if (self.mass < 0).any() and now.host.simulates:
                 self._least = model.dof_armature[dofs] - removable_inertia(model, dofs)
         armature[:, dofs] = np.where(self.present, np.maximum(before + self.mass, self._least), before)
         now.rebuild = True

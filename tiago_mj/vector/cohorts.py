@@ -35,6 +35,8 @@ class Members:
         failed: those in which MuJoCo raised an error.
     """
 
+    simulates = True
+
     def __init__(self, batch: mujoco.batch.Batch, rows: Rows) -> None:
         self.model = batch.model
         self.nsim = len(rows)
