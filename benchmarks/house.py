@@ -26,7 +26,7 @@ DIAGNOSIS: Final = ("gap", "effects")
 #: Of the benchmarks, those whose lines are not counted: cases of real robots and the audit.
 NOT_COUNTED: Final = ("real", "truth_audit.py", "truth_audit")
 #: Rooms in which an effect's name may stand in code.
-NAMED_IN: Final = ("effects", "demo")
+NAMED_IN: Final = ("effects", "demo", "export")
 #: Names that effects share with what is none: arguments of environments, attributes of MJCF, fields of sidecars.
 SHARED_NAMES: Final = {
     "registration.py": ("object_offset",),
@@ -188,7 +188,7 @@ def figures() -> dict[str, object]:
         f"functions of more than {MANY_ARGUMENTS} arguments": functions_of_many(package),
         f"classes of more than {LARGE_CLASS} lines": large_classes(package),
         "modules at the top of the package": len(list(PACKAGE.glob("*.py"))),
-        "names of effects in code, outside effects and demo": names_in_code(effect_names()),
+        "names of effects in code, outside effects, demo and the export's tables": names_in_code(effect_names()),
         "imports within functions": imports_in_functions(),
     }
 

@@ -19,15 +19,8 @@ def test_imports_keep_to_the_layers():
     assert run.returncode == 0, run.stdout
 
 
-#: Rooms that still hold names of effects in code, and how many: what is left of the path for efforts.
-STILL_NAMED = {"gap/torque/": 15}
-
-
-def test_no_module_but_the_declarations_and_the_demo_holds_an_effects_name():
-    found = house.names_in_code(house.effect_names())
-    left = {room: sum(n for module, n in found.items() if module.startswith(room)) for room in STILL_NAMED}
-    assert {module for module in found if not module.startswith(tuple(STILL_NAMED))} == set()
-    assert all(left[room] <= most for room, most in STILL_NAMED.items()), left
+def test_no_module_but_the_declarations_the_demo_and_the_exports_tables_holds_an_effects_name():
+    assert house.names_in_code(house.effect_names()) == {}
 
 
 def test_a_name_in_code_is_counted(tmp_path, monkeypatch):

@@ -6,14 +6,18 @@ makes the friction, and noise is added, so nothing of the diagnosis takes part i
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
 
 from tiago_mj.effects import Entry
+from tiago_mj.gap.pipeline import diagnose
 from tiago_mj.gap.result import Diagnosis, Explanation, Value
-from tiago_mj.gap.torque import diagnose_inverse
 from tiago_mj.models.files import model_file
 from tiago_mj.recordings.recording import Sidecar, Trial
 
@@ -118,8 +122,20 @@ def trial(time: np.ndarray, positions: dict[str, np.ndarray], efforts: dict[str,
     return Trial("trial", time, {}, positions, {}, efforts, {}, Sidecar(trial="trial", rate_hz=RATE), "trial.csv")
 
 
-def diagnosed(recorded: Trial, model: mujoco.MjModel, seed: int = 0, given: tuple[Entry, ...] = ()) -> Diagnosis:
-    return diagnose_inverse((recorded,), model, tuple(recorded.efforts), robot="r", seed=seed, version="0", given=given)
+@cache
+def pendulum_file() -> Path:
+    file = Path(tempfile.mkdtemp()) / "pendulum.xml"
+    file.write_text(PENDULUM)
+    return file
+
+
+def nominal_file(recorded: Trial) -> Path:
+    """Of the robot that a recording is of."""
+    return pendulum_file() if "swing" in recorded.positions else model_file("robots/tiago_ta11.xml")
+
+
+def diagnosed(*recorded: Trial, seed: int = 0, given: tuple[Entry, ...] = (), **more: Any) -> Diagnosis:
+    return diagnose(recorded, model=nominal_file(recorded[0]), seed=seed, given=given, threads=1, **more)
 
 
 def named(explanation: Explanation) -> set[str]:

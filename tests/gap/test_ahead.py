@@ -8,8 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tiago_mj.gap import ahead
-from tiago_mj.gap.ahead import TYPICAL, Ahead, AheadInTime, Typical
+from tiago_mj.gap.ahead import TYPICAL, Ahead, Typical
 from tiago_mj.io.progress import Estimate
 
 
@@ -63,20 +62,6 @@ def test_no_more_is_left_than_the_search_may_take():
     assert heard[-1][2] == pytest.approx(100.0 + 10.0 * TYPICAL["writing"].median)
     told.worked(500)
     assert heard[-1][2] == pytest.approx(10.0 * TYPICAL["writing"].median)
-
-
-def test_along_a_motion_work_is_time_in_units_of_the_first_comparison(monkeypatch):
-    now = [50.0]
-    monkeypatch.setattr(ahead.time, "monotonic", lambda: now[0])
-    heard = Heard()
-    told = AheadInTime(heard)
-    told("comparing torques")
-    now[0] += 8.0
-    told("narrowing the band")
-    assert heard == [
-        ("comparing torques", 0.0, None),
-        ("narrowing the band", 8.0, 8.0 * TYPICAL["narrowing the band"].median),
-    ]
 
 
 STAGE = st.sampled_from([key.split(", ")[0] for key in TYPICAL] + ["something else"])

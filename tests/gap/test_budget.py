@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from made_motions import pendulum, record
+from made_motions import diagnosed, pendulum, record
 
 from tiago_mj import cli
 from tiago_mj.effects import EFFECTS
@@ -29,8 +29,6 @@ from tiago_mj.gap.result import Diagnosis, Stopped
 from tiago_mj.gap.search import screen, select
 from tiago_mj.gap.simulation import replay
 from tiago_mj.gap.simulation.plant import plant_of
-from tiago_mj.gap.torque import diagnose_inverse
-from tiago_mj.gap.torque.search import Search
 from tiago_mj.io.deadline import Deadline, OutOfTimeError
 from tiago_mj.recordings.recording import RecordingError, Sidecar, Trial
 from tiago_mj.recordings.write import write_trial
@@ -310,48 +308,29 @@ def test_a_budget_that_is_not_spent_changes_nothing(rubbing) -> None:
 # Along a motion -------------------------------------------------------------------------------------------------------
 
 
-def along(pulled: Trial, deadline: Deadline | None = None) -> Diagnosis:
-    return diagnose_inverse((pulled,), pendulum(), ("swing",), robot="r", seed=0, version="0", deadline=deadline)
+def along(pulled: Trial, deadline: Deadline | None = None, **more) -> Diagnosis:
+    return diagnosed(pulled, deadline=deadline, **more)
 
 
 @pytest.mark.parametrize("ending", ["budget", "interrupted"])
-def test_a_search_along_a_motion_ends_with_what_leads(pulled, tmp_path, monkeypatch, ending) -> None:
-    clock, alternatives = Clock(), Search.alternatives
-
-    def then_over(search, best):
-        if ending == "interrupted":
-            raise KeyboardInterrupt
-        clock.over()
-        return alternatives(search, best)
-
-    monkeypatch.setattr(Search, "alternatives", then_over)
-    found = along(pulled, clock.deadline())
+def test_a_search_along_a_motion_ends_with_what_leads(pulled, tmp_path, ending) -> None:
+    clock = Clock()
+    tick = at("all trials", clock.over if ending == "budget" else interrupt)
+    found = along(pulled, clock.deadline(), tick=tick)
     assert "coulomb_friction" in {effect.name for effect in found.best.effects}
     assert found.stopped is not None
     assert found.stopped.why == ending
     assert found.stopped.tried == found.stopped.effects > 0
-    assert found.shrink.closed is not None
-    assert found.shrink.closed > 0.9
     says_nothing_more(found, tmp_path)
 
 
-def test_a_search_along_a_motion_that_has_not_begun_names_nothing(pulled, tmp_path, monkeypatch) -> None:
-    def none(search, *given):
-        raise OutOfTimeError
-
-    monkeypatch.setattr(Search, "forward", none)
-    found = along(pulled)
+def test_a_search_along_a_motion_that_has_not_begun_names_nothing(pulled, tmp_path) -> None:
+    clock = Clock()
+    found = along(pulled, clock.deadline(), tick=at("fitting the nominal model", clock.over))
     assert found.kind == "unknown"
     assert not found.best.effects
     assert found.where
     says_nothing_more(found, tmp_path)
-
-
-def test_nothing_is_computed_along_a_motion_once_the_time_is_over(pulled) -> None:
-    clock = Clock()
-    clock.over()
-    with pytest.raises(OutOfTimeError):
-        along(pulled, clock.deadline())
 
 
 @pytest.mark.parametrize("ending", ["budget", "interrupted"])

@@ -82,6 +82,6 @@ def test_along_a_motion_a_given_friction_of_half_its_size_leaves_the_other_half(
     rubbing = pendulum()
     rubbing.dof_frictionloss[:] += 0.3
     trial = record(rubbing, ("swing",), spread=1.2, seconds=25)
-    found = diagnosed(trial, pendulum(), given=read_effects({"coulomb_friction": {"force": 0.15}}))
+    found = diagnosed(trial, given=read_effects({"coulomb_friction": {"force": 0.15}}))
     assert [effect.name for effect in found.best.effects] == ["coulomb_friction"]
     assert found.best.effects[0].parameters["force"].value == pytest.approx(0.15, abs=0.02)

@@ -35,7 +35,7 @@ def rubbing() -> Trial:
 @pytest.fixture(scope="module")
 def rubbed() -> Diagnosis:
     """Half a minute is enough to be right, and takes a third less than a minute."""
-    return diagnosed(rubbing_arm(30), robot())
+    return diagnosed(rubbing_arm(30))
 
 
 # What is there is found -----------------------------------------------------------------------------------------------
@@ -67,7 +67,7 @@ def test_the_gap_closes_on_blocks_that_were_kept_aside(rubbed: Diagnosis) -> Non
 
 
 def test_a_recording_of_the_model_itself_has_no_gap() -> None:
-    found = diagnosed(record(pendulum(), ("swing",), spread=1.2), pendulum())
+    found = diagnosed(record(pendulum(), ("swing",), spread=1.2))
     assert found.kind == "no_gap"
     assert not found.best.effects
     assert not found.remains
@@ -77,17 +77,17 @@ def test_masses_off_by_three_percent_are_no_gap() -> None:
     model = pendulum()
     model.body_mass[:] *= 1.03
     model.body_inertia[:] *= 1.03
-    assert diagnosed(record(model, ("swing",), spread=1.2), pendulum()).kind == "no_gap"
+    assert diagnosed(record(model, ("swing",), spread=1.2)).kind == "no_gap"
 
 
 @pytest.mark.slow
 def test_a_mass_in_the_gripper_is_a_payload_of_its_weight() -> None:
     model = robot()
     model.body_mass[model.body("gripper_link").id] += 1.0
-    found = diagnosed(record(model, ARM, spread=0.9, seconds=40), robot())
+    found = diagnosed(record(model, ARM, spread=0.9, seconds=40))
     assert found.kind == "effect"
     assert named(found.best) == {"payload"}
-    assert holds(value(found.best, "payload", ARM[-1], "mass"), 1.0)
+    assert holds(value(found.best, "payload", "all", "mass"), 1.0)
     assert found.stage == "body"
 
 
@@ -102,23 +102,23 @@ def test_a_mass_in_the_gripper_is_a_payload_of_its_weight() -> None:
 def test_one_effect_on_a_pendulum_is_named_with_its_value(field: str, more: float, name: str, parameter: str) -> None:
     model = pendulum()
     getattr(model, field)[:] += more
-    found = diagnosed(record(model, ("swing",), spread=1.2), pendulum())
+    found = diagnosed(record(model, ("swing",), spread=1.2))
     assert (found.kind, named(found.best)) == ("effect", {name})
     # 3 %: the pass band cuts the sharp ends of accelerations and of jumps of friction.
-    assert value(found.best, name, "swing", parameter).value == pytest.approx(more, rel=0.03)
+    assert value(found.best, name, "all", parameter).value == pytest.approx(more, rel=0.03)
 
 
 def test_a_torque_constant_that_is_off_shows_as_a_factor_on_every_torque() -> None:
     recorded = record(pendulum(), ("swing",), spread=1.2)
-    found = diagnosed(replace(recorded, efforts={"swing": recorded.efforts["swing"] / 0.8}), pendulum())
+    found = diagnosed(replace(recorded, efforts={"swing": recorded.efforts["swing"] / 0.8}))
     assert (found.kind, named(found.best)) == ("effect", {"torque_constant"})
-    assert holds(value(found.best, "torque_constant", "swing", "factor"), 0.8)
+    assert holds(value(found.best, "torque_constant", "all", "factor"), 0.8)
 
 
 def test_positions_that_are_stamped_late_against_efforts_show_as_a_clock_offset() -> None:
     recorded = record(pendulum(), ("swing",), spread=1.2)
     late = np.interp(recorded.time - 0.05, recorded.time, recorded.positions["swing"])
-    found = diagnosed(replace(recorded, positions={"swing": late}), pendulum())
+    found = diagnosed(replace(recorded, positions={"swing": late}))
     assert (found.kind, named(found.best)) == ("effect", {"clock_offset"})
     assert holds(value(found.best, "clock_offset", "all", "seconds"), 0.05)
 
@@ -128,22 +128,20 @@ def test_positions_that_are_stamped_late_against_efforts_show_as_a_clock_offset(
 
 def test_one_joint_cannot_tell_a_tilted_base_from_an_encoder_that_is_off() -> None:
     recorded = record(pendulum(), ("swing",), spread=1.2)
-    found = diagnosed(replace(recorded, positions={"swing": recorded.positions["swing"] + 0.06}), pendulum())
+    found = diagnosed(replace(recorded, positions={"swing": recorded.positions["swing"] + 0.06}))
     assert found.kind == "ambiguous"
     assert {frozenset(named(one)) for one in found.alternatives} == {
         frozenset({"gravity_tilt"}),
         frozenset({"encoder_bias"}),
     }
-    assert any("cannot tell apart" in note for note in found.notes)
 
 
 def test_a_cable_that_tugs_is_unknown_and_what_remains_is_placed() -> None:
     def cable(data: mujoco.MjData, time: float) -> np.ndarray:
         return -0.6 * np.sin(2.5 * data.qpos[:1])
 
-    found = diagnosed(record(pendulum(), ("swing",), spread=1.2, pull=cable), pendulum())
+    found = diagnosed(record(pendulum(), ("swing",), spread=1.2, pull=cable))
     assert found.kind == "unknown"
-    assert not found.best.effects
     assert found.remains
     assert {place.channel for place in found.remains_where} == {"effort.swing"}
 
@@ -153,7 +151,7 @@ def test_a_cable_at_one_joint_of_an_arm_is_placed_there() -> None:
     def cable(data: mujoco.MjData, time: float) -> np.ndarray:
         return np.array([-6.0 * np.sin(2.5 * data.qpos[1]), 0, 0, 0])
 
-    found = diagnosed(record(robot(), ARM, spread=0.9, seconds=40, pull=cable), robot())
+    found = diagnosed(record(robot(), ARM, spread=0.9, seconds=40, pull=cable))
     assert found.kind == "unknown"
     assert found.remains
     assert found.remains_where[0].channel == "effort.arm_1_joint"
@@ -171,7 +169,7 @@ def test_what_a_log_without_commands_cannot_show_is_listed(rubbed: Diagnosis) ->
 @pytest.mark.slow
 def test_a_flipped_sign_is_said_and_shakes_the_verdict(rubbing: Trial) -> None:
     flipped = {name: -v if name == "arm_2_joint" else v for name, v in rubbing.efforts.items()}
-    found = diagnosed(replace(rubbing, efforts=flipped), robot())
+    found = diagnosed(replace(rubbing, efforts=flipped))
     assert ("sign", "effort.arm_2_joint") in {(f.code, f.channel) for f in found.findings}
     assert not (found.kind == "effect" and named(found.best) == {"coulomb_friction", "viscous_friction"})
 
@@ -188,7 +186,7 @@ def test_efforts_of_other_joints_or_of_other_times_give_no_friction(rubbing: Tri
         {k: v[order] for k, v in rubbing.efforts.items()},
     )
     for wrong in (replace(rubbing, efforts=swapped), shuffled):
-        found = diagnosed(wrong, robot())
+        found = diagnosed(wrong)
         assert not (found.kind == "effect" and named(found.best) == {"coulomb_friction", "viscous_friction"})
         assert found.remains
 
@@ -204,7 +202,7 @@ def arm() -> Trial:
 
 @pytest.fixture(scope="module")
 def found(arm: Trial) -> Diagnosis:
-    return diagnosed(arm, robot())
+    return diagnosed(arm)
 
 
 def test_the_real_arm_rubs_in_all_four_joints_whatever_else_may_be(found: Diagnosis) -> None:
@@ -234,6 +232,6 @@ def test_the_real_arms_wrist_and_torso_efforts_are_left_out_and_why(found: Diagn
 def test_the_real_arm_with_its_joints_exchanged_is_another_story(arm: Trial, found: Diagnosis) -> None:
     efforts = dict(arm.efforts)
     efforts["arm_2_joint"], efforts["arm_4_joint"] = efforts["arm_4_joint"], -efforts["arm_2_joint"]
-    wrong = diagnosed(replace(arm, efforts=efforts), robot())
+    wrong = diagnosed(replace(arm, efforts=efforts))
     assert wrong.shrink.closed is None or found.shrink.closed is None or wrong.shrink.closed < found.shrink.closed
     assert wrong.kind == "unknown" or named(wrong.best) != named(found.best)

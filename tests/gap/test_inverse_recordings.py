@@ -10,7 +10,6 @@ import pytest
 from made_motions import ARM, diagnosed, named, pendulum, record, robot, trial
 
 from tiago_mj.gap.report import json as report
-from tiago_mj.gap.torque import diagnose_inverse
 from tiago_mj.gap.torque.channels import Usable, choose
 from tiago_mj.recordings.lint import inspect
 from tiago_mj.recordings.recording import RecordingError, Trial
@@ -19,7 +18,7 @@ from tiago_mj.recordings.recording import RecordingError, Trial
 def test_a_dead_effort_channel_is_left_out_and_named() -> None:
     recorded = record(robot(), ARM[2:], spread=0.9, seconds=30)
     dead = dict(recorded.efforts) | {"arm_4_joint": np.zeros_like(recorded.time)}
-    found = diagnosed(replace(recorded, efforts=dead), robot())
+    found = diagnosed(replace(recorded, efforts=dead))
     assert ("dead_channel", "effort.arm_4_joint") in {(f.code, f.channel) for f in found.findings}
     assert "effort.arm_4_joint" not in {place.channel for place in found.where}
 
@@ -49,7 +48,7 @@ def test_an_effort_of_the_wrong_sign_is_found_where_it_is() -> None:
 def test_an_effort_in_another_unit_is_left_out_and_named() -> None:
     recorded = record(robot(), ARM[1:3], spread=0.9, seconds=30)
     amperes = dict(recorded.efforts) | {"arm_2_joint": recorded.efforts["arm_2_joint"] / 400}
-    found = diagnosed(replace(recorded, efforts=amperes), robot())
+    found = diagnosed(replace(recorded, efforts=amperes))
     assert ("unit_scale", "effort.arm_2_joint") in {(f.code, f.channel) for f in found.findings}
 
 
@@ -58,7 +57,7 @@ def test_several_short_trials_are_not_cut() -> None:
     model.dof_frictionloss[:] += 0.3
     whole = [record(model, ("swing",), spread=1.2, seconds=8, seed=k) for k in range(7)]
     trials = tuple(replace(one, name=f"t{k}") for k, one in enumerate(whole))
-    found = diagnose_inverse(trials, pendulum(), ("swing",), robot="r", seed=0, version="0")
+    found = diagnosed(*trials)
     assert sorted(name for part in found.splits.values() for name in part) == [f"t{k}" for k in range(7)]
     assert named(found.best) == {"coulomb_friction"}
 
@@ -67,7 +66,7 @@ def test_the_same_recording_and_seed_give_the_same_answer() -> None:
     model = pendulum()
     model.dof_damping[:] += 0.2
     recorded = record(model, ("swing",), spread=1.2, seconds=30)
-    first, second = (json.loads(report.text(diagnosed(recorded, pendulum()))) for _ in range(2))
+    first, second = (json.loads(report.text(diagnosed(recorded))) for _ in range(2))
     first.pop("seconds"), second.pop("seconds")
     assert first == second
 
@@ -87,15 +86,9 @@ def test_the_same_recording_and_seed_give_the_same_answer() -> None:
 def test_a_recording_that_cannot_be_used_ends_in_one_line(spoil: Callable[[Trial], Trial], says: str) -> None:
     recorded = spoil(record(pendulum(), ("swing",), spread=1.2, seconds=10))
     with pytest.raises(RecordingError, match=says) as fault:
-        diagnosed(recorded, pendulum())
+        diagnosed(recorded)
     assert "trial.csv" in str(fault.value)
     assert "\n" not in str(fault.value)
-
-
-def test_a_joint_that_the_model_lacks_is_named() -> None:
-    recorded = record(pendulum(), ("swing",), seconds=10)
-    with pytest.raises(ValueError, match="no joint 'elbow'"):
-        diagnose_inverse((recorded,), pendulum(), ("elbow",), robot="r", seed=0, version="0")
 
 
 WRIST = """

@@ -14,6 +14,7 @@ from tiago_mj.experiment_design.along import preflight_along
 from tiago_mj.experiment_design.excitation import preflight
 from tiago_mj.gap.simulation.along_a_motion import along_a_motion
 from tiago_mj.gap.simulation.plant import plant_of
+from tiago_mj.gap.simulation.session import session_of
 from tiago_mj.io import atomic, extra, outputs
 from tiago_mj.io.progress import told
 from tiago_mj.io.quantities import quantity
@@ -62,7 +63,7 @@ def run(arguments: argparse.Namespace) -> int:
         usable = lint.believed(read.trials, findings)
         with told("preflight", "trying what these recordings would show", quiet=arguments.json):
             if along_a_motion(plant, read.trials):
-                found = preflight_along(plant, read.trials, findings)
+                found = preflight_along(session_of(plant, read.trials), findings)
             else:
                 found = preflight(plant, read.trials, usable=usable, threads=max(arguments.jobs, 0))
     except RecordingError as fault:

@@ -22,7 +22,7 @@ from tiago_mj.effects import EFFECTS
 from tiago_mj.gap.detectors.readings import only_read_off
 from tiago_mj.gap.inference import hypotheses, likelihood, noise_model
 from tiago_mj.gap.inference.fit import NUISANCE_STEP
-from tiago_mj.gap.inference.hypotheses import Candidate
+from tiago_mj.gap.inference.hypotheses import Candidate, Label
 from tiago_mj.gap.inference.predictor import Predictor
 from tiago_mj.gap.simulation import replay, sizes, stability
 from tiago_mj.gap.simulation.plant import Plant
@@ -64,6 +64,11 @@ class Excited:
     def visible(self) -> bool:
         """Whether some magnitude would be clearly visible."""
         return self.smallest is not None or self.by_readings
+
+    @property
+    def said(self) -> str:
+        """Effect, and the target where it is meant on one."""
+        return self.effect if self.target is None else f"{self.effect} on {self.target}"
 
 
 @dataclass(frozen=True)
@@ -119,29 +124,46 @@ def preflight(
     moved = np.nanstd(everything, axis=1).sum(axis=1)
     chosen = sorted(int(k) for k in np.argsort(-moved)[:TRIALS])
     base, part = everything[chosen], noise_model.select_trials(data, chosen)
-    terms = sorted(hypotheses.terms(plant), key=lambda term: term.per_trial)
-    on_their_own = np.array([term.per_trial for term in terms], dtype=bool)
-    responses = (predict.all_trials([(term.entry(NUISANCE_STEP),) for term in terms], chosen) - base) / NUISANCE_STEP
     thinned = np.minimum(likelihood.independence(part, base), np.sqrt(min(plant.period / CORRELATED, 1.0)))
-    frame = likelihood.frame(part, thinned, responses, on_their_own)
     nominal = _nominal(plant, on, threads)
     fastest = np.abs(nominal.velocity).max(axis=(0, 1))
     pool = [c for c in hypotheses.candidates(plant, None, fastest, sizes.sizes(plant, trials, nominal)) if not c.target]
+    found, alike = signatures(predict, pool, chosen, thinned)
+    return Preflight(plant.name, len(trials), found, alike)
+
+
+def signatures(
+    predict: Predictor, pool: Sequence[Candidate], trials: Sequence[int], weight: Array
+) -> tuple[tuple[Excited, ...], tuple[tuple[str, ...], ...]]:
+    """What each candidate changes, and which of those that are seen are alike.
+
+    Args:
+        predict: of explanations.
+        pool: candidates; of those with the same effect and targets the one that is seen best counts.
+        trials: indices of those that are looked at.
+        weight: square root of what a sample of each channel counts for, (C,).
+    """
+    chosen, part = list(trials), noise_model.select_trials(predict.data, trials)
+    base = predict.all_trials([()], chosen, keep=True)[0]
+    terms = sorted(hypotheses.terms(predict.plant), key=lambda term: term.per_trial)
+    on_their_own = np.array([term.per_trial for term in terms], dtype=bool)
+    responses = (predict.all_trials([(term.entry(NUISANCE_STEP),) for term in terms], chosen) - base) / NUISANCE_STEP
+    frame = likelihood.frame(part, weight, responses, on_their_own)
     unfitted = only_read_off()
-    found: dict[str, Excited] = {}
+    found: dict[Label, Excited] = {}
     shapes: dict[str, Array] = {}
     with mujoco_log.counted():  # of models that are tried, which are not the user's
         for candidate in pool:
-            if candidate.effect in found:
-                continue
             if candidate.effect in unfitted:
-                found[candidate.effect] = Excited(
+                found[candidate.label] = Excited(
                     candidate.effect, candidate.parameter, candidate.unit, None, 0.0, by_readings=True
                 )
                 continue
-            found[candidate.effect], shapes[candidate.effect] = _excited(predict, frame, candidate, chosen, base)
-    seen = [name for name, one in found.items() if one.smallest is not None and one.distance >= CLEAR]
-    return Preflight(plant.name, len(trials), tuple(found.values()), _alike(seen, shapes))
+            one, shape = _excited(predict, frame, candidate, chosen, base)
+            if candidate.label not in found or one.distance > found[candidate.label].distance:
+                found[candidate.label], shapes[one.said] = one, shape
+    seen = [one.said for one in found.values() if one.smallest is not None and one.distance >= CLEAR]
+    return tuple(found.values()), _alike(seen, shapes)
 
 
 def _nominal(plant: Plant, on: replay.Grid, threads: int) -> replay.Signals:
@@ -167,7 +189,7 @@ def _excited(
     return (
         Excited(
             candidate.effect, candidate.parameter, candidate.unit, _smallest(candidate, values, distance),
-            float(distance[at]),
+            float(distance[at]), target=None if candidate.target is None else candidate.target[0],
         ),
         left[at],
     )  # fmt: skip

@@ -9,7 +9,6 @@ evidence that more is left: the expectation is the median of those that took at 
 from __future__ import annotations
 
 import math
-import time
 from dataclasses import dataclass
 from statistics import NormalDist
 from typing import Final, Protocol
@@ -51,8 +50,7 @@ class Typical:
 #: What was left at the beginning of each stage, whether or not the best explanation by then left a gap. Of what replays
 #: commands in simulations of all fitted trials: the first two of 204 kept cases of the blind check (version 7, seeds 14
 #: to 16), the others of 14 of seeds 31, 33 and 35, rounded, and 60 more for the fit to all trials: 125 of 16 hinges at
-#: 25 Hz (seed 932), next to none at 240 Hz, where all trials are fitted anyway. Of what explains efforts along a motion
-#: in times of the first comparison, of five made motions (an arm's and a pendulum's).
+#: 25 Hz (seed 932), next to none at 240 Hz, where all trials are fitted anyway.
 TYPICAL: Final = {
     "replaying": Typical(480.0, 0.6),
     "fitting the nominal model": Typical(480.0, 0.6),
@@ -74,10 +72,6 @@ TYPICAL: Final = {
     "next motion": Typical(30.0, 0.5),
     "writing": Typical(5.0, 0.5),
     "playing the policy": Typical(2.0, 0.5),
-    "narrowing the band": Typical(3.2, 0.7),
-    "explaining": Typical(2.5, 0.7),
-    "rivals": Typical(2.3, 0.6),
-    "deciding": Typical(0.1, 0.7),
 }
 
 
@@ -118,18 +112,3 @@ class Ahead:
         left = self._unit * self._typical.left((self._done - self._since) / self._unit)
         rest = max(self._most - self._done, 0.0) + self._unit * TYPICAL["writing"].median
         return min(left, rest)
-
-
-class AheadInTime(Ahead):
-    """The same where nothing is simulated: the work is the seconds that pass, in units of those of the first stage."""
-
-    def __init__(self, listener: Listener) -> None:
-        super().__init__(listener)
-        self._began = time.monotonic()
-
-    def __call__(self, stage: str, total: int = 0, done: int = 0, *, gap: bool | None = None) -> None:
-        """A stage begins, or goes on."""
-        self._done = time.monotonic() - self._began
-        if self._stage and stage != self._stage and not self._unit > 0:
-            self.measured_in(self._done)
-        super().__call__(stage, total, done, gap=gap)

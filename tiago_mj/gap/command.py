@@ -92,9 +92,6 @@ STAGES: Final = {
     "triples": "adding a third effect to the best",
     "next motion": "choosing the motion to record next",
     "comparing torques": "comparing torques along the motion",
-    "narrowing the band": "comparing the slower part of the motion",
-    "explaining": "explaining the torques",
-    "rivals": "explaining them without each effect in turn",
 }
 
 

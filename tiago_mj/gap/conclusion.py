@@ -15,6 +15,7 @@ import tiago_mj
 from tiago_mj.effects import Entry
 from tiago_mj.gap.analysis import held_out, locate, outcome, place, promises, shrink, unexplained
 from tiago_mj.gap.analysis.remainder import remainder, with_accounted
+from tiago_mj.gap.compared import Compared
 from tiago_mj.gap.decision import verdict
 from tiago_mj.gap.design.next_motion import next_motion
 from tiago_mj.gap.detectors.proposals import Proposals
@@ -33,8 +34,6 @@ from tiago_mj.gap.result import (
     Verdict,
 )
 from tiago_mj.gap.search.state import Ranked
-from tiago_mj.gap.simulation import phases
-from tiago_mj.gap.simulation.replay import Signals
 from tiago_mj.gap.simulation.session import FITTED, Session
 from tiago_mj.io.deadline import OutOfTimeError
 
@@ -66,23 +65,20 @@ class Tried:
     said: tuple[str, ...]
 
 
-def concluded(
-    session: Session, asked: Request, so_far: SoFar, proposed: Proposals, ranked: Ranked, nominal: Signals
-) -> Diagnosis:
+def concluded(compared: Compared, asked: Request, so_far: SoFar, ranked: Ranked) -> Diagnosis:
     """Decide between explanations, try the verdict on the trials that were kept aside, and tell it.
 
     Args:
-        session: the recordings.
+        compared: the recordings beside the nominal model.
         asked: what is asked of them.
         so_far: what is known.
-        proposed: what the recordings say by themselves.
         ranked: explanations.
-        nominal: the nominal replay, one row a trial.
 
     Raises:
         OutOfTimeError: the deadline was over before the answer was.
     """
     seed, tick = asked.seed, so_far.tick
+    session, proposed, nominal, phase = compared.session, compared.proposed, compared.nominal, compared.phase
     plant, data = session.plant, proposed.data
     everything, fitted_on = range(len(session.trials)), session.indices(*FITTED)
     part = noise_model.select_trials(data, fitted_on)
@@ -93,10 +89,9 @@ def concluded(
     simulator, left_open = ranked.predict.as_simulated(), outcome.left_open(plant, ranked)
     base = simulator.all_trials([left_open.get(outcome.nominal(ranked), ())], everything)[0]
     judged, gains = _judged(session, proposed, ranked, base, seed)
-    phase = phases.phases(plant, ranked.predict.on, nominal)[:, : data.value.shape[1]]
     found = _tried(session, data, ranked, judged, left_open, base, phase, seed)
     chosen: tuple[NextMotion | None, str] = (None, "")
-    if judged.kind == "ambiguous" and ranked.complete:
+    if judged.kind == "ambiguous" and ranked.complete and ranked.predict.replays:
         tick("next motion", 1)
         rivals = [ranked.fits[k] for k in judged.rivals], [judged.probability[k] for k in judged.rivals]
         choose = partial(
@@ -147,7 +142,7 @@ def concluded(
             for k in (session.indices("test") or everything)[:OVERLAYS]
         ),
         notes=(*found.said, *(said for said in (late, later) if said), *_notes(session, proposed, ranked)),
-        asides=outcome.asides(session.trials),
+        asides=outcome.asides(session.trials) if ranked.predict.replays else (),
         residual_shape=shape,
     )
     return answer if ranked.complete else provisional(answer, so_far.stopped(ranked.ended, asked.deadline.spent()))

@@ -8,11 +8,12 @@ from typing import Any
 
 import numpy as np
 
-import tiago_mj
-from tiago_mj.gap.ahead import Ahead, AheadInTime
+from tiago_mj.effects import EFFECTS
+from tiago_mj.gap.ahead import Ahead
 from tiago_mj.gap.analysis import locate, task
-from tiago_mj.gap.conclusion import concluded, provisional, simulations, unanswered
-from tiago_mj.gap.detectors.proposals import proposals
+from tiago_mj.gap.compared import Compared
+from tiago_mj.gap.conclusion import concluded, simulations, unanswered
+from tiago_mj.gap.detectors.proposals import Proposals, proposals
 from tiago_mj.gap.faults import keeping
 from tiago_mj.gap.inference import hypotheses, noise_model
 from tiago_mj.gap.inference.predictor import predictor
@@ -26,7 +27,10 @@ from tiago_mj.gap.simulation import phases, replay, sizes
 from tiago_mj.gap.simulation.along_a_motion import along_a_motion, efforts_along
 from tiago_mj.gap.simulation.session import FITTED, Session
 from tiago_mj.gap.simulation.session import session as session_of
-from tiago_mj.gap.torque import diagnose_inverse
+from tiago_mj.gap.torque.band import most_informative
+from tiago_mj.gap.torque.flexible import as_flexible
+from tiago_mj.gap.torque.notes import of_method
+from tiago_mj.gap.torque.shown import check_given, shown
 from tiago_mj.io import mujoco_log
 from tiago_mj.io.deadline import OutOfTimeError
 from tiago_mj.recordings.recording import Trial
@@ -48,10 +52,10 @@ def diagnose(trials: Sequence[Trial], **asked: Any) -> Diagnosis:
     with mujoco_log.counted() as warned:
         session = session_of(trials, env=request.env, model=request.model, given=request.given)
         question = _question(session, request)
-        explain = _along_the_motion if along_a_motion(session.plant, session.trials) else _forward
+        compare = _along_the_motion if along_a_motion(session.plant, session.trials) else _replayed
         with keeping(lambda fault: so_far.answer or so_far.timed(unanswered(session, request, so_far, fault))):
             try:
-                found = explain(session, request, so_far)
+                found = _explained(compare(session, request, so_far), request, so_far)
             except (OutOfTimeError, KeyboardInterrupt) as end:
                 found = unanswered(session, request, so_far, end)
             so_far.answer = so_far.timed(found)
@@ -59,8 +63,8 @@ def diagnose(trials: Sequence[Trial], **asked: Any) -> Diagnosis:
             return checked(replace(found, notes=(*found.notes, *mujoco_log.sentences(warned))))
 
 
-def _forward(session: Session, asked: Request, so_far: SoFar) -> Diagnosis:
-    """Replay the commands, look at the readings, search, decide, try on the trials kept aside."""
+def _replayed(session: Session, asked: Request, so_far: SoFar) -> Compared:
+    """Replay the commands and look at the readings."""
     plant, tick, deadline = session.plant, so_far.tick, asked.deadline
     tick("replaying", len(session.trials))
     begun = deadline.spent()
@@ -79,60 +83,86 @@ def _forward(session: Session, asked: Request, so_far: SoFar) -> Diagnosis:
     reserve = a_simulation * simulations(session) + 3 * (deadline.spent() - simulated)
     fastest = np.abs(nominal.velocity).max(axis=(0, 1))
     pool = hypotheses.candidates(plant, asked.names, fastest, sizes.sizes(plant, session.trials, nominal))
-    fitted_on = session.indices(*FITTED)
     with mujoco_log.counted(so_far.warned):
-        proposed = proposals(predict, nominal, base, pool, fitted_on)
-    searching = deadline.sooner(reserve)
-    steps = replay.physics_steps(plant, predict.on)
+        proposed = proposals(predict, nominal, base, pool, session.indices(*FITTED))
+    return Compared(session, predict, nominal, phase, proposed, a_simulation, reserve)
+
+
+def _along_the_motion(session: Session, asked: Request, so_far: SoFar) -> Compared:
+    """Compare efforts, or commands where these are efforts, with the torques of the measured motion."""
+    trials, joints = efforts_along(session.plant, session.trials)
+    check_given(trials, asked.given)
+    deadline = asked.deadline
+    found = most_informative(
+        session, trials, joints, asked.findings, seed=asked.seed, deadline=deadline, tick=so_far.tick
+    )
+    along, plant = found.session, found.session.plant
+    predict = as_flexible(replace(found.predict, simulated=so_far.tick.worked), along.indices(*FITTED))
+    begun = deadline.spent()
+    base = predict.all_trials([()], range(len(along.trials)), keep=True)[0]
+    so_far.tally = predict.tally
+    simulated = deadline.spent()
+    phase = phases.phases(plant, predict.on, found.motion)
+    so_far.where = locate.locate(predict.data, base, phase, plant.period, asked.seed)
+    a_simulation = (simulated - begun) / len(along.trials)
+    reserve = a_simulation * simulations(along) + 3 * (deadline.spent() - simulated)
+    pool = hypotheses.candidates(plant, asked.names, None, sizes.sizes(plant, along.trials, found.motion))
+    proposed = Proposals(shown(pool, predict.torques), (), None, (), predict.data)
+    seen = {candidate.effect for candidate in proposed.pool}
+    return Compared(
+        along,
+        predict,
+        found.motion,
+        phase,
+        proposed,
+        a_simulation,
+        reserve,
+        notes=of_method(trials, found),
+        findings=found.usable.findings,
+        hidden=tuple(name for name in EFFECTS if name not in seen),
+    )
+
+
+def _explained(compared: Compared, asked: Request, so_far: SoFar) -> Diagnosis:
+    """Search, decide, try on the trials kept aside."""
+    session, predict, proposed = compared.session, compared.predict, compared.proposed
+    tick, deadline = so_far.tick, asked.deadline
+    fitted_on = session.indices(*FITTED)
+    searching = deadline.sooner(compared.reserve)
+    steps = replay.physics_steps(session.plant, predict.on) if predict.replays else predict.data.value.shape[1]
+    base = predict.all_trials([()], fitted_on)[0]
     question = Question(
         replace(predict, deadline=searching),
         noise_model.select_trials(proposed.data, fitted_on),
         fitted_on,
         proposed.pool,
-        hypotheses.terms(plant),
-        base[fitted_on],
+        hypotheses.terms(session.plant),
+        base,
         proposed.known,
         proposed.servo_motion,
         steps,
     )
     if np.isfinite(question.budget):
-        so_far.needs = Needs(deadline, predict.tally, question.budget, a_simulation / max(steps, 1), steps, reserve)
+        a_step = compared.a_simulation / max(steps, 1)
+        so_far.needs = Needs(deadline, predict.tally, question.budget, a_step, steps, compared.reserve)
     tick.measured_in(question.fitted_trials * question.steps, question.budget)
     with mujoco_log.counted(so_far.warned):
         ranked = select.select(
             question,
             so_far=so_far.search,
             deadline=searching,
-            landing=a_simulation * select.LANDING * question.first_trials,
+            landing=compared.a_simulation * select.LANDING * question.first_trials,
             tick=tick,
         )
-        return concluded(session, asked, so_far, proposed, ranked, nominal)
+        found = concluded(compared, asked, so_far, ranked)
+    return replace(
+        found.with_verdict(not_excited=(*found.not_excited, *compared.hidden)),
+        findings=(*asked.findings, *compared.findings),
+        notes=(*found.notes, *compared.notes),
+    )
 
 
 def _question(session: Session, asked: Request) -> task.Asked | None:
     """A policy whose return is to be predicted; None: not asked."""
     tested, play = [session.trials[k] for k in session.indices("test")], asked.policy
     return None if play is None else task.ask(session.plant, tested, play, trust=asked.trust, seed=asked.seed)
-
-
-def _along_the_motion(session: Session, asked: Request, so_far: SoFar) -> Diagnosis:
-    """Explain the efforts along the measured motion, or the commands where they are efforts."""
-    plant = session.plant
-    trials, joints = efforts_along(plant, session.trials)
-    found = diagnose_inverse(
-        trials,
-        plant.model,
-        joints,
-        findings=asked.findings,
-        robot=plant.name,
-        seed=asked.seed,
-        version=tiago_mj.__version__,
-        names=asked.names,
-        given=plant.given,
-        tick=AheadInTime(asked.tick),
-        deadline=asked.deadline,
-    )
-    found = replace(found, command=asked.command)
-    return (
-        found if found.stopped is None else provisional(found, replace(found.stopped, seconds=asked.deadline.spent()))
-    )

@@ -123,6 +123,7 @@ def overlay(
         "position": lambda j: "m" if plant.wiring.targets.slides[j] else "rad",
         "velocity": lambda j: "m/s" if plant.wiring.targets.slides[j] else "rad/s",
         "force": lambda j: "sensor units",
+        "effort": lambda j: "N" if plant.wiring.targets.slides[j] else "N·m",
     }
 
     def signals(values: Array) -> dict[str, Array]:

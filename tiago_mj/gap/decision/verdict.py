@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from tiago_mj.effects import EFFECTS
 from tiago_mj.gap.inference.fit import Fitted
+from tiago_mj.gap.inference.hypotheses import number_of_effects
 from tiago_mj.gap.result import Evidence, Explanation
 from tiago_mj.gap.search.state import Ranked
 
@@ -215,7 +216,7 @@ def decide(
         kind = "ambiguous"
     else:
         kind = "effect"
-    sure = 1 - wrong(len(options[best].effects), options[best].evidence, by.doubt)
+    sure = 1 - wrong(number_of_effects(options[best].effects), options[best].evidence, by.doubt)
     return Judged(kind, sure * pooled, tuple(rivals), discrepancy(options[best]) > by.remains, sure)
 
 
@@ -239,7 +240,12 @@ def wrong(effects: int, evidence: Evidence, by: Doubt) -> float:
 
 def most_probable(one: Explanation) -> float:
     """Largest probability that an explanation can have, that without any rival; 1 where its evidence is not known."""
-    return 1.0 if one.evidence is None else 1 - wrong(len(one.effects), one.evidence, calibration().doubt)
+    return 1.0 if one.evidence is None else 1 - wrong(_number(one), one.evidence, calibration().doubt)
+
+
+def _number(one: Explanation) -> int:
+    """Of effects."""
+    return number_of_effects((effect.name, None) for effect in one.effects)
 
 
 def discrepancy(one: Option) -> float:
@@ -293,7 +299,7 @@ def _discounted_log_likelihood(options: Sequence[Option], further: float, measur
     counts as a further effect.
     """
     out = np.array([one.evidence.met for one in options])
-    sizes = [len(one.effects) for one in options]
+    sizes = [number_of_effects(one.effects) for one in options]
     for k in np.argsort(sizes):
         fewer = [j for j, size in enumerate(sizes) if (size or measured_on_readings) and size < sizes[k]]
         if fewer:
@@ -329,8 +335,8 @@ def _not_ruled_out(options: Sequence[Option], probability: Array, least: float, 
 
 def _log_prior(fit: Fitted, ranked: Ranked) -> float:
     """Log prior of the effects: prior odds of each, spread over the library, and of a single target against all."""
-    count = len(fit.parts) - ranked.known
-    parts = fit.parts[:count]
+    parts = fit.parts[: len(fit.parts) - ranked.known]
+    count = number_of_effects(part.label for part in parts)
     share = sum(
         np.log((PRIOR_ODDS_FURTHER_EFFECT if k or ranked.known else PRIOR_ODDS_FIRST_EFFECT) / ranked.pool)
         for k in range(count)

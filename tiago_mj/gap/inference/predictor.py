@@ -127,6 +127,11 @@ class Predictor:
         np.add.at(total, owner, channels)
         return total / np.array(draws)[:, None, None]
 
+    @property
+    def replays(self) -> bool:
+        """Whether commands are replayed; else efforts are compared along a motion."""
+        return True
+
     def all_trials(self, explanations: Sequence[Effects], trials: Sequence[int], *, keep: bool = False) -> Array:
         """(nexplanations, ntrials, T, C): every explanation on every trial."""
         wanted = [(t, effects) for effects in explanations for t in trials]

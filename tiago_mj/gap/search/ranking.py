@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from tiago_mj.effects import EFFECTS
 from tiago_mj.gap.inference import likelihood
 from tiago_mj.gap.inference.fit import Fitted
+from tiago_mj.gap.inference.hypotheses import number_of_effects
 from tiago_mj.gap.inference.noise_model import Data
 
 Array = NDArray[np.float64]
@@ -56,6 +57,11 @@ def by_evidence(fits: Sequence[Fitted]) -> list[Fitted]:
 def best_nominal(fits: Sequence[Fitted]) -> Fitted:
     """The fit with the most evidence among those without effects."""
     return max((f for f in fits if not f.parts), key=lambda f: f.evidence)
+
+
+def size(fit: Fitted) -> int:
+    """How many effects an explanation has."""
+    return number_of_effects(part.label for part in fit.parts)
 
 
 def labels_of(fit: Fitted) -> frozenset[object]:

@@ -24,6 +24,7 @@ from tiago_mj.gap.search import (
     beginning,
     driver_period,
     lost_commands,
+    on_each,
     ranking,
     rounds,
     second_parameter,
@@ -162,7 +163,7 @@ def _search(asked: Question, so_far: PartialResult, out_of_time: Callable[[], bo
         found = _with_singles(state, fitted, tick) if size == 1 else _with_further_effect(state, size, fitted)
         if found is None:
             break
-        state = sharpen.sharpened(_departing_left_out(found))
+        state = sharpen.sharpened(_departing_left_out(on_each.target(found)))
         tell(state)
         if size == 1 and not over() and _losses_are_likely(state):
             tick("lost commands", 1, gap=_leaves_a_gap(state.best))
@@ -206,7 +207,7 @@ def _is_warranted(state: State, size: int) -> bool:
         return True
     if best.evidence - state.nominal.evidence < ranking.MIN_EVIDENCE_GAIN_NATS and not gap:
         return False
-    return size == 2 or (gap and len(best.parts) == size - 1)
+    return size == 2 or (gap and ranking.size(best) == size - 1)
 
 
 def _with_singles(state: State, tell: Callable[[State], None], tick: Tick) -> State:
@@ -257,7 +258,7 @@ def _with_further_effect(state: State, size: int, tell: Callable[[State], None])
     found = sought.full.fit_all(begin)
     if not found:
         return None
-    leader = ranking.by_evidence([f for f in found if len(f.parts) == size] or found)[0]
+    leader = ranking.by_evidence([f for f in found if ranking.size(f) == size] or found)[0]
     prediction = state.full.predictions([starts.point_of(leader)])[0]
     state = state.with_weight(np.maximum(weight, ranking.sample_weight(state.full.data, prediction)))
     fits = [*state.fits, *found]
@@ -269,7 +270,7 @@ def _further(state: State, size: int) -> list[Start]:
     """Starts for all trials of explanations by ``size`` effects."""
     screening, full, nominal_nuisance = state.screening, state.full, state.nominal_nuisance
     adequate = bool(state.best.parts) and ranking.is_adequate(state.best, ranking.ADEQUATE_WITH_EFFECTS)
-    seeds = ranking.unique_by_classes([f for f in ranking.by_evidence(state.fits) if len(f.parts) == size - 1])
+    seeds = ranking.unique_by_classes([f for f in ranking.by_evidence(state.fits) if ranking.size(f) == size - 1])
     seeds = seeds[: 1 if adequate else MAX_SEEDS]
     least = additions.MIN_GAIN_BESIDE_ADEQUATE_NATS if adequate else additions.MIN_PREDICTED_GAIN_NATS
     tried = [

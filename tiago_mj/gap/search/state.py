@@ -31,6 +31,9 @@ SCREEN_TRIALS: Final = 3
 #: Physics steps that a search takes at most, in units of those of all fitted trials: fits then end where they are.
 #: Of 18 cases of the blind check (seed 14) right answers took 150 to 690, one 1130; three without any 1120 to 1930.
 BUDGET: Final = 900
+#: The same in rows of efforts along a motion, of which each takes a hundredth of the time: an arm with two frictions on
+#: each of four joints took 4 000.
+BUDGET_ALONG: Final = 10_000
 
 
 class Tick(Protocol):
@@ -80,7 +83,8 @@ class Question:
     @property
     def budget(self) -> float:
         """Physics steps of the whole search."""
-        return BUDGET * self.fitted_trials * self.steps if self.steps else np.inf
+        most = BUDGET if self.predict.replays else BUDGET_ALONG
+        return most * self.fitted_trials * self.steps if self.steps else np.inf
 
 
 @dataclass(frozen=True)

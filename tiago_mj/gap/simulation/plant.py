@@ -85,6 +85,8 @@ class Plant:
         given: effects that are known already: part of every simulation, whatever else is tried.
         grids: step of the grid of every channel that is said to have one
             (:func:`tiago_mj.recordings.nominal_priors.grids`).
+        effort_row: time between two recorded rows where efforts are compared along a motion [s]; None: commands are
+            replayed.
     """
 
     name: str
@@ -101,6 +103,7 @@ class Plant:
     known: Mapping[tuple[str, str | None], float] = field(default_factory=dict)
     given: tuple[Entry, ...] = ()
     grids: Mapping[str, float] = field(default_factory=dict)
+    effort_row: float | None = None
 
     @property
     def substeps(self) -> int:

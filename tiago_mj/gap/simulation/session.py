@@ -53,6 +53,11 @@ def split(names: Sequence[str]) -> dict[str, tuple[str, ...]]:
     }
 
 
+def session_of(plant: Plant, trials: Sequence[Trial]) -> Session:
+    """Recordings as they are, of a simulator that is known."""
+    return Session(plant, trials, len(trials), split([trial.name for trial in trials]))
+
+
 def session(
     trials: Sequence[Trial], *, env: str | None = None, model: Path | None = None, given: Sequence[Entry] = ()
 ) -> Session:

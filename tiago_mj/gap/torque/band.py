@@ -1,87 +1,76 @@
-"""The band of frequencies that is compared: of several low-pass cut-offs the one that tells most.
+"""The cut-off of the low-pass: of several the one at which efforts tell most of what joints do.
 
-A high cut-off keeps sharp reversals, and with them resonances, play and rounded positions that no model of rigid joints
-has; differentiated twice they drown what inertia and friction do. A low one leaves few independent samples. What counts
-is how far the gap stands out of what remains of it when everything is in the model, over the independent samples.
+A high cut-off keeps what is fast, and with it the noise of positions that were differentiated twice; a low one leaves
+few independent rows. What counts is the Fisher information on an offset, dry friction, damping and inertia of every
+joint, which all that is looked for resembles: its log determinant is the volume in which these four can lie (D-optimal
+design; Pukelsheim 2006, chapter 6).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Sequence
 
-import mujoco
 import numpy as np
 
-from tiago_mj.effects import Entry
-from tiago_mj.gap.torque.channels import Usable, choose
-from tiago_mj.gap.torque.evidence import Evidence
+from tiago_mj.gap.simulation.session import Session
+from tiago_mj.gap.torque.measured import Array, Measured, measured
 from tiago_mj.gap.torque.strips import HEADROOMS
 from tiago_mj.io.deadline import Deadline, OutOfTimeError
 from tiago_mj.recordings.recording import Finding, RecordingError, Trial
 
 
-def clearest(
+def most_informative(
+    session: Session,
     trials: Sequence[Trial],
-    model: mujoco.MjModel,
     joints: Sequence[str],
     findings: Sequence[Finding],
-    seed: int,
-    known: Mapping[tuple[str, str | None], float],
-    names: Collection[str] | None = None,
-    given: Sequence[Entry] = (),
-    tick: Callable[[str], None] = lambda stage: None,
+    *,
+    seed: int = 0,
     deadline: Deadline | None = None,
-) -> tuple[Usable, Evidence]:
-    """Channels and evidence, the cut-off lowered from the highest for as long as the gap stands out more.
+    tick: Callable[[str, int, int], None] = lambda stage, total, done: None,
+) -> Measured:
+    """Trials at the cut-off that tells most; arguments as of :func:`tiago_mj.gap.torque.measured.measured`.
 
     Args:
-        trials, model, joints, findings, seed: as for :func:`tiago_mj.gap.torque.diagnose_inverse`.
-        known: what the recordings say of the model's numbers.
-        names: effects to consider; None for all.
-        given: effects that are known already.
-        tick: told what begins.
-        deadline: of all that is computed; where it is over at a lower cut-off, the one before stays. None: there is
-            none.
+        tick: told how many cut-offs there are to try, and how many were.
 
     Raises:
         OutOfTimeError: the deadline is over at the highest cut-off.
-        RecordingError: as :func:`tiago_mj.gap.torque.channels.choose` does at the highest cut-off.
+        RecordingError: nothing moves, or as :func:`~tiago_mj.gap.torque.measured.measured` does at the highest cut-off.
         ValueError: the model lacks a joint.
     """
-    tick("comparing torques")
-    found = _at(HEADROOMS[0], trials, model, joints, findings, seed, known, names, given, deadline)
-    for headroom in HEADROOMS[1:]:
-        tick("narrowing the band")
+    if not any(
+        np.nanmax(p) > np.nanmin(p) for trial in trials for p in trial.positions.values() if np.isfinite(p).any()
+    ):
+        raise RecordingError(f"{trials[0].source}: no joint moves: torque along a motion needs a motion")
+    found: list[Measured] = []
+    for k, headroom in enumerate(HEADROOMS):
+        tick("comparing torques", len(HEADROOMS), k)
         try:
-            lower = _at(headroom, trials, model, joints, findings, seed, known, names, given, deadline)
+            one = measured(session, trials, joints, findings, headroom, seed=seed, deadline=deadline)
         except (RecordingError, OutOfTimeError):
+            if not found:
+                raise
             break  # too short a recording for so long a filter, or no time for it
-        same = lower[1].course.channels == found[1].course.channels
-        if not same or len(lower[1].blocks.names) < 2 or clearness(lower[1]) <= clearness(found[1]):
+        if found and one.course.channels != found[0].course.channels:
             break
-        found = lower
-    return found
+        found.append(one)
+    return max(found, key=information)
 
 
-def clearness(evidence: Evidence) -> float:
-    """Squared gap over squared residual of the most flexible model, times independent samples, over all channels."""
-    gap = evidence.measured - evidence.nominal
-    used = evidence.moving & evidence.fitted_rows[:, None]
-    squares = np.array([np.mean(gap[used[:, c], c] ** 2) if used[:, c].any() else 0.0 for c in range(gap.shape[1])])
-    return float((squares / evidence.floor.spread**2 * evidence.effective).sum())
-
-
-def _at(
-    headroom: float,
-    trials: Sequence[Trial],
-    model: mujoco.MjModel,
-    joints: Sequence[str],
-    findings: Sequence[Finding],
-    seed: int,
-    known: Mapping[tuple[str, str | None], float],
-    names: Collection[str] | None = None,
-    given: Sequence[Entry] = (),
-    deadline: Deadline | None = None,
-) -> tuple[Usable, Evidence]:
-    usable = choose(trials, model, joints, findings, headroom, given, deadline)
-    return usable, Evidence(usable.course, usable.torques, seed, known, names)
+def information(one: Measured) -> float:
+    """Log determinant of the Fisher information on offset, dry friction, damping and inertia, over all channels."""
+    data, every = one.predict.data, one.predict.every
+    total = np.zeros((len(data.channels), 4, 4))
+    for trial, torques in enumerate(one.predict.torques):
+        course = torques.course
+        velocity, acceleration = course.stack("velocity"), course.stack("acceleration")
+        for c, j in enumerate(course.columns):
+            direction = np.clip(velocity[:, j] / course.rest_speed[j], -1, 1)
+            columns = np.stack([np.ones_like(direction), direction, velocity[:, j], acceleration[:, j]], axis=1)
+            kept = course.filtered(columns)[::every]
+            known = np.isfinite(data.value[trial, : len(kept), c])
+            white: Array = kept[known] / data.sigma[trial, 0, c]
+            total[c] += white.T @ white
+    signs, sizes = np.linalg.slogdet(total)
+    return float(np.where(signs > 0, sizes, -np.inf).sum())

@@ -10,7 +10,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from tiago_mj.effects import EFFECTS, Entry
+from tiago_mj.effects import Entry
+from tiago_mj.effects.actuator import TorqueConstant
 from tiago_mj.gap.torque.strips import HEADROOMS, Course, lay_out
 from tiago_mj.gap.torque.torques import Torques
 from tiago_mj.io.deadline import Deadline
@@ -140,7 +141,7 @@ def _dead(trials: Sequence[Trial], joint: str) -> bool:
 
 def _comparable(course: Course, torques: Torques, files: str) -> tuple[list[str], list[Finding], list[str]]:
     """Channels whose size is that of a torque, findings, and notes on the others."""
-    low, high = EFFECTS["torque_constant"].parameters["factor"].bounds[1]
+    low, high = TorqueConstant.parameters["factor"].bounds[1]
     keep, findings, notes = [], [], []
     moves = course.moving()[:, course.columns]
     measured, predicted = course.stack("effort"), torques.nominal[:, course.columns]

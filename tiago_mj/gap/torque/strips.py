@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Final
 
@@ -73,6 +73,8 @@ class Course:
         cutoff: of the low-pass [Hz].
         rest_speed: (m,) below it a joint rests [m/s, rad/s].
         period: of the recorded rows [s].
+        noise: (m,) standard deviation of the positions' noise, row by row as recorded [m, rad].
+        every: recorded rows, evenly spaced, per row of the grid.
     """
 
     joints: tuple[str, ...]
@@ -82,6 +84,8 @@ class Course:
     cutoff: float
     rest_speed: Array
     period: float
+    noise: Array
+    every: int
 
     @property
     def columns(self) -> list[int]:
@@ -105,6 +109,23 @@ class Course:
     @cached_property
     def _sections(self) -> Array:
         return signal.butter(inverse.FILTER_ORDER, self.cutoff, fs=self.rate, output="sos")
+
+    def noise_of_motion(self, rng: np.random.Generator) -> tuple[Array, Array, Array]:
+        """One draw of what the positions' noise makes of position, velocity and acceleration, (sum of T, m) each, by
+        the way that the positions went."""
+        drawn = []
+        for rows in self.lengths:
+            raw = rng.standard_normal((rows * self.every, len(self.joints))) * self.noise
+            smooth = inverse.low_pass(raw, rate=1 / self.period, cutoff=self.cutoff)
+            velocity = np.gradient(smooth, self.period, axis=0)
+            acceleration = np.gradient(velocity, self.period, axis=0)
+            drawn.append([x[:: self.every] for x in (smooth, velocity, acceleration)])
+        q, v, a = (np.concatenate(parts) for parts in zip(*drawn, strict=True))
+        return q, v, a
+
+    def of_trial(self, trial: str) -> Course:
+        """The strips of one trial."""
+        return replace(self, strips=tuple(strip for strip in self.strips if strip.trial == trial))
 
     def shifted(self, values: Array, seconds: float) -> Array:
         """Values (sum of T, n) as they are ``seconds`` later; a strip's last value stays."""
@@ -190,7 +211,8 @@ def lay_out(
             "record longer"
         )
     fast = np.percentile(np.abs(np.concatenate([s.velocity for s in strips])), 99, axis=0)
-    jitter = np.max(noisy, axis=0) * 2 * np.pi * cutoff / np.sqrt(3)  # white noise, differentiated up to the cut-off
+    inside = np.max(noisy, axis=0)
+    jitter = inside * 2 * np.pi * cutoff / np.sqrt(3)  # white noise, differentiated up to the cut-off
     return Course(
         tuple(joints),
         tuple(channels),
@@ -199,6 +221,8 @@ def lay_out(
         cutoff,
         np.maximum(np.maximum(REST_SHARE * fast, REST_NOISES * jitter), 1e-6),
         1 / rate,
+        inside / np.sqrt(2 * cutoff / rate),
+        step,
     )
 
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Final
 
 import mujoco
@@ -30,6 +31,12 @@ Array = NDArray[np.float64]
 STAGES: Final = ("actuator", "transmission", "body", "joint_sensor")
 #: Fields that are accounted for outside inverse dynamics, joint by joint.
 JOINT_FIELDS: Final = ("dof_frictionloss", "dof_damping", "dof_armature")
+#: Results of inverse dynamics that are kept: a fit asks for the same masses beside many frictions.
+KEPT: Final = 256
+#: Departure from proportion at half the default, as a share of what the default changes, below which an effect is
+#: linear: rounding, and what is below the tolerance of a torque (:data:`tiago_mj.gap.torque.measured.METHOD`).
+EXACTLY: Final = 1e-9
+LINEAR: Final = 1e-3
 
 
 class Torques:
@@ -55,28 +62,18 @@ class Torques:
         self._model.body_gravcomp[:] = 0.0
         self._model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_LIMIT
         self.wiring = _wiring(self._model, course.joints)
-        self._motion = tuple(course.stack(q) for q in ("position", "velocity", "acceleration"))
+        self.motion: tuple[Array, ...] = tuple(course.stack(q) for q in ("position", "velocity", "acceleration"))
         self._joint = {name: getattr(self._model, name)[self.wiring.dof].copy() for name in JOINT_FIELDS}
         for name in JOINT_FIELDS:
             getattr(self._model, name)[:] = 0.0
-        self._rigid: Array | None = None
         self._nominal: Array | None = None
-
-    def inertia(self, joint: int) -> float:
-        """What a joint moves, in the model's reference pose [kg, kg·m²]."""
-        return float(self._model.dof_M0[self.wiring.dof[joint]])
+        self._kept: dict[tuple[Entry, ...], Array] = {}
+        self._rigid: dict[tuple[str, tuple[str, ...] | None], bool] = {}
 
     @property
     def model(self) -> mujoco.MjModel:
         """The nominal model, without contacts, limits and what is accounted for joint by joint."""
         return self._model
-
-    @property
-    def rigid(self) -> Array:
-        """Gravity, inertia and springs of the nominal model, (T, m) [N, N·m], as filtered as the efforts are."""
-        if self._rigid is None:
-            self._rigid = self.course.filtered(self._inverse(self._model, self._motion))
-        return self._rigid
 
     @property
     def nominal(self) -> Array:
@@ -88,43 +85,33 @@ class Torques:
     @property
     def along(self) -> Now:
         """What a declaration sees of the nominal model along the measured motion."""
-        return Now(_Host(self._model, self._motion, self.wiring, self._joint, None), self.wiring, _no_chance)
+        return Now(_Host(self._model, self.motion, self.wiring, self._joint, None), self.wiring, _no_chance)
 
-    def changes_rigid(self, entry: Entry) -> bool:
-        """Whether an effect changes more than friction, damping and reflected inertia."""
-        host = _Host(self._model, self._motion, self.wiring, self._joint, None)
-        effect = arrays(EFFECTS[entry.name], [[entry]], self.wiring.targets)
-        effect.change(Now(host, self.wiring, _no_chance))
-        return host.rigid_changed or overrides(effect, "measure_position")
-
-    def of(self, entries: Sequence[Entry], effort: Array | None = None, *, dry: bool = True) -> Array:
+    def of(self, entries: Sequence[Entry], effort: Array | None = None) -> Array:
         """Torque with effects, (T, m) [N, N·m], filtered.
 
         Args:
             entries: effects and their parameters, of :data:`STAGES`.
-            effort: (T, m) torque that the drives transmit, for effects that depend on it; 0 without it.
-            dry: whether dry friction counts.
+            effort: (T, m) torque that the drives transmit, for effects that depend on it; None: as without them.
 
         Raises:
             OutOfTimeError: the deadline is over.
         """
         self.deadline.check()
+        found, follows = self._of(entries, effort)
+        return self._of(entries, found)[0] if follows and effort is None else found
+
+    def _of(self, entries: Sequence[Entry], effort: Array | None) -> tuple[Array, bool]:
+        """See :meth:`of`; and whether some effect asked for the torque that is transmitted."""
         host, now, effects = self._at_work(entries, effort)
-        motion = self._motion
+        motion = self.motion
         for effect in effects:
             if overrides(effect, "measure_position"):
                 motion = _true_motion(effect, motion, now)
         host.motion = motion
         friction = self._friction(host, now, effects)
         damping, inertia = host.joint["dof_damping"], host.joint["dof_armature"]
-        if host.rigid_changed or motion is not self._motion:
-            if now.rebuild:
-                mujoco.mj_setConst(host.model, mujoco.MjData(host.model))
-            for name in JOINT_FIELDS:
-                getattr(host.model, name)[:] = 0.0
-            rigid = self.course.filtered(self._inverse(host.model, motion))
-        else:
-            rigid = self.rigid
+        rigid = self._rigid_torque(entries)
         force = np.zeros_like(motion[0])
         for effect in effects:
             if overrides(effect, "added_damping"):
@@ -133,18 +120,75 @@ class Torques:
                 force = np.where(effect.present, force + effect.added_force(now), force)
         _, velocity, acceleration = motion
         drive = np.maximum(damping, 0) * velocity + inertia * acceleration - force
-        if dry:
-            drive = drive + friction * np.clip(velocity / self.course.rest_speed, -1, 1)
-        return rigid + self.course.filtered(drive)
+        drive = drive + friction * np.clip(velocity / self.course.rest_speed, -1, 1)
+        return rigid + self.course.filtered(drive), host.asked
 
-    def dry_friction(self, entries: Sequence[Entry], effort: Array | None = None) -> Array:
-        """Greatest dry friction, (T, m) [N, N·m]: at rest it takes any value up to this, in either direction."""
-        host, now, effects = self._at_work(entries, effort)
-        return np.broadcast_to(self._friction(host, now, effects), self._motion[0].shape)
+    def _rigid_torque(self, entries: Sequence[Entry]) -> Array:
+        """Gravity, inertia and springs, (T, m) [N, N·m], filtered: what entries change of them, added up.
+
+        Torques are linear in masses and inertias, so that those of several bodies add up exactly; where readings of
+        positions are wrong, or gravity leans, as well, what both change together is of second order.
+        """
+        total = self._kept_torque(())
+        for entry in entries:
+            if self._changes_rigid(entry):
+                total = total + self._changed_by(entry)
+        return total
+
+    def _changed_by(self, entry: Entry) -> Array:
+        """What one effect changes, (T, m) [N, N·m]: in proportion to its strength as far as that was seen to hold."""
+        strength, unit = _strength(entry)
+        whole = self._kept_torque((unit,)) - self._kept_torque(())
+        half = self._kept_torque((_scaled(unit, 0.5),)) - self._kept_torque(())
+        error = float(np.abs(half - 0.5 * whole).max()) / max(float(np.abs(whole).max()), 1e-12)
+        if error < EXACTLY or (error < LINEAR and abs(strength) <= 1):
+            return strength * whole
+        return self._kept_torque((entry,)) - self._kept_torque(())
+
+    def _kept_torque(self, entries: tuple[Entry, ...]) -> Array:
+        """Inverse dynamics with some effects, (T, m) [N, N·m], filtered, computed once."""
+        if entries not in self._kept:
+            if len(self._kept) >= KEPT:
+                self._kept.clear()
+            host, now, effects = self._at_work(entries, None)
+            motion = self.motion
+            for effect in effects:
+                if overrides(effect, "measure_position"):
+                    motion = _true_motion(effect, motion, now)
+            if now.rebuild:
+                mujoco.mj_setConst(host.model, mujoco.MjData(host.model))
+            for name in JOINT_FIELDS:
+                getattr(host.model, name)[:] = 0.0
+            self._kept[entries] = self.course.filtered(self._inverse(host.model, motion))
+        return self._kept[entries]
+
+    def _changes_rigid(self, entry: Entry) -> bool:
+        """Whether an effect changes more than friction, damping and reflected inertia."""
+        key = (entry.name, entry.target)
+        if key not in self._rigid:
+            host = _Host(self._model, self.motion, self.wiring, self._joint, None)
+            effect = arrays(EFFECTS[entry.name], [[Entry(entry.name, entry.target)]], self.wiring.targets)
+            effect.change(Now(host, self.wiring, _no_chance))
+            self._rigid[key] = host.rigid_changed or overrides(effect, "measure_position")
+        return self._rigid[key]
+
+    def by(self, deadline: Deadline) -> Torques:
+        """The same, with another deadline; what is remembered is shared."""
+        other = copy.copy(self)
+        other.deadline = deadline
+        return other
+
+    def with_noise(self, rng: np.random.Generator) -> Torques:
+        """Along the same motion with one more draw of the positions' noise."""
+        other = copy.copy(self)
+        added = self.course.noise_of_motion(rng)
+        other.motion = tuple(one + noise for one, noise in zip(self.motion, added, strict=True))
+        other._nominal, other._kept = None, {}
+        return other
 
     def _at_work(self, entries: Sequence[Entry], effort: Array | None) -> tuple[_Host, Now, list[Effect]]:
         """Effects whose changes are made to the host's copy of the model."""
-        host = _Host(self._model, self._motion, self.wiring, self._joint, effort)
+        host = _Host(self._model, self.motion, self.wiring, self._joint, effort)
         now, effects = Now(host, self.wiring, _no_chance), []
         entries = (*self._given, *entries)
         for name in dict.fromkeys(entry.name for entry in entries):
@@ -160,59 +204,28 @@ class Torques:
                 friction = np.where(effect.present, friction + effect.added_friction(now), friction)
         return np.maximum(friction, 0.0)
 
-    def tolerance(self, share: float) -> dict[str, Array]:
-        """Change of torque, (T, m), if a nominal number is off by ``share``: each body's mass, each joint's friction,
-        damping and armature, by a name of the number."""
-        changes = {}
-        base = self.rigid
-        moving = sorted({b for b in range(1, self._model.nbody) if self._moves(b)})
-        for body in moving:
-            if self._model.body_mass[body] > 0:
-                heavier = copy.copy(self._model)
-                heavier.body_mass[body] *= 1 + share
-                heavier.body_inertia[body] *= 1 + share
-                changes[f"mass of {self._model.body(body).name}"] = (
-                    self.course.filtered(self._inverse(heavier, self._motion)) - base
-                )
-        _, velocity, acceleration = self._motion
-        direction = np.clip(velocity / self.course.rest_speed, -1, 1)
-        for name, along in zip(JOINT_FIELDS, (direction, velocity, acceleration), strict=True):
-            filtered = self.course.filtered(along)
-            for j, joint in enumerate(self.course.joints):
-                if self._joint[name][j] > 0:
-                    change = np.zeros_like(filtered)
-                    change[:, j] = share * self._joint[name][j] * filtered[:, j]
-                    changes[f"{name} of {joint}"] = change
-        return changes
-
-    def _moves(self, body: int) -> bool:
-        """Whether a joint of the course carries the body."""
-        carriers = {int(self._model.dof_bodyid[d]) for d in self.wiring.dof}
-        while body:
-            if body in carriers:
-                return True
-            body = int(self._model.body_parentid[body])
-        return False
-
     def _inverse(self, model: mujoco.MjModel, motion: tuple[Array, ...]) -> Array:
         """Inverse dynamics, (T, m)."""
         self.deadline.check()
         data = mujoco.MjData(model)
-        if model.nkey:
-            data.qpos[:] = model.key_qpos[0]
-        qpos, dof = self.wiring.qpos, self.wiring.dof
-        needed = np.empty_like(motion[0])
-        for t, (position, velocity, acceleration) in enumerate(zip(*motion, strict=True)):
-            data.qpos[qpos], data.qvel[dof], data.qacc[dof] = position, velocity, acceleration
+        rest = model.key_qpos[0] if model.nkey else data.qpos
+        q, v, a = (np.zeros((len(motion[0]), n)) for n in (model.nq, model.nv, model.nv))
+        q[:] = rest
+        q[:, self.wiring.qpos], v[:, self.wiring.dof], a[:, self.wiring.dof] = motion
+        needed = np.empty_like(v)
+        qpos, qvel, qacc, torque = data.qpos, data.qvel, data.qacc, data.qfrc_inverse
+        for t in range(len(q)):
+            qpos[:], qvel[:], qacc[:] = q[t], v[t], a[t]
             mujoco.mj_inverse(model, data)
-            needed[t] = data.qfrc_inverse[dof]
-        return needed
+            needed[t] = torque
+        return needed[:, self.wiring.dof]
 
 
 class _Host:
     """Rows of a motion as simulations: states and efforts (T, ...); model fields (1, ...) of a copy."""
 
     nsim = 1
+    simulates = False
 
     def __init__(
         self,
@@ -226,6 +239,7 @@ class _Host:
         self.motion = motion
         self._wiring, self._effort = wiring, effort
         self._fields: dict[str, Array] = {}
+        self.asked = False
         for name, values in joint.items():
             getattr(self.model, name)[wiring.dof] = values
 
@@ -260,6 +274,7 @@ class _Host:
     def output(self, name: str) -> Array:
         if name not in ("qfrc_actuator", "qfrc_smooth"):  # the latter pushes a joint at rest: what its drive transmits
             raise KeyError(f"a recorded motion has no {name}")
+        self.asked = True
         return self._wide(np.zeros_like(self.motion[0]) if self._effort is None else self._effort, self._wiring.dof)
 
     def set_timestep(self, seconds: Array) -> None:
@@ -278,6 +293,24 @@ class _Host:
         wide = np.zeros((len(values), width or self.model.nv))
         wide[:, where] = values
         return wide
+
+
+def _strength(entry: Entry) -> tuple[float, Entry]:
+    """Strength of an effect in units of its default, and the effect at that."""
+    declared = EFFECTS[entry.name]
+    first = next(p for p in declared.parameters.values() if p.identity is not None)
+    identity = float(first.identity or 0.0)
+    size = first.default[1] - identity
+    given = float(entry.parameters.get(first.name, first.default[1]))
+    unit = replace(entry, parameters={**entry.parameters, first.name: first.default[1]})
+    return (given - identity) / size, unit
+
+
+def _scaled(unit: Entry, share: float) -> Entry:
+    """An effect at its default, at a share of it."""
+    first = next(p for p in EFFECTS[unit.name].parameters.values() if p.identity is not None)
+    identity = float(first.identity or 0.0)
+    return replace(unit, parameters={**unit.parameters, first.name: identity + share * (first.default[1] - identity)})
 
 
 def invertible(effect: Effect, position: Array, now: Now) -> bool:

@@ -1,0 +1,55 @@
+"""Effects of the best explanation on each of their targets, with a magnitude of its own.
+
+All joints of an arm have friction, and no two the same. Sought one by one, each would be a further effect. Only where
+efforts are compared along a motion: there each further magnitude costs an evaluation of one torque, in a replay it
+costs the simulation of every trial.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+
+from tiago_mj.gap.inference.fit import Fitted, Start
+from tiago_mj.gap.inference.hypotheses import GROUP, Candidate
+from tiago_mj.gap.search import ranking, rounds
+from tiago_mj.gap.search.state import State
+
+#: A target is left out where its magnitude is closer to none than this [deviations].
+DEVIATIONS: Final = ranking.MIN_MAGNITUDE_DEVIATIONS
+
+
+def target(state: State) -> State:
+    """The search with each effect of its best explanation on every target that needs it."""
+    if state.full.predict.replays:
+        return state
+    for effect in dict.fromkeys(part.effect for part in state.best.parts):
+        start = _on_each(state.best, effect, state.pool)
+        if start is None or state.full.out_of_time():
+            continue
+        found = state.full.fit_all([start])
+        needed = [k for k in range(len(found[0].parts)) if ranking.differs_from_identity(found[0], k, DEVIATIONS)]
+        fewer = rounds.reduced_to(found[0], needed)
+        state = state.with_fits([*found, *(state.full.fit_all([fewer]) if fewer is not None else [])])
+    return state
+
+
+def _on_each(best: Fitted, effect: str, pool: Sequence[Candidate]) -> Start | None:
+    """A start with an effect of an explanation on each of its targets; None: there are too few of them."""
+    mine = [k for k, part in enumerate(best.parts) if part.effect == effect]
+    settings = {part.fixed for part in (best.parts[k] for k in mine)}
+    each: dict[str, Candidate] = {}
+    for candidate in pool:
+        if candidate.effect == effect and candidate.target is not None and candidate.fixed in settings:
+            each.setdefault(candidate.target[0], candidate)
+    if len(each) < GROUP or len(mine) >= len(each):
+        return None
+    rest = [k for k in range(len(best.parts)) if k not in mine]
+    known = {best.parts[k].target: float(best.values[k]) for k in mine}
+    values = [
+        min(max(known.get((name,), known.get(None, one.identity)), one.low), one.high) for name, one in each.items()
+    ]
+    parts = (*(best.parts[k] for k in rest), *each.values())
+    return Start(parts, np.array([*best.values[rest], *values]), best.nuisance)

@@ -1,0 +1,221 @@
+"""Recordings of motion and efforts as trials on one grid, with what every reading is known to.
+
+What is compared is the effort behind a low-pass, row by row of a grid as coarse as its cut-off allows, so that the
+noise of one row tells nothing of the next one's. A reading is known to the effort's own noise and to what the noise of
+the positions makes of the torque that is computed from them, differentiated twice: that is drawn once along every
+trial and goes the way of the measured motion.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tiago_mj.gap.inference.noise_model import BLOCK_SECONDS, Data
+from tiago_mj.gap.simulation.plant import Plant
+from tiago_mj.gap.simulation.replay import Grid, Signals
+from tiago_mj.gap.simulation.session import Session, split
+from tiago_mj.gap.torque.channels import Usable, choose
+from tiago_mj.gap.torque.predictor import ROWS_PER_PERIOD, EffortPredictor
+from tiago_mj.gap.torque.strips import Course
+from tiago_mj.gap.torque.torques import Torques
+from tiago_mj.io.deadline import Deadline
+from tiago_mj.recordings.recording import Finding, Trial
+from tiago_mj.recordings.trials import cut
+
+Array = NDArray[np.float64]
+
+#: Fewer trials are cut into parts, about so many of all together, none shorter than so many periods of the cut-off.
+ENOUGH_TRIALS: Final = 6
+PARTS: Final = 12
+SHORTEST_PERIODS: Final = 12.0
+#: Share of a channel's effort to which torques along a filtered motion are known at best: what filtering,
+#: differentiating and the instant of a reversal cost on simulated arms that the model describes exactly.
+METHOD: Final = 5e-3
+
+
+@dataclass(frozen=True)
+class Measured:
+    """What is compared along the motion.
+
+    Attributes:
+        session: trials on the grid that is compared, by their splits, and the plant with the joints that move.
+        predict: efforts along their motions.
+        motion: as it was measured, filtered, one row a trial.
+        usable: channels, and what was found of them.
+        course: motion and efforts on the finer grid of the torques.
+    """
+
+    session: Session
+    predict: EffortPredictor
+    motion: Signals
+    usable: Usable
+    course: Course
+
+
+def measured(
+    session: Session,
+    trials: Sequence[Trial],
+    joints: Sequence[str],
+    findings: Sequence[Finding],
+    headroom: float,
+    *,
+    seed: int = 0,
+    deadline: Deadline | None = None,
+) -> Measured:
+    """Trials at one cut-off.
+
+    Args:
+        session: the recordings.
+        trials: with positions and efforts.
+        joints: whose efforts are asked for.
+        findings: of the lint; channels that it discredits are left out.
+        headroom: of the low-pass over what moves.
+        seed: of the noise that is drawn.
+        deadline: of all that is computed; None: there is none.
+
+    Raises:
+        OutOfTimeError: the deadline is over.
+        RecordingError: nothing can be compared; one line.
+        ValueError: the model lacks a joint.
+    """
+    plant = session.plant
+    usable = choose(trials, plant.model, joints, findings, headroom, plant.given, deadline)
+    parts = _parts(trials, usable.course.cutoff)
+    if len(parts) > len(trials):
+        usable = choose(parts, plant.model, joints, findings, headroom, plant.given, deadline)
+    course = usable.course
+    names = list(dict.fromkeys(strip.trial for strip in course.strips))
+    every = max(int(course.rate / (ROWS_PER_PERIOD * course.cutoff)), 1)
+    torques = tuple(Torques(plant.model, course.of_trial(name), plant.given, deadline) for name in names)
+    in_order = tuple(strip for one in torques for strip in one.course.strips)
+    along = replace(
+        plant,
+        wiring=usable.torques.wiring,
+        period=every / course.rate,
+        effort_row=course.period,
+        cell=None,
+        pads=None,
+    )
+    there = {trial.name: trial for trial in parts}
+    resampled = [_resampled(there[name], one.course, every) for name, one in zip(names, torques, strict=True)]
+    compared = Session(along, resampled, session.recorded, split(names))
+    data = _data(along, torques, every, seed)
+    predict = EffortPredictor(
+        plant=along,
+        on=_grid(along, resampled),
+        data=data,
+        seed=seed,
+        corrected=False,
+        deadline=deadline or Deadline(),
+        torques=torques,
+        whole=Torques(plant.model, replace(course, strips=in_order), plant.given, deadline),
+        every=every,
+    )
+    return Measured(compared, predict, _motion(torques, every, data.value.shape[1]), usable, course)
+
+
+def _parts(trials: Sequence[Trial], cutoff: float) -> tuple[Trial, ...]:
+    """Few trials in parts, each long enough for the filter."""
+    if len(trials) >= ENOUGH_TRIALS:
+        return tuple(trials)
+    seconds = sum(float(trial.time[-1] - trial.time[0]) for trial in trials)
+    length = max(seconds / PARTS, SHORTEST_PERIODS / cutoff)
+    return tuple(part for trial in trials for part in cut(trial, length))
+
+
+def _resampled(trial: Trial, course: Course, every: int) -> Trial:
+    """A trial as it is compared: times, motion, efforts where the joint moves."""
+    moving = course.moving()
+    efforts = {
+        name: np.where(moving[:, j], values, np.nan)[::every]
+        for name, j, values in zip(course.channels, course.columns, course.stack("effort").T, strict=True)
+    }
+    positions, velocities = (
+        dict(zip(course.joints, course.stack(kind)[::every].T, strict=True)) for kind in ("position", "velocity")
+    )
+    return replace(
+        trial,
+        time=np.concatenate([strip.time for strip in course.strips])[::every],
+        commands={},
+        positions=positions,
+        velocities=velocities,
+        efforts=efforts,
+        forces={},
+        extras={},
+    )
+
+
+def _data(plant: Plant, torques: Sequence[Torques], every: int, seed: int) -> Data:
+    """Efforts of all trials, with their noise and tolerance."""
+    course = torques[0].course
+    values = [np.where(_moving(one), one.course.stack("effort"), np.nan)[::every] for one in torques]
+    value = _padded(values, np.nan)
+    noise = np.max([strip.noise for one in torques for strip in one.course.strips], axis=0)
+    own = np.maximum(np.hypot(noise, _noise_of_motion(torques, seed)), 1e-9)
+    size = np.sqrt(np.nanmean(value**2, axis=(0, 1)))
+    whole = np.broadcast_to(np.hypot(own, METHOD * size), value.shape).copy()
+    return Data(
+        tuple(f"effort.{name}" for name in course.channels),
+        np.array(course.columns, dtype=int),
+        value,
+        own,
+        whole,
+        np.zeros_like(whole),
+        block=max(round(BLOCK_SECONDS / plant.period), 1),
+    )
+
+
+def _noise_of_motion(torques: Sequence[Torques], seed: int) -> Array:
+    """Standard deviation of the torque that the noise of the positions makes, (c,) [N, N·m]."""
+    rng = np.random.default_rng(seed)
+    square = count = np.zeros(len(torques[0].course.channels))
+    for one in torques:
+        change = (one.with_noise(rng).nominal - one.nominal)[:, one.course.columns]
+        moving = _moving(one)
+        square, count = square + np.where(moving, change**2, 0.0).sum(axis=0), count + moving.sum(axis=0)
+    noise: Array = np.sqrt(square / np.maximum(count, 1))
+    return noise
+
+
+def _moving(torques: Torques) -> NDArray[np.bool_]:
+    return np.asarray(torques.course.moving()[:, torques.course.columns])
+
+
+def _motion(torques: Sequence[Torques], every: int, rows: int) -> Signals:
+    """The measured motion, padded with its end; effort is what was measured, 0 of joints without a channel."""
+    position: list[Array] = []
+    velocity: list[Array] = []
+    effort: list[Array] = []
+    for one in torques:
+        course = one.course
+        given = np.zeros((len(course.stack("time")), len(course.joints)))
+        given[:, course.columns] = course.stack("effort")
+        for found, values in zip(
+            (position, velocity, effort), (course.stack("position"), course.stack("velocity"), given), strict=True
+        ):
+            found.append(values[::every])
+    none = np.zeros((len(torques), rows, 0))
+    moved = [np.pad(one, ((0, rows - len(one)), (0, 0)), mode="edge") for one in position]
+    return Signals(np.stack(moved), _padded(velocity, 0.0, rows), _padded(effort, 0.0, rows), none, none)
+
+
+def _padded(values: Sequence[Array], by: float, rows: int = 0) -> Array:
+    """One row a trial, (ntrials, T, n)."""
+    length = max(rows, *(len(one) for one in values))
+    out = np.full((len(values), length, values[0].shape[1]), by)
+    for k, one in enumerate(values):
+        out[k, : len(one)] = one
+    return out
+
+
+def _grid(plant: Plant, trials: Sequence[Trial]) -> Grid:
+    """Times of the trials; nothing is commanded."""
+    rows = np.array([len(trial.time) for trial in trials])
+    length = max(int(rows.max()) - 1, 1)
+    period = np.full((len(trials), length), plant.period)
+    return Grid(tuple(trials), rows, period, True, np.zeros((len(trials), length, len(plant.actuators))))
