@@ -122,4 +122,12 @@ def _source(value: Any) -> str:
     return number(float(value))
 
 
-TARGET: Final = Target("playground", "0.2", HOLDS, write, "3.17", ("command_delay",), "replayed by mujoco-mjx 3.17")
+TARGET: Final = Target(
+    "playground",
+    "0.2",
+    HOLDS,
+    write,
+    "3.17",
+    ("command_delay",),
+    "its model replayed by mujoco-mjx 3.17, its patch by MuJoCo 3.17",
+)

@@ -70,4 +70,4 @@ def _link(link: Link) -> ElementTree.Element:
     return out
 
 
-TARGET: Final = Target("urdf", "of urdfdom 4", HOLDS, write, None, (), "read back by the reader of this package")
+TARGET: Final = Target("urdf", "of urdfdom 4", HOLDS, write, None, (), "read back as XML")
