@@ -5,12 +5,14 @@ from __future__ import annotations
 import inspect
 import re
 from collections.abc import Iterator, Mapping
+from dataclasses import fields
 from importlib import import_module
 from typing import Any, Final
 
 import gymnasium
 
 from tiago_mj import ENVIRONMENTS
+from tiago_mj.envs.arguments import SimulationArguments
 from tiago_mj.envs.flat import core_of
 
 #: Sections of a docstring, in their order on a page.
@@ -50,13 +52,15 @@ def sections(kind: type) -> dict[str, str]:
 
 
 def arguments(docstring: str) -> dict[str, str]:
-    """What a docstring says under ``Args:``, by argument; several that share a text have it each."""
+    """What a docstring says under ``Args:``, of a dataclass under ``Attributes:``, by argument; several that share a
+    text have it each."""
     lines = inspect.cleandoc(docstring).split("\n")
-    if "Args:" not in lines:
+    heading = next((one for one in ("Args:", "Attributes:") if one in lines), None)
+    if heading is None:
         return {}
     found: dict[str, list[str]] = {}
     names: list[str] = []
-    for line in lines[lines.index("Args:") + 1 :]:
+    for line in lines[lines.index(heading) + 1 :]:
         if line and not line.startswith("    "):
             break
         told = _ARGUMENT.match(line.strip()) if not line.startswith("     ") else None
@@ -77,6 +81,8 @@ def defaults(kind: type) -> dict[str, Any]:
             for name, given in inspect.signature(base.__init__).parameters.items():  # type: ignore[misc]
                 if given.default is not inspect.Parameter.empty:
                     found.setdefault(name, given.default)
+    for one in fields(SimulationArguments):
+        found.setdefault(one.name, one.default)
     return found
 
 
@@ -88,6 +94,8 @@ def told(kind: type) -> dict[str, str]:
             for doc in (getattr(vars(base).get("__init__"), "__doc__", None), base.__doc__):
                 for name, text in arguments(doc or "").items():
                     found.setdefault(name, text)
+    for name, text in arguments(SimulationArguments.__doc__ or "").items():
+        found.setdefault(name, text)
     return found
 
 

@@ -156,6 +156,7 @@ class LinkMass(Effect):
     MuJoCo: ``body_mass``, ``body_inertia``, ``body_gravcomp``.
     """
 
+    clause = "what {t} move{s} up to the next joint weighs {factor} times the nominal mass"
     nameable = False
     effort_prior = known_to(0.05)
 

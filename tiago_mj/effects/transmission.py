@@ -332,6 +332,7 @@ class TorqueOffset(Effect):
     MuJoCo: none; ``qfrc_applied``.
     """
 
+    clause = "a constant {force} acts on {t} that the model lacks"
     nameable = False
     effort_prior = known_to(0.005, share_of="limit")
 

@@ -39,7 +39,7 @@ def preflight_along(session: Session, findings: Sequence[Finding], seed: int = 0
     everything = range(len(measured.session.trials))
     pool = hypotheses.candidates(plant, None, None, sizes.sizes(plant, measured.session.trials, measured.motion))
     alone = [c for c in shown(pool, predict.torques) if c.target is not None or _on_nothing_else(c, pool)]
-    found, alike = signatures(predict, alone, everything, np.ones(len(predict.data.channels)))
+    found, alike = signatures(predict, alone, everything, np.ones(len(predict.data.channels)), firm=True)
     seen = {one.effect for one in found}
     dull = [Excited(name, _strength(name), "", None, 0.0) for name in EFFECTS if name not in seen and may_show(name)]
     return Preflight(

@@ -33,6 +33,8 @@ Array = NDArray[np.float64]
 
 #: Length of a signature that is clear: five standard deviations, a Bayes factor of e^12.
 CLEAR: Final = 5.0
+#: What cannot be told apart is asked of signatures that are so many times as long as a clear one, or at the default.
+FIRM: Final = 2.0
 #: Errors of a model last for at least so long [s], whatever this recording's noise: samples in between count once.
 CORRELATED: Final = 0.1
 #: Trials that are looked at: those in which most moves.
@@ -133,7 +135,7 @@ def preflight(
 
 
 def signatures(
-    predict: Predictor, pool: Sequence[Candidate], trials: Sequence[int], weight: Array
+    predict: Predictor, pool: Sequence[Candidate], trials: Sequence[int], weight: Array, *, firm: bool = False
 ) -> tuple[tuple[Excited, ...], tuple[tuple[str, ...], ...]]:
     """What each candidate changes, and which of those that are seen are alike.
 
@@ -142,6 +144,7 @@ def signatures(
         pool: candidates; of those with the same effect and targets the one that is seen best counts.
         trials: indices of those that are looked at.
         weight: square root of what a sample of each channel counts for, (C,).
+        firm: whether effects that are seen, but not at their default, are compared at :data:`FIRM` times what is clear.
     """
     chosen, part = list(trials), noise_model.select_trials(predict.data, trials)
     base = predict.all_trials([()], chosen, keep=True)[0]
@@ -161,8 +164,9 @@ def signatures(
                 continue
             one, shape = _excited(predict, frame, candidate, chosen, base)
             if candidate.label not in found or one.distance > found[candidate.label].distance:
-                found[candidate.label], shapes[one.said] = one, shape
-    seen = [one.said for one in found.values() if one.smallest is not None and one.distance >= CLEAR]
+                length = max(float(np.linalg.norm(shape)), 1e-12)
+                found[candidate.label], shapes[one.said] = one, shape * max(1.0, FIRM * CLEAR / length if firm else 0.0)
+    seen = [one.said for one in found.values() if one.smallest is not None and (firm or one.distance >= CLEAR)]
     return tuple(found.values()), _alike(seen, shapes)
 
 
