@@ -205,6 +205,7 @@ def test_what_the_method_had_not_seen_says_how_often_a_sure_answer_is_wrong() ->
     assert calibrate.replace(told, doubt=alone.doubt) == alone
 
 
+@pytest.mark.slow  # as the test of how often a sure answer is wrong, of another number
 def test_answers_that_leave_more_or_name_more_are_doubted_more_where_they_were_wrong_more_often() -> None:
     """One in twenty is wrong that names one effect and leaves noise, four in ten that leave more, or name two."""
 
@@ -224,6 +225,7 @@ def test_answers_that_leave_more_or_name_more_are_doubted_more_where_they_were_w
     assert wrong(2, met, by) == pytest.approx(0.4, abs=0.1)
 
 
+@pytest.mark.slow  # as the test of how often a sure answer is wrong, of another number
 def test_what_the_method_had_not_seen_says_how_little_a_second_effect_counts() -> None:
     """Beside every single effect a second one adds 30 nats for its price of 9, as beside an encoder that was off."""
 

@@ -157,6 +157,7 @@ def test_a_cold_motor_fades() -> None:
     assert force[-1] == pytest.approx(force[-10], rel=0.02)
 
 
+@pytest.mark.slow  # the audit of the simulator at the truth makes them one by one
 def test_every_effect_makes_finite_recordings_and_most_show() -> None:
     shown = 0
     brief = both((0.1, 0.0), (0.9, -0.03), (0.3, 0.0), (0.1, 0.02), (0.2, 0.0))

@@ -140,7 +140,7 @@ def test_a_cable_that_tugs_is_unknown_and_what_remains_is_placed() -> None:
     def cable(data: mujoco.MjData, time: float) -> np.ndarray:
         return -0.6 * np.sin(2.5 * data.qpos[:1])
 
-    found = diagnosed(record(pendulum(), ("swing",), spread=1.2, pull=cable))
+    found = diagnosed(record(pendulum(), ("swing",), spread=1.2, seconds=20, pull=cable))
     assert found.kind == "unknown"
     assert found.remains
     assert {place.channel for place in found.remains_where} == {"effort.swing"}
