@@ -536,7 +536,8 @@ class Armature(Effect):
         before = armature[:, dofs]
         if self._least is None:
             model = now.host.model
-            self._least = np.zeros(len(dofs))
+            # Of a motion that is given any inertia makes a torque; what is simulated needs one that moves.
+            self._least = np.full(len(dofs), 0.0 if now.host.simulates else -np.inf)
             if (self.mass < 0).any() and now.host.simulates:
                 self._least = model.dof_armature[dofs] - removable_inertia(model, dofs)
         armature[:, dofs] = np.where(self.present, np.maximum(before + self.mass, self._least), before)

@@ -97,14 +97,14 @@ def _along_the_motion(session: Session, asked: Request, so_far: SoFar) -> Compar
         session, trials, joints, asked.findings, seed=asked.seed, deadline=deadline, tick=so_far.tick
     )
     along, plant = found.session, found.session.plant
-    predict = as_flexible(replace(found.predict, simulated=so_far.tick.worked), along.indices(*FITTED))
     begun = deadline.spent()
+    predict = as_flexible(replace(found.predict, simulated=so_far.tick.worked), along.indices(*FITTED))
     base = predict.all_trials([()], range(len(along.trials)), keep=True)[0]
     so_far.tally = predict.tally
     simulated = deadline.spent()
     phase = phases.phases(plant, predict.on, found.motion)
     so_far.where = locate.locate(predict.data, base, phase, plant.period, asked.seed)
-    a_simulation = (simulated - begun) / len(along.trials)
+    a_simulation = (simulated - begun) / max(predict.tally["simulations"], 1)
     reserve = a_simulation * simulations(along) + 3 * (deadline.spent() - simulated)
     pool = hypotheses.candidates(plant, asked.names, None, sizes.sizes(plant, along.trials, found.motion))
     proposed = Proposals(shown(pool, predict.torques), (), None, (), predict.data)
@@ -117,9 +117,9 @@ def _along_the_motion(session: Session, asked: Request, so_far: SoFar) -> Compar
         proposed,
         a_simulation,
         reserve,
-        notes=of_method(trials, found),
+        notes=of_method(trials, replace(found, predict=predict)),
         findings=found.usable.findings,
-        hidden=tuple(name for name in EFFECTS if name not in seen),
+        hidden=tuple(name for name in asked.names or EFFECTS if EFFECTS[name].nameable and name not in seen),
     )
 
 

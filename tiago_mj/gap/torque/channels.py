@@ -84,7 +84,11 @@ def choose(
     moving = [name for name in trials[0].positions if name in in_model and all(name in t.positions for t in trials)]
     wanted = [name for name in joints if name in moving and all(name in t.efforts for t in trials)]
     findings: list[Finding] = []
-    notes: list[str] = []
+    notes = [
+        f"effort.{name} is left out: not every recording has it with its joint's position."
+        for name in joints
+        if name not in wanted
+    ]
     discredited = {f.channel for f in known if f.discredits}
     channels = []
     for name in wanted:

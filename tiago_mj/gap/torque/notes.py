@@ -39,10 +39,11 @@ def _commands(trials: Sequence[Trial]) -> Iterator[str]:
 
 def _method(measured: Measured) -> str:
     data, course = measured.predict.data, measured.course
-    known = [f"{noise:.2g} ({name})" for noise, name in zip(data.noise, course.channels, strict=True)]
+    known = [f"{noise:.2g} ({name})" for noise, name in zip(data.sigma[0, 0], course.channels, strict=True)]
     return (
         f"Positions and efforts were low-passed at {course.cutoff:.2g} Hz without phase shift; below that efforts are "
-        f"known to {_list(known, 'and')}, of which the noise of the positions has its share."
+        f"known to {_list(known, 'and')}: by their noise, by that of the positions, and by what a model with free "
+        "functions of position, speed and time leaves of parts that it has not seen."
     )
 
 

@@ -149,12 +149,6 @@ class Course:
             kept.append(free)
         return np.concatenate(kept)
 
-    def resting(self) -> Mask:
-        """(sum of T, m): the joint stands longer than a reversal takes."""
-        window = np.ones((2 * math.ceil(0.5 * self.rate / self.cutoff) + 1, 1), dtype=bool)
-        opened = [ndimage.binary_opening(still, structure=window) for still in self._still()]
-        return np.concatenate([ndimage.binary_dilation(rest, structure=window) for rest in opened])
-
     def _still(self) -> list[Mask]:
         """By strip, (T, m): slower than rest, or turning round between two rows."""
         found = []

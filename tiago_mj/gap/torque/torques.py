@@ -57,11 +57,11 @@ class Torques:
     ) -> None:
         self.course = course
         self.deadline = deadline or Deadline()
-        self._given = tuple(entry for entry in given if EFFECTS[entry.name].stage in STAGES)
         self._model = copy.copy(model)
         self._model.body_gravcomp[:] = 0.0
         self._model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_LIMIT
         self.wiring = _wiring(self._model, course.joints)
+        self._given = tuple(entry for entry in given if self._acts(entry))
         self.motion: tuple[Array, ...] = tuple(course.stack(q) for q in ("position", "velocity", "acceleration"))
         self._joint = {name: getattr(self._model, name)[self.wiring.dof].copy() for name in JOINT_FIELDS}
         for name in JOINT_FIELDS:
@@ -69,6 +69,13 @@ class Torques:
         self._nominal: Array | None = None
         self._kept: dict[tuple[Entry, ...], Array] = {}
         self._rigid: dict[tuple[str, tuple[str, ...] | None], bool] = {}
+
+    def _acts(self, entry: Entry) -> bool:
+        """Whether an effect that is given changes torques here: not where it rounds readings, whose grid is part of
+        their noise, nor on a joint that takes no part in the motion."""
+        declared = EFFECTS[entry.name]
+        there = self.wiring.targets.names(declared.targets)
+        return declared.stage in STAGES and not declared.rounds and set(entry.target or ()) <= set(there)
 
     @property
     def model(self) -> mujoco.MjModel:
