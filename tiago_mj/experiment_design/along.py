@@ -17,7 +17,6 @@ from tiago_mj.gap.simulation import sizes
 from tiago_mj.gap.simulation.along_a_motion import efforts_along
 from tiago_mj.gap.simulation.session import Session
 from tiago_mj.gap.torque.band import most_informative
-from tiago_mj.gap.torque.flexible import as_flexible
 from tiago_mj.gap.torque.shown import check_given, may_show, shown
 from tiago_mj.recordings.recording import Finding
 
@@ -37,7 +36,7 @@ def preflight_along(session: Session, findings: Sequence[Finding], seed: int = 0
     check_given(trials, session.plant.given)
     measured = most_informative(session, trials, joints, findings, seed=seed)
     everything = range(len(measured.session.trials))
-    plant, predict = measured.session.plant, as_flexible(measured.predict, everything)
+    plant, predict = measured.session.plant, measured.predict
     pool = hypotheses.candidates(plant, None, None, sizes.sizes(plant, measured.session.trials, measured.motion))
     alone = [c for c in shown(pool, predict.torques) if c.target is not None or _on_nothing_else(c, pool)]
     found, alike = signatures(predict, alone, everything, np.ones(len(predict.data.channels)), firm=True)

@@ -28,7 +28,6 @@ from tiago_mj.gap.simulation.along_a_motion import along_a_motion, efforts_along
 from tiago_mj.gap.simulation.session import FITTED, Session
 from tiago_mj.gap.simulation.session import session as session_of
 from tiago_mj.gap.torque.band import most_informative
-from tiago_mj.gap.torque.flexible import as_flexible
 from tiago_mj.gap.torque.notes import of_method
 from tiago_mj.gap.torque.shown import check_given, shown
 from tiago_mj.io import mujoco_log
@@ -97,8 +96,10 @@ def _along_the_motion(session: Session, asked: Request, so_far: SoFar) -> Compar
         session, trials, joints, asked.findings, seed=asked.seed, deadline=deadline, tick=so_far.tick
     )
     along, plant = found.session, found.session.plant
+    pool = hypotheses.candidates(plant, asked.names, None, sizes.sizes(plant, along.trials, found.motion))
+    pool = shown(pool, found.predict.torques)
     begun = deadline.spent()
-    predict = as_flexible(replace(found.predict, simulated=so_far.tick.worked), along.indices(*FITTED))
+    predict = replace(found.predict, simulated=so_far.tick.worked)
     base = predict.all_trials([()], range(len(along.trials)), keep=True)[0]
     so_far.tally = predict.tally
     simulated = deadline.spent()
@@ -106,8 +107,7 @@ def _along_the_motion(session: Session, asked: Request, so_far: SoFar) -> Compar
     so_far.where = locate.locate(predict.data, base, phase, plant.period, asked.seed)
     a_simulation = (simulated - begun) / max(predict.tally["simulations"], 1)
     reserve = a_simulation * simulations(along) + 3 * (deadline.spent() - simulated)
-    pool = hypotheses.candidates(plant, asked.names, None, sizes.sizes(plant, along.trials, found.motion))
-    proposed = Proposals(shown(pool, predict.torques), (), None, (), predict.data)
+    proposed = Proposals(pool, (), None, (), predict.data)
     seen = {candidate.effect for candidate in proposed.pool}
     return Compared(
         along,

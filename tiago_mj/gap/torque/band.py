@@ -9,11 +9,16 @@ design; Pukelsheim 2006, chapter 6).
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from tiago_mj.gap.simulation.session import Session
+from tiago_mj.gap.inference import hypotheses
+from tiago_mj.gap.simulation import sizes
+from tiago_mj.gap.simulation.session import FITTED, Session
+from tiago_mj.gap.torque.flexible import left
 from tiago_mj.gap.torque.measured import Array, Measured, measured
+from tiago_mj.gap.torque.shown import shown
 from tiago_mj.gap.torque.strips import HEADROOMS
 from tiago_mj.io.deadline import Deadline, OutOfTimeError
 from tiago_mj.recordings.recording import Finding, RecordingError, Trial
@@ -44,6 +49,7 @@ def most_informative(
     ):
         raise RecordingError(f"{trials[0].source}: no joint moves: torque along a motion needs a motion")
     found: list[Measured] = []
+    told: list[float] = []
     for k, headroom in enumerate(HEADROOMS):
         tick("comparing torques", len(HEADROOMS), k)
         try:
@@ -54,12 +60,25 @@ def most_informative(
             break  # too short a recording for so long a filter, or no time for it
         if found and one.course.channels != found[0].course.channels:
             break
-        found.append(one)
-    return max(found, key=information)
+        plant = one.session.plant
+        pool = shown(
+            hypotheses.candidates(plant, None, None, sizes.sizes(plant, one.session.trials, one.motion)),
+            one.predict.torques,
+        )
+        remains, data = left(one.predict, one.session.indices(*FITTED), pool), one.predict.data
+        known = replace(data, sigma=np.maximum(data.sigma, remains.spread))
+        found.append(replace(one, predict=replace(one.predict, data=known)))
+        told.append(information(found[-1], 1 / remains.rows))
+    return found[int(np.argmax(told))]
 
 
-def information(one: Measured) -> float:
-    """Log determinant of the Fisher information on offset, dry friction, damping and inertia, over all channels."""
+def information(one: Measured, independent: Array) -> float:
+    """Log determinant of the Fisher information on offset, dry friction, damping and inertia, over all channels.
+
+    Args:
+        one: trials at a cut-off.
+        independent: share of the rows of each channel that are independent, (C,).
+    """
     data, every = one.predict.data, one.predict.every
     total = np.zeros((len(data.channels), 4, 4))
     for trial, torques in enumerate(one.predict.torques):
@@ -71,6 +90,6 @@ def information(one: Measured) -> float:
             kept = course.filtered(columns)[::every]
             known = np.isfinite(data.value[trial, : len(kept), c])
             white: Array = kept[known] / data.sigma[trial, 0, c]
-            total[c] += white.T @ white
+            total[c] += independent[c] * white.T @ white
     signs, sizes = np.linalg.slogdet(total)
     return float(np.where(signs > 0, sizes, -np.inf).sum())
