@@ -105,9 +105,9 @@ def detail(unit: str, bounds: tuple[float, float], *, sought: bool = True) -> An
 
 
 #: Of what a prior's deviation may be a share: of what the nominal model has of it (``takes_from``), of the inertia that
-#: a joint moves at the start of a recording, of the nominal limit in which the parameter is stated or else of the
-#: target's effort, or of the time between two recorded rows.
-SHARES: Final = ("stock", "inertia", "limit", "row")
+#: a joint moves at the start of a recording, of the nominal limit in which the parameter is stated, of the largest
+#: effort that was measured of the target, or of the time between two recorded rows.
+SHARES: Final = ("stock", "inertia", "limit", "effort", "row")
 
 
 @dataclass(frozen=True)

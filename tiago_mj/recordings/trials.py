@@ -52,7 +52,7 @@ def cut_long(trials: Sequence[Trial]) -> tuple[Trial, ...]:
         seconds = float(trial.time[-1] - trial.time[0])
         length = min(LENGTH, seconds * MOST_ROWS / len(trial.time) / 2)
         for piece in cut(trial, length):
-            found += _blocks(piece, length) if too_long(piece) else (piece,)
+            found += blocks(piece, length) if too_long(piece) else (piece,)
     return tuple(found)
 
 
@@ -72,15 +72,17 @@ def cut(trial: Trial, length: float = LENGTH) -> tuple[Trial, ...]:
         return (trial,)
     edges = _at_rests(time, _rests(trial), length)
     if len(edges) - 1 < (time[-1] - time[0]) / (2 * length):  # too few rests
-        return _blocks(trial, length)
+        return blocks(trial, length)
     return _between(trial, edges, 0.0)
 
 
-def _blocks(trial: Trial, length: float) -> tuple[Trial, ...]:
-    """Parts of equal length, with gaps between them that are longer than an error lasts."""
+def blocks(trial: Trial, length: float) -> tuple[Trial, ...]:
+    """Parts of equal length [s], with gaps between them that are longer than an error lasts; a trial that is shorter
+    than two of them as it is."""
     time = trial.time
     gap = min(correlation_time(trial), GIVEN_UP * length)
-    return _between(trial, np.linspace(time[0], time[-1], round((time[-1] - time[0]) / (length + gap)) + 1), gap)
+    count = round((time[-1] - time[0]) / (length + gap))
+    return _between(trial, np.linspace(time[0], time[-1], count + 1), gap) if count > 1 else (trial,)
 
 
 def _between(trial: Trial, edges: Array, gap: float) -> tuple[Trial, ...]:

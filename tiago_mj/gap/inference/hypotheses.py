@@ -368,8 +368,8 @@ def _default_terms(plant: Plant) -> tuple[Term, ...]:
                 size *= _inertia(plant, index)
             elif prior.share_of == "row":
                 size *= plant.effort_row or plant.period
-            elif prior.share_of == "limit" and parameter.nominal is None:
-                size *= _effort_limit(plant, index)
+            elif prior.share_of == "effort":
+                size *= plant.largest_effort[index] if plant.largest_effort else 0.0
             elif prior.share_of == "limit" and parameter.nominal is not None:
                 base = targets.nominal(parameter.nominal, declared.targets, index)
                 size *= -base  # the response is of a tighter one, which is seen where the looser one is not yet
@@ -382,10 +382,3 @@ def _default_terms(plant: Plant) -> tuple[Term, ...]:
 def _inertia(plant: Plant, joint: int) -> float:
     """What the joint moves, at the start [kg, kg·m²]."""
     return float(plant.model.dof_M0[plant.wiring.dof[joint]])
-
-
-def _effort_limit(plant: Plant, joint: int) -> float:
-    """Of the joint's drive; 0 where none is known [N, N·m]."""
-    targets = plant.wiring.targets
-    limits = [targets.nominal("effort", "command", a) for a, j in enumerate(targets.actuated) if j == joint]
-    return max((limit for limit in limits if np.isfinite(limit)), default=0.0)

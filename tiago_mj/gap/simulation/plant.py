@@ -87,6 +87,7 @@ class Plant:
             (:func:`tiago_mj.recordings.nominal_priors.grids`).
         effort_row: time between two recorded rows where efforts are compared along a motion [s]; None: commands are
             replayed.
+        largest_effort: that was measured of every joint, where efforts are compared along a motion [N, N·m].
     """
 
     name: str
@@ -104,6 +105,7 @@ class Plant:
     given: tuple[Entry, ...] = ()
     grids: Mapping[str, float] = field(default_factory=dict)
     effort_row: float | None = None
+    largest_effort: tuple[float, ...] = ()
 
     @property
     def substeps(self) -> int:

@@ -25,7 +25,7 @@ from tiago_mj.gap.torque.strips import Course
 from tiago_mj.gap.torque.torques import Torques
 from tiago_mj.io.deadline import Deadline
 from tiago_mj.recordings.recording import Finding, Trial
-from tiago_mj.recordings.trials import cut
+from tiago_mj.recordings.trials import blocks
 
 Array = NDArray[np.float64]
 
@@ -98,6 +98,7 @@ def measured(
         wiring=usable.torques.wiring,
         period=every / course.rate,
         effort_row=course.period,
+        largest_effort=_largest(course),
         cell=None,
         pads=None,
     )
@@ -125,7 +126,7 @@ def _parts(trials: Sequence[Trial], cutoff: float) -> tuple[Trial, ...]:
         return tuple(trials)
     seconds = sum(float(trial.time[-1] - trial.time[0]) for trial in trials)
     length = max(seconds / PARTS, SHORTEST_PERIODS / cutoff)
-    return tuple(part for trial in trials for part in cut(trial, length))
+    return tuple(part for trial in trials for part in blocks(trial, length))
 
 
 def _resampled(trial: Trial, course: Course, every: int) -> Trial:
@@ -184,6 +185,13 @@ def _noise_of_motion(torques: Sequence[Torques], seed: int) -> Array:
 
 def _moving(torques: Torques) -> NDArray[np.bool_]:
     return np.asarray(torques.course.moving()[:, torques.course.columns])
+
+
+def _largest(course: Course) -> tuple[float, ...]:
+    """Effort that was measured of every joint, at most; 0 of joints without a channel [N, N·m]."""
+    largest = np.zeros(len(course.joints))
+    largest[course.columns] = np.nanmax(np.abs(course.stack("effort")), axis=0)
+    return tuple(largest.tolist())
 
 
 def _motion(torques: Sequence[Torques], every: int, rows: int) -> Signals:
