@@ -75,7 +75,7 @@ def test_the_pendulums_servo_rubs_and_reflects_its_rotors_inertia(pendulum):
     assert armature.low > 0
     assert found.shrink.closed > 0.9
     assert found.splits["test"]
-    assert any("known to" in note and "torque_constant" in note for note in found.notes)  # never named
+    assert any("torque_constant is known to 0.3" in note for note in found.notes)
 
 
 def test_torques_of_other_trajectories_do_not_name_the_pendulums_friction(pendulum):

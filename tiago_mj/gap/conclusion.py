@@ -245,7 +245,7 @@ def _judged(
     session: Session, proposed: Proposals, ranked: Ranked, base: Array, seed: int
 ) -> tuple[verdict.Judged, Array]:
     """The verdict before the trials kept aside are looked at, and what each explanation gains on validation trials."""
-    by = verdict.calibration()
+    by = verdict.calibration(replays=ranked.predict.replays)
     judging = [k for k in session.indices("validation") if k not in ranked.excluded]
     gains, beaten = held_out.validated(
         session.plant,
@@ -273,7 +273,8 @@ def _tried(
     seed: int,
 ) -> Tried:
     """The verdict, once the trials kept aside were looked at."""
-    plant, test, by = session.plant, session.indices("test"), verdict.calibration()
+    plant, test = session.plant, session.indices("test")
+    by = verdict.calibration(replays=ranked.predict.replays)
     repair = partial(_repaired, ranked.predict.as_simulated(), ranked, left_open, data, base)
     close = partial(shrink.shrink, data, base, phase=phase, test=test, period=plant.period, seed=seed)
     leave = partial(

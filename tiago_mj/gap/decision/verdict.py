@@ -96,11 +96,14 @@ class Calibration:
 
 
 @cache
-def calibration() -> Calibration:
-    """The calibration that is shipped."""
-    return calibration_of(
-        json.loads(resources.files("tiago_mj.gap.decision").joinpath(CALIBRATION).read_text(encoding="utf-8"))
-    )
+def calibration(*, replays: bool = True) -> Calibration:
+    """The calibration that is shipped.
+
+    Args:
+        replays: whether commands were replayed; else efforts were compared along a motion.
+    """
+    data = json.loads(resources.files("tiago_mj.gap.decision").joinpath(CALIBRATION).read_text(encoding="utf-8"))
+    return calibration_of(data if replays else data | data.get("along_a_motion", {}))
 
 
 def calibration_of(data: Mapping[str, Any]) -> Calibration:
@@ -159,7 +162,8 @@ def judge(ranked: Ranked, *, strange: bool = False, refuted: NDArray[np.bool_] |
         refuted: explanations that are refuted by what they predict of the validation trials, (n,).
     """
     options = [option(fit, ranked) for fit in ranked.fits]
-    said = decide(options, calibration(), measured_on_readings=ranked.known > 0, refuted=refuted)
+    by = calibration(replays=ranked.predict.replays)
+    said = decide(options, by, measured_on_readings=ranked.known > 0, refuted=refuted)
     return replace(said, kind="unknown") if strange else said
 
 

@@ -15,12 +15,22 @@ def of_method(trials: Sequence[Trial], measured: Measured) -> tuple[str, ...]:
     return (
         *measured.usable.notes,
         _method(measured),
+        *_stated(measured),
         *_late(trials),
         *_commands(trials),
         "At rest dry friction takes any value within its bounds, so rows at rest are neither fitted nor counted in "
         "before and after.",
         "A torque constant and the gain of the effort reading are one and the same here.",
     )
+
+
+def _stated(measured: Measured) -> Iterator[str]:
+    """How well the recordings say that numbers of the model are known."""
+    for (effect, target), deviation in measured.session.plant.known.items():
+        yield (
+            f"{effect}{f' of {target}' if target else ''} is known to {deviation:.2g}, as the recordings say: it is "
+            "adjusted within that, whatever is named."
+        )
 
 
 def _commands(trials: Sequence[Trial]) -> Iterator[str]:
