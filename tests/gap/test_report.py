@@ -32,7 +32,7 @@ def test_a_diagnosis_has_exactly_the_keys_of_its_contract_and_only_finite_number
 
     data = json.loads((tmp_path / "diagnosis.json").read_text(), parse_constant=refuse)
     assert list(data) == [
-        *("schema", "verdict", "where", "stage", "residual_shape"),
+        *("schema", "headline", "verdict", "where", "stage", "residual_shape"),
         *("shrink", "ranking", "lint", "next_motion", "splits"),
         *("robot", "notes", "complete", "stopped", "seed", "version", "seconds", "physics_steps", "trial_models"),
     ]
@@ -79,7 +79,7 @@ def test_every_file_is_as_the_published_schema_says(name):
 
 def test_what_a_file_of_an_earlier_version_lacks_is_unknown(tmp_path):
     given = report_json.as_data(CASES["unknown_with_a_shape"])
-    for later in ("residual_shape", "robot", "notes", "stopped", "physics_steps", "trial_models"):
+    for later in ("headline", "residual_shape", "robot", "notes", "stopped", "physics_steps", "trial_models"):
         del given[later]
     for later in ("per_phase", "per_channel_and_phase", "resampled", "accounted", "accounted_before"):
         del given["shrink"][later]

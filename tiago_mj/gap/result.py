@@ -230,6 +230,7 @@ class Result:
 
     Attributes:
         schema: its version.
+        headline: the verdict in a sentence, as every report begins; empty until it is written.
         verdict: what is said.
         where: the gap table of the nominal model; shares sum to 1 where there is an excess.
         stage: of the signal chain that the pattern points to, or None.
@@ -250,6 +251,7 @@ class Result:
     """
 
     schema: Literal["tiago_mj.diagnosis/1"] = SCHEMA
+    headline: str = ""
     verdict: Verdict
     where: tuple[Place, ...]
     stage: str | None

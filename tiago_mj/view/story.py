@@ -20,7 +20,7 @@ from tiago_mj.effects import EFFECTS
 from tiago_mj.effects.spec import Entry
 from tiago_mj.gap.analysis import outcome
 from tiago_mj.gap.inference import noise_model
-from tiago_mj.gap.report import verdict, words
+from tiago_mj.gap.report import pattern, verdict, words
 from tiago_mj.gap.report.overlays import stretches
 from tiago_mj.gap.result import PHASES, Diagnosis, Overlay
 from tiago_mj.gap.simulation import phases, replay
@@ -244,7 +244,7 @@ def _verdict(diagnosis: Diagnosis | None) -> str:
         return {"no_gap": "No gap was found.", "unknown": "There is a gap whose cause is not known."}.get(
             diagnosis.kind, "No effect is named."
         )
-    return f"{words.begin(words.clauses(diagnosis.best))}."
+    return f"{words.begin(pattern.clauses(diagnosis.best, pattern.joints(diagnosis)))}."
 
 
 def _off(signals: Overlay, name: str) -> Array:
@@ -307,7 +307,7 @@ def _guilty(plant: Plant, diagnosis: Diagnosis | None, channels: Sequence[str]) 
             wanted = there if effect.target == "all" else effect.target
             for name in (wanted,) if isinstance(wanted, str) else wanted:
                 bodies |= _of_target(plant, kind, name)
-        return frozenset(bodies), words.labels(diagnosis.best)
+        return frozenset(bodies), pattern.labels(diagnosis.best, pattern.joints(diagnosis))
     if not channels:
         return frozenset(), ""
     kind, _, name = channels[0].partition(".")

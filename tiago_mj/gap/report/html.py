@@ -16,7 +16,7 @@ from typing import Any, Final, Protocol
 
 from markupsafe import Markup, escape
 
-from tiago_mj.gap.report import advice, overlays, residual, shrinking, tables, verdict, words
+from tiago_mj.gap.report import advice, overlays, pattern, residual, shrinking, tables, verdict, words
 from tiago_mj.gap.report.consistency import checked, has_probability
 from tiago_mj.gap.result import PHASES, Diagnosis
 from tiago_mj.io import atomic, extra, pages
@@ -59,7 +59,7 @@ def render(diagnosis: Diagnosis, seen: Seen | None = None) -> str:
         percent=words.percent,
         channel=words.channel,
         begin=words.begin,
-        labels=words.labels,
+        labels=functools.partial(pattern.labels, of=pattern.joints(diagnosis)),
         bare=words.bare,
         glued=glued,
         coded=coded,
@@ -81,6 +81,7 @@ def render(diagnosis: Diagnosis, seen: Seen | None = None) -> str:
         ranked_told=has_probability(diagnosis) or diagnosis.kind == "no_gap",
         likelier=verdict.first(diagnosis),
         nothing_more=verdict.nothing_more(diagnosis),
+        many=words.MANY,
         best=[tables.shown(effect) for effect in diagnosis.best.effects],
         heat=tables.heat(diagnosis.where, shares=diagnosis.kind != "no_gap"),
         heat_remains=tables.heat(diagnosis.remains_where) if diagnosis.remains else None,

@@ -10,13 +10,14 @@ import hashlib
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any, Final
 
 from pydantic import ValidationError
 
-from tiago_mj.gap.result import FILE, SCHEMA, Diagnosis, Result
+from tiago_mj.gap.report import verdict
+from tiago_mj.gap.result import FILE, SCHEMA, Diagnosis
 from tiago_mj.io import atomic
 from tiago_mj.io.loading import load_json
 from tiago_mj.io.quoting import quoted
@@ -36,20 +37,21 @@ OMITTED: Final[Any] = {
 ROW: Final = ("effects", "validation_gain", "probability", "parameters", "evidence")
 
 
-def as_data(diagnosis: Result) -> dict[str, Any]:
+def as_data(diagnosis: Diagnosis) -> dict[str, Any]:
     """What the file holds; only dicts, lists, strings, finite numbers, booleans and None."""
-    data = FILE.dump_python(diagnosis, by_alias=True, exclude=OMITTED, warnings="none")
+    told = replace(diagnosis, headline=verdict.headline(diagnosis))
+    data = FILE.dump_python(told, by_alias=True, exclude=OMITTED, warnings="none")
     data["ranking"] = [{key: row[key] for key in ROW} for row in data["ranking"]]
     cleaned: dict[str, Any] = clean(data)
     return cleaned
 
 
-def text(diagnosis: Result) -> str:
+def text(diagnosis: Diagnosis) -> str:
     """The file's text."""
     return json.dumps(as_data(diagnosis), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
 
-def write(diagnosis: Result, path: Path) -> None:
+def write(diagnosis: Diagnosis, path: Path) -> None:
     """Write the file whole."""
     atomic.write_text(path, text(diagnosis))
 

@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from tiago_mj.gap.report import advice, residual, shrinking, tables, verdict, words
+from tiago_mj.gap.report import advice, pattern, residual, shrinking, tables, verdict, words
 from tiago_mj.gap.report.consistency import checked
-from tiago_mj.gap.result import Diagnosis
+from tiago_mj.gap.result import Diagnosis, Named
 from tiago_mj.io import extra
 from tiago_mj.recordings.lint.summary import summary
 
@@ -47,7 +47,7 @@ def lines(diagnosis: Diagnosis, written: Mapping[str, Path]) -> list[tuple[str, 
         shown.append(("", step.said.replace("`", "")))
         if step.command:
             shown.append(("", f"  {step.command}"))
-    shown += _where(d) + _which(d) + _how_far(d)
+    shown += _where(d) + _which(d) + _terms(d) + _how_far(d)
     if d.not_excited:
         names = [words.title(name) for name in d.not_excited]
         more = f" and {len(names) - 2 * MOST} more" if len(names) > 2 * MOST else ""
@@ -86,22 +86,34 @@ def _which(d: Diagnosis) -> list[tuple[str, str]]:
         return []
     shown = [("bold", "Which")]
     rows = tables.ranking(d)[:MOST]
+    of = pattern.joints(d)
     wide = max(len("same" if row.again else row.probability) for row in rows)
     for row, one in zip(rows, d.ranking, strict=False):
         mark = "*" if row.chosen else "~" if row.tied else " "
-        values = [
-            ", ".join(
-                [words.label(e), *(f"{key.replace('_', ' ')} {words.amount(v)}" for key, v in e.parameters.items())]
-            )
-            for e in one.effects
-        ]
+        many = len(one.effects) > words.MANY
+        said = pattern.in_short(one.effects, of) if many else " + ".join(map(_term, one.effects))
         chance = "same" if row.again else row.probability
-        shown.append(("", f"{mark} {chance:>{wide}}{'  ' if wide else ''}{' + '.join(values) or 'nominal simulator'}"))
+        shown.append(("", f"{mark} {chance:>{wide}}{'  ' if wide else ''}{said or 'nominal simulator'}"))
     if any(row.tied and not row.chosen for row in tables.ranking(d)[:MOST]):
         shown.append(("dim", "  * best   ~ cannot be told from it"))
     if d.complete and any(row.again for row in tables.ranking(d)[:MOST]):
         shown.append(("dim", "  same: of a class that is above, and in its probability"))
     return shown
+
+
+def _term(effect: Named) -> str:
+    """An effect with its values, in a line."""
+    return ", ".join([words.label(effect), *(f"{key} {said}" for key, said in tables.shown(effect)["parameters"])])
+
+
+def _terms(d: Diagnosis) -> list[tuple[str, str]]:
+    """The effects of the best explanation one by one, where there are too many for the sentence."""
+    if len(d.best.effects) <= words.MANY:
+        return []
+    rows = [(words.label(effect), tables.shown(effect)["parameters"]) for effect in d.best.effects]
+    width = max(len(label) for label, _ in rows)
+    lines = [f"  {label:<{width}}  {', '.join(f'{key} {said}' for key, said in values)}" for label, values in rows]
+    return [("bold", "Term by term"), *(("", line) for line in lines)]
 
 
 def _how_far(d: Diagnosis) -> list[tuple[str, str]]:

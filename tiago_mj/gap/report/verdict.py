@@ -9,7 +9,8 @@ from tiago_mj.gap.analysis.outcome import STRANGE
 from tiago_mj.gap.analysis.promises import CLOSES
 from tiago_mj.gap.decision.verdict import calibration, measured_on, most_probable, wrong
 from tiago_mj.gap.report.consistency import NAMING, can_close, closed_accounted, closes, has_probability, loudest
-from tiago_mj.gap.report.words import begin, channel, clauses, labels, listed, number, percent, percent_within, title
+from tiago_mj.gap.report.pattern import apart, clauses, joints, labels
+from tiago_mj.gap.report.words import MANY, begin, channel, listed, number, percent, percent_within, title
 from tiago_mj.gap.result import Diagnosis, Evidence, Explanation, Place, Stopped
 from tiago_mj.io.progress import seconds
 
@@ -30,7 +31,7 @@ def headline(diagnosis: Diagnosis) -> str:
     its end how far it was, and what leads."""
     kind, best = diagnosis.kind, diagnosis.best
     if diagnosis.stopped is not None:
-        return _stopped(diagnosis.stopped, best)
+        return _stopped(diagnosis, diagnosis.stopped)
     if kind == "no_gap":
         return (
             "No gap: the simulator predicts these recordings as well as the uncertainty of its own parameters allows, "
@@ -43,7 +44,7 @@ def headline(diagnosis: Diagnosis) -> str:
     if not best.effects:
         return begin(f"there is a gap, and no effect is named{closing(diagnosis, 'the fitted parameters')}.")
     them = {1: "adding it", 2: "adding both"}.get(len(best.effects), "adding all of them")
-    return begin(f"{clauses(best)}{closing(diagnosis, them)}.")
+    return begin(f"{_named(diagnosis)}{closing(diagnosis, them)}.")
 
 
 def remainder(diagnosis: Diagnosis) -> str:
@@ -226,19 +227,29 @@ def why_ceiling() -> str:
     )
 
 
-def _stopped(stopped: Stopped, best: Explanation) -> str:
+def _named(diagnosis: Diagnosis) -> str:
+    """What the best explanation says about the robot, as a clause."""
+    return clauses(diagnosis.best, joints(diagnosis))
+
+
+def _stopped(diagnosis: Diagnosis, stopped: Stopped) -> str:
     known = bool(stopped.tried)
     share = f"{'all' if stopped.tried == stopped.effects else f'{stopped.tried} of'} {stopped.effects} effects"
     tried = f"with {share} tried" if known else "before any effect was tried"
-    leads = f"what leads so far, provisionally: {clauses(best)}" if best.effects else "nothing is named yet"
+    leading = f"what leads so far, provisionally: {_named(diagnosis)}"
+    leads = leading if diagnosis.best.effects else "nothing is named yet"
     return f"{ENDED[stopped.why]} after {seconds(stopped.seconds)} {tried}; {leads}."
 
 
 def _either(diagnosis: Diagnosis) -> str:
-    choices = diagnosis.alternatives or (diagnosis.best,)
+    choices, of = diagnosis.alternatives or (diagnosis.best,), joints(diagnosis)
+    common, rests = apart(choices)
+    if common and any(len(choice.effects) > MANY for choice in choices):
+        beside = " – or ".join(labels(rest, of) if rest.effects else "nothing more" for rest in rests)
+        return f"{clauses(Explanation(common, math.nan), of)}; beside that {beside}: these recordings cannot tell which"
     if len(choices) <= SPELLED:
         # A comma, since a clause may hold an "and" of its own.
-        either = " – or ".join(clauses(choice) or "the nominal simulator is right" for choice in choices)
+        either = " – or ".join(clauses(choice, of) or "the nominal simulator is right" for choice in choices)
         return f"either {either}: these recordings cannot tell which"
     return (
         f"one of {len(choices)} explanations holds, and these recordings cannot tell which: "
@@ -250,19 +261,20 @@ def _unknown(diagnosis: Diagnosis) -> str:
     place = main_place(diagnosis.remains_where or diagnosis.where)
     if diagnosis.best.evidence is not None and diagnosis.best.evidence.edge:
         return begin(
-            f"the gap would be explained if {clauses(diagnosis.best)}, but that is at the bound of what is possible: "
+            f"the gap would be explained if {_named(diagnosis)}, but that is at the bound of what is possible: "
             "another cause, which is not in the library, is likelier."
         )
     if diagnosis.best.effects:
         s = "s" if len(diagnosis.best.effects) == 1 else ""
         if can_close(diagnosis) and closes(diagnosis.shrink) is False:
+            what = labels(diagnosis.best, joints(diagnosis))
             return begin(
-                f"{labels(diagnosis.best)} explain{s} the recordings that were fitted, and close{s} nothing of the gap "
+                f"{what} explain{s} the recordings that were fitted, and close{s} nothing of the gap "
                 f"on those that were kept aside ({percent(diagnosis.shrink.closed)}): no cause is named."
             )
         if not diagnosis.remains:
-            return begin(f"{clauses(diagnosis.best)}, {_why_not(diagnosis)}.")
-        what = f"{clauses(diagnosis.best)}, but that is not all: the rest of the gap is explained by no known effect"
+            return begin(f"{_named(diagnosis)}, {_why_not(diagnosis)}.")
+        what = f"{_named(diagnosis)}, but that is not all: the rest of the gap is explained by no known effect"
     elif any(STRANGE in note for note in diagnosis.notes):
         what = "the readings show what no known effect does"
     else:

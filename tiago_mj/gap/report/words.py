@@ -204,14 +204,13 @@ def _if_present(part: re.Match[str], parameters: Mapping[str, Value]) -> str:
     return part.group(1) if value is not None and value.value else ""
 
 
-#: Effects of an explanation that are spelled out one by one.
+#: Effects of an explanation that are spelled out one by one; of more a sentence says the pattern
+#: (:mod:`tiago_mj.gap.report.pattern`).
 MANY: Final = 3
 
 
 def clauses(explanation: Explanation) -> str:
-    """A set of effects as one clause; of many, what they are and where."""
-    if len(explanation.effects) > MANY:
-        return f"the simulator lacks {labels(explanation)}"
+    """Effects as one clause, each spelled out."""
     return ", and ".join(clause(effect) for effect in explanation.effects)
 
 

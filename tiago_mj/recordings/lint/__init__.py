@@ -54,7 +54,7 @@ def inspect(trials: Sequence[Trial], joint_ranges: JointRanges | None = None) ->
                 "single_trial",
                 trials[0].source,
                 "",
-                "there is no other recording to predict, so no share of the gap can be said to be closed: record more",
+                "it is the only recording: all that can be kept aside is a part of the same motion: record more",
             )
         )
     once: dict[tuple[str, str, str, bool], Finding] = {}
