@@ -52,6 +52,8 @@ def replace(one, **changes):
         if {"remains", "remains_where"} & set(changes):
             flag = changes.pop("remains", one.remains)
             said["remains"] = Remains(flag, changes.pop("remains_where", one.remains_where))
+        shrink, kind = changes.get("shrink", one.shrink), said.get("kind", one.kind)
+        said["part"] = kind in ("effect", "ambiguous") and shrink.high == 0.96  # 5 variances of the noise are left
         one = one.with_verdict(**said)
     return dataclasses.replace(one, **changes)
 

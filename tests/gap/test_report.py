@@ -14,7 +14,7 @@ from made_diagnoses import CASES, COULOMB, LAG, LEFT, RIGHT, STIFFNESS, diagnosi
 
 from tiago_mj.effects import EFFECTS, read_effects
 from tiago_mj.gap import report
-from tiago_mj.gap.report import advice, calibration, residual, terminal, verdict, words
+from tiago_mj.gap.report import advice, calibration, consistency, html, residual, terminal, verdict, words
 from tiago_mj.gap.report import json as report_json
 from tiago_mj.gap.result import CARRIERS, SCHEMA, SHAPES, Named, ResidualShape, Value, json_schema
 
@@ -37,7 +37,7 @@ def test_a_diagnosis_has_exactly_the_keys_of_its_contract_and_only_finite_number
         *("robot", "notes", "complete", "stopped", "seed", "version", "seconds", "physics_steps", "trial_models"),
     ]
     assert data["schema"] == "tiago_mj.diagnosis/1"
-    assert list(data["verdict"]) == ["kind", "effects", "probability", "alternatives", "remains", "not_excited"]
+    assert list(data["verdict"]) == ["kind", "effects", "probability", "alternatives", "remains", "not_excited", "part"]
     assert list(data["verdict"]["remains"]) == ["flag", "where"]
     gap = ["before", "after", "floor", "closed", "low", "high"]
     more = ["per_channel", "return", "per_phase", "per_channel_and_phase", "resampled", "accounted", "accounted_before"]
@@ -205,7 +205,7 @@ def test_small_and_large_values_stay_numbers_in_a_calibration(tmp_path):
 def test_the_headline_says_what_is_different_by_how_much_and_how_far_the_gap_shrinks():
     assert verdict.headline(diagnosis()) == (
         "The gripper's right finger has 2.6 N (2.4–2.9) of Coulomb friction that the simulator lacks; adding it closes "
-        "93 % (88–96 %) of the gap on recordings that were kept aside."
+        "93 % (88–96 %) of the gap on recordings that were kept aside, part of it: 5.02 times the noise is left there."
     )
 
 
@@ -276,6 +276,50 @@ def test_the_return_of_a_policy_is_said_with_how_far_each_simulator_is_off():
         verdict.on_task(CASES["never_measured"])
     )
     assert verdict.on_task(CASES["no_gap"]) == ""
+
+
+ARM = replace(diagnosis().shrink, before=478.0, after=374.0, closed=0.218, low=0.15, high=0.27, accounted=0.98)
+
+
+def test_a_name_that_leaves_hundreds_of_floors_is_told_as_part_of_the_cause():
+    """The industrial arm's twin: the friction is right, and closes a fifth of what wrong gains make."""
+    found = consistency.checked(replace(diagnosis(), shrink=ARM))
+    assert found.verdict.part
+    assert report_json.as_data(found)["verdict"]["part"] is True
+    assert (
+        "closes 22 % (15–27 %) of the gap on recordings that were kept aside, part of it: 374 times the noise is"
+        in (verdict.headline(found))
+    )
+    assert verdict.sure(found).startswith("Probability 93 % that this is part of the cause: ")
+    assert "is part of the cause, up to its class" in html.render(found)
+    assert "Which, as part of the cause, with its probability" in [line for _, line in terminal.lines(found, {})]
+    both = consistency.checked(replace(CASES["ambiguous"], shrink=replace(ARM, after=322.0, closed=0.327, high=0.4)))
+    assert both.verdict.part
+    assert verdict.headline(both).endswith("part of it: 322 times the noise is left there.")
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"after": 3.9, "closed": 1 - 2.9 / 477, "high": 0.995},  # noise, or nearly
+        {"after": 8.0, "closed": 1 - 7 / 477, "high": 0.999},  # more than noise, and hardly any of the gap
+        {"closed": None, "low": None, "high": None},  # it shows in the readings
+    ],
+)
+def test_what_leaves_noise_or_next_to_nothing_of_the_gap_is_no_part(changes):
+    found = consistency.checked(replace(diagnosis(), shrink=replace(ARM, **changes)))
+    assert not found.verdict.part
+    assert "part of it" not in verdict.headline(found)
+    assert "part of the cause" not in verdict.sure(found)
+
+
+def test_no_gap_says_what_the_simulators_own_numbers_account_for():
+    same = replace(CASES["no_gap"].shrink, before=371.0, after=371.0, accounted=1.02)
+    assert verdict.headline(replace(CASES["no_gap"], shrink=same)).endswith(
+        "so no effect is named; yet 371 times the noise is left on recordings that were kept aside, 1.02 with its "
+        "numbers moved within what they are known to."
+    )
+    assert verdict.headline(CASES["no_gap"]).endswith("so no effect is named.")
 
 
 def test_a_repair_that_does_not_help_is_not_praised():

@@ -214,6 +214,8 @@ class Verdict:
         alternatives: explanations that the data cannot tell from the best, the best among them.
         remains: what is left of the gap.
         not_excited: effects that the motion does not excite: not ruled out.
+        part: whether what is named explains a part of the gap only, of which the probability is then: on trials kept
+            aside it leaves more than noise and a share of the gap that counts.
     """
 
     kind: Kind
@@ -222,6 +224,7 @@ class Verdict:
     alternatives: tuple[Explanation, ...] = ()
     remains: Remains = Remains()
     not_excited: tuple[str, ...] = ()
+    part: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,6 +9,7 @@ What gives way to what:
     fitted, is not named: what it explains is told as what is known (``unknown``)
     an effect at the bound of what is possible is not named (``unknown``)
     a verdict that names nothing, or one of a set, is what its effects and alternatives make it
+    what is named leaves more than noise and a share of the gap on trials kept aside: it is told as a part of the cause
     with "no gap" nothing remains; only what is ambiguous has a next motion
     what is left has a shape only where something is; with "unknown" the stage is that of the shape
     what is unknown and has no effect, or leaves more than noise with everything accounted for, remains
@@ -33,6 +34,7 @@ from tiago_mj.gap.analysis.promises import CLOSES, MIN_NAMED_PROBABILITY
 from tiago_mj.gap.analysis.remainder import LEFT
 from tiago_mj.gap.analysis.shrink import NOTHING, gone
 from tiago_mj.gap.decision.verdict import most_probable
+from tiago_mj.gap.report.part import explains_part
 from tiago_mj.gap.result import (
     CARRIERS,
     KINDS,
@@ -131,6 +133,7 @@ def reconciled(diagnosis: Diagnosis) -> Diagnosis:
     return found.with_verdict(
         alternatives=_best_first(found),
         remains=found.verdict.remains if found.remains else Remains(),
+        part=found.kind in NAMING and explains_part(found.shrink),
         not_excited=tuple(name for name in found.not_excited if name not in named),
     )
 
@@ -268,6 +271,8 @@ def _probabilities(d: Diagnosis) -> Iterator[str]:
 
 
 def _left(d: Diagnosis) -> Iterator[str]:
+    if d.verdict.part and not (d.kind in NAMING and explains_part(d.shrink)):
+        yield "what is named is told as part of the cause, and leaves nothing"
     if d.kind == "no_gap" and d.remains:
         yield "there is no gap, and yet something remains"
     if d.remains_where and not d.remains:

@@ -78,6 +78,7 @@ def render(diagnosis: Diagnosis, seen: Seen | None = None) -> str:
         on_model=verdict.on_model(diagnosis),
         sure=verdict.sure(diagnosis),
         told=has_probability(diagnosis),
+        part=verdict.part_only(diagnosis),
         ranked_told=has_probability(diagnosis) or diagnosis.kind == "no_gap",
         likelier=verdict.first(diagnosis),
         nothing_more=verdict.nothing_more(diagnosis),

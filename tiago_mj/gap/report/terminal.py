@@ -84,14 +84,15 @@ def _where(d: Diagnosis) -> list[tuple[str, str]]:
 def _which(d: Diagnosis) -> list[tuple[str, str]]:
     if d.kind == "no_gap" or not d.ranking or not (d.complete or d.best.effects):
         return []
-    shown = [("bold", "Which")]
+    of = ", as part of the cause, with its probability" if verdict.part_only(d) else ""
+    shown = [("bold", f"Which{of}")]
     rows = tables.ranking(d)[:MOST]
-    of = pattern.joints(d)
+    every = pattern.joints(d)
     wide = max(len("same" if row.again else row.probability) for row in rows)
     for row, one in zip(rows, d.ranking, strict=False):
         mark = "*" if row.chosen else "~" if row.tied else " "
         many = len(one.effects) > words.MANY
-        said = pattern.in_short(one.effects, of) if many else " + ".join(map(_term, one.effects))
+        said = pattern.in_short(one.effects, every) if many else " + ".join(map(_term, one.effects))
         chance = "same" if row.again else row.probability
         shown.append(("", f"{mark} {chance:>{wide}}{'  ' if wide else ''}{said or 'nominal simulator'}"))
     if any(row.tied and not row.chosen for row in tables.ranking(d)[:MOST]):

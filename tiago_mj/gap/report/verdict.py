@@ -7,8 +7,17 @@ from typing import Final
 
 from tiago_mj.gap.analysis.outcome import STRANGE
 from tiago_mj.gap.analysis.promises import CLOSES
+from tiago_mj.gap.analysis.remainder import LEFT
 from tiago_mj.gap.decision.verdict import calibration, measured_on, most_probable, wrong
-from tiago_mj.gap.report.consistency import NAMING, can_close, closed_accounted, closes, has_probability, loudest
+from tiago_mj.gap.report.consistency import (
+    NAMING,
+    can_close,
+    closed_accounted,
+    closes,
+    has_probability,
+    loudest,
+)
+from tiago_mj.gap.report.part import explains_part
 from tiago_mj.gap.report.pattern import apart, clauses, joints, labels
 from tiago_mj.gap.report.words import MANY, begin, channel, listed, number, percent, percent_within, title
 from tiago_mj.gap.result import Diagnosis, Evidence, Explanation, Place, Stopped
@@ -35,7 +44,7 @@ def headline(diagnosis: Diagnosis) -> str:
     if kind == "no_gap":
         return (
             "No gap: the simulator predicts these recordings as well as the uncertainty of its own parameters allows, "
-            "so no effect is named."
+            f"so no effect is named{_without_name(diagnosis)}."
         )
     if kind == "unknown":
         return _unknown(diagnosis)
@@ -120,7 +129,29 @@ def closing(diagnosis: Diagnosis, subject: str) -> str:
             "what is left"
         )
     closed = percent_within(shrink.closed, shrink.low, shrink.high)
-    return f"; {subject} closes {closed} of the gap on recordings that were kept aside"
+    said = f"; {subject} closes {closed} of the gap on recordings that were kept aside"
+    return f"{said}, part of it: {_floors(shrink.after)} is left there" if part_only(diagnosis) else said
+
+
+def part_only(diagnosis: Diagnosis) -> bool:
+    """Whether what is named is told as a part of the cause."""
+    return diagnosis.kind in NAMING and explains_part(diagnosis.shrink)
+
+
+def _floors(gap: float | None) -> str:
+    """A mean squared residual as a multiple of the noise's variance."""
+    return f"{number(gap)} times the noise"
+
+
+def _without_name(diagnosis: Diagnosis) -> str:
+    """What is left where no effect is named, as the end of a sentence; empty where noise alone is."""
+    before, accounted = diagnosis.shrink.before, diagnosis.shrink.accounted
+    if before is None or not before > LEFT * diagnosis.shrink.floor:
+        return ""
+    said = f"; yet {_floors(before)} is left on recordings that were kept aside"
+    if accounted is None or not accounted < before:
+        return said
+    return f"{said}, {number(accounted)} with its numbers moved within what they are known to"
 
 
 def on_task(diagnosis: Diagnosis) -> str:
@@ -180,9 +211,11 @@ def sure(diagnosis: Diagnosis) -> str:
     """What the probability of the best explanation means, or why none is given; empty: the search found none."""
     shrink, probability = diagnosis.shrink, diagnosis.best.probability
     if has_probability(diagnosis):
+        of = " that this is part of the cause" if part_only(diagnosis) else ""
+        rest = " It says nothing of what is left." if of else ""
         return (
-            f"Probability {percent(probability)}: of a hundred answers given with this probability, about "
-            f"{min(100 * probability, 99):.0f} name the true effect or one of its class."
+            f"Probability {percent(probability)}{of}: of a hundred answers given with this probability, about "
+            f"{min(100 * probability, 99):.0f} name the true effect or one of its class.{rest}"
         )
     if not math.isfinite(probability) or not diagnosis.best.effects:
         return ""
