@@ -205,6 +205,27 @@ def test_a_line_of_a_log_that_says_nothing_new_comes_ever_more_rarely():
     assert 3 <= log.getvalue().count("\n") <= 8  # after 1, 2, 4, 8, 16 and 32 times so long
 
 
+def test_no_two_lines_of_a_log_are_equal_and_a_stage_that_comes_again_is_no_news(monkeypatch):
+    log, waits = io.StringIO(), iter([False] * 60 + [True])
+    with Progress("diagnose", quiet=True, stream=log) as told:
+        clock = Clock(monkeypatch)
+
+        def wait(seconds):
+            clock.now += seconds
+            told.stage(("fitting", "pairs")[int(clock.now) % 2], part=True)
+            told._whole = told._whole or Estimate()
+            told._whole.share = 0.985
+            monkeypatch.setattr(told._whole, "seconds_left", lambda now: 5.0)
+            return next(waits)
+
+        monkeypatch.setattr(told._over, "wait", wait)
+        told._lines()
+    lines = log.getvalue().splitlines()
+    assert any("about 5 s left" in line for line in lines)
+    assert sum(a == b for a, b in itertools.pairwise(lines)) == 0
+    assert len(lines) <= 14  # in 4.5 minutes; every 4.5 s it would be 60
+
+
 def test_a_log_is_not_silent_for_longer_than_half_a_minute(monkeypatch):
     log, waits = io.StringIO(), iter([False] * 100 + [True])
     with Progress("diagnose", quiet=True, stream=log) as told:

@@ -29,11 +29,11 @@ def visual(geometry: str) -> str:
 BROKEN = {
     "missing mesh": (
         robot(link("base", visual('<mesh filename="package://my_robot/meshes/base.stl"/>'))),
-        ["base", "package://my_robot/meshes/base.stl", "--package-path", ":2:"],
+        ["base", "package://my_robot/meshes/base.stl", "--package-path", "--visual none --collision none", ":2:"],
     ),
     "missing relative mesh": (
         robot(link("base", visual('<mesh filename="base.stl"/>'))),
-        ["base.stl", "not found", ":2:"],
+        ["base.stl", "not found", "--visual none --collision none", ":2:"],
     ),
     "mesh of unknown scheme": (robot(link("base", visual('<mesh filename="http://x/y.stl"/>'))), ["http://"]),
     "unknown parent": (

@@ -4,7 +4,7 @@ import argparse
 import re
 
 import pytest
-from broken_urdfs import BROKEN, GOOD
+from broken_urdfs import BROKEN, GOOD, joint, link, robot, visual
 
 from tiago_mj.models.convert import ConversionError, Options, command, convert
 
@@ -22,6 +22,16 @@ def test_a_broken_urdf_gets_one_line_that_names_the_element_and_the_mend(fault, 
         assert word in message, message
     assert re.search(r"; \S", message), message  # what is wrong; how to mend it
     assert [p.name for p in tmp_path.iterdir()] == ["robot.urdf"]
+
+
+def test_a_robot_whose_meshes_are_elsewhere_converts_without_them(tmp_path):
+    path = tmp_path / "robot.urdf"
+    mesh = '<mesh filename="package://elsewhere/base.stl"/>'
+    shapes = f"{visual(mesh)}<collision><geometry>{mesh}</geometry></collision>"
+    path.write_text(robot(link("base", shapes), link("arm"), joint("elbow", "base", "arm")))
+    model = convert(path, tmp_path / "robot.xml", options=Options(visual="none", collision="none")).spec.compile()
+    assert (model.nmesh, model.nv) == (0, 1)
+    assert model.body_mass.sum() > 0
 
 
 def test_the_good_twin_of_the_broken_urdfs_converts(tmp_path):

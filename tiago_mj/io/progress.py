@@ -216,17 +216,23 @@ class Progress:
         return left
 
     def _lines(self) -> None:
-        wait, silent, patience, before = min(FIRST, self._every), 0.0, self._every, None
+        wait, silent, patience = min(FIRST, self._every), 0.0, self._every
+        before: set[tuple[str, str, str]] = set()  # a stage that comes again with the same share is no news
+        last = ""
         while not self._over.wait(wait):
             silent, wait = silent + wait, self._every
             told = self._news()
-            if told == before and silent < patience:
+            if told in before and silent < patience:
                 continue
-            patience = 2.0 * (patience if told == before else self._every)
+            patience = 2.0 * (patience if told in before else self._every)
             patience = min(patience, max(LONGEST, self._every))
-            before, silent = told, 0.0
+            before.add(told)
+            silent, line = 0.0, self.said()
+            same, last = line == last, line
+            if same:  # that the work goes on is all there is to say
+                line = f"{line}, {seconds(time.monotonic() - self._began)} so far"
             try:
-                print(self.said(), file=self._stream, flush=True)
+                print(line, file=self._stream, flush=True)
             except (OSError, ValueError):  # nobody reads any more, which is no reason to stop the work
                 return
 

@@ -21,6 +21,8 @@ FORMATS = (".stl", ".obj", ".dae", ".ply", ".glb", ".off")
 BYTES, LINES = 64_000_000, 1_000_000
 #: Coordinates, in whatever unit.
 LARGEST = 1e9
+#: Options of ``convert`` with which no mesh is looked for: masses and joints are all that a diagnosis needs.
+WITHOUT = "--visual none --collision none"
 
 
 def resolve(shape: Shape, urdf: Path, package_paths: Sequence[Path] = ()) -> Path:
@@ -30,7 +32,7 @@ def resolve(shape: Shape, urdf: Path, package_paths: Sequence[Path] = ()) -> Pat
     folder counts both as a place of packages and as the package itself when it bears its name.
 
     Raises:
-        ConversionError: the file does not exist; the message says how to name the package's folder.
+        ConversionError: the file does not exist; the message says how to name the package's folder, or do without.
     """
     address = shape.mesh or ""
     scheme, _, rest = address.rpartition("://")
@@ -42,14 +44,14 @@ def resolve(shape: Shape, urdf: Path, package_paths: Sequence[Path] = ()) -> Pat
                 if candidate is not None and candidate.is_file():
                     return candidate
         what = f'mesh "{address}" is not found'
-        raise ConversionError(shape.where, what, f'name the folder that holds package "{package}" with --package-path')
+        mend = f'name the folder that holds package "{package}" with --package-path, or do without: {WITHOUT}'
+        raise ConversionError(shape.where, what, mend)
     if scheme not in ("", "file"):
         raise ConversionError(shape.where, f'mesh "{address}" has the scheme {scheme}://', "use package:// or a path")
     path = urdf.parent / rest  # an absolute path replaces the parent
     if not path.is_file():
-        raise ConversionError(
-            shape.where, f'mesh "{address}" is not found at {path}', "put the file there or mend the address"
-        )
+        mend = f"put the file there or mend the address, or do without: {WITHOUT}"
+        raise ConversionError(shape.where, f'mesh "{address}" is not found at {path}', mend)
     return path
 
 

@@ -17,7 +17,7 @@ from tiago_mj.recordings.read.commands import by_actuator, interface_of_model
 from tiago_mj.recordings.read.mapping import Target
 from tiago_mj.recordings.read.tables import Table
 from tiago_mj.recordings.read.torque import TORQUE, says_torque, without_torque_off
-from tiago_mj.recordings.read.units import factor
+from tiago_mj.recordings.read.units import ASKED, factor
 from tiago_mj.recordings.recording import KINDS, Array, Finding, RecordingError, Sidecar, Trial
 from tiago_mj.recordings.robot import Robot, nearest
 from tiago_mj.recordings.sidecar import parse_sidecar
@@ -74,6 +74,8 @@ def trial_from_table(
             sidecar = replace(sidecar, interface=said[0])
             findings.append(said[1])
     _check_enough(channels, sidecar, file, table.sidecar_file, replayed)
+    if not channels["command"]:
+        _check_efforts(targets, columns, found.stated, file)
     stem = PurePath(file).stem
     name = sidecar.trial or stem
     if sidecar.rate_hz == 0.0:
@@ -271,6 +273,21 @@ def _check_enough(
             f'{file}: what its commands are is unknown: write "interface": "velocity", "position" or "effort" '
             f"into {sidecar_file}"
         )
+
+
+def _check_efforts(
+    targets: Mapping[str, Target], columns: Mapping[str, Target], stated: Mapping[str, str], file: str
+) -> None:
+    """Ask what the numbers of mapped efforts are where efforts are all that there is to compare: drives report torques,
+    currents and counts, and each of them looks like the others at another scale.
+
+    Raises:
+        RecordingError: a map names a column as an effort, and neither it nor the sidecar says its unit.
+    """
+    for column, target in targets.items():
+        said = target.told or (target.column or "") in stated
+        if column in columns and (target.column or "").startswith("effort.") and not said:
+            raise RecordingError(f"{file}: column {column}: in which unit is this effort? Say so in the map: {ASKED}")
 
 
 def _rate(time: Array, channels: Mapping[str, Mapping[str, Array]]) -> float:

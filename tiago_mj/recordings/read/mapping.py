@@ -5,7 +5,9 @@ YAML, column -> kind and name, optionally unit and scale (``-1`` flips a sign):
     columns:
       stamp: {kind: time, unit: us}
       q_right: {kind: position, name: gripper_right_finger_joint, unit: mm}
-      tau_right: effort.gripper_right_finger_joint        # the short form
+      tau_right: {kind: effort, name: gripper_right_finger_joint, unit: N}
+      i_wrist: {kind: effort, name: wrist, unit: mA, torque_constant: 0.061, ratio: 336}   # of motor and gear
+      elbow: position.elbow                                # the short form
       estop: {kind: torque_on}                             # 0 where the motors are off: those rows are left out
       battery: null                                        # left out; it may be absent
       command.wrist: null                                  # nothing commands this actuator, and its joint may move
@@ -27,7 +29,7 @@ from tiago_mj.io.loading import load_yaml
 from tiago_mj.io.quoting import quoted
 from tiago_mj.io.schema import Closed, SchemaError, checked
 from tiago_mj.recordings.read.torque import TORQUE
-from tiago_mj.recordings.read.units import factor
+from tiago_mj.recordings.read.units import COUNTS, CURRENTS, factor, of_drive
 from tiago_mj.recordings.recording import KINDS, RecordingError
 
 #: Of a sidecar, what a map file may say for all its recordings.
@@ -43,7 +45,9 @@ class _Entry(Closed):
     kind: str = Field(description=f"use {', '.join((*NAMELESS, *KINDS))}")
     name: str | None = Field(default=None, description="give the joint's, actuator's or sensor's")
     unit: str | None = Field(default=None, description="give its name, such as mm")
-    scale: float = Field(default=1.0, description=_SCALE)
+    scale: float | None = Field(default=None, description=_SCALE)
+    torque_constant: float | None = Field(default=None, description="give N·m per A of the motor, a number")
+    ratio: float | None = Field(default=None, description="give the gear's ratio, a number")
 
 
 @dataclass(frozen=True)
@@ -54,11 +58,13 @@ class Target:
         column: its name in the contract, ``time`` or ``kind.name``; None: the column is left out.
         unit: in which it comes, None for the contract's.
         scale: factor on top of the unit's.
+        told: whether the map says what the numbers are: by a unit or a scale.
     """
 
     column: str | None
     unit: str | None = None
     scale: float = 1.0
+    told: bool = False
 
 
 def load_map(path: Path) -> dict[str, Any]:
@@ -102,13 +108,20 @@ def _target(column: str, entry: Any, file: str) -> Target:
         raise RecordingError(f"{where}: kind {quoted(kind)} is unknown: use {', '.join((*NAMELESS, *KINDS))}")
     if kind not in NAMELESS and not said.name:
         raise RecordingError(f"{where}: name is missing: give the joint's, actuator's or sensor's")
-    if not 1 / MOST_SCALE <= abs(said.scale) <= MOST_SCALE:
-        raise RecordingError(f"{where}: scale is {said.scale:g}: {_SCALE}")
-    if unit is not None:
-        try:
+    told = unit is not None or said.scale is not None
+    try:
+        if of_a_drive := unit is not None and kind in ("effort", "command") and unit in (*CURRENTS, COUNTS):
+            scale, unit = of_drive(str(unit), said.scale, said.torque_constant, said.ratio), None
+        else:
+            scale = 1.0 if said.scale is None else said.scale
+        if unit is not None:
             factor(kind, unit)
-        except ValueError as fault:
-            raise RecordingError(f"{where}: {fault}") from fault
+    except ValueError as fault:
+        raise RecordingError(f"{where}: {fault}") from fault
+    if not of_a_drive and (said.torque_constant is not None or said.ratio is not None):
+        raise RecordingError(f"{where}: torque_constant and ratio are of an effort in A, mA or counts: state its unit")
+    if not 1 / MOST_SCALE <= abs(scale) <= MOST_SCALE:
+        raise RecordingError(f"{where}: scale is {scale:g}: {_SCALE}")
     if kind == TORQUE:
         return Target(f"{TORQUE}.{column}")
-    return Target("time" if kind == "time" else f"{kind}.{said.name}", unit, float(said.scale))
+    return Target("time" if kind == "time" else f"{kind}.{said.name}", unit, float(scale), told)
