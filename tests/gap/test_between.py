@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tiago_mj.gap.inference import between, likelihood, noise_model
+from tiago_mj.gap.inference import between, likelihood, noise_model, sensor_noise
 from tiago_mj.gap.inference.noise_model import Data
 
 ROWS = 60_000
@@ -73,14 +73,14 @@ def test_noise_beside_a_grid_does_not_collapse(step):
     """Thirty trials that rest somewhere: known to a third, where readings flicker in some of them."""
     rng = np.random.default_rng(4)
     values = np.round((rng.uniform(0, 100, (30, 1)) + rng.standard_normal((30, 64))) / step) * step
-    assert noise_model.noise_beside(values, 1e-3) == pytest.approx(1.0, rel=0.35)
+    assert sensor_noise.beside_grid(values, 1e-3) == pytest.approx(1.0, rel=0.35)
 
 
 def test_noise_that_a_grid_hides_is_what_the_sensor_is_said_to_have_and_never_a_small_share_of_the_grid():
     constant = np.zeros((4, 100))
     constant[:, 60:] = 0.03
-    assert noise_model.noise_beside(constant, 0.002, nominal=0.0077) == 0.0077
-    assert noise_model.noise_beside(constant, 0.002) == pytest.approx(0.03 / 8)
+    assert sensor_noise.beside_grid(constant, 0.002, nominal=0.0077) == 0.0077
+    assert sensor_noise.beside_grid(constant, 0.002) == pytest.approx(0.03 / 8)
 
 
 @pytest.mark.parametrize("level", [0.02, 0.37])
@@ -108,9 +108,9 @@ def test_a_load_cell_that_rests_on_a_line_shows_no_error_that_lasts(level):
 
 def test_a_grid_of_two_lines_is_one_and_noise_is_none():
     rng = np.random.default_rng(0)
-    assert noise_model.grid_of(np.where(rng.random((3, 50)) < 0.3, 0.2, 0.0)) == pytest.approx(0.2)
-    assert noise_model.grid_of(rng.normal(size=(3, 50))) == 0.0
-    assert noise_model.grid_of(np.full((3, 50), 0.4)) == 0.0
+    assert sensor_noise.grid_of(np.where(rng.random((3, 50)) < 0.3, 0.2, 0.0)) == pytest.approx(0.2)
+    assert sensor_noise.grid_of(rng.normal(size=(3, 50))) == 0.0
+    assert sensor_noise.grid_of(np.full((3, 50), 0.4)) == 0.0
 
 
 def test_the_tolerance_of_an_onset_is_found_through_the_grid():

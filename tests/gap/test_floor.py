@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tiago_mj.gap.inference import likelihood, noise_model
+from tiago_mj.gap.inference import likelihood, noise_model, sensor_noise
 from tiago_mj.gap.inference.noise_model import Data
 
 ROWS, NOISE = 60, 0.1
@@ -42,7 +42,7 @@ def test_what_a_step_shifts_for_good_is_one_error_and_not_many():
 @pytest.mark.parametrize("rows", [150, 600])
 def test_white_noise_is_its_own_floor(rows):
     values = 0.3 * np.random.default_rng(rows).standard_normal((10, rows))
-    assert noise_model.noise_floor(values, 0.0) == pytest.approx(0.3, rel=0.1)  # known to 5 % of so many rows
+    assert sensor_noise.floor(values, 0.0) == pytest.approx(0.3, rel=0.1)  # known to 5 % of so many rows
 
 
 @pytest.mark.parametrize("rate", [25.0, 240.0])
@@ -51,7 +51,7 @@ def test_a_joint_that_never_rests_has_no_more_noise_than_one_at_rest(rate):
     rng, noise = np.random.default_rng(3), 5e-4
     time = np.arange(int(6 * rate)) / rate
     swing = [np.sin(4 * time + phase) + 0.2 * np.sin(7 * time) for phase in rng.uniform(0, 6, 8)]
-    found = noise_model.noise_floor(np.array(swing) + noise * rng.standard_normal((8, len(time))), 0.0)
+    found = sensor_noise.floor(np.array(swing) + noise * rng.standard_normal((8, len(time))), 0.0)
     assert noise * 0.9 < found < noise * 1.6
 
 
