@@ -138,9 +138,15 @@ def parse_sidecar(raw: Mapping[str, Any], file: str, defaults: Mapping[str, Any]
         robot=merged.get("robot", ""),
         rate_hz=float(merged.get("rate_hz", 0.0)),
         initial=initial and {part: {k: float(v) for k, v in by_joint.items()} for part, by_joint in initial.items()},
-        raw=dict(raw),
+        raw={**raw, **_uncertainty(raw, defaults or {})},
         **others,
     )
+
+
+def _uncertainty(raw: Mapping[str, Any], defaults: Mapping[str, Any]) -> dict[str, Any]:
+    """What a sidecar says its values and the model's numbers are known to, and what it leaves to a map."""
+    said = {**(defaults.get("uncertainty") or {}), **(raw.get("uncertainty") or {})}
+    return {"uncertainty": said} if said else {}
 
 
 def sidecar_mapping(sidecar: Sidecar) -> dict[str, Any]:

@@ -130,7 +130,7 @@ def collect(plant: Plant, trials: Sequence[Trial], usable: Usable | None = None)
             part.append(index)
             columns.append(values)
             stated = max((_stated(trial, kind, channel) for trial in trials), default=0.0)
-            least = max(sensor_noise.MIN_NOISE[kind][0 if slide else 1], stated)
+            least = stated or sensor_noise.least(kind, values, slide=slide)
             nominal = float(plant.cell.noises[index]) if kind == "force" and plant.cell is not None else 0.0
             step = plant.grids.get(channel, 0.0)
             noise.append(sensor_noise.beside_grid(values, least, step, nominal))

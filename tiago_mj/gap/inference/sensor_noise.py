@@ -20,9 +20,15 @@ from tiago_mj.recordings.grid import grid_step
 
 Array = NDArray[np.float64]
 
-#: Smallest noise that is believed, (slide, hinge): 27 µm is what the 2023 project took for the fingers' encoders
-#: (llach/learning_fc), 0.1 mrad a 14-bit encoder's step over √12; velocities by the same over 50 ms.
+#: Smallest noise that is believed where neither a sidecar nor the readings tell less, (slide, hinge): 27 µm is what the
+#: 2023 project took for the fingers' encoders (llach/learning_fc), 0.1 mrad a 14-bit encoder's step over √12;
+#: velocities by the same over 50 ms.
 MIN_NOISE: Final = {"position": (2.7e-5, 1e-4), "velocity": (5e-4, 2e-3), "force": (2e-3, 2e-3)}
+#: No encoder is better: steps of 1 nm of linear and of 29 bits a turn of angle encoders (Heidenhain LIC 4100, RCN 8000)
+#: over √12, (slide, hinge). Less is what a simulator or a file rounds by.
+FINEST: Final = (1e-9 / math.sqrt(12), 2 * math.pi / 2**29 / math.sqrt(12))
+#: Of two deviations one is clearly less below this share of the other: half of its mean square.
+CLEARLY_LESS: Final = math.sqrt(0.5)
 #: Noise is estimated from differences of orders 1 to this, over blocks of so many rows: white noise then shows
 #: QUIETEST_SHARE of itself in the quietest third of the blocks of the best order (10 trials of 150 to 600 rows, drawn
 #: 200 times).
@@ -33,6 +39,49 @@ QUIETEST_SHARE: Final = 0.81
 #: on the SO-101's wrist (steps of 1.5 mrad) dry friction closes -6 % of the gap at 0, 63 % at 1/8 and 84 % at
 #: 1/√12, where a force that is held 0.4 steps off its line would look like an error that lasts.
 MIN_GRID_NOISE: Final = 1 / 8
+
+
+def least(kind: str, values: Array, *, slide: bool) -> float:
+    """Smallest noise of a channel that is believed where nothing is stated.
+
+    Args:
+        kind: ``position``, ``velocity`` or ``force``.
+        values: (ntrials, T).
+        slide: whether the joint slides, or it is a force.
+
+    Returns:
+        Of positions what their readings show by themselves, where that is clearly less than :data:`MIN_NOISE`; else
+        that.
+    """
+    side = 0 if slide else 1
+    fallback = MIN_NOISE[kind][side]
+    told = white(values) if kind == "position" else None
+    return fallback if told is None or not FINEST[side] <= told < CLEARLY_LESS * fallback else told
+
+
+def white(values: Array) -> float | None:
+    """One standard deviation of a channel's white noise by the differences of its readings; None where that cannot be
+    told from the motion or from a grid.
+
+    Differences of one order more leave white noise as it is, and of a motion of six rows a period or more a quarter of
+    the mean square at most (|2 sin(ωT/2)|² · 20/70 from the third to the fourth). Where they leave more than half, two
+    thirds of what is left are noise.
+
+    Args:
+        values: (ntrials, T), NaN where nothing was read: readings are compared with the next one that was made.
+    """
+    if step := grid_of(values):  # readings at rest that go to and fro between two lines
+        return between.noise(without_extremes(values), step) or None
+    read = np.full_like(values, np.nan)
+    for k, row in enumerate(without_extremes(values)):
+        known = row[np.isfinite(row)]
+        read[k, : len(known)] = known
+    third, fourth = (
+        _quietest_deviation(np.diff(read, n=order, axis=1)) / math.sqrt(math.comb(2 * order, order))
+        for order in (MAX_DIFFERENCE_ORDER - 1, MAX_DIFFERENCE_ORDER)
+    )
+    told = np.isfinite(third) and 0 < CLEARLY_LESS * third < fourth
+    return fourth / QUIETEST_SHARE if told else None
 
 
 def grid_of(values: Array) -> float:
