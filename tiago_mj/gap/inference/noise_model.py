@@ -17,10 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
-from tiago_mj.gap.inference import sensor_noise
+from tiago_mj.gap.inference import sensor_noise, trailing
 from tiago_mj.gap.simulation.plant import Plant
 from tiago_mj.gap.simulation.replay import Signals
-from tiago_mj.recordings.recording import RecordingError, Trial
+from tiago_mj.recordings.recording import Trial
 
 Array = NDArray[np.float64]
 #: Names of channels that can be believed: in all trials, or by the file of each trial, or that it is a part of.
@@ -129,17 +129,22 @@ def collect(plant: Plant, trials: Sequence[Trial], usable: Usable | None = None)
             channels.append(channel)
             part.append(index)
             columns.append(values)
-            stated = max((_stated(trial, kind, channel) for trial in trials), default=0.0)
+            stated = max((sensor_noise.stated(trial, kind, channel) for trial in trials), default=0.0)
             least = stated or sensor_noise.least(kind, values, slide=slide)
             nominal = float(plant.cell.noises[index]) if kind == "force" and plant.cell is not None else 0.0
             step = plant.grids.get(channel, 0.0)
             noise.append(sensor_noise.beside_grid(values, least, step, nominal))
             leasts.append(least)
             steps.append(max(step, sensor_noise.grid_of(values)))
-            share.append(SIZE_TOLERANCE[kind][0 if slide else 1])
+            usual = sensor_noise.MIN_NOISE[kind][0 if slide else 1]
+            trails = (
+                trailing.share_of_range(plant, trials, index, values) if kind == "position" and least < usual else 1.0
+            )
+            share.append(SIZE_TOLERANCE[kind][0 if slide else 1] * np.broadcast_to(trails, len(trials)))
     value = np.stack(columns, axis=-1) if columns else np.zeros((len(trials), length, 0))
     own, grid = np.array(noise), np.array(steps)
-    whole, common = sigma(value, own, np.array(share), tuple(channels), plant.period, grid)
+    shares = np.reshape(share, (-1, len(trials))).T[:, None]
+    whole, common = sigma(value, own, shares, tuple(channels), plant.period, grid)
     return Data(
         tuple(channels),
         np.array(part, dtype=int),
@@ -159,24 +164,11 @@ def _trusted(trial: Trial, usable: Mapping[str, frozenset[str]]) -> frozenset[st
     return next((usable[file] for file in (trial.source, *trial.part_of) if file in usable), frozenset())
 
 
-def _stated(trial: Trial, kind: str, channel: str) -> float:
-    """What the sidecar says a value is known to, where rest does not show it: ``"uncertainty": {"force": 0.02}``."""
-    said = trial.sidecar.raw.get("uncertainty") or {}
-    try:
-        value = float(said.get(channel, said.get(kind, 0.0)))
-    except (AttributeError, TypeError, ValueError):
-        value = -1.0
-    if not 0 <= value < np.inf:
-        raise RecordingError(
-            f'{trial.source}: uncertainty in the sidecar: write columns or kinds and numbers, such as {{"force": 0.02}}'
-        )
-    return value
-
-
 def sigma(
     value: Array, noise: Array, share: Array, channels: Sequence[str], period: float, step: Array | None = None
 ) -> tuple[Array, Array]:
     """Floor and tolerance of every sample, and the part of it that errs alike over a block; same shape as ``value``.
+    ``share`` is of each channel, (C,), or of each trial, too, (ntrials, 1, C).
 
     How fast a smooth signal changes costs no tolerance: a common delay is a nuisance of its own. Where its slope jumps
     something happens, and that may be a physics step earlier or later. How large a signal is, is wrong for as long as

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from tiago_mj.gap.inference import between
 from tiago_mj.recordings import robust
 from tiago_mj.recordings.grid import grid_step
+from tiago_mj.recordings.recording import RecordingError, Trial
 
 Array = NDArray[np.float64]
 
@@ -39,6 +40,20 @@ QUIETEST_SHARE: Final = 0.81
 #: on the SO-101's wrist (steps of 1.5 mrad) dry friction closes -6 % of the gap at 0, 63 % at 1/8 and 84 % at
 #: 1/√12, where a force that is held 0.4 steps off its line would look like an error that lasts.
 MIN_GRID_NOISE: Final = 1 / 8
+
+
+def stated(trial: Trial, kind: str, channel: str) -> float:
+    """What the sidecar says a value is known to, where rest does not show it: ``"uncertainty": {"force": 0.02}``."""
+    said = trial.sidecar.raw.get("uncertainty") or {}
+    try:
+        value = float(said.get(channel, said.get(kind, 0.0)))
+    except (AttributeError, TypeError, ValueError):
+        value = -1.0
+    if not 0 <= value < np.inf:
+        raise RecordingError(
+            f'{trial.source}: uncertainty in the sidecar: write columns or kinds and numbers, such as {{"force": 0.02}}'
+        )
+    return value
 
 
 def least(kind: str, values: Array, *, slide: bool) -> float:
