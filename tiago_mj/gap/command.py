@@ -38,6 +38,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     what.add_argument("--model", type=Path, help="MJCF file that they are compared with")
     parser.add_argument("--map", type=Path, help="YAML: column to kind and name")
     parser.add_argument(
+        "--gains",
+        metavar="kp=50±30%,kv=…|guessed",
+        help="gains of the servos and what they are known to; wide where they were guessed",
+    )
+    parser.add_argument(
         "--effects",
         action="append",
         metavar="FILE.yaml|JSON",
@@ -173,9 +178,10 @@ def _run(arguments: argparse.Namespace, entered: float) -> int:
         defaults = {"robot": arguments.env} if arguments.env else {}
         if arguments.model:
             defaults = {"robot": str(arguments.model)}
-        read = read_recordings(
-            arguments.recordings, map_file=arguments.map, defaults=defaults, robot=defaults.get("robot")
-        )
+        robot = defaults.get("robot")
+        if arguments.gains:
+            defaults["gains"] = arguments.gains
+        read = read_recordings(arguments.recordings, map_file=arguments.map, defaults=defaults, robot=robot)
         # What cannot be used is said before the rest is loaded, which takes a second.
         from tiago_mj.effects import read_effects
         from tiago_mj.gap.simulation.plant import plant_of
@@ -271,7 +277,7 @@ def _pictures(
 def words(arguments: argparse.Namespace) -> list[str]:
     """The command line, as it can be run again."""
     out = ["tiago-mj", "diagnose", *(str(path) for path in arguments.recordings)]
-    for name in ("env", "model", "map", "effects", "policy", "without", "time_budget"):
+    for name in ("env", "model", "map", "gains", "effects", "policy", "without", "time_budget"):
         value = getattr(arguments, name)
         several = value if isinstance(value, list) else [value]
         for one in several:

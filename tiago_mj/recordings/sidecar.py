@@ -88,6 +88,7 @@ class _Written(Open):
     uncertainty: dict[str, float] | None = Field(
         default=None, description='write columns or kinds and numbers, such as {"force": 0.02}'
     )
+    gains: str | dict[str, Any] | None = Field(default=None, description="write gains, such as {kp: 50 ± 30 %}")
     command_reference: Literal["measured"] | None = Field(default=None, description='write "measured", or leave it out')
 
 
@@ -138,15 +139,16 @@ def parse_sidecar(raw: Mapping[str, Any], file: str, defaults: Mapping[str, Any]
         robot=merged.get("robot", ""),
         rate_hz=float(merged.get("rate_hz", 0.0)),
         initial=initial and {part: {k: float(v) for k, v in by_joint.items()} for part, by_joint in initial.items()},
-        raw={**raw, **_uncertainty(raw, defaults or {})},
+        raw={**raw, **_known_to(raw, merged, defaults or {})},
         **others,
     )
 
 
-def _uncertainty(raw: Mapping[str, Any], defaults: Mapping[str, Any]) -> dict[str, Any]:
-    """What a sidecar says its values and the model's numbers are known to, and what it leaves to a map."""
+def _known_to(raw: Mapping[str, Any], merged: Mapping[str, Any], defaults: Mapping[str, Any]) -> dict[str, Any]:
+    """What values and the model's numbers are known to: a map and the command line may say it beside a sidecar."""
     said = {**(defaults.get("uncertainty") or {}), **(raw.get("uncertainty") or {})}
-    return {"uncertainty": said} if said else {}
+    gains = {"gains": merged["gains"]} if merged.get("gains") is not None else {}
+    return {**({"uncertainty": said} if said else {}), **gains}
 
 
 def sidecar_mapping(sidecar: Sidecar) -> dict[str, Any]:

@@ -22,6 +22,7 @@ from tiago_mj.effects.now import Wiring
 from tiago_mj.effects.spec import Entry
 from tiago_mj.effects.wiring import wire
 from tiago_mj.envs.replay_specification import ReplaySpecification
+from tiago_mj.gap.simulation.servo_gains import servo_gains
 from tiago_mj.io.loading import is_file
 from tiago_mj.io.quoting import quoted
 from tiago_mj.models import scene
@@ -161,8 +162,10 @@ def plant_of(
         )
     file = model is not None or robot.endswith(MODELS)
     plant = _plain(trials, Path(robot)) if file else _environment(trials, robot)
+    gains = servo_gains(plant.model, plant.wiring, trials)
+    given = (*gains.given, *given)
     check_entries(given, plant.model, plant.wiring)
-    return replace(plant, known=known_to(trials), given=tuple(given), grids=grids(trials, given))
+    return replace(plant, known={**gains.known, **known_to(trials)}, given=given, grids=grids(trials, given))
 
 
 # Environments --------------------------------------------------------------------------------------------------------

@@ -10,6 +10,7 @@ import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from tiago_mj.models import gains
 from tiago_mj.models.convert import actuators, shapes
 from tiago_mj.models.convert.assembly import Assembly
 from tiago_mj.models.convert.extras import Extras
@@ -226,6 +227,7 @@ def _servos(assembly: Assembly) -> None:
         for name in matched:
             chosen[name] |= settings
     inertias = _joint_inertias(spec)
+    known: dict[tuple[str | None, str], gains.Gain] = {}
     for name, settings in chosen.items():
         joint = joints[name]
         kind = settings.get("type", "intvelocity")
@@ -233,13 +235,22 @@ def _servos(assembly: Assembly) -> None:
             raise extras.error(f'actuators: type "{kind}" does not exist', f"use one of {', '.join(actuators.KINDS)}")
         if kind == "none":
             continue
+        told = {gain: gains.of(assembly.options.gains, name, gain) for gain in gains.GAINS}
+        settings = {**settings, **{gain: said.value for gain, said in told.items() if said and said.value is not None}}
         if joint.effort is None and "kp" not in settings and "kv" not in settings and kind != "motor":
             assembly.added.append(f"joint {name}: no servo, for the URDF gives no effort limit to choose gains by")
             continue
         kp, kv = _gains(joint, inertias[name], settings, extras)
         actuators.add(spec, actuators.Servo(joint, kind, kp, kv, settings))
-        if "kp" not in settings and kind != "motor":
-            assembly.added.append(f"joint {name}: {kind} servo, kp {kp:.4g}, kv {kv:.4g}")
+        guessed = "kp" not in settings and kind != "motor"
+        if guessed:
+            assembly.added.append(f"joint {name}: {kind} servo, kp {kp:.4g}, kv {kv:.4g}, guessed: see --gains")
+        for gain, said in told.items():
+            known_to = said.known_to if said else gains.GUESSED if guessed else None
+            if known_to is not None and kind != "motor":
+                known[name, gain] = gains.Gain(None, known_to)
+    if known:
+        spec.add_text(name=gains.TEXT, data=gains.written(known))
 
 
 def _gains(joint: Joint, inertia: float, settings: Mapping[str, Any], extras: Extras) -> tuple[float, float]:

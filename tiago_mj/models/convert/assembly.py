@@ -21,6 +21,7 @@ from tiago_mj.models.convert.report import FittedShape
 from tiago_mj.models.convert.shapes import GEOM_TYPES, Primitive
 from tiago_mj.models.convert.tree import JOINTED, Tree
 from tiago_mj.models.convert.urdf import Joint, Link, Mimic, Shape, Urdf
+from tiago_mj.models.gains import Gains
 from tiago_mj.models.limits import user_field
 
 COLLISION_GROUP, VISUAL_GROUP, FRAME_GROUP = 3, 2, 4
@@ -46,6 +47,7 @@ class Options:
         mass_floor: mass [kg] for links that move and have none; None refuses them.
         scene: whether the model has a light and a floor, below the robot where it stands at rest. A robot with a free
             base stands on it; below one that is fixed in the world it is only seen.
+        gains: of servos, and what they are known to (:mod:`tiago_mj.models.gains`).
 
     Raises:
         ConversionError: a choice that does not exist.
@@ -57,6 +59,7 @@ class Options:
     base: str = "fixed"
     mass_floor: float | None = None
     scene: bool = True
+    gains: Gains = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         for name, value, known in (

@@ -15,6 +15,7 @@ from tiago_mj.models.convert.assembly import BASES, COLLISIONS, VISUALS, Options
 from tiago_mj.models.convert.errors import ConversionError
 from tiago_mj.models.convert.report import ConversionReport
 from tiago_mj.models.convert.urdf_to_mjcf import convert
+from tiago_mj.models.gains import parsed
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -33,6 +34,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--collision", choices=COLLISIONS, default="primitives", help="what meshes collide as")
     parser.add_argument("--visual", choices=VISUALS, default="mesh", help="what meshes look like")
     parser.add_argument("--base", choices=BASES, default="fixed", help="root link fixed in the world, or free")
+    parser.add_argument(
+        "--gains",
+        metavar="kp=50±30%,kv=…",
+        help="gains of the servos and what they are known to, of one as JOINT.kp=…; guessed by default",
+    )
     parser.add_argument("--mass-floor", type=float, metavar="KG", help="mass of links that move and have none")
     parser.add_argument("--no-scene", action="store_true", help="no light and no floor: a robot for a scene of yours")
     parser.add_argument("--json", action="store_true", help="print the report as JSON")
@@ -54,6 +60,7 @@ def run(arguments: argparse.Namespace) -> int:
                     base=arguments.base,
                     mass_floor=arguments.mass_floor,
                     scene=not arguments.no_scene,
+                    gains=parsed(arguments.gains) if arguments.gains else {},
                 ),
             )
     except ConversionError as error:
