@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import mujoco
 
-from tiago_mj.effects import Entry
+from tiago_mj.effects import Effect, Entry
+from tiago_mj.effects.actuator import ServoDamping, ServoStiffness
 from tiago_mj.effects.now import Wiring
 from tiago_mj.models import gains
 from tiago_mj.models.gains import Gain, Gains
@@ -20,8 +21,8 @@ class ServoGains:
 
     Attributes:
         given: effects that turn the model's gains into the stated ones.
-        known: prior standard deviations of the gains, by (effect, actuator): of the logarithm of ``servo_stiffness``'s
-            factor, and of the damping of ``servo_damping`` in its unit.
+        known: prior standard deviations of the gains, by (effect, actuator): of the logarithm of the stiffness'
+            factor, and of the damping in its unit.
     """
 
     given: tuple[Entry, ...]
@@ -55,15 +56,19 @@ def servo_gains(model: mujoco.MjModel, wiring: Wiring, trials: Sequence[Trial]) 
         if kp.value is not None and kp.value != stiffness:
             if not kp.value:
                 raise RecordingError(f"{trials[0].source}: kp of {name} is 0: a servo without stiffness holds nothing")
-            given.append(Entry("servo_stiffness", (name,), {"factor": kp.value / stiffness}))
+            given.append(_entry(ServoStiffness, name, kp.value / stiffness))
         if kv.value is not None and kv.value != damping:
-            given.append(Entry("servo_damping", (name,), {"damping": kv.value - damping}))
+            given.append(_entry(ServoDamping, name, kv.value - damping))
         if kp.known_to is not None:
-            known["servo_stiffness", name] = kp.known_to
+            known[ServoStiffness.name, name] = kp.known_to
         size = damping if kv.value is None else kv.value
         if kv.known_to is not None and size:
-            known["servo_damping", name] = kv.known_to * size
+            known[ServoDamping.name, name] = kv.known_to * size
     return ServoGains(tuple(given), known)
+
+
+def _entry(declared: type[Effect], actuator: str, value: float) -> Entry:
+    return Entry(declared.name, (actuator,), {next(iter(declared.parameters)): value})
 
 
 def _gain(stated: Gains, of_model: Gains, actuator: str, name: str) -> Gain:
