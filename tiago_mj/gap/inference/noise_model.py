@@ -132,8 +132,8 @@ def collect(plant: Plant, trials: Sequence[Trial], usable: Usable | None = None)
             stated = max((sensor_noise.stated(trial, kind, channel) for trial in trials), default=0.0)
             usual = sensor_noise.MIN_NOISE[kind][0 if slide else 1]
             # TIAGo's encoders are known; those of a user's robot its readings tell of.
-            own = usual if plant.environment is not None else sensor_noise.least(kind, values, slide=slide)
-            least = stated or own
+            shown = usual if plant.environment is not None else sensor_noise.least(kind, values, slide=slide)
+            least = stated or shown
             nominal = float(plant.cell.noises[index]) if kind == "force" and plant.cell is not None else 0.0
             step = plant.grids.get(channel, 0.0)
             noise.append(sensor_noise.beside_grid(values, least, step, nominal))
