@@ -31,11 +31,11 @@ def test_every_command_that_prints_results_takes_json(command):
 @pytest.fixture
 def recordings(tmp_path, capsys):
     pytest.importorskip("pyarrow", reason="needs the extra 'gap'")
-    words = ("record", "--env", "GripperTactile-v0", "--policy", "pi", "--episodes", "2", "--out", tmp_path / "r")
+    words = ("record", "--env", "GripperTactile-v0", "--policy", "pi", "--episodes", "1", "--out", tmp_path / "r")
     data = said(capsys, *words)
     assert data["robot"] == "GripperTactile-v0"
     assert data["minari"] is None
-    assert len(data["recordings"]) == 2
+    assert len(data["recordings"]) == 1
     assert all(Path(path).is_file() for path in data["recordings"])
     return tmp_path / "r"
 
@@ -43,7 +43,7 @@ def recordings(tmp_path, capsys):
 def test_record_and_preflight(recordings, capsys):
     data = said(capsys, "preflight", recordings)
     assert data["schema"] == "tiago_mj.preflight/1"
-    assert data["trials"] == 2
+    assert data["trials"] == 1
     assert any(one["visible"] for one in data["effects"])
 
 

@@ -58,7 +58,7 @@ def record(
     joints: tuple[str, ...],
     *,
     spread: float = 0.6,
-    seconds: float = 60.0,
+    seconds: float = 20.0,
     noise: float = 0.01,
     pull: Pull | None = None,
     seed: int = 0,

@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from made_hinge import HINGE
 
+from benchmarks.blind import cases, recordings, robots
+from benchmarks.blind.cases import EffectChoice
 from tiago_mj.gap.ahead import TYPICAL, Ahead, Typical
+from tiago_mj.gap.pipeline import diagnose
 from tiago_mj.io.progress import Estimate
+from tiago_mj.recordings.read import read_recordings
 
 
 class Heard(list):
@@ -85,16 +91,15 @@ def test_the_share_never_falls_whatever_stages_come_and_come_again(ticks):
     assert shares[-1] <= 1.0
 
 
-def test_a_diagnosis_tells_the_physics_steps_that_it_makes(monkeypatch):
+def test_a_diagnosis_tells_the_physics_steps_that_it_makes(tmp_path):
     """Through the pipeline: the work told at the end is the result's, and from the search on more is expected."""
-    from tiago_mj.gap.pipeline import diagnose
-    from tiago_mj.recordings.record.environment import Plan, record
-    from tiago_mj.rollout.policies import make_policy
-
-    plan = Plan("tiago_mj/GripperTactile-v0", {}, {"coulomb_friction": {"force": 3.0}}, None, "pi")
-    trials = list(record(plan, lambda env: make_policy("pi", env, seed=0, trust=False), episodes=3, seed=0))
+    friction = EffectChoice("coulomb_friction", ("hinge",), {"force": 0.25})
+    model = tmp_path / robots.PLAIN_FILE
+    model.write_text(robots.PLAIN)
+    recordings.write(cases.simulate(replace(HINGE, trials=3, effects=(friction,)), tmp_path), tmp_path)
+    trials = read_recordings([tmp_path]).trials
     heard = Heard()
-    found = diagnose(trials, names=("coulomb_friction", "viscous_friction"), threads=1, tick=heard)
+    found = diagnose(trials, model=model, names=("coulomb_friction", "viscous_friction"), threads=1, tick=heard)
     assert heard[-1][1] == found.physics_steps
     searching = [left for stage, _, left in heard if stage == "screening"]
     assert searching

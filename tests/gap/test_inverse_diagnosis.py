@@ -34,8 +34,8 @@ def rubbing() -> Trial:
 
 @pytest.fixture(scope="module")
 def rubbed() -> Diagnosis:
-    """Half a minute is enough to be right, and takes a third less than a minute."""
-    return diagnosed(rubbing_arm(30))
+    """A quarter of a minute is enough to be right."""
+    return diagnosed(rubbing_arm(16))
 
 
 # What is there is found -----------------------------------------------------------------------------------------------
@@ -109,7 +109,7 @@ def test_one_effect_on_a_pendulum_is_named_with_its_value(field: str, more: floa
 
 
 def test_a_torque_constant_that_is_off_shows_as_a_factor_on_every_torque() -> None:
-    recorded = record(pendulum(), ("swing",), spread=1.2)
+    recorded = record(pendulum(), ("swing",), spread=1.2, seconds=32)  # 20 s leave a payload
     found = diagnosed(replace(recorded, efforts={"swing": recorded.efforts["swing"] / 0.8}))
     assert (found.kind, named(found.best)) == ("effect", {"torque_constant"})
     assert holds(value(found.best, "torque_constant", "all", "factor"), 0.8)
@@ -140,7 +140,7 @@ def test_a_cable_that_tugs_is_unknown_and_what_remains_is_placed() -> None:
     def cable(data: mujoco.MjData, time: float) -> np.ndarray:
         return -0.6 * np.sin(2.5 * data.qpos[:1])
 
-    found = diagnosed(record(pendulum(), ("swing",), spread=1.2, seconds=20, pull=cable))
+    found = diagnosed(record(pendulum(), ("swing",), spread=1.2, seconds=16, pull=cable))
     assert found.kind == "unknown"
     assert found.remains
     assert {place.channel for place in found.remains_where} == {"effort.swing"}

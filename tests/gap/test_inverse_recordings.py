@@ -16,7 +16,7 @@ from tiago_mj.recordings.recording import RecordingError, Trial
 
 
 def test_a_dead_effort_channel_is_left_out_and_named() -> None:
-    recorded = record(robot(), ARM[2:], spread=0.9, seconds=30)
+    recorded = record(robot(), ARM[2:], spread=0.9, seconds=12)
     dead = dict(recorded.efforts) | {"arm_4_joint": np.zeros_like(recorded.time)}
     found = diagnosed(replace(recorded, efforts=dead))
     assert ("dead_channel", "effort.arm_4_joint") in {(f.code, f.channel) for f in found.findings}
@@ -46,7 +46,7 @@ def test_an_effort_of_the_wrong_sign_is_found_where_it_is() -> None:
 
 
 def test_an_effort_in_another_unit_is_left_out_and_named() -> None:
-    recorded = record(robot(), ARM[1:3], spread=0.9, seconds=30)
+    recorded = record(robot(), ARM[1:3], spread=0.9, seconds=12)
     amperes = dict(recorded.efforts) | {"arm_2_joint": recorded.efforts["arm_2_joint"] / 400}
     found = diagnosed(replace(recorded, efforts=amperes))
     assert ("unit_scale", "effort.arm_2_joint") in {(f.code, f.channel) for f in found.findings}
@@ -55,7 +55,7 @@ def test_an_effort_in_another_unit_is_left_out_and_named() -> None:
 def test_several_short_trials_are_not_cut() -> None:
     model = pendulum()
     model.dof_frictionloss[:] += 0.3
-    whole = [record(model, ("swing",), spread=1.2, seconds=8, seed=k) for k in range(7)]
+    whole = [record(model, ("swing",), spread=1.2, seconds=4, seed=k) for k in range(7)]
     trials = tuple(replace(one, name=f"t{k}") for k, one in enumerate(whole))
     found = diagnosed(*trials)
     assert sorted(name for part in found.splits.values() for name in part) == [f"t{k}" for k in range(7)]
@@ -65,7 +65,7 @@ def test_several_short_trials_are_not_cut() -> None:
 def test_the_same_recording_and_seed_give_the_same_answer() -> None:
     model = pendulum()
     model.dof_damping[:] += 0.2
-    recorded = record(model, ("swing",), spread=1.2, seconds=30)
+    recorded = record(model, ("swing",), spread=1.2, seconds=12)
     first, second = (json.loads(report.text(diagnosed(recorded))) for _ in range(2))
     first.pop("seconds"), second.pop("seconds")
     assert first == second

@@ -68,18 +68,27 @@ def distance(one, other):
     )
 
 
+FEW = ("squeeze_fast", "free_reversals_slow", "small_reversals")
+
+
+def among(*few):
+    """A menu of these motions alone, by velocity and by position."""
+    listed = [item for item in items() if item.name.removeprefix("position_") in few]
+    return lambda: listed
+
+
 @pytest.fixture(scope="module")
 def told():
-    """What is proposed after a plain squeeze."""
-    return proposed(squeezes())
+    """What is proposed after a plain squeeze, out of a few of the menu."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(rehearse, "items", among(*FEW, "staircase_grip", "multisine_grip"))
+        return proposed(squeezes())
 
 
 @pytest.fixture
 def short_menu(monkeypatch):
     """A menu of a few motions, where it does not matter how many there are."""
-    few = ("squeeze_fast", "free_reversals_slow", "small_reversals")
-    listed = [item for item in items() if item.name.removeprefix("position_") in few]
-    monkeypatch.setattr(rehearse, "items", lambda: listed)
+    monkeypatch.setattr(rehearse, "items", among(*FEW))
 
 
 @pytest.mark.slow

@@ -93,7 +93,7 @@ def test_a_closed_form_under_noise_has_its_shape(name, seed):
 def test_noise_has_no_shape(decay, trials):
     """White noise, and noise that is correlated over a tenth of a trial, less of a single one."""
     named = []
-    for seed in range(100):
+    for seed in range(40):
         on = course(seed, trials, 150)
         found = residual_shape.shares(noise(np.random.default_rng([seed, 9]), on.position.shape, decay), on)
         named.append(residual_shape.named(found, trials).shape)
