@@ -86,16 +86,19 @@ RELATIVE = {"rate_limit": "velocity", "velocity_limit": "velocity", "force_limit
 #: What these motions cannot show: the gripper alone stands on a base that does not move.
 INVISIBLE = {("payload", "gripper")}
 
+#: Until a little after the fingers have begun to open again [s].
+OPENS = 0.75
+
 SETUPS = {
-    "gripper": (GRIPPER, {}, gripper_actions()),
-    "gripper, ideal servo": (GRIPPER, {"servo": "ideal"}, gripper_actions()),
-    "gripper by position": (GRIPPER, {"control": "position"}, gripper_positions()),
+    "gripper": (GRIPPER, {}, gripper_actions(OPENS)),
+    "gripper, ideal servo": (GRIPPER, {"servo": "ideal"}, gripper_actions(OPENS)),
+    "gripper by position": (GRIPPER, {"control": "position"}, gripper_positions(OPENS)),
     "gripper by position, ideal servo, 25 Hz": (
         GRIPPER,
         {"control": "position", "servo": "ideal", "control_hz": 25.0},
         gripper_positions(hz=25),
     ),
-    "tiago": (TIAGO, {}, tiago_actions()),
+    "tiago": (TIAGO, {}, tiago_actions(0.85)),
 }
 
 

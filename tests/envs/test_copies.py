@@ -57,37 +57,39 @@ def assert_same(one, other, where=""):
         np.testing.assert_array_equal(one, other, err_msg=where)
 
 
-@WAYS
 @pytest.mark.parametrize("effects", [None, EVERY_EFFECT], ids=["nominal", "every effect"])
 @pytest.mark.parametrize("name", IDS)
-def test_a_copy_in_mid_episode_goes_on_as_the_original_does(name, effects, copied):
+def test_a_copy_in_mid_episode_goes_on_as_the_original_does(name, effects):
     env = gymnasium.make(name, effects=effects, max_episode_steps=40)
     env.reset(seed=3)
     actions = closing(env, 45)
     play(env, actions[:20])
-    twin = copied(env)
+    twins = copy.deepcopy(env), pickled(env)
     # Through the end of the episode by the time limit, whose steps so far are kept, and into the next.
-    expected, got = play(env, actions[20:], reset_after=19), play(twin, actions[20:], reset_after=19)
-    assert_same(expected, got)
-    assert [answer[3] for answer in got if len(answer) == 5].index(True) == 19
+    expected = play(env, actions[20:], reset_after=19)
+    for twin in twins:
+        got = play(twin, actions[20:], reset_after=19)
+        assert_same(expected, got)
+        assert [answer[3] for answer in got if len(answer) == 5].index(True) == 19
 
 
-@WAYS
 @pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
 @pytest.mark.parametrize(
     ("name", "arguments"),
     [*((name, {}) for name in IDS), (FLAT, {"effects": EVERY_EFFECT, **DRAWN})],
     ids=[*IDS, "every effect"],
 )
-def test_a_copy_of_many_environments_goes_on_as_they_do(name, arguments, mode, copied):
+def test_a_copy_of_many_environments_goes_on_as_they_do(name, arguments, mode):
     envs = gymnasium.make_vec(name, num_envs=3, max_episode_steps=7, autoreset_mode=mode, **arguments)
     envs.reset(seed=3)
     actions = closing(envs, 30)
     play(envs, actions[:10])
     envs.reset(options={"reset_mask": np.array([True, False, False])})  # from now on their episodes end at two times
     play(envs, actions[10:12])
-    twin = copied(envs)
-    assert_same(play(envs, actions[12:], reset_after=9), play(twin, actions[12:], reset_after=9))
+    twins = copy.deepcopy(envs), pickled(envs)
+    expected = play(envs, actions[12:], reset_after=9)
+    for twin in twins:
+        assert_same(expected, play(twin, actions[12:], reset_after=9))
 
 
 @WAYS

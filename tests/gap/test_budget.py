@@ -239,12 +239,14 @@ def test_an_interrupt_has_the_same_answer_as_a_budget(rubbing, tmp_path, stage) 
 
 def test_a_fault_is_neither(rubbing, tmp_path, monkeypatch) -> None:
     def failing(*given):
-        raise ValueError("numbers without sense")
+        raise ValueError("numbers\nwithout sense")
 
     monkeypatch.setattr(select.rounds, "around_the_best", failing)
-    with pytest.raises(FaultError, match="ValueError: numbers without sense") as met:
+    with pytest.raises(FaultError, match="ValueError: numbers\\s+without sense") as met:
         diagnose(rubbing, names=LIBRARY, threads=1)
     found = met.value.answer
+    assert "ValueError: numbers without sense" in " ".join(found.notes)
+    assert not found.interrupted
     assert [effect.name for effect in found.best.effects] == ["coulomb_friction"]
     assert found.stopped is not None
     assert found.stopped.why == "fault"
@@ -254,7 +256,7 @@ def test_a_fault_is_neither(rubbing, tmp_path, monkeypatch) -> None:
     assert "ValueError" in shown
     assert not (tmp_path / FAULT).exists()
     report.write(found, tmp_path, fault=met.value.fault)
-    assert "numbers without sense" in (tmp_path / FAULT).read_text()
+    assert "numbers\nwithout sense" in (tmp_path / FAULT).read_text()
     assert "failing" in (tmp_path / FAULT).read_text()
     report.write(found, tmp_path)
     assert not (tmp_path / FAULT).exists()

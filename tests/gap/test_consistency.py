@@ -167,7 +167,7 @@ def results(draw: st.DrawFn) -> Diagnosis:
     )
 
 
-@settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=30, deadline=None, suppress_health_check=list(HealthCheck))
 @given(results())
 def test_whatever_was_found_no_page_contradicts_itself(made: Diagnosis) -> None:
     found = consistency.reconciled(made)

@@ -83,7 +83,7 @@ def test_friction_and_a_dead_zone_are_dead_bands_of_the_same_size():
 
 
 def test_a_dead_band_is_named_with_the_measured_width():
-    trials = squeezes("A-wood", every=3)
+    trials = squeezes("A-wood", every=5)
     names = ("coulomb_friction", "contact_stiffness")
     found = diagnose(trials, names=names, threads=1)
     assert found.kind == "effect"

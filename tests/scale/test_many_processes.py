@@ -69,7 +69,7 @@ def test_a_folder_is_diagnosed_among_others_as_alone_and_none_hinders_another(tm
     pytest.importorskip("joblib", reason="needs the extra 'scale'")
     pytest.importorskip("pyarrow", reason="needs the extra 'gap'")
     folder, empty, out = (tmp_path / name for name in ("gain", "empty", "out"))
-    words = ("record", "--env", "GripperTactile-v0", "--policy", "pi", "--episodes", "3", "--out", str(folder))
+    words = ("record", "--env", "GripperTactile-v0", "--policy", "pi", "--episodes", "2", "--out", str(folder))
     assert cli.main([*words, "--effects", '{"force_gain": {"factor": 1.4}}']) == 0
     empty.mkdir()
     few = ("--without", ",".join(name for name in EFFECTS if name != "force_gain"))  # as it takes less time

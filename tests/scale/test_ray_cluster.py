@@ -67,7 +67,7 @@ def began(folder):
 
 
 def test_a_rollout_and_a_fault_are_on_a_cluster_what_they_are_here(cluster, capsys):
-    assert cli.main([*ROLLOUT, "--backend", "ray", "--jobs", "0"]) == 0
+    assert cli.main([*ROLLOUT, "--backend", "ray", "--jobs", "2"]) == 0
     there = json.loads(capsys.readouterr().out)
     assert cli.main(ROLLOUT) == 0
     assert json.loads(capsys.readouterr().out) == there
@@ -79,7 +79,7 @@ def test_a_rollout_and_a_fault_are_on_a_cluster_what_they_are_here(cluster, caps
 
 def test_files_have_the_names_on_a_cluster_that_they_have_here(cluster, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    assert scale.run_all(scale_bench.place, range(8), jobs=0, backend="ray") == [str(tmp_path)] * 8
+    assert scale.run_all(scale_bench.place, range(4), jobs=2, backend="ray") == [str(tmp_path)] * 4
 
 
 def test_no_process_is_started_for_nothing(cluster, monkeypatch):
