@@ -124,8 +124,8 @@ def test_late_stamps_go_on_and_show_in_what_is_replayed(tmp_path: Path) -> None:
 def test_what_a_narrow_session_can_tell_is_judged_by_what_is_fitted(tmp_path: Path) -> None:
     """What shows where only the test trials go is nothing that a fit could have found."""
     (tmp_path / robots.PLAIN_FILE).write_text(robots.PLAIN)
-    slow = EffectChoice("velocity_limit", "all", {"velocity": 1.2})
-    session = Case(seed=13, setting="plain", interface="position", rate=25.0, seconds=6.0, effects=(slow,))
+    slow = EffectChoice("velocity_limit", "all", {"velocity": 0.7})
+    session = Case(seed=13, setting="plain", interface="position", rate=25.0, seconds=6.0, trials=4, effects=(slow,))
     wide = oracle.judge(cases.simulate(session, tmp_path), tmp_path)
     narrow = oracle.judge(cases.simulate(replace(session, narrow=0.15), tmp_path), tmp_path)
     assert wide["detectable"]
@@ -134,7 +134,7 @@ def test_what_a_narrow_session_can_tell_is_judged_by_what_is_fitted(tmp_path: Pa
 
 def test_a_coarse_grid_hides_what_it_hides_from_the_oracle_too(tmp_path: Path) -> None:
     noisy = EffectChoice("force_noise", "all", {"factor": 3.0})
-    session = Case(seed=14, rate=240.0, seconds=1.4, trials=2, effects=(noisy,))
+    session = Case(seed=14, rate=240.0, seconds=1.0, trials=2, effects=(noisy,))
     clear = oracle.judge(cases.simulate(session), None)
     hidden = oracle.judge(cases.simulate(replace(session, grids=(Grid("force", 8, span=40.0),))), None)
     assert clear["detectable"]

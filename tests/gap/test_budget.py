@@ -242,7 +242,7 @@ def test_a_fault_is_neither(rubbing, tmp_path, monkeypatch) -> None:
         raise ValueError("numbers\nwithout sense")
 
     monkeypatch.setattr(select.rounds, "around_the_best", failing)
-    with pytest.raises(FaultError, match="ValueError: numbers\\s+without sense") as met:
+    with pytest.raises(FaultError, match=r"ValueError: numbers\s+without sense") as met:
         diagnose(rubbing, names=LIBRARY, threads=1)
     found = met.value.answer
     assert "ValueError: numbers without sense" in " ".join(found.notes)
