@@ -78,7 +78,7 @@ def test_without_effect_and_jitter_reality_is_the_environment_up_to_the_integrat
 
 def test_a_case_is_the_same_whenever_it_is_made() -> None:
     rng = np.random.default_rng(5)
-    case = cases.Case(seed=5, effects=(cases.choose("gripper", "coulomb_friction", rng),), trials=2, seconds=2.0)
+    case = cases.Case(seed=5, effects=(cases.choose("gripper", "coulomb_friction", rng),), trials=1, seconds=1.5)
     first, second = cases.simulate(case).recorded, cases.simulate(case).recorded
     assert np.array_equal(first.position, second.position)
     assert np.array_equal(first.force, second.force)

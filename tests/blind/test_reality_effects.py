@@ -74,7 +74,7 @@ def test_an_effect_of_nothing_does_nothing(name: str) -> None:
 
 
 def test_dry_friction_holds_a_finger_off_its_set_point_for_good() -> None:
-    commands = both((0.4, 0.0), (0.6, -0.02), (6.0, 0.0))
+    commands = both((0.4, 0.0), (0.6, -0.02), (3.0, 0.0))
     q = play(commands, EffectChoice("coulomb_friction", "all", {"force": 2.0})).position[0]
     # It stops where the servo's force (2000 N/m) equals the friction: 1 mm short, and does not creep on.
     short = q[-1] - (0.045 - 0.012)
