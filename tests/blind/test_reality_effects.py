@@ -152,8 +152,8 @@ def test_loading_and_unloading_differ_by_the_hysteresis() -> None:
 
 
 def test_a_cold_motor_fades() -> None:
-    commands = both((0.4, 0.0), (1.3, -0.025), (8.0, 0.0))
-    choice = EffectChoice("thermal_fade", "all", {"heating": 4.0, "time_constant": 2.0})
+    commands = both((0.4, 0.0), (1.3, -0.025), (4.8, 0.0))
+    choice = EffectChoice("thermal_fade", "all", {"heating": 4.0, "time_constant": 1.2})
     force = play(commands, choice).force[0, :, 0]
     assert force[55] > 1.0
     assert force[-1] < 0.9 * force[55]
@@ -181,7 +181,7 @@ def test_every_effect_makes_finite_recordings_and_most_show() -> None:
 
 @pytest.mark.parametrize(("rate", "seconds"), [(25.0, 6.0), (240.0, 1.5)])
 def test_sessions_press_reverse_and_rest(rate: float, seconds: float) -> None:
-    made = cases.simulate(Case(seed=9, spread=0.0, rate=rate, seconds=seconds))
+    made = cases.simulate(Case(seed=9, spread=0.0, rate=rate, seconds=seconds, trials=8))
     force, velocity = made.recorded.force, made.recorded.velocity
     assert (force.max(axis=1) > 0.3).all(), "both pads touch in every trial"
     assert force[:, 0].max() < 5 * robots.FORCE_NOISE, "none begins in touch"
@@ -196,7 +196,7 @@ def test_sessions_press_reverse_and_rest(rate: float, seconds: float) -> None:
 def test_reality_without_an_effect_is_ordinary_and_a_clear_effect_is_not(rate: float) -> None:
     seconds = 6.0 if rate == 25 else 1.5
     clear = EffectChoice("torque_constant", "all", {"factor": 0.5})
-    made = cases.simulate(Case(seed=4, rate=rate, seconds=seconds, trials=5, effects=(clear,)))
+    made = cases.simulate(Case(seed=4, rate=rate, seconds=seconds, trials=4, effects=(clear,)))
     said = oracle.judge(made)
     assert said["distance_without"] < 2 * said["ordinary"]  # it is one more draw: nine in ten are below once
     assert said["detectable"]

@@ -15,18 +15,21 @@ from tiago_mj.gap.analysis import place
 from tiago_mj.gap.inference import hypotheses
 from tiago_mj.gap.inference.predictor import Predictor
 
-#: A sample of the audit, over stages, rates and robots, of what takes seconds; docs/truth-audit.md has all.
-SAMPLE = (
-    "gripper/none/1",
+#: A sample of the audit, over stages, rates and robots; docs/truth-audit.md has all. The slow ones take 3 to 20 s.
+SLOW = (
     "gripper/pad_creep/1",
     "plain/none/0",
-    "plain/command_deadband/0",
     "plain/rate_limit/0",
-    "plain/servo_damping/1",
     "plain/motor_cogging/0",
-    pytest.param("plain/backlash/0", marks=pytest.mark.slow),  # 20 s of a processor each
+    "plain/backlash/0",
+    "arm/payload/0",
+)
+SAMPLE = (
+    "gripper/none/1",
+    "plain/command_deadband/0",
+    "plain/servo_damping/1",
     "plain/joint_elasticity/0",
-    pytest.param("arm/payload/0", marks=pytest.mark.slow),
+    *(pytest.param(name, marks=pytest.mark.slow) for name in SLOW),
 )
 PLANNED = truth_audit.planned()
 
