@@ -125,7 +125,7 @@ def test_what_a_narrow_session_can_tell_is_judged_by_what_is_fitted(tmp_path: Pa
     """What shows where only the test trials go is nothing that a fit could have found."""
     (tmp_path / robots.PLAIN_FILE).write_text(robots.PLAIN)
     slow = EffectChoice("velocity_limit", "all", {"velocity": 0.7})
-    session = Case(seed=13, setting="plain", interface="position", rate=25.0, seconds=6.0, trials=4, effects=(slow,))
+    session = Case(seed=13, setting="plain", interface="position", rate=25.0, seconds=3.0, trials=4, effects=(slow,))
     wide = oracle.judge(cases.simulate(session, tmp_path), tmp_path)
     narrow = oracle.judge(cases.simulate(replace(session, narrow=0.15), tmp_path), tmp_path)
     assert wide["detectable"]

@@ -45,7 +45,10 @@ def test_an_import_of_the_diagnosis_would_be_found(tmp_path: Path) -> None:
         assert any(name.startswith(ITS_CODE) for name in imported(tmp_path / "bad.py"))
 
 
-@pytest.mark.parametrize(("interface", "rate"), [("velocity", 25.0), ("position", 25.0), ("velocity", 240.0)])
+@pytest.mark.parametrize(
+    ("interface", "rate"),
+    [("velocity", 25.0), pytest.param("position", 25.0, marks=pytest.mark.slow), ("velocity", 240.0)],
+)
 def test_without_effect_and_jitter_reality_is_the_environment_up_to_the_integrator(interface: str, rate: float) -> None:
     case = cases.Case(seed=3, interface=interface, rate=rate, spread=0.0, placement=0.0, trials=3, seconds=6.0)
     made = cases.simulate(case)

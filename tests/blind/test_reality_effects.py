@@ -35,6 +35,23 @@ HARMLESS = {
     "late_stamps": {"seconds": 0.0, "period": 1.0},
 }
 
+#: Of these, what is tried by default: of every stage one, and those with states of their own.
+TRIED = (
+    "backlash",
+    "clock_skew",
+    "command_lag",
+    "coulomb_friction",
+    "force_hysteresis",
+    "joint_elasticity",
+    "late_stamps",
+    "pad_creep",
+)
+
+
+def slowly(*values: object) -> object:
+    """A parameter set that is tried with the slow tests."""
+    return pytest.param(*values, marks=pytest.mark.slow)
+
 
 def play(commands: np.ndarray, *choices: EffectChoice, seed: int = 1) -> reality.Recorded:
     """Silent replay of commands (T, 2) by the nominal gripper, velocity control."""
@@ -63,7 +80,7 @@ def squeezed(*, brief: bool = False) -> reality.Recorded:
     return play(BRIEF if brief else SQUEEZE)
 
 
-@pytest.mark.parametrize("name", sorted(HARMLESS))
+@pytest.mark.parametrize("name", [*TRIED, *(slowly(name) for name in sorted(HARMLESS) if name not in TRIED)])
 def test_an_effect_of_nothing_does_nothing(name: str) -> None:
     plain, changed = squeezed(brief=True), play(BRIEF, EffectChoice(name, "all", HARMLESS[name]))
     assert plain.force.max() > 0.3, "it presses"
@@ -107,7 +124,7 @@ def test_a_spring_in_series_softens_the_grasp() -> None:
     assert soft.force[0, held, 0] / plain.force[0, held, 0] == pytest.approx(0.6 / 1.1, rel=0.05)
 
 
-@pytest.mark.parametrize("joint", ["arm_2_joint", "arm_3_joint", "arm_4_joint"])
+@pytest.mark.parametrize("joint", ["arm_2_joint", slowly("arm_3_joint"), slowly("arm_4_joint")])
 def test_a_spring_in_an_arm_joint_gives_by_what_it_carries(joint: str) -> None:
     column, stiffness, speed = names.TIAGO_JOINTS.index(joint), 2000.0, 0.2
     commands = np.zeros((70, len(names.TIAGO_JOINTS)))
@@ -179,7 +196,7 @@ def test_every_effect_makes_finite_recordings_and_most_show() -> None:
     assert shown >= 0.85 * len(available("gripper")) + len(available("gripper", known=False)) - 2
 
 
-@pytest.mark.parametrize(("rate", "seconds"), [(25.0, 6.0), (240.0, 1.5)])
+@pytest.mark.parametrize(("rate", "seconds"), [slowly(25.0, 6.0), (240.0, 1.5)])
 def test_sessions_press_reverse_and_rest(rate: float, seconds: float) -> None:
     made = cases.simulate(Case(seed=9, spread=0.0, rate=rate, seconds=seconds, trials=8))
     force, velocity = made.recorded.force, made.recorded.velocity
@@ -192,7 +209,7 @@ def test_sessions_press_reverse_and_rest(rate: float, seconds: float) -> None:
     assert len({program.__name__ for program in motions.SESSION}) >= 4
 
 
-@pytest.mark.parametrize("rate", [25.0, 240.0])
+@pytest.mark.parametrize("rate", [slowly(25.0), 240.0])
 def test_reality_without_an_effect_is_ordinary_and_a_clear_effect_is_not(rate: float) -> None:
     seconds = 6.0 if rate == 25 else 1.5
     clear = EffectChoice("torque_constant", "all", {"factor": 0.5})
