@@ -29,7 +29,7 @@ MIN_SINGLES: Final = 3
 DECISIVE_GAIN_NATS: Final = 10.0
 MIN_SHARE_OF_BEST_GAIN: Final = 0.4
 #: Where no gain is decisive, effects whose gain is this much below the largest are not fitted, apart from the first few
-#: [nats]. Chosen by hand; no ablation.
+#: [nats]: a Bayes factor of 150 against them, "very strong" (Kass & Raftery 1995).
 MAX_GAIN_DEFICIT_NATS: Final = 5.0
 #: Extensions of an explanation that are fitted to the screening trials. Chosen by hand; no ablation.
 MAX_EXTENSIONS: Final = 4

@@ -18,11 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tiago_mj.effects import EFFECTS
-from tiago_mj.gap.detectors.set_points import ServoMotion
+from tiago_mj.gap.detectors.set_points import MAX_SQUARED_RESIDUAL, ServoMotion
 from tiago_mj.gap.inference.fit import Fitted, Fitter, Point
 from tiago_mj.gap.inference.hypotheses import Candidate, Label
 from tiago_mj.gap.inference.predictor import Effects, Predictor
-from tiago_mj.gap.search import impulse_responses, starts
+from tiago_mj.gap.search import impulse_responses, ranking, starts
 from tiago_mj.gap.search.impulse_responses import LOSES, ServoCommands
 
 Array = NDArray[np.float64]
@@ -41,10 +41,8 @@ STATE_COMMANDS: Final = 5
 #: Time constant of the estimate of slow errors, in lengths of a response: what errs for longer is no lost command.
 #: Chosen by hand; no ablation.
 DRIFT_RESPONSES: Final = 3.0
-#: Squared residuals are clipped at this, in units of their variance, and samples count half as elsewhere
-#: (:data:`tiago_mj.gap.search.ranking.SAMPLES_PER_INDEPENDENT`). Chosen by hand; no ablation.
-MAX_SQUARED_RESIDUAL: Final = 25.0
-DECODING_SAMPLE_WEIGHT: Final = 0.5
+#: Weight of a sample while commands are decoded: as elsewhere, but for its correlation in time.
+DECODING_SAMPLE_WEIGHT: Final = 1 / ranking.SAMPLES_PER_INDEPENDENT
 #: Lost commands are not pursued where their cost exceeds this share of the cost without losses. Chosen by hand; no
 #: ablation.
 MAX_COST_RATIO: Final = 0.85

@@ -26,7 +26,8 @@ TIE_NATS: Final = 2.0
 #: blind check, three starts each: 50 to 200): what is farther behind than that is not fitted to more trials [nats].
 HOPELESS_DEFICIT_NATS: Final = 200.0
 #: Where the nominal model is adequate, an effect is fitted to all trials only where its extrapolated evidence exceeds
-#: the nominal model's by this [nats]. Chosen by hand; no ablation.
+#: the nominal model's by this [nats]: a Bayes factor below 2.7 is "not worth more than a bare mention" (Kass &
+#: Raftery 1995).
 MIN_EXPECTED_GAIN_NATS: Final = 1.0
 #: Explanations, the best first, that are fitted with the responses around the best of them, and rivals with those
 #: around themselves. Chosen by hand; no ablation.

@@ -17,8 +17,6 @@ from tiago_mj.gap.inference.predictor import Predictor
 from tiago_mj.gap.inference.whitening import Whitening
 from tiago_mj.gap.search import starts
 
-#: Explanations, the best first, by which the two ways are compared. Chosen by hand; no ablation.
-MAX_COMPARED: Final = 1
 #: The other way has to meet the recordings better by this much, or the first guess stays [nats]: a Bayes factor of 3.
 MIN_COST_DROP_NATS: Final = 1.1
 
@@ -38,14 +36,11 @@ def better_step_correction(fitter: Fitter, fits: Sequence[Fitted]) -> Predictor 
     noise = np.broadcast_to(fitter.data.noise, fitter.data.value.shape)
     on = Whitening(replace(fitter.data, sigma=noise, common=np.zeros_like(noise)), fitter.weight)
 
-    def lowest_cost(by: Fitter, some: Sequence[Fitted]) -> float:
-        points = [starts.point_of(fit) for fit in some]
-        predicted = by.predictions(points)
-        return min(on.cost(one, point.nuisance) for one, point in zip(predicted, points, strict=True))
+    def cost(by: Fitter, fit: Fitted) -> float:
+        point = starts.point_of(fit)
+        return on.cost(by.predictions([point])[0], point.nuisance)
 
     there = replace(fitter, predict=other)
     # Each way has its own best magnitudes: a late command and a late step look alike.
-    refitted = there.fit_all([starts.restart(fit) for fit in fits[:MAX_COMPARED]])
-    return (
-        other if lowest_cost(fitter, fits[:MAX_COMPARED]) - lowest_cost(there, refitted) > MIN_COST_DROP_NATS else None
-    )
+    (refitted,) = there.fit_all([starts.restart(fits[0])])
+    return other if cost(fitter, fits[0]) - cost(there, refitted) > MIN_COST_DROP_NATS else None
