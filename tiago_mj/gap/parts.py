@@ -157,3 +157,28 @@ class Closing:
 
 
 Closings = Annotated[Mapping[str, Closing], Sorted]
+
+
+@dataclass(frozen=True)
+class Repaired:
+    """A user's own model with the effects in it that a model file holds, and how it was simulated.
+
+    Attributes:
+        xml: MJCF; empty where it could not be written.
+        fault: why not.
+        holds, lacks: names of effects.
+        rate_hz: of commands.
+        interface: what they are.
+        timestep: physics step [s].
+        joints, actuators: names, in the order in which effects know them.
+    """
+
+    xml: str
+    fault: str
+    holds: tuple[str, ...]
+    lacks: tuple[str, ...]
+    rate_hz: float
+    interface: str
+    timestep: float
+    joints: tuple[str, ...]
+    actuators: tuple[str, ...]

@@ -26,6 +26,7 @@ from tiago_mj.gap.parts import (
     Named,
     Number,
     Place,
+    Repaired,
     Sorted,
     Value,
     identity,
@@ -35,7 +36,19 @@ from tiago_mj.gap.parts import (
 from tiago_mj.io.deadline import OutOfTimeError
 from tiago_mj.recordings.recording import Finding
 
-__all__ = ["PHASES", "Closing", "Evidence", "Explanation", "Named", "Place", "Value", "identity", "keys", "written"]
+__all__ = [
+    "PHASES",
+    "Closing",
+    "Evidence",
+    "Explanation",
+    "Named",
+    "Place",
+    "Repaired",
+    "Value",
+    "identity",
+    "keys",
+    "written",
+]
 
 Array = NDArray[np.float64]
 
@@ -333,31 +346,6 @@ class Overlay:
     repaired: Mapping[str, Array]
     units: Mapping[str, str]
     floor: Mapping[str, float]
-
-
-@dataclass(frozen=True)
-class Repaired:
-    """A user's own model with the effects in it that a model file holds, and how it was simulated.
-
-    Attributes:
-        xml: MJCF; empty where it could not be written.
-        fault: why not.
-        holds, lacks: names of effects.
-        rate_hz: of commands.
-        interface: what they are.
-        timestep: physics step [s].
-        joints, actuators: names, in the order in which effects know them.
-    """
-
-    xml: str
-    fault: str
-    holds: tuple[str, ...]
-    lacks: tuple[str, ...]
-    rate_hz: float
-    interface: str
-    timestep: float
-    joints: tuple[str, ...]
-    actuators: tuple[str, ...]
 
 
 @dataclass(frozen=True, kw_only=True)
