@@ -32,11 +32,13 @@ class LaplaceEvidence:
         log_likelihood: log-likelihood, up to what is the same for all explanations [nats].
         prior: of nuisances and magnitudes, with the volume that the recordings leave to these [nats].
         deviations: of the magnitudes, (k,), one standard deviation.
+        nuisance_deviations: of the nuisances, (p,), one standard deviation, in units of their prior's.
     """
 
     log_likelihood: float
     prior: float
     deviations: Array
+    nuisance_deviations: Array
 
 
 def log_evidence(on: Whitening, plain: Whitening, at: Point, predicted: Array, columns: Array) -> LaplaceEvidence:
@@ -62,4 +64,5 @@ def log_evidence(on: Whitening, plain: Whitening, at: Point, predicted: Array, c
         prior += 0.5 * np.log(2 * np.pi) + part.log_prior(float(value))
         far = abs(np.log(value) if part.identity == 1 else value - part.identity)
         log_likelihood -= MAX_TOLERANCE_PENALTY_NATS * max(0.0, 1 - far / part.tolerance) if part.tolerance else 0.0
-    return LaplaceEvidence(float(log_likelihood), float(prior), np.sqrt(np.diag(np.linalg.inv(curvature))[:count]))
+    deviations = np.sqrt(np.diag(np.linalg.inv(curvature)))
+    return LaplaceEvidence(float(log_likelihood), float(prior), deviations[:count], deviations[count:])

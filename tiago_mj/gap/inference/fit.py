@@ -365,6 +365,7 @@ class Fitter:
             float(on.misfit(base).max(initial=0.0)),
             found.prior,
             float(np.nan_to_num(likelihood.lasting(on.data, on.data.value - base)).max(initial=0.0)),
+            nuisance_deviations=found.nuisance_deviations,
         )
 
 

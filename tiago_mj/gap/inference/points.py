@@ -38,6 +38,7 @@ class Fitted:
             not known.
         agreement: what trials gain by its effects over what they gain and lose together [nats]; None: not known.
         spreads: deviations of details that were fitted after it (:mod:`tiago_mj.gap.analysis.place`), by name.
+        nuisance_deviations: of ``nuisance``, one standard deviation; None: not known.
     """
 
     parts: tuple[Candidate, ...]
@@ -51,6 +52,7 @@ class Fitted:
     sharp: float | None = None
     agreement: float | None = None
     spreads: Mapping[str, float] = field(default_factory=dict)
+    nuisance_deviations: Array | None = None
 
     def effects(self) -> tuple[Entry, ...]:
         """The effects at their magnitudes, without the nuisances."""
