@@ -121,6 +121,7 @@ _DIAGNOSIS = {
         "per_channel_and_phase": {"force.right": {"hold": _CLOSING}},
         "resampled": "trials",
         "accounted": None,
+        "with_numbers": _CLOSING,
     },
     "ranking": [
         {
@@ -129,6 +130,12 @@ _DIAGNOSIS = {
             "probability": 0.97,
             "parameters": {"coulomb_friction": {"force": _FITTED}},
             "evidence": {"met": 12.0, "price": 3.0, "misfit": 1.1, "lasting": 0.9, "edge": False},
+        }
+    ],
+    "numbers": [
+        {
+            **{"name": "servo_stiffness", "target": "finger", "parameter": "factor"},
+            **{"value": 1.02, "low": 1.01, "high": 1.03, "unit": "-", "nominal": 1.0},
         }
     ],
     "lint": [{"code": "quantum", "file": "a.parquet", "channel": "", "message": "coarse", "repaired": False}],

@@ -15,6 +15,7 @@ from tiago_mj.gap.result import (
     Diagnosis,
     Evidence,
     Explanation,
+    FittedNumber,
     Named,
     NextMotion,
     Overlay,
@@ -268,6 +269,22 @@ FASTER = ResidualShape(MOVES[0], ("timing", "command", "actuator"), "motion", "s
 CASES["unknown_that_may_be_several"] = diagnosis("unknown", (COULOMB,), residual_shape=FASTER)
 CHANCE = ResidualShape(MOVES[0], (), "unclear", "irregular", 0.17)
 CASES["effect_and_an_irregular_rest"] = replace(CASES["effect_and_more"], residual_shape=CHANCE)
+FITTED = (
+    FittedNumber("servo_stiffness", (RIGHT,), "factor", 1.0198, 1.0174, 1.0222, "-", 1.0),
+    FittedNumber("command_delay", "all", "seconds", 0.00078, 0.00044, 0.00112, "s", 0.0),
+)
+
+
+def with_numbers(made: Diagnosis, after: float = 1.31) -> Diagnosis:
+    """The same, with numbers as fitted that close nearly all of the gap."""
+    gap = made.shrink
+    share = 1 - (after - 1) / (gap.before - 1)
+    left = Closing(gap.before, after, share, share - 0.01, min(share + 0.002, 1.0))
+    return replace(made, numbers=FITTED, shrink=replace(gap, with_numbers=left))
+
+
+CASES["effect_and_numbers"] = with_numbers(diagnosis())
+CASES["numbers_alone"] = with_numbers(diagnosis("no_gap", ()))
 every_case = pytest.mark.parametrize("name", CASES)
 
 

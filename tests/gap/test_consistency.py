@@ -63,7 +63,7 @@ def textual(made: Diagnosis, text: str) -> list[str]:
     parts = [*made.shrink.per_channel.values(), *made.shrink.per_phase.values(), *cells]
     if "Nothing beyond what noise" in text and any(one.after > LEFT * made.shrink.floor for one in parts):
         found.append("nothing remains beside floors")
-    if made.kind == "no_gap" and " of the gap closed" in text:
+    if made.kind == "no_gap" and not made.numbers and " of the gap closed" in text:
         found.append("a share of no gap")
     return found
 

@@ -33,7 +33,7 @@ def test_a_diagnosis_has_exactly_the_keys_of_its_contract_and_only_finite_number
     data = json.loads((tmp_path / "diagnosis.json").read_text(), parse_constant=refuse)
     assert list(data) == [
         *("schema", "headline", "verdict", "where", "stage", "residual_shape"),
-        *("shrink", "ranking", "lint", "next_motion", "splits"),
+        *("shrink", "ranking", "numbers", "lint", "next_motion", "splits"),
         *("robot", "notes", "complete", "stopped", "seed", "version", "seconds", "physics_steps", "trial_models"),
     ]
     assert data["schema"] == "tiago_mj.diagnosis/1"
@@ -41,7 +41,9 @@ def test_a_diagnosis_has_exactly_the_keys_of_its_contract_and_only_finite_number
     assert list(data["verdict"]["remains"]) == ["flag", "where"]
     gap = ["before", "after", "floor", "closed", "low", "high"]
     more = ["per_channel", "return", "per_phase", "per_channel_and_phase", "resampled", "accounted", "accounted_before"]
-    assert list(data["shrink"]) == [*gap, *more]
+    assert list(data["shrink"]) == [*gap, *more, "with_numbers"]
+    keys = ["name", "target", "parameter", "value", "low", "high", "unit", "nominal"]
+    assert all(list(one) == keys for one in data["numbers"])
     gap[gap.index("floor") :] = ["closed", "low", "high", "accounted"]
     for by in ("per_channel", "per_phase"):
         assert all(list(row) == gap for row in data["shrink"][by].values())
@@ -79,15 +81,18 @@ def test_every_file_is_as_the_published_schema_says(name):
 
 def test_what_a_file_of_an_earlier_version_lacks_is_unknown(tmp_path):
     given = report_json.as_data(CASES["unknown_with_a_shape"])
-    for later in ("headline", "residual_shape", "robot", "notes", "stopped", "physics_steps", "trial_models"):
+    later_too = ("stopped", "physics_steps", "trial_models", "numbers")
+    for later in ("headline", "residual_shape", "robot", "notes", *later_too):
         del given[later]
-    for later in ("per_phase", "per_channel_and_phase", "resampled", "accounted", "accounted_before"):
+    later_yet = ("accounted", "accounted_before", "with_numbers")
+    for later in ("per_phase", "per_channel_and_phase", "resampled", *later_yet):
         del given["shrink"][later]
     for row in given["ranking"]:
         del row["evidence"]
     (tmp_path / "diagnosis.json").write_text(json.dumps(given))
     read = report_json.load(tmp_path / "diagnosis.json")
     assert (read.residual_shape, read.stopped, read.trial_models, read.shrink.accounted) == (None,) * 4
+    assert (read.numbers, read.shrink.with_numbers) == ((), None)
     before, after = (
         [{key: list(values) for key, values in row.parameters.items()} for row in one.ranking]
         for one in (CASES["unknown_with_a_shape"], read)
@@ -164,18 +169,19 @@ def test_the_environments_load_what_a_calibration_holds(name, tmp_path):
     written = report.write(given, tmp_path)
     path, source = written["calibration.yaml"], written["diagnosis.json"]
     data = yaml.safe_load(path.read_text())
-    assert list(data) == ["schema", "robot", "effects", "source"]
+    assert list(data) == ["schema", "robot", "effects", *(["numbers"] if given.numbers else []), "source"]
     assert data["schema"] == "tiago_mj.calibration/1"
     assert data["robot"] == given.robot
     assert data["source"] == {"file": "diagnosis.json", "sha256": report_json.fingerprint(source)}
     entries = read_effects(path)
-    assert [entry.name for entry in entries] == [effect.name for effect in given.best.effects]
-    for entry, effect in zip(entries, given.best.effects, strict=True):
+    assert [entry.name for entry in entries] == [effect.name for effect in given.repair]
+    assert read_effects(path, numbers=False) == entries[: len(given.best.effects)]
+    for entry, effect in zip(entries, given.repair, strict=True):
         whom = (effect.target,) if isinstance(effect.target, str) else effect.target
         assert entry.target == (None if effect.target == "all" else whom)
         for key, value in effect.parameters.items():
             assert entry.parameters[key] == pytest.approx(value.value, rel=1e-5)  # six significant digits
-    for effect in data["effects"]:
+    for effect in (*data["effects"], *data.get("numbers", [])):
         assert all({"value", "low", "high"} <= set(p) for p in effect["parameters"].values())
 
 

@@ -48,45 +48,47 @@ class Entry:
         return hash((self.name, self.target, tuple(sorted(self.parameters.items()))))
 
 
-def read_effects(given: Any) -> tuple[Entry, ...]:
+def read_effects(given: Any, *, numbers: bool = True) -> tuple[Entry, ...]:
     """Entries of what a user gave.
 
     Args:
         given: None, a list of ``{"name", "target", "parameters"}``, a mapping ``{name: parameters}`` (target all,
             ``{}`` for the defaults), a list of :class:`Entry`, the path of a calibration YAML, or JSON text of the
             above; or a list of several of these, one on top of the other.
+        numbers: whether the numbers of the nominal model count that a calibration has as fitted, beside its effects.
 
     Raises:
         ValueError: an unknown effect or parameter, a value that is no finite number, a file of another schema; one
             line.
     """
-    return () if given is None else _read(given, files=True)
+    return () if given is None else _read(given, files=True, numbers=numbers)
 
 
-def _read(given: Any, files: bool) -> tuple[Entry, ...]:
+def _read(given: Any, files: bool, numbers: bool) -> tuple[Entry, ...]:
     """The same; what a file holds may not name files, itself among them."""
     if isinstance(given, (str, Path)):
         from tiago_mj.effects import written
 
         given, files = written.load(given), files and written.is_json(given)
     if isinstance(given, Mapping):
-        given = _listed(given)
+        given = _listed(given, numbers)
     if not isinstance(given, Sequence) or isinstance(given, (str, bytes)):
         raise ValueError(
             f"effects are {type(given).__name__}: give a list, a mapping name to parameters, or a YAML file"
         )
     if len(given) > MOST:
         raise ValueError(f"effects are {len(given)}: give at most {MOST}")
-    return tuple(entry for item in given for entry in _entries(item, files))
+    return tuple(entry for item in given for entry in _entries(item, files, numbers))
 
 
-def _listed(given: Mapping[Any, Any]) -> Any:
+def _listed(given: Mapping[Any, Any], numbers: bool) -> Any:
     """Entries of a calibration or of the short form."""
     if "schema" not in given:
         return [{"name": name, "parameters": parameters} for name, parameters in given.items()]
     from tiago_mj.effects import written
 
-    return written.calibration(given).get("effects") or []
+    said = written.calibration(given)
+    return [*(said.get("effects") or []), *((numbers and said.get("numbers")) or [])]
 
 
 def arrays(declared: type[Effect], sims: Sequence[Sequence[Entry]], targets: Targets) -> Effect:
@@ -159,11 +161,11 @@ def _reach(entry: Entry, declared: type[Effect], names: tuple[str, ...]) -> list
     return [names.index(name) for name in entry.target]
 
 
-def _entries(item: Any, files: bool) -> tuple[Entry, ...]:
+def _entries(item: Any, files: bool, numbers: bool) -> tuple[Entry, ...]:
     if isinstance(item, Entry):
         return (item,)
     if files and (isinstance(item, Path) or (isinstance(item, str) and _is_source(item))):
-        return _read(item, files)
+        return _read(item, files, numbers)
     return (_entry(item),)
 
 

@@ -37,6 +37,7 @@ class _Calibration(Open):
     joints: list[str] | None = Field(default=None, description="write a list of names")
     actuators: list[str] | None = Field(default=None, description="write a list of names")
     effects: list[Any] | None = Field(default=None, description="write a list of effects")
+    numbers: list[Any] | None = Field(default=None, description="write a list of numbers, each as an effect")
 
 
 def load(source: str | Path) -> Any:
@@ -73,6 +74,13 @@ def calibration(given: Mapping[str, Any]) -> Mapping[str, Any]:
     except SchemaError as fault:
         raise ValueError(f"calibration: {fault}") from fault
     return given
+
+
+def without_numbers(given: Any) -> Any:
+    """A calibration as it is loaded, without the nominal model's numbers as fitted; anything else as it is."""
+    if not (isinstance(given, Mapping) and "schema" in given):
+        return given
+    return {key: value for key, value in given.items() if key != "numbers"}
 
 
 def entry(name: str, given: Mapping[str, Any]) -> tuple[tuple[str, ...] | None, dict[str, float], bool]:

@@ -6,13 +6,13 @@ import argparse
 import difflib
 import json
 import math
-import shutil
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
 from tiago_mj.io import atomic, outputs
+from tiago_mj.io.numbers_option import add_numbers, with_numbers
 
 #: Folder of a robot's own files, beside the text of a target.
 MODEL: Final = "model"
@@ -28,6 +28,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--model", type=Path, metavar="FILE.xml", help="the MJCF that was diagnosed")
     parser.add_argument("--rate", type=float, metavar="HZ", help="of commands, where the diagnosis does not say")
     parser.add_argument("--out", type=outputs.folder, metavar="FOLDER", help="where the files go")
+    add_numbers(parser)
     parser.add_argument("--table", action="store_true", help="print which effects every target holds, and nothing else")
     parser.add_argument("--json", action="store_true", help="print the result as JSON")
     parser.epilog = "Targets: mujoco, mjlab, playground, isaaclab, newton, gymnasium, ros2_control, urdf, sdf."
@@ -87,13 +88,13 @@ def export(arguments: argparse.Namespace) -> dict[str, Any]:
         raise ValueError(f"target {arguments.to!r} is unknown: {did_you_mean(arguments.to, tuple(TARGETS))}")
     if arguments.mujoco is not None and arguments.mujoco not in VERSIONS:
         raise ValueError(f"--mujoco {arguments.mujoco} is unknown: use one of {', '.join(VERSIONS)}")
-    target, found = TARGETS[arguments.to], finding.read(arguments.diagnosis)
+    target, found = TARGETS[arguments.to], finding.read(arguments.diagnosis, numbers=with_numbers(arguments))
     if arguments.mujoco is not None and target.mujoco is None:
         raise ValueError(f"--mujoco is for targets with a model: {target.name} has none")
     if target.name == "gymnasium":
         rows = [_row(target.holds, entry.name, entry.target) for entry in found.entries]
         with atomic.replacing_set(arguments.out, parts=(finding.CALIBRATION, TABLE)) as folder:
-            shutil.copyfile(found.path, folder / finding.CALIBRATION)
+            finding.copy(found, folder / finding.CALIBRATION, numbers=with_numbers(arguments))
             return _finished(folder, arguments, rows, None, ())
     robot = finding.resolve(found, finding.model_path(found, arguments.model), arguments.rate)
     texts = target.write(numbers_of(robot))

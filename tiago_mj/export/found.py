@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 import mujoco
+import yaml
 
 from tiago_mj.effects import Entry, check_entries, model_file, read_effects, written
 from tiago_mj.effects.now import Wiring
@@ -80,8 +82,12 @@ class Robot:
         return max(round(self.period / self.model.opt.timestep), 1)
 
 
-def read(path: Path) -> Found:
+def read(path: Path, *, numbers: bool = True) -> Found:
     """The effects of a DIAGNOSIS folder, or of its ``calibration.yaml`` itself.
+
+    Args:
+        path: of either.
+        numbers: whether the nominal model's numbers as fitted are among them.
 
     Raises:
         ValueError: there is no such folder or file, or it is no calibration; one line.
@@ -98,13 +104,22 @@ def read(path: Path) -> Found:
     return Found(
         path=file,
         robot=said.get("robot") or "",
-        entries=read_effects(file),
+        entries=read_effects(file, numbers=numbers),
         rate_hz=said.get("rate_hz"),
         interface=said.get("interface"),
         timestep=said.get("timestep"),
         joints=tuple(said.get("joints") or ()),
         actuators=tuple(said.get("actuators") or ()),
     )
+
+
+def copy(found: Found, path: Path, *, numbers: bool = True) -> None:
+    """Copy the calibration, byte by byte, or without the nominal model's numbers as fitted."""
+    if numbers:
+        shutil.copyfile(found.path, path)
+        return
+    said = written.without_numbers(written.load(found.path))
+    path.write_text(yaml.safe_dump(said, sort_keys=False, allow_unicode=True, width=120), encoding="utf-8")
 
 
 def model_path(found: Found, given: Path | None) -> Path:

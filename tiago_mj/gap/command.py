@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Final
 from tiago_mj.gap.faults import FAULT, FaultError, keeping
 from tiago_mj.io import extra, outputs
 from tiago_mj.io.deadline import Deadline, OutOfTimeError
+from tiago_mj.io.numbers_option import add_numbers, with_numbers
 from tiago_mj.io.progress import Progress
 from tiago_mj.io.quoting import one_line
 from tiago_mj.recordings.recording import RecordingError, Trial
@@ -65,6 +66,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="NAME,...",
         help="effects that are left out, as if the library lacked them",
     )
+    add_numbers(parser)
     parser.add_argument("--json", action="store_true", help="print diagnosis.json instead of the summary")
 
 
@@ -187,7 +189,8 @@ def _run(arguments: argparse.Namespace, entered: float) -> int:
         from tiago_mj.gap.simulation.plant import plant_of
         from tiago_mj.recordings import lint
 
-        given = read_effects(arguments.effects)
+        numbers = with_numbers(arguments)
+        given = read_effects(arguments.effects, numbers=numbers)
         plant = plant_of(read.trials, env=arguments.env, model=arguments.model, given=given)
         findings = (*read.findings, *lint.inspect_all(read.trials, plant))
         lint.refuse(read.trials, findings)
@@ -221,6 +224,7 @@ def _run(arguments: argparse.Namespace, entered: float) -> int:
                     trust=arguments.trust,
                     tick=Told(progress),
                     command=shlex.join(words(arguments)),
+                    numbers=numbers,
                 )
             needed = max(DRAWING[0] * loaded, DRAWING[1])
             diagnosis, seen = _pictures(plant, read.trials, diagnosis, deadline, needed)
@@ -285,4 +289,6 @@ def words(arguments: argparse.Namespace) -> list[str]:
                 out += [f"--{name.replace('_', '-')}", str(one)]
     if arguments.trust:
         out.append("--trust")
+    if not with_numbers(arguments):
+        out += ["--numbers", "no"]
     return [*out, "--seed", str(arguments.seed), "--out", str(arguments.out)]

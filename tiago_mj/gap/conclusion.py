@@ -13,17 +13,20 @@ from numpy.typing import NDArray
 
 import tiago_mj
 from tiago_mj.effects import Entry
-from tiago_mj.gap.analysis import held_out, locate, outcome, place, promises, shrink, unexplained
+from tiago_mj.gap.analysis import fitted_numbers, held_out, locate, outcome, place, promises, shrink, unexplained
 from tiago_mj.gap.analysis.remainder import remainder, with_accounted
 from tiago_mj.gap.compared import Compared
 from tiago_mj.gap.decision import verdict
 from tiago_mj.gap.design.next_motion import next_motion
 from tiago_mj.gap.detectors.proposals import Proposals
 from tiago_mj.gap.inference import noise_model
+from tiago_mj.gap.inference.fit import Fitted
 from tiago_mj.gap.inference.noise_model import Data
 from tiago_mj.gap.inference.predictor import Predictor
+from tiago_mj.gap.report.repaired import entry
 from tiago_mj.gap.request import Request, SoFar
 from tiago_mj.gap.result import (
+    Closing,
     Diagnosis,
     Explanation,
     NextMotion,
@@ -46,6 +49,11 @@ OVERLAYS: Final = 1
 #: and without the explanation: for how long that takes, on the safe side.
 SHOWN: Final = 12
 REMAINDERS: Final = 20
+#: A sentence where there was no time for the numbers of the nominal model.
+NO_TIME_FOR_NUMBERS: Final = (
+    "There was no time to find out which of the simulator's own numbers the validation trials confirm as fitted: the "
+    "repair has none of them."
+)
 
 
 @dataclass(frozen=True)
@@ -145,7 +153,33 @@ def concluded(compared: Compared, asked: Request, so_far: SoFar, ranked: Ranked)
         asides=outcome.asides(session.trials) if ranked.predict.replays else (),
         residual_shape=shape,
     )
-    return answer if ranked.complete else provisional(answer, so_far.stopped(ranked.ended, asked.deadline.spent()))
+    if not ranked.complete:
+        return provisional(answer, so_far.stopped(ranked.ended, asked.deadline.spent()))
+    return _with_numbers(answer, compared, asked, ranked, best, base) if asked.numbers else answer
+
+
+def _with_numbers(
+    answer: Diagnosis, compared: Compared, asked: Request, ranked: Ranked, best: Fitted, base: Array
+) -> Diagnosis:
+    """The answer with the nominal numbers that the validation trials confirm beside its explanation, and with what the
+    simulator with both leaves on the test trials; with a sentence where the time was over before."""
+    session, data = compared.session, compared.proposed.data
+    try:
+        numbers = fitted_numbers.confirmed(session, ranked, data, best)
+        if not numbers:
+            return answer
+        simulator, everything = ranked.predict.as_simulated(), range(len(data.value))
+        repaired = simulator.all_trials([(*best.effects(), *(entry(one.effect) for one in numbers))], everything)[0]
+    except OutOfTimeError:
+        return replace(answer, notes=(*answer.notes, NO_TIME_FOR_NUMBERS))
+    except KeyboardInterrupt:
+        return replace(answer, notes=(*answer.notes, NO_TIME_FOR_NUMBERS), interrupted=True)
+    test, period = session.indices("test"), session.plant.period
+    gap = shrink.shrink(data, base, repaired, phase=compared.phase, test=test, period=period, seed=asked.seed)
+    if gap.before is None or gap.after is None:
+        return replace(answer, numbers=numbers)
+    left = Closing(gap.before, gap.after, gap.closed, gap.low, gap.high)
+    return replace(answer, numbers=numbers, shrink=replace(answer.shrink, with_numbers=left))
 
 
 def unanswered(session: Session, asked: Request, so_far: SoFar, ended: BaseException) -> Diagnosis:

@@ -28,6 +28,7 @@ from typing import Any, Final
 from tiago_mj import __version__, cli
 from tiago_mj.gap import faults
 from tiago_mj.io import atomic, held, outputs
+from tiago_mj.io.numbers_option import add_numbers, with_numbers
 from tiago_mj.io.progress import told
 from tiago_mj.rollout import scale
 
@@ -91,6 +92,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--threads", type=int, metavar="N", help="of each diagnosis; 0: all processors (0 where --jobs is 1, else 1)"
     )
+    add_numbers(parser)
     scale.add_arguments(parser)
     parser.set_defaults(jobs=None)
     parser.add_argument("--json", action="store_true", help=f"print {SUMMARY} instead of the table")
@@ -118,6 +120,8 @@ def run(arguments: argparse.Namespace) -> int:
     for name in ("model", "map"):
         if getattr(arguments, name) is not None:
             options += [f"--{name}", str(getattr(arguments, name).resolve())]
+    if not with_numbers(arguments):
+        options += ["--numbers", "no"]
     for name in ("env", "without", "time_budget"):
         if getattr(arguments, name):
             options += [f"--{name.replace('_', '-')}", str(getattr(arguments, name))]

@@ -60,6 +60,35 @@ class Named:
 
 
 @dataclass(frozen=True)
+class FittedNumber:
+    """A number of the nominal model as it was fitted, as the effect that changes it.
+
+    Attributes:
+        name: of the effect.
+        target: ``"all"``, one name or several.
+        parameter: of the effect.
+        value: as fitted.
+        low, high: ends of its 90 % interval.
+        unit: of these.
+        nominal: the parameter's value where the model is as it was given.
+    """
+
+    name: str
+    target: Target
+    parameter: str
+    value: Number
+    low: Number
+    high: Number
+    unit: str
+    nominal: Number
+
+    @property
+    def effect(self) -> Named:
+        """The same as an effect with one parameter."""
+        return Named(self.name, self.target, {self.parameter: Value(self.value, self.low, self.high, self.unit)})
+
+
+@dataclass(frozen=True)
 class Evidence:
     """What speaks for an explanation and against it.
 
@@ -171,6 +200,7 @@ class Repaired:
         interface: what they are.
         timestep: physics step [s].
         joints, actuators: names, in the order in which effects know them.
+        numbers: how many of the model's own numbers as fitted the file holds.
     """
 
     xml: str
@@ -182,3 +212,4 @@ class Repaired:
     timestep: float
     joints: tuple[str, ...]
     actuators: tuple[str, ...]
+    numbers: int = 0

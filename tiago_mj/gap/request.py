@@ -34,6 +34,7 @@ class Request:
         trust: load that file although loading runs what it holds.
         tick: told how far it is.
         command: the command line that asks, for the page.
+        numbers: whether the repair has the nominal model's numbers as fitted, as far as validation trials confirm them.
     """
 
     findings: Sequence[Finding] = ()
@@ -49,6 +50,7 @@ class Request:
     trust: bool = False
     tick: Listener = lambda stage, done, left: None
     command: str = ""
+    numbers: bool = True
 
 
 @dataclass

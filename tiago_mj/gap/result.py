@@ -23,6 +23,7 @@ from tiago_mj.gap.parts import (
     Closings,
     Evidence,
     Explanation,
+    FittedNumber,
     Named,
     Number,
     Place,
@@ -41,6 +42,7 @@ __all__ = [
     "Closing",
     "Evidence",
     "Explanation",
+    "FittedNumber",
     "Named",
     "Place",
     "Repaired",
@@ -105,6 +107,8 @@ class Shrink:
             the physics step infinitely short.
         accounted_before: ``before`` likewise, with the nominal model's own numbers as they were fitted without any
             effect; told where what is named closes nothing by itself.
+        with_numbers: the gap before, and with the effects and the nominal model's numbers as fitted
+            (:attr:`Result.numbers`): what the whole repair leaves; None where it has no such numbers.
     """
 
     before: float | None
@@ -122,6 +126,7 @@ class Shrink:
     resampled: str = ""
     accounted: float | None = None
     accounted_before: float | None = None
+    with_numbers: Closing | None = None
 
 
 @dataclass(frozen=True)
@@ -253,6 +258,8 @@ class Result:
         residual_shape: what the best explanation leaves looks like, where that is a gap; None: nothing is left, or it
             was not asked.
         shrink, ranking, next_motion: as named.
+        numbers: of the nominal model, as they were fitted beside the best explanation and the validation trials confirm
+            them: part of the repair, beside the effects. None where ``--numbers no`` was asked.
         findings: of the lint.
         splits: trial names by ``train``, ``validation``, ``test``.
         robot: what was simulated.
@@ -274,6 +281,7 @@ class Result:
     residual_shape: ResidualShape | None = None
     shrink: Shrink
     ranking: tuple[Explanation, ...]
+    numbers: tuple[FittedNumber, ...] = ()
     findings: Annotated[tuple[Finding, ...], Field(alias="lint")]
     next_motion: NextMotion | None
     splits: Splits
@@ -297,6 +305,11 @@ class Result:
         """The best explanation, with what the ranking says of it."""
         ranked = self.ranked(Explanation(self.verdict.effects, self.verdict.probability))
         return replace(ranked, effects=self.verdict.effects)
+
+    @property
+    def repair(self) -> tuple[Named, ...]:
+        """All that the repaired simulator has: the effects of the best explanation, and numbers as fitted."""
+        return (*self.best.effects, *(one.effect for one in self.numbers))
 
     def ranked(self, one: Explanation) -> Explanation:
         """An explanation with what the ranking says of the same values, else of the same effects."""

@@ -154,6 +154,7 @@ def apply(
     joints: Sequence[str] | None = None,
     actuators: Sequence[str] | None = None,
     seed: int = 0,
+    numbers: bool = True,
 ) -> Stepper:
     """A model with effects, as a stepper.
 
@@ -168,6 +169,7 @@ def apply(
         joints: that are measured; else all hinges and slides.
         actuators: that are commanded; else all.
         seed: of effects that draw at random.
+        numbers: whether the model's own numbers as the diagnosis fitted them act beside the effects.
 
     Raises:
         ValueError: the effects do not fit the model, nothing says the rate, or the model is a repaired one, which has
@@ -181,7 +183,7 @@ def apply(
         raise ValueError("nothing says how often the robot is commanded: give rate_hz=")
     return Stepper(
         model,
-        calibration,
+        read_effects(calibration, numbers=numbers),
         rate_hz=float(rate_hz),
         interface=interface or said.get("interface") or interface_of(model),
         timestep=float(timestep or said.get("timestep") or model.opt.timestep),

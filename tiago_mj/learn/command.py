@@ -14,6 +14,7 @@ from typing import Any
 from tiago_mj.effects import read_effects, written
 from tiago_mj.io import atomic, extra, held, outputs
 from tiago_mj.io.loading import load_yaml
+from tiago_mj.io.numbers_option import add_numbers, with_numbers
 from tiago_mj.learn import card, curves, duration, plots, progress
 from tiago_mj.learn.loop import BEST, Task, train_seed
 from tiago_mj.learn.settings import Settings, claim, provenance
@@ -39,6 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--envs", type=int, metavar="N", help="environments of a seed (as the hyperparameters say)")
     parser.add_argument("--effects", type=Path, metavar="FILE", help="calibration.yaml whose effects act on it")
+    add_numbers(parser)
     parser.add_argument(
         "--randomise", type=Path, metavar="FILE", help="YAML: ranges of effects; every episode draws its own simulator"
     )
@@ -127,7 +129,7 @@ def settings_of(arguments: argparse.Namespace) -> Settings:
         algo=arguments.algo,
         steps=arguments.steps or given["n_timesteps"],
         env_options={**given["env_kwargs"], **options.read_options(arguments.env_option)},
-        effects=_effects(arguments.effects),
+        effects=_effects(arguments.effects, numbers=with_numbers(arguments)),
         hyperparameters=given,
         updates_per_step=ratio,
         evaluate_every=arguments.evaluate_every,
@@ -156,13 +158,14 @@ def table(results: Sequence[Mapping[str, Any]]) -> str:
     return "\n".join("  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True)) for row in rows)
 
 
-def _effects(path: Path | None) -> Any:
-    """The contents of a calibration: what is trained must not change with the file."""
+def _effects(path: Path | None, *, numbers: bool) -> Any:
+    """The contents of a calibration, with or without its fitted numbers: what is trained must not change with the
+    file."""
     if path is None:
         return None
     given = written.load(path)
     read_effects(given)  # complains of what it cannot use
-    return given
+    return given if numbers else written.without_numbers(given)
 
 
 def _ranges(path: Path | None) -> Any:

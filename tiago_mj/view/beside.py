@@ -55,7 +55,7 @@ def pictures(plant: Plant, trials: Sequence[Trial], diagnosis: Diagnosis, deadli
         plant = plant_of(cut, model=plant.file, given=plant.given)
     tested = diagnosis.splits.get("test", ())
     trial = next((one for one in cut if one.name in tested), cut[0])
-    effects = [entry(effect) for effect in diagnosis.best.effects]
+    effects = [entry(effect) for effect in diagnosis.repair]
     story = tell(plant, trial, effects, diagnosis, seed=diagnosis.seed, deadline=by)
     by.check()
     scene = page.render(story) if find_spec("viser") is not None else None

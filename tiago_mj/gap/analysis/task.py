@@ -104,7 +104,7 @@ def told(
         tick("playing the policy", len(tested))
     begun = time.monotonic()
     try:
-        played = returns(asked, tested, diagnosis.best.effects, deadline)
+        played = returns(asked, tested, diagnosis.repair, deadline)
     except OutOfTimeError:
         note = f"The time budget left no time to predict the return of {Path(asked.policy).name}."
         return replace(diagnosis, notes=(*diagnosis.notes, note))

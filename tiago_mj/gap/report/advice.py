@@ -14,7 +14,7 @@ from typing import Final
 from tiago_mj.effects import EFFECTS, describe
 from tiago_mj.effects.declare import STAGES
 from tiago_mj.gap.report import residual, verdict, words
-from tiago_mj.gap.report.consistency import closes
+from tiago_mj.gap.report.consistency import repairs
 from tiago_mj.gap.result import Diagnosis, Explanation, Named, Place
 from tiago_mj.io import extra
 from tiago_mj.io.progress import seconds
@@ -108,7 +108,8 @@ def advice(diagnosis: Diagnosis) -> tuple[Step, ...]:
     if not diagnosis.complete:
         return (*go_on(diagnosis), *_look(diagnosis, (diagnosis.best,), "Look at what leads so far"))
     if kind == "no_gap":
-        return (_use_as_it_is(diagnosis), *_not_excited(diagnosis))
+        repair = _simulate(diagnosis, "Use") if repairs(diagnosis.shrink) else ()
+        return (*(repair or (_use_as_it_is(diagnosis),)), *_not_excited(diagnosis))
     if kind == "ambiguous":
         choices = diagnosis.alternatives or (diagnosis.best,)
         title = "Look on the robot, which may tell sooner"
@@ -117,7 +118,7 @@ def advice(diagnosis: Diagnosis) -> tuple[Step, ...]:
         known = _look(diagnosis, (diagnosis.best,), "Look at what is known already")
         return (_look_by_stage(diagnosis), *_by_shape(diagnosis), _record_more(diagnosis), *known, _declare())
     look = _look(diagnosis, (diagnosis.best,), "Look on the robot, if you would rather mend it")
-    if closes(diagnosis.shrink) is False:  # what predicts no better is nothing to train in
+    if repairs(diagnosis.shrink) is False:  # what predicts no better is nothing to train in
         return (*look, *_by_shape(diagnosis), _record_more(diagnosis))
     return (*_simulate(diagnosis, "Use"), *look, *_by_shape(diagnosis))
 
@@ -213,9 +214,10 @@ def _look(diagnosis: Diagnosis, explanations: Sequence[Explanation], title: str)
 
 
 def _simulate(diagnosis: Diagnosis, use: str) -> tuple[Step, ...]:
-    if not diagnosis.best.effects:
+    if not diagnosis.repair:
         return ()
-    which = "the repaired simulator" if diagnosis.kind == "effect" else f"the {verdict.first(diagnosis)} repair"
+    sure = diagnosis.kind in ("effect", "no_gap")
+    which = "the repaired simulator" if sure else f"the {verdict.first(diagnosis)} repair"
     model = diagnosis.repaired
     if model is None and _is_model(diagnosis):
         return ()
@@ -234,7 +236,7 @@ def _simulate(diagnosis: Diagnosis, use: str) -> tuple[Step, ...]:
         "import mujoco\nfrom tiago_mj.gap import apply\n\n"
         f"robot = apply(mujoco.MjModel.from_xml_path({_written(_robot(diagnosis))}), {_written(calibration)})"
     )
-    if not (model.xml and model.holds):  # a file that is as before repairs nothing
+    if not (model.xml and (model.holds or model.numbers)):  # a file that is as before repairs nothing
         return (Step(f"{use} {which}", verdict.on_model(diagnosis), code=whole),)
     watch = f"python -m mujoco.viewer --mjcf={shlex.quote(_beside(diagnosis, 'repaired.xml'))}"
     return (Step(f"{use} {which}", verdict.on_model(diagnosis), command=watch, code=whole),)

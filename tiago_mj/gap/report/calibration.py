@@ -1,4 +1,4 @@
-"""``calibration.yaml``: the effects that a diagnosis found, in the form that the environments load."""
+"""``calibration.yaml``: the effects and numbers that a diagnosis found, in the form that the environments load."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import yaml
 from tiago_mj.effects.spec import Entry
 from tiago_mj.effects.written import SCHEMA
 from tiago_mj.gap.report.json import clean, fingerprint
-from tiago_mj.gap.result import Diagnosis, Named, Value, written
+from tiago_mj.gap.result import Diagnosis, FittedNumber, Named, Value, written
 from tiago_mj.io import atomic
 from tiago_mj.registration import import_and_make
 
@@ -19,6 +19,11 @@ HEADER = """\
 #   {load}
 # Every value has a 90 % interval, low to high. source: the diagnosis that this is from, and the SHA-256 of what it says
 # without "seconds", "physics_steps" and "trial_models", so that the same recordings and seed give the same file.
+"""
+#: Beside those.
+NUMBERS = """\
+# numbers: the model's own, as they were fitted beside the effects and trials that did not fit them confirm. They are
+# loaded with the effects; tiago_mj.effects.read_effects("calibration.yaml", numbers=False) gives the effects alone.
 """
 
 
@@ -51,9 +56,14 @@ def text(diagnosis: Diagnosis, source: Path) -> str:
             *(_given(entry) for entry in diagnosis.given),
             *(_effect(effect) for effect in diagnosis.best.effects),
         ],
+    }
+    if diagnosis.numbers:
+        data["numbers"] = [_number(one) for one in diagnosis.numbers]
+    data |= {
         "source": {"file": source.name, "sha256": fingerprint(source)},
     }
-    header = HEADER.format(load=load) + ("" if diagnosis.complete else PROVISIONAL)
+    header = HEADER.format(load=load) + (NUMBERS if diagnosis.numbers else "")
+    header += "" if diagnosis.complete else PROVISIONAL
     return header + yaml.safe_dump(data, sort_keys=False, allow_unicode=True, width=120)
 
 
@@ -65,6 +75,13 @@ def write(diagnosis: Diagnosis, path: Path, source: Path) -> None:
 def _effect(effect: Named) -> dict[str, Any]:
     parameters = {key: _value(value) for key, value in sorted(effect.parameters.items())}
     return {"name": effect.name, "target": written(effect.target), "parameters": parameters}
+
+
+def _number(one: FittedNumber) -> dict[str, Any]:
+    """A number of the nominal model as fitted, in the form of the effect that changes it."""
+    value = {**clean({"value": one.value, "low": one.low, "high": one.high}), "unit": one.unit}
+    parameters = {one.parameter: {**value, **clean({"nominal": one.nominal})}}
+    return {"name": one.name, "target": written(one.target), "parameters": parameters}
 
 
 def _given(entry: Entry) -> dict[str, Any]:

@@ -76,6 +76,13 @@ def closes(shrink: Shrink) -> bool | None:
     return None if not _known(shrink.closed) else (shrink.closed or 0.0) > CLOSES
 
 
+def repairs(shrink: Shrink) -> bool | None:
+    """Whether the whole repair, effects and numbers as fitted, closes a gap on trials that were kept aside; None: not
+    known."""
+    whole = shrink.with_numbers
+    return closes(shrink) if whole is None or whole.closed is None else whole.closed > CLOSES
+
+
 def closed_accounted(shrink: Shrink) -> float | None:
     """Share of the squared residual that is gone once everything that nobody claims to know is given its due; None: not
     known. Beside numbers as fitted as much may be gone as no gap showed before."""
@@ -317,6 +324,8 @@ def _closings(d: Diagnosis) -> Iterator[str]:
         share = 1 - (max(after, shrink.floor) - shrink.floor) / excess
         if abs(share - closed) > AGREE * max(1.0, abs(share), 1e-2 * before / excess):
             yield f"{closed:.3g} of the gap of {what} is closed, but {before:.4g} and {after:.4g} say {share:.3g}"
+    if shrink.with_numbers is not None and not d.numbers:
+        yield "there are no numbers as fitted, and yet it is told what they leave"
     if d.best.effects and closes(shrink) is False and not can_close(d):
         yield "what need not close any of the gap is told to close nothing"
 
@@ -324,6 +333,11 @@ def _closings(d: Diagnosis) -> Iterator[str]:
 def _intervals(d: Diagnosis) -> Iterator[str]:
     for what, _, _, closed, low, high in _parts(d.shrink):
         yield from _within(f"the closed share of {what}", closed, low, high)
+    whole = d.shrink.with_numbers
+    if whole is not None:
+        yield from _within("the closed share with numbers", whole.closed, whole.low, whole.high)
+    for number in d.numbers:
+        yield from _within(f"{number.parameter} of {number.name}", number.value, number.low, number.high)
     for place in (*d.where, *d.remains_where):
         yield from _within(f"the gap of {place.channel} during {place.phase}", place.gap, place.low, place.high)
     for one in (d.best, *d.alternatives, *d.ranking):

@@ -21,9 +21,11 @@ def explains_part(shrink: Shrink) -> bool:
     It says how much a name explains, not whether the name is right. On 418 kept blind cases (seeds 4 to 16, 907, 908)
     with one answer and a gap to close (what is left, by the share closed and the oracle's gap) the name was right as
     often above 100 variances (71 %) as below 2 (77 %), since nominal numbers are 3 to 5 % off there: the true effect
-    alone left 6 to 155 (5 to 95 % of these cases). So probabilities keep their value, and are of a part.
+    alone left 6 to 155 (5 to 95 % of these cases). So probabilities keep their value, and are of a part. Where the
+    numbers as fitted take that rest away, what is named and they explain the whole.
     """
-    if shrink.after is None or shrink.closed is None:  # NaN exceeds nothing
+    found = shrink if shrink.with_numbers is None else shrink.with_numbers
+    if found.after is None or found.closed is None:  # NaN exceeds nothing
         return False
-    most = shrink.closed if shrink.high is None or not math.isfinite(shrink.high) else shrink.high
-    return shrink.after > LEFT * shrink.floor and 1 - most > CLOSES
+    most = found.closed if found.high is None or not math.isfinite(found.high) else found.high
+    return found.after > LEFT * shrink.floor and 1 - most > CLOSES

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import textwrap
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -63,30 +63,33 @@ def repaired(found: Diagnosis, plant: Plant) -> Repaired:
     assert plant.file is not None
     substeps = plant.substeps
     wiring, timestep = _wiring(plant), plant.period / substeps
-    named = model_file.by_effect((*found.given, *(entry(effect) for effect in found.best.effects)))
-    holds: tuple[str, ...] = ()
+    known = (*found.given, *(entry(effect) for effect in found.best.effects))
+    fitted = tuple(entry(one.effect) for one in found.numbers)
+    named, both = model_file.by_effect(known), model_file.by_effect((*known, *fitted))
+    kept: tuple[str, ...] = ()
     xml = fault = ""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of the user's file, which was compiled before
             model = model_file.read(plant.file, timestep).compile()
-            holds = tuple(name for name, own in named.items() if _holds(model, wiring, own, plant.period, substeps))
+            kept = tuple(name for name, own in both.items() if _holds(model, wiring, own, plant.period, substeps))
             spec = model_file.read(plant.file, timestep)
-            entries = [one for name in holds for one in named[name]]
-            said = _comment(found, plant, named, holds)
+            entries = [one for name in kept for one in both[name]]
+            said = _comment(found, plant, known, fitted, kept)
             xml = model_file.write(spec, wiring, entries, plant.period, substeps, said)
     except (ValueError, OSError, mujoco.FatalError) as reason:
-        fault, holds = " ".join(str(reason).split()), ()
+        fault, kept = " ".join(str(reason).split()), ()
     return Repaired(
         xml=xml,
         fault=fault,
-        holds=holds,
-        lacks=tuple(name for name in named if name not in holds),
+        holds=tuple(name for name in named if name in kept),
+        lacks=tuple(name for name in named if name not in kept),
         rate_hz=1 / plant.period,
         interface=wiring.interface,
         timestep=timestep,
         joints=wiring.targets.joint,
         actuators=wiring.targets.command,
+        numbers=sum(one.name in kept for one in fitted),
     )
 
 
@@ -115,18 +118,19 @@ def _holds(model: mujoco.MjModel, wiring: Wiring, entries: Sequence[Entry], peri
         return False
 
 
-def _comment(found: Diagnosis, plant: Plant, named: Mapping[str, Sequence[Entry]], holds: Sequence[str]) -> str:
+def _comment(
+    found: Diagnosis, plant: Plant, named: Sequence[Entry], fitted: Sequence[Entry], kept: Sequence[str]
+) -> str:
+    """What the model is, with its effects and its numbers as fitted, and which of them a file lacks."""
     assert plant.file is not None
     said = [f"Made by tiago-mj diagnose {found.version}: {plant.file.name} with what diagnosis.json beside this names."]
-    for name, entries in named.items():
-        for one in entries:
-            where = "all" if one.target is None else ", ".join(one.target)
-            values = ", ".join(f"{key} {value:g}" for key, value in sorted(one.parameters.items()))
-            held = "" if name in holds else ": NOT HELD by a model file, see below"
-            said.append(f"  {name} on {where}{f': {values}' if values else ''}{held}")
+    said += [_line(one, kept) for one in named]
     if not named:
-        said.append("  No effect is named, so that nothing is changed but the time step.")
-    if set(named) - set(holds):
+        nothing = "" if fitted else ", so that nothing is changed but the time step"
+        said.append(f"  No effect is named{nothing}.")
+    if fitted:
+        said += ["The model's own numbers as they were fitted:", *(_line(one, kept) for one in fitted)]
+    if {one.name for one in (*named, *fitted)} - set(kept):
         said += textwrap.wrap(
             f'tiago_mj.gap.apply(model, "calibration.yaml") has all of them, the model being {plant.file.name}.', WIDTH
         )
@@ -136,3 +140,10 @@ def _comment(found: Diagnosis, plant: Plant, named: Mapping[str, Sequence[Entry]
         WIDTH,
     )
     return "\n".join(said)
+
+
+def _line(one: Entry, kept: Sequence[str]) -> str:
+    where = "all" if one.target is None else ", ".join(one.target)
+    values = ", ".join(f"{key} {value:g}" for key, value in sorted(one.parameters.items()))
+    held = "" if one.name in kept else ": NOT HELD by a model file, see below"
+    return f"  {one.name} on {where}{f': {values}' if values else ''}{held}"

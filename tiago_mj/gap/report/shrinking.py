@@ -169,7 +169,7 @@ def on_the_task(diagnosis: Diagnosis) -> Returns | None:
     task = diagnosis.shrink.task
     if task is None:
         return None
-    roles = ["nominal", "repaired", "measured"] if diagnosis.best.effects else ["nominal", "measured"]
+    roles = ["nominal", "repaired", "measured"] if diagnosis.repair else ["nominal", "measured"]
     titles = {"nominal": "nominal simulator", "repaired": "repaired simulator", "measured": "measured"}
     trials = {r: [t[r] for t in (task.get("trials") or {}).values() if t.get(r) is not None] for r in roles}
     shown = [v for r in roles for v in (task.get(r), *trials[r]) if v is not None]

@@ -201,6 +201,15 @@ def shown(effect: Named) -> dict[str, Any]:
     }
 
 
+def numbers(diagnosis: Diagnosis) -> list[tuple[str, str, str]]:
+    """Of each number of the model as fitted: what it is, its value with unit and interval, and what the model has."""
+    rows = []
+    for one in diagnosis.numbers:
+        fitted, nominal = Value(one.value, one.low, one.high, one.unit), Value(one.nominal, None, None, one.unit)
+        rows.append((words.begin(words.label(one.effect)), words.amount(fitted), words.amount(nominal)))
+    return rows
+
+
 def not_excited(diagnosis: Diagnosis) -> list[tuple[str, list[tuple[str, str]]]]:
     """Names with what they mean, by stage of the signal chain."""
     by: dict[str, list[tuple[str, str]]] = {}

@@ -47,7 +47,7 @@ def lines(diagnosis: Diagnosis, written: Mapping[str, Path]) -> list[tuple[str, 
         shown.append(("", step.said.replace("`", "")))
         if step.command:
             shown.append(("", f"  {step.command}"))
-    shown += _where(d) + _which(d) + _terms(d) + _how_far(d)
+    shown += _where(d) + _which(d) + _terms(d) + _how_far(d) + _numbers(d)
     if d.not_excited:
         names = [words.title(name) for name in d.not_excited]
         more = f" and {len(names) - 2 * MOST} more" if len(names) > 2 * MOST else ""
@@ -141,4 +141,18 @@ def _how_far(d: Diagnosis) -> list[tuple[str, str]]:
             shown.append(("", f"  by phase: {', '.join(phases[:MOST])}"))
     if verdict.on_task(d):
         shown.append(("", f"  {verdict.on_task(d)}"))
+    return shown
+
+
+def _numbers(d: Diagnosis) -> list[tuple[str, str]]:
+    rows = tables.numbers(d)
+    if not rows:
+        return []
+    shown = [("bold", "The simulator's own numbers as fitted")]
+    if verdict.with_numbers(d):
+        shown.append(("", f"  {verdict.with_numbers(d)}"))
+    width = max(len(row[0]) for row in rows[: 2 * MOST])
+    shown += [("", f"  {what:<{width}}  {value}, nominal {nominal}") for what, value, nominal in rows[: 2 * MOST]]
+    if len(rows) > 2 * MOST:
+        shown.append(("", f"  and {len(rows) - 2 * MOST} more in calibration.yaml"))
     return shown

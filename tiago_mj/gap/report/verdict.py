@@ -16,6 +16,7 @@ from tiago_mj.gap.report.consistency import (
     closes,
     has_probability,
     loudest,
+    repairs,
 )
 from tiago_mj.gap.report.part import explains_part
 from tiago_mj.gap.report.pattern import apart, clauses, joints, labels
@@ -42,6 +43,13 @@ def headline(diagnosis: Diagnosis) -> str:
     if diagnosis.stopped is not None:
         return _stopped(diagnosis, diagnosis.stopped)
     if kind == "no_gap":
+        whole = diagnosis.shrink.with_numbers
+        if whole is not None and repairs(diagnosis.shrink) and whole.closed is not None:
+            return (
+                "No effect: the simulator's own numbers, moved within their tolerance, close "
+                f"{percent_within(whole.closed, whole.low, whole.high)} of the gap on recordings that were kept aside; "
+                "here they are."
+            )
         return (
             "No gap: the simulator predicts these recordings as well as the uncertainty of its own parameters allows, "
             f"so no effect is named{_without_name(diagnosis)}."
@@ -119,18 +127,21 @@ def closing(diagnosis: Diagnosis, subject: str) -> str:
                 return "; it shows in the readings themselves, of which no share of the gap can tell"
             return "; on the recordings that were kept aside there was no gap to close"
         return "; no recording was kept aside, so how much of the gap this closes is not known"
+    whole = shrink.with_numbers
+    both = "" if whole is None or whole.closed is None else f"; with the numbers as fitted {percent(whole.closed)}"
     if not closes(shrink):
         said = f"; yet {subject} does not close the gap on recordings that were kept aside ({percent(shrink.closed)})"
         hidden = closed_accounted(shrink)
         if hidden is None or hidden <= CLOSES:
-            return said
+            return said + both
         return (
             f"{said}, where the simulator's own numbers hide it: beside those as fitted it takes {percent(hidden)} off "
-            "what is left"
+            f"what is left{both and f'{both} of the gap is closed'}"
         )
     closed = percent_within(shrink.closed, shrink.low, shrink.high)
     said = f"; {subject} closes {closed} of the gap on recordings that were kept aside"
-    return f"{said}, part of it: {_floors(shrink.after)} is left there" if part_only(diagnosis) else said
+    left = f", part of it: {_floors(shrink.after)} is left there" if part_only(diagnosis) else ""
+    return f"{said}{left}{both}"
 
 
 def part_only(diagnosis: Diagnosis) -> bool:
@@ -154,6 +165,21 @@ def _without_name(diagnosis: Diagnosis) -> str:
     return f"{said}, {number(accounted)} with its numbers moved within what they are known to"
 
 
+def with_numbers(diagnosis: Diagnosis) -> str:
+    """The gap on the test trials before, with what is named, and with the simulator's numbers as fitted as well, as a
+    sentence; empty where the repair has no such numbers, or there is no test trial."""
+    shrink = diagnosis.shrink
+    if shrink.with_numbers is None or shrink.before is None:
+        return ""
+    count = len(diagnosis.best.effects)
+    them = "the effects" if count > 1 else "the effect"
+    figures = [f"{number(shrink.before)} times the noise"]
+    if count:
+        figures.append(f"with {them} {number(shrink.after)}")
+    figures.append(f"with {f'{them} and ' if count else ''}the numbers {number(shrink.with_numbers.after)}")
+    return f"On recordings that were kept aside the gap is {', '.join(figures[:-1])} and {figures[-1]}."
+
+
 def on_task(diagnosis: Diagnosis) -> str:
     """What the gap means for the return of a policy; empty where none was asked for."""
     task = diagnosis.shrink.task
@@ -162,7 +188,7 @@ def on_task(diagnosis: Diagnosis) -> str:
     count = len(diagnosis.splits.get("test", ()))
     recordings = f"the {count} test recordings" if count > 1 else "the test recording"
     simulators = {"nominal": "the nominal simulator"}
-    if diagnosis.best.effects:
+    if diagnosis.repair:
         simulators["repaired"] = "the repaired one"
     measured = task.get("measured")
 
@@ -183,14 +209,20 @@ def on_task(diagnosis: Diagnosis) -> str:
 def on_model(diagnosis: Diagnosis) -> str:
     """What the repaired model of a user's own robot holds, and how to have the rest; empty where nothing was found."""
     model = diagnosis.repaired
-    if model is None or not (model.holds or model.lacks):
+    if model is None or not (model.holds or model.lacks or diagnosis.numbers):
         return ""
     whole = 'tiago_mj.gap.apply(model, "calibration.yaml")'
     if model.fault:
         return f"repaired.xml could not be written ({model.fault}): {whole} simulates what was found."
-    said = [f"repaired.xml is the model with {listed([title(name) for name in model.holds])}."] if model.holds else []
-    if model.lacks:
-        said.append(f"No model file can hold {listed([title(name) for name in model.lacks], 'or')}: {whole} does.")
+    count, held = len(diagnosis.numbers), [title(name) for name in model.holds]
+    if model.numbers:
+        held.append(f"{model.numbers} of its own numbers as fitted" if model.numbers > 1 else "one number as fitted")
+    lacks = [title(name) for name in model.lacks]
+    if model.numbers < count:
+        lacks.append(f"{count - model.numbers} of the numbers as fitted")
+    said = [f"repaired.xml is the model with {listed(held)}."] if held else []
+    if lacks:
+        said.append(f"No model file can hold {listed(lacks, 'or')}: {whole} does.")
     return " ".join(said)
 
 

@@ -13,6 +13,7 @@ from typing import Any
 from tiago_mj.effects import read_effects
 from tiago_mj.io import atomic, outputs
 from tiago_mj.io.loading import is_file, parse_json
+from tiago_mj.io.numbers_option import add_numbers, with_numbers
 from tiago_mj.io.progress import Progress
 from tiago_mj.io.quoting import one_line, quoted
 from tiago_mj.recordings.motions.play import Motion, read_motion
@@ -45,6 +46,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="what reality has and the model lacks, such as '{\"force_lag\": {}}'; may be given several times; not "
         "written into the recordings",
     )
+    add_numbers(parser)
     parser.add_argument(
         "--seed", type=int, default=0, metavar="N", help="of the first episode; each later one adds 1 (0)"
     )
@@ -72,7 +74,7 @@ def run(arguments: argparse.Namespace) -> int:
             raise ValueError("--minari is of --env: a plain model has no observations, actions and rewards")
         minari.check(arguments.minari)
     motion = None if arguments.motion is None else read_motion(arguments.motion)
-    effects = parse_effects(arguments.effects)
+    effects = parse_effects(arguments.effects, numbers=with_numbers(arguments))
     collected: list[minari.Collector] = []
     if arguments.model is not None:
         trials = _of_model(arguments, motion, effects)
@@ -100,8 +102,9 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def parse_effects(given: Sequence[str] | None) -> Any:
-    """What ``--effects`` holds, each time that it is given: JSON, or the path of a calibration file.
+def parse_effects(given: Sequence[str] | None, *, numbers: bool = True) -> Any:
+    """What ``--effects`` holds, each time that it is given: JSON, or the path of a calibration file; its fitted numbers
+    only with ``numbers``.
 
     Raises:
         ValueError: it is neither.
@@ -113,7 +116,7 @@ def parse_effects(given: Sequence[str] | None) -> Any:
             parse_json(text, "--effects is no JSON")
         elif not is_file(text):
             raise ValueError(f"--effects {quoted(text)}: neither JSON (a list or a mapping) nor a file")
-    return list(read_effects([text.strip() for text in given]))
+    return list(read_effects([text.strip() for text in given], numbers=numbers))
 
 
 def _of_environment(

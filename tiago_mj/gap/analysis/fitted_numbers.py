@@ -1,0 +1,209 @@
+"""Numbers of the nominal model as they were fitted, those that the validation trials confirm: part of the repair.
+
+Every explanation may adjust the nominal model's own numbers within their priors. A simulator that has the effects
+alone leaves what these numbers explain, and where they interact with the effects may even predict worse than before.
+
+A number is confirmed by trials that did not fit it: the numbers are fitted to the training trials alone, beside the
+effects as they are, and go one by one, or two that make up for each other at once, as long as the log likelihood of the
+validation trials does not need them (backward elimination). What is left is fitted once more, to all of these trials.
+
+They are numbers of the simulator that is repaired, at its physics step: what that step gets wrong is in the predictions
+that they are fitted by, and they take up a part of it. What the recordings say of one number depends on what they leave
+open of the others, those that went included: its interval is that of the fit of all of them.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tiago_mj.effects import EFFECTS
+from tiago_mj.effects.spec import Entry
+from tiago_mj.gap.analysis.outcome import NINETY
+from tiago_mj.gap.decision import verdict
+from tiago_mj.gap.inference import likelihood, noise_model
+from tiago_mj.gap.inference.fit import Fitted, Fitter, Point, Start
+from tiago_mj.gap.inference.hypotheses import Term, terms
+from tiago_mj.gap.inference.noise_model import Data
+from tiago_mj.gap.inference.whitening import Whitening
+from tiago_mj.gap.parts import FittedNumber
+from tiago_mj.gap.search.all_trials import MAX_STEPS
+from tiago_mj.gap.search.state import Ranked
+from tiago_mj.gap.simulation import replay
+from tiago_mj.gap.simulation.plant import Plant
+from tiago_mj.gap.simulation.session import Session
+
+Array = NDArray[np.float64]
+
+#: Drop of the validation trials' log likelihood, at the temperature of the verdict, that a number is needed for [nats]:
+#: a number that means nothing gains so much where its estimate is two standard deviations off and the validation
+#: trials err alike, z² / 2.
+LEAST_NATS: Final = 2.0
+#: Digits of a number, as files have them.
+DIGITS: Final = 6
+
+
+@dataclass(frozen=True)
+class Sized:
+    """A nuisance parameter with its estimate and one standard deviation of it, in deviations of its prior."""
+
+    term: Term
+    size: float
+    deviation: float = 1.0
+
+    @property
+    def entry(self) -> Entry:
+        """The effect that changes the model's number."""
+        return self.term.entry(self.size)
+
+
+def confirmed(session: Session, ranked: Ranked, data: Data, best: Fitted) -> tuple[FittedNumber, ...]:
+    """Nominal numbers fitted beside an explanation that improve the prediction of trials that did not fit them.
+
+    Args:
+        session: the trials and their splits.
+        ranked: the search, with its predictor, sample weights and excluded trials.
+        data: measured, of all trials.
+        best: the explanation.
+
+    Returns:
+        The numbers, in the order of the nuisance parameters; none without a validation trial.
+
+    Raises:
+        OutOfTimeError: the deadline is over.
+    """
+    plant, effects = session.plant, best.effects()
+    shared = [term for term in terms(plant) if not term.per_trial]
+    given = [Sized(t, float(size)) for t, size in zip(shared, best.nuisance, strict=False) if size]
+    train, validation = (_simulated(session, ranked, name) for name in ("train", "validation"))
+    if not given or not train or not validation:
+        return ()
+    trained = _refitted(plant, ranked, data, train, effects, given)
+    kept = _supported(ranked, data, validation, effects, trained)
+    if not kept:
+        return ()
+    beside = [trained[k] for k in kept]
+    found = _refitted(plant, ranked, data, [*train, *validation], effects, beside)
+    wide = [replace(one, deviation=max(one.deviation, all_.deviation)) for one, all_ in zip(found, beside, strict=True)]
+    return tuple(_told(plant, one) for one in wide)
+
+
+def eliminated(worth: Callable[[Sequence[int]], tuple[float, float]], count: int, least: float) -> list[int]:
+    """Backward elimination: indices of the numbers that are needed.
+
+    Args:
+        worth: log likelihood [nats] and squared residual that all but some of the numbers lose against all, given the
+            indices of those that are left out.
+        count: of the numbers.
+        least: log likelihood that one number is needed for.
+
+    Returns:
+        Indices of which neither one nor two can be left out for less.
+    """
+    out: list[int] = []
+    while len(out) < count:
+        needless = _needless(worth, [k for k in range(count) if k not in out], out, least)
+        if needless is None:
+            break
+        out += needless
+    return [k for k in range(count) if k not in out]
+
+
+def _needless(
+    worth: Callable[[Sequence[int]], tuple[float, float]], kept: Sequence[int], out: Sequence[int], least: float
+) -> tuple[int, ...] | None:
+    """The number, or else the two, that are worth least, if that is less than what they are needed for."""
+    before, square = worth(out)
+    for several in (1, 2):
+        losses = {}
+        for group in itertools.combinations(kept, several):
+            nats, more = worth([*out, *group])
+            if nats - before <= several * least or more <= square:
+                losses[group] = nats - before
+        if losses:
+            return min(losses, key=lambda group: losses[group])
+    return None
+
+
+def _simulated(session: Session, ranked: Ranked, split: str) -> list[int]:
+    """Indices of a split's trials that were not excluded; of long ones no more than fits are made to."""
+    trials = [k for k in session.indices(split) if k not in ranked.excluded]
+    if not ranked.predict.replays:
+        return trials
+    return trials[: max(MAX_STEPS // max(replay.physics_steps(session.plant, ranked.predict.on), 1), 1)]
+
+
+def _refitted(
+    plant: Plant, ranked: Ranked, data: Data, trials: Sequence[int], effects: tuple[Entry, ...], given: Sequence[Sized]
+) -> list[Sized]:
+    """Numbers fitted to some trials beside effects that are held, each object where it stood."""
+    own = tuple(term for term in terms(plant) if term.per_trial)
+    all_terms = (*(one.term for one in given), *own)
+    some = noise_model.select_trials(data, trials)
+    flat = np.zeros((len(all_terms), *some.value.shape))
+    simulator = replace(ranked.predict, corrected=False)
+    fitter = Fitter(simulator, tuple(trials), some, ranked.weight, all_terms, flat, effects)
+    begin = np.zeros(fitter.size)
+    begin[: len(given)] = [one.size for one in given]
+    fitter = fitter.linearized_at(Point((), np.zeros(0), begin))
+    (fit,) = fitter.fit_all([Start((), np.zeros(0), begin)])
+    assert fit.nuisance_deviations is not None
+    return [
+        replace(one, size=float(size), deviation=float(deviation))
+        for one, size, deviation in zip(given, fit.nuisance, fit.nuisance_deviations, strict=False)
+    ]
+
+
+def _supported(
+    ranked: Ranked, data: Data, validation: Sequence[int], effects: tuple[Entry, ...], trained: Sequence[Sized]
+) -> list[int]:
+    """Indices of the numbers without which the repaired simulator predicts the validation trials worse."""
+    simulator, selected = ranked.predict.as_simulated(), noise_model.select_trials(data, validation)
+    numbers = [one.entry for one in trained]
+    left_out = [(*effects, *numbers[:k], *numbers[k + 1 :]) for k in range(len(numbers))]
+    predicted = simulator.all_trials([effects, (*effects, *numbers), *left_out], validation)
+    none, whole, without = predicted[0], predicted[1], predicted[2:]
+    on = Whitening(selected, ranked.weight)
+    white, change = on.white(likelihood.residual(selected, whole)), on.white(whole - without)
+    plain, moved = _in_noise(selected, selected.value - whole), _in_noise(selected, whole - without)
+    temperature = verdict.calibration().temperature
+
+    def worth(out: Sequence[int]) -> tuple[float, float]:
+        nats = 0.5 * float(np.square(likelihood.soften(white + change[list(out)].sum(axis=0))).sum())
+        return nats / temperature, float(np.square(plain + moved[list(out)].sum(axis=0)).sum())
+
+    kept = eliminated(worth, len(numbers), LEAST_NATS)
+    if not kept:
+        return []
+    alone = simulator.all_trials([(*effects, *(numbers[k] for k in kept))], validation)[0]
+    nothing = np.zeros(0)
+    gained = (on.cost(none, nothing) - on.cost(alone, nothing)) / temperature
+    left = [float(np.square(_in_noise(selected, selected.value - one)).sum()) for one in (alone, none)]
+    return kept if gained > LEAST_NATS and left[0] < left[1] else []
+
+
+def _in_noise(data: Data, difference: Array) -> Array:
+    """Differences (..., ntrials, T, C) in units of the noise floor, (..., n); 0 where nothing was measured."""
+    scaled = np.where(np.isfinite(data.value), np.nan_to_num(difference / data.noise), 0.0)
+    return scaled.reshape(*scaled.shape[:-3], data.value.size)
+
+
+def _told(plant: Plant, one: Sized) -> FittedNumber:
+    """A number with its 90 % interval, no wider than its prior's."""
+    term, declared = one.term, EFFECTS[one.term.effect]
+    reach = NINETY * min(one.deviation * verdict.calibration().widens, 1.0)
+    value, *ends = (
+        float(term.entry(size).parameters[term.parameter]) for size in (one.size, one.size - reach, one.size + reach)
+    )
+    names = plant.wiring.targets.names(declared.targets)
+    index = names.index(term.target[0]) if term.target else 0
+    side = 0 if plant.wiring.targets.slide(declared.targets, index) else 1
+    target = "all" if term.target is None else term.target[0] if len(term.target) == 1 else term.target
+    unit = declared.parameters[term.parameter].unit[side]
+    value, low, high, nominal = (float(f"{x:.{DIGITS}g}") for x in (value, min(ends), max(ends), term.nominal))
+    return FittedNumber(term.effect, target, term.parameter, value, low, high, unit, nominal)
