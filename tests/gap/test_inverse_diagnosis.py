@@ -77,7 +77,15 @@ def test_masses_off_by_three_percent_are_no_gap() -> None:
     model = pendulum()
     model.body_mass[:] *= 1.03
     model.body_inertia[:] *= 1.03
-    assert diagnosed(record(model, ("swing",), spread=1.2)).kind == "no_gap"
+    found = diagnosed(record(model, ("swing",), spread=1.2))
+    assert found.kind == "no_gap"
+    (mass,) = found.numbers
+    assert (mass.name, mass.target, mass.nominal) == ("link_mass", "swing", 1.0)
+    assert mass.low < 1.03 < mass.high
+    assert found.shrink.before is not None
+    assert found.shrink.before > 10
+    assert found.shrink.with_numbers is not None
+    assert found.shrink.with_numbers.after < 2
 
 
 @pytest.mark.slow

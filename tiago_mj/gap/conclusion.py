@@ -30,6 +30,7 @@ from tiago_mj.gap.result import (
     Diagnosis,
     Explanation,
     NextMotion,
+    Overlay,
     Remains,
     ResidualShape,
     Shrink,
@@ -145,10 +146,7 @@ def concluded(compared: Compared, asked: Request, so_far: SoFar, ranked: Ranked)
         next_motion=following if judged.kind == "ambiguous" else None,
         complete=ranked.complete,
         physics_steps=ranked.predict.tally["physics_steps"],
-        overlays=tuple(
-            outcome.overlay(plant, session.trials[k], data, base, found.repaired, phase, k)
-            for k in (session.indices("test") or everything)[:OVERLAYS]
-        ),
+        overlays=_overlays(compared, base, found.repaired),
         notes=(*found.said, *(said for said in (late, later) if said), *_notes(session, proposed, ranked)),
         asides=outcome.asides(session.trials) if ranked.predict.replays else (),
         residual_shape=shape,
@@ -174,12 +172,22 @@ def _with_numbers(
         return replace(answer, notes=(*answer.notes, NO_TIME_FOR_NUMBERS))
     except KeyboardInterrupt:
         return replace(answer, notes=(*answer.notes, NO_TIME_FOR_NUMBERS), interrupted=True)
+    answer = replace(answer, numbers=numbers, overlays=_overlays(compared, base, repaired))
     test, period = session.indices("test"), session.plant.period
     gap = shrink.shrink(data, base, repaired, phase=compared.phase, test=test, period=period, seed=asked.seed)
     if gap.before is None or gap.after is None:
-        return replace(answer, numbers=numbers)
+        return answer
     left = Closing(gap.before, gap.after, gap.closed, gap.low, gap.high)
-    return replace(answer, numbers=numbers, shrink=replace(answer.shrink, with_numbers=left))
+    return replace(answer, shrink=replace(answer.shrink, with_numbers=left))
+
+
+def _overlays(compared: Compared, base: Array, repaired: Array) -> tuple[Overlay, ...]:
+    """Curves of a test trial, without and with the repair."""
+    session, data, phase = compared.session, compared.proposed.data, compared.phase
+    return tuple(
+        outcome.overlay(session.plant, session.trials[k], data, base, repaired, phase, k)
+        for k in (session.indices("test") or range(len(session.trials)))[:OVERLAYS]
+    )
 
 
 def unanswered(session: Session, asked: Request, so_far: SoFar, ended: BaseException) -> Diagnosis:

@@ -44,7 +44,7 @@ def headline(diagnosis: Diagnosis) -> str:
         return _stopped(diagnosis, diagnosis.stopped)
     if kind == "no_gap":
         whole = diagnosis.shrink.with_numbers
-        if whole is not None and repairs(diagnosis.shrink) and whole.closed is not None:
+        if whole is not None and whole.closed is not None and whole.before >= NOISE and repairs(diagnosis.shrink):
             return (
                 "No effect: the simulator's own numbers, moved within their tolerance, close "
                 f"{percent_within(whole.closed, whole.low, whole.high)} of the gap on recordings that were kept aside; "
