@@ -77,7 +77,8 @@ def test_masses_off_by_three_percent_are_no_gap() -> None:
     model = pendulum()
     model.body_mass[:] *= 1.03
     model.body_inertia[:] *= 1.03
-    found = diagnosed(record(model, ("swing",), spread=1.2))
+    recorded = record(model, ("swing",), spread=1.2)
+    found = diagnosed(recorded)
     assert found.kind == "no_gap"
     (mass,) = found.numbers
     assert (mass.name, mass.target, mass.nominal) == ("link_mass", "swing", 1.0)
@@ -86,6 +87,8 @@ def test_masses_off_by_three_percent_are_no_gap() -> None:
     assert found.shrink.before > 10
     assert found.shrink.with_numbers is not None
     assert found.shrink.with_numbers.after < 2
+    without = diagnosed(recorded, names=("payload",), numbers=False)
+    assert (without.numbers, without.shrink.with_numbers) == ((), None)
 
 
 @pytest.mark.slow

@@ -174,6 +174,7 @@ def _supported(
     temperature = verdict.calibration().temperature
 
     def worth(out: Sequence[int]) -> tuple[float, float]:
+        simulator.deadline.check()
         nats = 0.5 * float(np.square(likelihood.soften(white + change[list(out)].sum(axis=0))).sum())
         return nats / temperature, float(np.square(plain + moved[list(out)].sum(axis=0)).sum())
 
