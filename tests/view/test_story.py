@@ -246,3 +246,11 @@ def test_joints_that_turn_show_how_far_their_bodies_swing():
     corners = _corners(SimpleNamespace(model=model), poses, np.array([False, True]))
     assert corners[0, :, 2].max() == pytest.approx(2)
     assert corners[1, :, 1].min() == pytest.approx(-2)  # a quarter turn about x
+
+
+def test_a_mesh_of_many_faces_keeps_them_with_vertices_of_their_own(monkeypatch):
+    monkeypatch.setattr(shapes, "MOST_SMOOTHED", 10)
+    ball = pytest.importorskip("trimesh").creation.icosphere(subdivisions=1)
+    apart = shapes._smoothed(ball)
+    assert len(apart.vertices) == 3 * len(ball.faces) == 3 * len(apart.faces)
+    np.testing.assert_allclose(apart.triangles, ball.triangles)

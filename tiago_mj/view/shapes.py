@@ -173,7 +173,8 @@ def _height_field(model: mujoco.MjModel, index: int) -> trimesh.Trimesh:
 def _smoothed(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
     """With vertices of its own for every smooth surface, so that edges stay sharp."""
     if len(mesh.faces) > MOST_SMOOTHED:
-        return trimesh.Trimesh(mesh.triangles.reshape(-1, 3), np.arange(3 * len(mesh.faces)).reshape(-1, 3), False)
+        apart = np.arange(3 * len(mesh.faces)).reshape(-1, 3)
+        return trimesh.Trimesh(mesh.triangles.reshape(-1, 3), apart, process=False)
     return trimesh.graph.smooth_shade(mesh, angle=SMOOTH)
 
 
