@@ -153,7 +153,9 @@ def concluded(compared: Compared, asked: Request, so_far: SoFar, ranked: Ranked)
     )
     if not ranked.complete:
         return provisional(answer, so_far.stopped(ranked.ended, asked.deadline.spent()))
-    return _with_numbers(answer, compared, asked, ranked, best, base) if asked.numbers else answer
+    if asked.numbers:
+        answer = _with_numbers(answer, compared, asked, ranked, best, base)
+    return replace(answer, physics_steps=ranked.predict.tally["physics_steps"])
 
 
 def _with_numbers(
