@@ -280,7 +280,7 @@ def with_numbers(made: Diagnosis, after: float = 1.31) -> Diagnosis:
     gap = made.shrink
     share = 1 - (after - 1) / (gap.before - 1)
     left = Closing(gap.before, after, share, share - 0.01, min(share + 0.002, 1.0))
-    return replace(made, numbers=FITTED, shrink=replace(gap, with_numbers=left))
+    return replace(made.with_verdict(part=False), numbers=FITTED, shrink=replace(gap, with_numbers=left))
 
 
 CASES["effect_and_numbers"] = with_numbers(diagnosis())
