@@ -51,15 +51,25 @@ def diagnose(trials: Sequence[Trial], **asked: Any) -> Diagnosis:
     with mujoco_log.counted() as warned:
         session = session_of(trials, env=request.env, model=request.model, given=request.given)
         question = _question(session, request)
-        compare = _along_the_motion if along_a_motion(session.plant, session.trials) else _replayed
         with keeping(lambda fault: so_far.answer or so_far.timed(unanswered(session, request, so_far, fault))):
             try:
-                found = _explained(compare(session, request, so_far), request, so_far)
+                found = _explained(beside_nominal(session, request, so_far), request, so_far)
             except (OutOfTimeError, KeyboardInterrupt) as end:
                 found = unanswered(session, request, so_far, end)
             so_far.answer = so_far.timed(found)
             found = task.told(with_model(so_far.answer, session.plant), question, request.deadline, so_far.tick)
             return checked(replace(found, notes=(*found.notes, *mujoco_log.sentences(warned))))
+
+
+def beside_nominal(session: Session, asked: Request, so_far: SoFar) -> Compared:
+    """Recordings beside what the nominal model predicts: of commands that are replayed, or of efforts along a motion.
+
+    Raises:
+        OutOfTimeError: the deadline was over before.
+        RecordingError: the recordings hold nothing that can be compared; one line.
+    """
+    compare = _along_the_motion if along_a_motion(session.plant, session.trials) else _replayed
+    return compare(session, asked, so_far)
 
 
 def _replayed(session: Session, asked: Request, so_far: SoFar) -> Compared:

@@ -38,6 +38,8 @@ from tiago_mj.gap.search.state import Question, Ranked, State, Tick
 from tiago_mj.io.deadline import Deadline, OutOfTimeError
 
 Array = NDArray[np.float64]
+#: Makes the fitter of a question, asked whether the search is over; and a mask of the shared nuisances that it has.
+Begin = Callable[[Question, Callable[[], bool]], tuple[Fitter, NDArray[np.bool_]]]
 
 #: Effects of one explanation at most, apart from those measured on the readings. Chosen by hand; no ablation.
 MAX_EFFECTS: Final = 3
@@ -83,6 +85,7 @@ def select(
     deadline: Deadline | None = None,
     landing: float = 0.0,
     tick: Tick = lambda stage, total, done=0, *, gap=None: None,
+    begin: Begin = beginning.fitter,
 ) -> Ranked:
     """Explanations of the trials ranked by evidence; where time or user end the search, those found until then.
 
@@ -92,6 +95,7 @@ def select(
         deadline: of the search; None: there is none.
         landing: seconds before it from which on the search hurries to what it can fit, as long as nothing stands.
         tick: told what begins.
+        begin: makes the fitter.
 
     Raises:
         OutOfTimeError: the deadline was over before the nominal model was fitted.
@@ -103,14 +107,16 @@ def select(
         return so_far.hurried
 
     try:
-        return _search(asked, so_far, out_of_time, tick)
+        return _search(asked, so_far, out_of_time, tick, begin)
     except (OutOfTimeError, KeyboardInterrupt) as end:
         if so_far.ranked is None:
             raise
         return replace(so_far.ranked, complete=False, ended=end)
 
 
-def _search(asked: Question, so_far: PartialResult, out_of_time: Callable[[], bool], tick: Tick) -> Ranked:
+def _search(
+    asked: Question, so_far: PartialResult, out_of_time: Callable[[], bool], tick: Tick, begin: Begin
+) -> Ranked:
     """The rounds of :func:`select`; ``so_far`` is updated after each."""
     read_off = {*only_read_off(), *(k.candidate.effect for k in asked.known)}
     pool = beginning.acting_on_misfit([c for c in asked.pool if c.effect not in read_off], asked.data, asked.base)
@@ -120,7 +126,7 @@ def _search(asked: Question, so_far: PartialResult, out_of_time: Callable[[], bo
         return out_of_time() or asked.predict.tally["physics_steps"] > asked.budget
 
     tick("fitting the nominal model", beginning.MAX_NOMINAL_ROUNDS)
-    full, shared = beginning.fitter(asked, over)
+    full, shared = begin(asked, over)
     state = replace(beginning.with_nominal(full, asked.first_trials), motion=asked.motion)
 
     first = state.full
@@ -158,6 +164,8 @@ def _search(asked: Question, so_far: PartialResult, out_of_time: Callable[[], bo
     sought = False
     for size in range(1, MAX_EFFECTS + 1):
         if (size > 1 and over()) or not _is_warranted(state, size):
+            break
+        if size > 1 and not asked.beyond and not _leaves_a_gap(state.best):
             break
         tick(ROUNDS[size], additions.MAX_SINGLES, gap=_leaves_a_gap(state.best))
         found = _with_singles(state, fitted, tick) if size == 1 else _with_further_effect(state, size, fitted)

@@ -58,6 +58,7 @@ class Question:
         known: effects that are measured on the readings alone: they are part of every explanation.
         motion: what the servos' motion says; None: there is nothing to be read from it.
         steps: physics steps of one trial; 0: not known, and no limit to them.
+        beyond: whether further effects are sought beside an explanation that leaves nothing to explain.
     """
 
     predict: Predictor
@@ -69,6 +70,7 @@ class Question:
     known: Sequence[Known] = ()
     motion: ServoMotion | None = None
     steps: int = 0
+    beyond: bool = True
 
     @property
     def fitted_trials(self) -> int:

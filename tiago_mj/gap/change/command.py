@@ -1,0 +1,148 @@
+"""``tiago-mj compare``: what changed between two sets of recordings of one robot."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from tiago_mj.gap.command import Told, check_length, considered, terminated_as_interrupted
+from tiago_mj.io import extra, outputs
+from tiago_mj.io.progress import Progress
+from tiago_mj.recordings.recording import RecordingError
+
+if TYPE_CHECKING:
+    from tiago_mj.gap.change.result import Comparison
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's arguments."""
+    parser.add_argument("before", type=Path, nargs="?", metavar="BEFORE", help="folder or file of the earlier set")
+    parser.add_argument("after", type=Path, nargs="?", metavar="AFTER", help="folder or file of the later set")
+    what = parser.add_mutually_exclusive_group()
+    what.add_argument("--env", help="environment that they are compared with, where they do not say")
+    what.add_argument("--model", type=Path, help="MJCF file that they are compared with")
+    parser.add_argument("--map", type=Path, help="YAML: column to kind and name")
+    parser.add_argument(
+        "--effects",
+        action="append",
+        metavar="FILE.yaml|JSON",
+        help="effects that both sets are known to have; may be given several times",
+    )
+    parser.add_argument(
+        "--dates", metavar="BEFORE,AFTER", default="", help="days of the recordings, as they are to be written"
+    )
+    parser.add_argument(
+        "--history",
+        type=Path,
+        metavar="FOLDER",
+        help="instead of two sets: a folder of sets, diagnoses or comparisons in the order of their names",
+    )
+    parser.add_argument(
+        "--out", type=outputs.folder, required=True, help="folder for comparison.json and comparison.html"
+    )
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--jobs", type=int, default=0, help="threads of the simulations; 0: all processors")
+    parser.add_argument(
+        "--without", default="", metavar="NAME,...", help="effects that are left out, as if the library lacked them"
+    )
+    parser.add_argument("--json", action="store_true", help="print comparison.json instead of the summary")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Compare, write, and say in short what was found.
+
+    Raises:
+        ValueError: an argument is unusable; one line.
+    """
+    for name in ("jobs", "seed"):
+        if getattr(arguments, name) < 0:
+            raise ValueError(f"--{name} is {getattr(arguments, name)}: give 0 or more")
+    with terminated_as_interrupted():
+        try:
+            return _history(arguments) if arguments.history is not None else _compare(arguments)
+        except RecordingError as unusable:
+            print(f"tiago-mj compare: {unusable}", file=sys.stderr)
+            return 2
+
+
+def _compare(arguments: argparse.Namespace) -> int:
+    if arguments.before is None or arguments.after is None:
+        raise ValueError("give two sets, BEFORE and AFTER, or --history FOLDER")
+    if arguments.before.resolve() == arguments.after.resolve():
+        raise ValueError(f"{arguments.before} is given twice: give the earlier and the later set")
+    days = arguments.dates.split(",") if arguments.dates else ["", ""]
+    if len(days) != 2:
+        raise ValueError(f"--dates {arguments.dates}: write two days with a comma between them")
+    from tiago_mj.gap.change import report
+    from tiago_mj.gap.change.comparison import with_places
+    from tiago_mj.gap.change.result import text
+
+    found = compared(arguments, arguments.before, arguments.after)
+    found = with_places(found, (arguments.before, arguments.after), (days[0].strip(), days[1].strip()))
+    paths = report.write(found, arguments.out)
+    if arguments.json:
+        print(text(found), end="")
+    else:
+        report.show(found, paths)
+    return 0
+
+
+def _history(arguments: argparse.Namespace) -> int:
+    if arguments.before is not None:
+        raise ValueError("give two sets or --history FOLDER, not both")
+    from tiago_mj.gap.change import history
+
+    life = history.read(arguments.history, lambda one, other: compared(arguments, one, other))
+    path = history.write(life, arguments.out)
+    for line in history.lines(life):
+        print(line)
+    print(f"Written: {path}")
+    return 0
+
+
+def compared(arguments: argparse.Namespace, before: Path, after: Path) -> Comparison:
+    """Read two sets, check them, and compare them.
+
+    Raises:
+        RecordingError: a set cannot be used; one line.
+    """
+    extra.load("pandas", "reading recordings")
+    threadpool_limits = extra.load("threadpoolctl", "the same answer on every machine").threadpool_limits
+    from tiago_mj.effects import read_effects
+    from tiago_mj.gap.change.comparison import compare, renamed
+    from tiago_mj.gap.change.result import AFTER, BEFORE
+    from tiago_mj.gap.simulation.plant import plant_of
+    from tiago_mj.recordings import lint
+    from tiago_mj.recordings.read import read_recordings
+
+    robot = str(arguments.model) if arguments.model else arguments.env
+    defaults: dict[str, Any] = {"robot": robot} if robot else {}
+    given, sets, findings = read_effects(arguments.effects), [], []
+    for which, place in ((BEFORE, before), (AFTER, after)):
+        read = read_recordings([place], map_file=arguments.map, defaults=defaults, robot=robot)
+        trials = renamed(read.trials, which)
+        findings += [replace(one, file=f"{which}/{one.file}") for one in read.findings]
+        plant = plant_of(trials, env=arguments.env, model=arguments.model, given=given)
+        own = lint.inspect_all(trials, plant)
+        lint.refuse(trials, own)
+        check_length(trials, plant)
+        findings += own
+        sets.append(trials)
+    whole: Sequence[Any] = [*sets[0], *sets[1]]
+    with threadpool_limits(1), Progress("compare", quiet=arguments.json) as progress:
+        return compare(
+            *sets,
+            findings=tuple(findings),
+            usable=lint.believed(whole, findings),
+            env=arguments.env,
+            model=arguments.model,
+            names=considered(arguments.without),
+            given=given,
+            seed=arguments.seed,
+            threads=arguments.jobs,
+            tick=Told(progress),
+        )

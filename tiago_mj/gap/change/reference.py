@@ -1,0 +1,131 @@
+"""The set of recordings that the nominal model explains better, and its explanation: what both sets have in common."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tiago_mj.effects.spec import Entry
+from tiago_mj.gap.compared import Compared
+from tiago_mj.gap.detectors import readings
+from tiago_mj.gap.detectors.readings import Known
+from tiago_mj.gap.inference import hypotheses, likelihood, noise_model
+from tiago_mj.gap.inference.fit import Fitted
+from tiago_mj.gap.inference.noise_model import Data
+from tiago_mj.gap.search import beginning, ranking, select
+from tiago_mj.gap.search.state import Question
+from tiago_mj.gap.simulation import replay
+from tiago_mj.io.deadline import Deadline
+
+Array = NDArray[np.float64]
+
+#: Trials of each set that the common explanation is fitted to: it is not what is asked for. Chosen by hand; no
+#: ablation.
+FITTED_TRIALS: Final = 4
+
+
+@dataclass(frozen=True)
+class Reference:
+    """What both sets have in common.
+
+    Attributes:
+        trials: indices of the reference set.
+        fit: its explanation.
+        common: that as effects: what was found, and the nominal model's own numbers as they were fitted.
+        found: of these what was found.
+    """
+
+    trials: tuple[int, ...]
+    fit: Fitted
+    common: tuple[Entry, ...]
+    found: tuple[Entry, ...]
+
+
+def question(compared: Compared, trials: Sequence[int], deadline: Deadline) -> Question:
+    """What explains some of the trials, beside the nominal model."""
+    predict, proposed = compared.predict, compared.proposed
+    base = predict.all_trials([()], trials)[0]
+    steps = replay.physics_steps(compared.session.plant, predict.on) if predict.replays else base.shape[1]
+    return Question(
+        replace(predict, deadline=deadline),
+        noise_model.select_trials(proposed.data, trials),
+        trials,
+        proposed.pool,
+        hypotheses.terms(compared.session.plant),
+        base,
+        measured_on_readings(compared, trials),
+        proposed.servo_motion,
+        steps,
+        beyond=False,
+    )
+
+
+def measured_on_readings(compared: Compared, trials: Sequence[int]) -> tuple[Known, ...]:
+    """Effects that the readings of some trials show by themselves; none along a motion."""
+    predict, plant = compared.predict, compared.session.plant
+    if not predict.replays:
+        return ()
+    base = predict.all_trials([()], trials)[0]
+    part = noise_model.select_trials(predict.data, trials)
+    hums = {tone.channel for tone in compared.proposed.tones}
+    marks = [mark for mark in readings.of_channels(plant, part, base) if mark.channel not in hums]
+    return readings.measured_on_readings(marks, compared.proposed.pool)
+
+
+def reference(compared: Compared, sets: Sequence[Sequence[int]], deadline: Deadline) -> tuple[int, Reference]:
+    """Which of two sets the nominal model explains better, and that explanation, fitted to :data:`FITTED_TRIALS` of it.
+
+    Where the nominal model explains it, that is the nominal model with its own numbers fitted; else the explanation
+    that a diagnosis finds, whether it explains all of it or not: the rest is what the model gets wrong of both.
+    """
+    asked = [question(compared, spread(trials, FITTED_TRIALS), deadline) for trials in sets]
+    nominal = [beginning.with_nominal(beginning.fitter(one, deadline.over)[0], one.first_trials) for one in asked]
+    better = int(np.argmin([ranking.discrepancy(state.nominal) for state in nominal]))
+    state, chosen = nominal[better], asked[better]
+    if ranking.is_adequate(state.nominal):
+        own = _own_numbers(state.full.terms, state.nominal)
+        return better, Reference(tuple(sets[better]), state.nominal, own, ())
+    ranked = select.select(chosen, deadline=deadline)
+    best = ranking.by_evidence(ranked.fits)[0]
+    terms = tuple(sorted(chosen.terms, key=lambda term: term.per_trial))
+    own = _own_numbers(terms, best)
+    return better, Reference(tuple(sets[better]), best, (*best.effects(), *own), best.effects())
+
+
+def _own_numbers(terms: Sequence[hypotheses.Term], fit: Fitted) -> tuple[Entry, ...]:
+    """The nominal model's own numbers that all trials share, as they were fitted."""
+    shared = [term for term in terms if not term.per_trial]
+    return tuple(term.entry(float(d)) for term, d in zip(shared, fit.nuisance, strict=False) if d)
+
+
+def spread(trials: Sequence[int], count: int) -> list[int]:
+    """At most so many of the trials, evenly spread over them."""
+    picked = np.unique(np.linspace(0, len(trials) - 1, min(count, len(trials))).round().astype(int))
+    return [trials[k] for k in picked]
+
+
+def with_what_is_left(data: Data, residual: Array, trials: Sequence[int]) -> Data:
+    """With a tolerance, in all trials, of what the common explanation leaves of the reference set.
+
+    Args:
+        data: measured, of all trials.
+        residual: measured less the common explanation, (ntrials, T, C).
+        trials: of the reference set.
+    """
+    some, left = noise_model.select_trials(data, trials), residual[list(trials)]
+    square = np.nan_to_num(likelihood.scaled(some, left) ** 2)
+    known = np.isfinite(some.value)
+    apart = np.maximum((square.sum(axis=(0, 1)) / np.maximum(known.sum(axis=(0, 1)), 1)) - 1, 0.0)
+    lasting = np.maximum(np.nan_to_num(likelihood.lasting(some, left)) - 1, 0.0)
+    rms = np.sqrt(np.nanmean(np.where(known, some.sigma**2, np.nan), axis=(0, 1)))
+    means = np.sqrt(lasting) * np.sqrt(data.noise**2 / data.block + np.nanmean(some.common**2, axis=(0, 1)))
+    alike = np.minimum(means, np.sqrt(apart) * rms) if data.block > 1 else means * 0
+    return replace(
+        data,
+        sigma=np.sqrt(data.sigma**2 + apart * rms**2),
+        common=np.sqrt(data.common**2 + alike**2),
+    )

@@ -1,0 +1,163 @@
+"""The result of a comparison: what ``comparison.json`` holds (schema ``tiago_mj.comparison/1``), the page reads and
+``compare()`` returns. Unknown numbers are None or NaN in memory and null in the file."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Final, Literal
+
+from pydantic import Field, TypeAdapter, ValidationError
+
+from tiago_mj.gap.parts import Named, Number, Target, Value
+from tiago_mj.gap.report.json import clean
+from tiago_mj.io.loading import load_json
+from tiago_mj.io.quoting import quoted
+from tiago_mj.io.schema import first_fault
+from tiago_mj.recordings.recording import Finding
+
+SCHEMA: Final = "tiago_mj.comparison/1"
+#: The file that holds it.
+FILE_NAME: Final = "comparison.json"
+BEFORE, AFTER = "before", "after"
+
+Kind = Literal["nothing_changed", "changed", "ambiguous", "unknown_change"]
+Which = Literal["before", "after"]
+
+
+@dataclass(frozen=True)
+class Side:
+    """One of the two sets.
+
+    Attributes:
+        recordings: names of its trials.
+        folder: where they were read, as it was given.
+        recorded: day of the recordings, where they or the user say it; "": not known.
+    """
+
+    recordings: tuple[str, ...]
+    folder: str = ""
+    recorded: str = ""
+
+
+@dataclass(frozen=True)
+class Change:
+    """One effect that differs between the sets.
+
+    Attributes:
+        name, target: of the effect.
+        parameter: the one that differs.
+        acts_in: the set in which more of the effect acts.
+        amount: how much more, with its 90 % interval: what is added, a factor, or a limit.
+        before, after: the parameter in each set [its unit]; None: no limit.
+        form: the effect's other parameters.
+    """
+
+    name: str
+    target: Target
+    parameter: str
+    acts_in: Which
+    amount: Value
+    before: float | None
+    after: float | None
+    form: dict[str, Value]
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """A set of changes that may explain the difference; the empty set: nothing changed.
+
+    Attributes:
+        changes: none, one or two.
+        probability: that it is the true one, up to the classes of its effects.
+        evidence: log probability of the recordings under it, relative to that of no change [nats].
+        left: mean squared residual of the worst channel, in units of what it should scatter by.
+    """
+
+    changes: tuple[Change, ...]
+    probability: Number
+    evidence: Number
+    left: Number
+
+
+@dataclass(frozen=True, kw_only=True)
+class Comparison:
+    """The answer.
+
+    Attributes:
+        kind: what it says.
+        probability: of the best explanation.
+        best: the explanation that stands.
+        alternatives: all that are not ruled out, the best first.
+        ranking: all that were weighed.
+        before, after: the sets.
+        common: effects that both sets have, as far as they were found.
+        reference: the set that the nominal model explains better: ``common`` was found in it.
+        same_commands: how many pairs of recordings that repeat the same commands were compared; 0: none.
+        robot: name of the nominal simulator.
+        findings: of the lint.
+        notes: sentences.
+        complete: whether the search came to its end.
+        physics_steps, seconds: what it took.
+        seed, version: of the program.
+    """
+
+    kind: Kind
+    probability: Number
+    best: Explanation
+    alternatives: tuple[Explanation, ...]
+    ranking: tuple[Explanation, ...]
+    before: Side
+    after: Side
+    common: tuple[Named, ...]
+    reference: Which
+    same_commands: int
+    robot: str
+    findings: tuple[Finding, ...]
+    notes: tuple[str, ...]
+    complete: bool
+    physics_steps: int
+    seconds: float
+    seed: int
+    version: str
+    schema_name: Annotated[Literal["tiago_mj.comparison/1"], Field(alias="schema")] = "tiago_mj.comparison/1"
+
+
+FILE: Final = TypeAdapter(Comparison)
+
+
+def as_data(found: Comparison) -> dict[str, Any]:
+    """What the file holds; only dicts, lists, strings, finite numbers, booleans and None."""
+    data = FILE.dump_python(found, by_alias=True, warnings="none")
+    data = {"schema": data.pop("schema"), **data}
+    for one in data["findings"]:
+        for key in ("refuses", "discredits"):
+            one.pop(key, None)
+    cleaned: dict[str, Any] = clean(data)
+    return cleaned
+
+
+def text(found: Comparison) -> str:
+    """The file's text."""
+    return json.dumps(as_data(found), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def load(path: Path) -> Comparison:
+    """Read a comparison back.
+
+    Raises:
+        ValueError: there is no such file, it is no comparison of this schema, or something is missing in it; one line.
+    """
+    if not path.is_file():
+        raise ValueError(f"no comparison at {path}: give the {FILE_NAME} that tiago-mj compare wrote")
+    data = load_json(path, f"comparison {path} cannot be read as JSON", mend="write it anew with tiago-mj compare")
+    schema = data.get("schema") if isinstance(data, dict) else None
+    if schema != SCHEMA:
+        raise ValueError(f"comparison {path} has schema {quoted(schema)}: this version reads {SCHEMA!r}")
+    try:
+        return FILE.validate_json(json.dumps(data), strict=True)
+    except ValidationError as error:
+        fault = first_fault(error, data)
+        said = f"{fault.path} {fault.problem}"
+        raise ValueError(f"comparison {path} is incomplete: {said}; write it anew with tiago-mj compare") from error

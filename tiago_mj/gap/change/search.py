@@ -1,0 +1,161 @@
+"""Explanations of a change, ranked by evidence: the search of a diagnosis, with effects that act in one set alone."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tiago_mj.gap.change.fitters import DifferenceFitter, JointFitter, differences
+from tiago_mj.gap.change.reference import Reference, spread, with_what_is_left
+from tiago_mj.gap.compared import Compared
+from tiago_mj.gap.inference import hypotheses, likelihood, noise_model
+from tiago_mj.gap.inference.fit import NUISANCE_STEP, Fitter
+from tiago_mj.gap.search import beginning, ranking, select
+from tiago_mj.gap.search.screen import worst_predicted
+from tiago_mj.gap.search.state import Question, Ranked
+from tiago_mj.gap.simulation import replay
+from tiago_mj.io.deadline import Deadline
+from tiago_mj.recordings.recording import Trial
+
+Array = NDArray[np.float64]
+
+#: Commands are repeated where they differ by no more than this share of their range, and rows by this [s].
+SAME_COMMANDS: Final = 1e-6
+SAME_ROWS: Final = 2e-3
+#: Trials of each set that changes are fitted to. Chosen by hand; no ablation.
+FITTED_TRIALS: Final = 5
+
+
+@dataclass(frozen=True)
+class Found:
+    """What a search for a change has found.
+
+    Attributes:
+        ranked: explanations of the change, the one without any among them.
+        paired: how many pairs of recordings repeat the same commands.
+    """
+
+    ranked: Ranked
+    paired: int
+
+
+def repeated(trials: Sequence[Trial], one: Sequence[int], other: Sequence[int]) -> list[tuple[int, int]]:
+    """Pairs of trials of two sets that have the same commands, each trial in one pair at most."""
+    free, out = list(other), []
+    for k in one:
+        match = next((j for j in free if _same_commands(trials[k], trials[j])), None)
+        if match is not None:
+            free.remove(match)
+            out.append((k, match))
+    return out
+
+
+def _same_commands(one: Trial, other: Trial) -> bool:
+    if not one.commands or set(one.commands) != set(other.commands) or len(one.time) != len(other.time):
+        return False
+    if np.abs(np.diff(one.time) - np.diff(other.time)).max(initial=0.0) > SAME_ROWS:
+        return False
+    for name, sent in one.commands.items():
+        again = other.commands[name]
+        size = np.nanmax(np.abs(sent), initial=0.0) if np.isfinite(sent).any() else 0.0
+        if not np.allclose(sent, again, rtol=0, atol=SAME_COMMANDS * size, equal_nan=True):
+            return False
+    return True
+
+
+def changes(compared: Compared, known: Reference, changed: Sequence[int], deadline: Deadline) -> Found:
+    """What explains the difference of a set of trials from the reference set.
+
+    Args:
+        compared: both sets beside the nominal model.
+        known: what they have in common.
+        changed: indices of the other set.
+        deadline: of the search.
+    """
+    predict, trials = replace(compared.predict, deadline=deadline), compared.session.trials
+    pairs = repeated(trials, changed, known.trials) if predict.replays else []
+    everything = list(range(len(trials)))
+    common = predict.all_trials([known.common], everything, keep=True)[0]
+    data = compared.proposed.data
+    steps = replay.physics_steps(compared.session.plant, predict.on) if predict.replays else data.value.shape[1]
+    pool = tuple(replace(candidate, tolerance=0.0) for candidate in compared.proposed.pool)
+    terms = hypotheses.terms(compared.session.plant)
+    if 2 * len(pairs) >= len(changed):
+        pairs = [pairs[k] for k in spread(range(len(pairs)), FITTED_TRIALS)]
+        apart = differences(data, common, pairs)
+        one, other = ([pair[k] for pair in pairs] for k in (0, 1))
+        asked = Question(predict, apart, one, pool, (), common[one] - common[other], steps=steps, beyond=False)
+        begin = _of_differences(dict(pairs), known)
+    else:
+        pairs = []
+        residual = likelihood.residual(data, common)
+        wide = with_what_is_left(data, residual, known.trials)
+        mine = sorted([*spread(known.trials, FITTED_TRIALS), *spread(changed, FITTED_TRIALS)])
+        part = noise_model.select_trials(wide, mine)
+        asked = Question(predict, part, mine, pool, terms, common[mine], steps=steps, beyond=False)
+        begin = _of_both(frozenset(changed), known)
+    return Found(select.select(asked, deadline=deadline, begin=begin), len(pairs))
+
+
+def _of_differences(partner: dict[int, int], known: Reference) -> select.Begin:
+    """Makes the fitter of differences."""
+
+    def begin(asked: Question, over: Callable[[], bool]) -> tuple[Fitter, NDArray[np.bool_]]:
+        chosen = worst_predicted(asked.base, asked.data, asked.fitted_trials)
+        data, base = noise_model.select_trials(asked.data, chosen), asked.base[chosen]
+        trials = tuple(asked.trials[k] for k in chosen)
+        weight = np.maximum(ranking.sample_weight(data, base), select.MIN_WEIGHT_WHILE_UNEXPLAINED)
+        fitter = DifferenceFitter(
+            asked.predict,
+            trials,
+            data,
+            weight,
+            (),
+            np.zeros((0, *data.value.shape)),
+            known.common,
+            out_of_time=over,
+            partner=partner,
+        )
+        return fitter, np.zeros(0, dtype=bool)
+
+    return begin
+
+
+def _of_both(changed: frozenset[int], known: Reference) -> select.Begin:
+    """Makes the fitter of both sets, with the trials of each that are predicted worst, and the nuisances to which they
+    are sensitive."""
+
+    def begin(asked: Question, over: Callable[[], bool]) -> tuple[Fitter, NDArray[np.bool_]]:
+        rows: list[int] = []
+        for mine in (True, False):
+            index = [k for k, trial in enumerate(asked.trials) if (trial in changed) is mine]
+            some = noise_model.select_trials(asked.data, index)
+            rows += [index[k] for k in worst_predicted(asked.base[index], some, asked.fitted_trials)]
+        rows = sorted(rows)
+        data, base = noise_model.select_trials(asked.data, rows), asked.base[rows]
+        trials = tuple(asked.trials[k] for k in rows)
+        terms = tuple(sorted(asked.terms, key=lambda term: term.per_trial))
+        weight = ranking.sample_weight(data, base)
+        moved = asked.predict.all_trials([(*known.common, term.entry(NUISANCE_STEP)) for term in terms], trials)
+        responses = (moved - base) / NUISANCE_STEP
+        white = likelihood.whiten(data, likelihood.mean_visible_change(data, responses), weight)
+        sensitive = (white**2).sum(axis=(1, 2, 3)) > 2 * beginning.NEAR_ZERO_RESPONSE_NATS
+        shared = sensitive[[not term.per_trial for term in terms]]
+        fitter = JointFitter(
+            asked.predict,
+            trials,
+            data,
+            weight,
+            tuple(term for term, tells in zip(terms, sensitive, strict=True) if tells),
+            responses[sensitive],
+            known.common,
+            out_of_time=over,
+            changed=changed,
+        )
+        return fitter, shared
+
+    return begin
