@@ -14,6 +14,7 @@ from tiago_mj import cli
 FOLDERS = (
     ("diagnose", "nowhere", "--out"),
     ("diagnose-all", "nowhere", "--out"),
+    ("compare", "nowhere", "nowhere", "--out"),
     ("record", "--env", "GripperTactile-v0", "--policy", "pi", "--out"),
     ("import", "ta11-curve", "builtin", "--out"),
     ("evaluate", "--env", "GripperTactile-v0", "--policy", "pi", "--out"),

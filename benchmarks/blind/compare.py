@@ -2,10 +2,10 @@
 
     python -m benchmarks.blind.compare --pairs 60 --seed N --out DIR [--first N] [--save NAME]
 
-Every other pair has a change. Right is: ``nothing_changed`` where nothing did; where an effect changed, ``changed`` with
-an effect of its class, or ``ambiguous`` with it among the alternatives (counted apart). A false alarm is an answer that
-names a change where there is none. The run goes on where it stopped; ``--save`` writes the scores and all answers to
-``benchmarks/results/NAME.json``.
+Every other pair has a change. Right is: ``nothing_changed`` where nothing did; where an effect changed, ``changed``
+with an effect of its class, or ``ambiguous`` with it among the alternatives (counted apart). A false alarm is an answer
+that names a change where there is none. The run goes on where it stopped; ``--save`` writes the scores and all answers
+to ``benchmarks/results/NAME.json``.
 """
 
 from __future__ import annotations
