@@ -101,7 +101,7 @@ def kept(row: Mapping[str, Any]) -> dict[str, Any]:
 
 def run(arguments: argparse.Namespace) -> int:
     """Record, compare and score."""
-    planned = changes.pairs(arguments.pairs, arguments.seed)[: arguments.first]
+    planned = changes.pairs(arguments.pairs, arguments.seed, arguments.first)
     rows = []
     for number, pair in enumerate(planned):
         folder = arguments.out / f"{number:03d}"

@@ -18,7 +18,7 @@ from tiago_mj.gap import pipeline
 from tiago_mj.gap.ahead import Ahead
 from tiago_mj.gap.analysis import outcome
 from tiago_mj.gap.change import search
-from tiago_mj.gap.change.reference import Reference, measured_on_readings, reference, spread
+from tiago_mj.gap.change.reference import Reference, measured_on_readings, spread
 from tiago_mj.gap.change.result import AFTER, BEFORE, Change, Comparison, Explanation, Side
 from tiago_mj.gap.compared import Compared
 from tiago_mj.gap.decision import verdict
@@ -86,8 +86,7 @@ def compare(before: Sequence[Trial], after: Sequence[Trial], **asked: Any) -> Co
         sets = _sets(before, after, request)
         compared = pipeline.beside_nominal(sets.session, request, so_far)
         sets = _of_names(compared.session)
-        which, known = reference(compared, sets.both, request.deadline)
-        found = search.changes(compared, known, sets.both[1 - which], request.deadline)
+        which, known, found = search.explained(compared, sets.both, request.deadline)
     answer = _answer(compared, sets, known, found, reading=_on_readings(compared, sets), in_before=bool(which))
     return replace(
         answer,

@@ -26,6 +26,8 @@ Array = NDArray[np.float64]
 #: Trials of each set that the common explanation is fitted to: it is not what is asked for. Chosen by hand; no
 #: ablation.
 FITTED_TRIALS: Final = 4
+#: Effects that both sets are said to have at most. Chosen by hand; no ablation.
+MOST: Final = 2
 
 
 @dataclass(frozen=True)
@@ -37,12 +39,19 @@ class Reference:
         fit: its explanation.
         common: that as effects: what was found, and the nominal model's own numbers as they were fitted.
         found: of these what was found.
+        question: what was asked of the reference set.
     """
 
     trials: tuple[int, ...]
     fit: Fitted
     common: tuple[Entry, ...]
     found: tuple[Entry, ...]
+    question: Question
+
+    @property
+    def explained(self) -> bool:
+        """Whether its explanation leaves nothing to explain."""
+        return ranking.is_adequate(self.fit)
 
 
 def question(compared: Compared, trials: Sequence[int], deadline: Deadline) -> Question:
@@ -76,24 +85,26 @@ def measured_on_readings(compared: Compared, trials: Sequence[int]) -> tuple[Kno
     return readings.measured_on_readings(marks, compared.proposed.pool)
 
 
-def reference(compared: Compared, sets: Sequence[Sequence[int]], deadline: Deadline) -> tuple[int, Reference]:
-    """Which of two sets the nominal model explains better, and that explanation, fitted to :data:`FITTED_TRIALS` of it.
-
-    Where the nominal model explains it, that is the nominal model with its own numbers fitted; else the explanation
-    that a diagnosis finds, whether it explains all of it or not: the rest is what the model gets wrong of both.
-    """
+def nominal(compared: Compared, sets: Sequence[Sequence[int]], deadline: Deadline) -> tuple[int, Reference]:
+    """Which of two sets the nominal model explains better, and the nominal model with its own numbers fitted to
+    :data:`FITTED_TRIALS` of it."""
     asked = [question(compared, spread(trials, FITTED_TRIALS), deadline) for trials in sets]
-    nominal = [beginning.with_nominal(beginning.fitter(one, deadline.over)[0], one.first_trials) for one in asked]
-    better = int(np.argmin([ranking.discrepancy(state.nominal) for state in nominal]))
-    state, chosen = nominal[better], asked[better]
-    if ranking.is_adequate(state.nominal):
-        own = _own_numbers(state.full.terms, state.nominal)
-        return better, Reference(tuple(sets[better]), state.nominal, own, ())
-    ranked = select.select(chosen, deadline=deadline)
+    states = [beginning.with_nominal(beginning.fitter(one, deadline.over)[0], one.first_trials) for one in asked]
+    better = int(np.argmin([ranking.discrepancy(state.nominal) for state in states]))
+    state = states[better]
+    own = _own_numbers(state.full.terms, state.nominal)
+    return better, Reference(tuple(sets[better]), state.nominal, own, (), asked[better])
+
+
+def searched(known: Reference, deadline: Deadline) -> Reference:
+    """What both sets have in common, where the nominal model does not explain the reference set: what a diagnosis finds
+    in it, whether that explains all of it or not. The rest is what the model gets wrong of both."""
+    asked = replace(known.question, most=MOST, already=known.question.predict.tally["physics_steps"])
+    ranked = select.select(asked, deadline=deadline)
     best = ranking.by_evidence(ranked.fits)[0]
-    terms = tuple(sorted(chosen.terms, key=lambda term: term.per_trial))
+    terms = tuple(sorted(asked.terms, key=lambda term: term.per_trial))
     own = _own_numbers(terms, best)
-    return better, Reference(tuple(sets[better]), best, (*best.effects(), *own), best.effects())
+    return replace(known, fit=best, common=(*best.effects(), *own), found=best.effects())
 
 
 def _own_numbers(terms: Sequence[hypotheses.Term], fit: Fitted) -> tuple[Entry, ...]:

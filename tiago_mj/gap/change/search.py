@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tiago_mj.gap.change.fitters import DifferenceFitter, JointFitter, differences
-from tiago_mj.gap.change.reference import Reference, spread, with_what_is_left
+from tiago_mj.gap.change.reference import Reference, nominal, searched, spread, with_what_is_left
 from tiago_mj.gap.compared import Compared
 from tiago_mj.gap.inference import hypotheses, likelihood, noise_model
 from tiago_mj.gap.inference.fit import NUISANCE_STEP, Fitter
@@ -28,6 +28,8 @@ SAME_COMMANDS: Final = 1e-6
 SAME_ROWS: Final = 2e-3
 #: Trials of each set that changes are fitted to. Chosen by hand; no ablation.
 FITTED_TRIALS: Final = 5
+#: Effects that may have changed at once. Chosen by hand; no ablation.
+MOST: Final = 2
 
 
 @dataclass(frozen=True)
@@ -41,6 +43,12 @@ class Found:
 
     ranked: Ranked
     paired: int
+
+    @property
+    def explained(self) -> bool:
+        """Whether the best explanation of the difference leaves nothing to explain."""
+        best = ranking.by_evidence(self.ranked.fits)[0]
+        return ranking.is_adequate(best, ranking.ADEQUATE_WITH_EFFECTS if best.parts else ranking.ADEQUATE_DISCREPANCY)
 
 
 def repeated(trials: Sequence[Trial], one: Sequence[int], other: Sequence[int]) -> list[tuple[int, int]]:
@@ -67,7 +75,37 @@ def _same_commands(one: Trial, other: Trial) -> bool:
     return True
 
 
-def changes(compared: Compared, known: Reference, changed: Sequence[int], deadline: Deadline) -> Found:
+def explained(compared: Compared, sets: Sequence[Sequence[int]], deadline: Deadline) -> tuple[int, Reference, Found]:
+    """What explains the difference of two sets: which is the reference, what both have in common, the explanations.
+
+    Differences of recordings of the same commands need no explanation of what both have, as long as something explains
+    the differences; all else does.
+
+    Args:
+        compared: both sets beside the nominal model.
+        sets: indices of their trials.
+        deadline: of the search.
+    """
+    better, known = nominal(compared, sets, deadline)
+    changed = sets[1 - better]
+    if not known.explained:
+        if _paired(compared, known, changed):
+            found = changes(compared, known, changed, deadline, most=1)
+            if found.explained:
+                return better, known, found
+        known = searched(known, deadline)
+    return better, known, changes(compared, known, changed, deadline, most=MOST)
+
+
+def _paired(compared: Compared, known: Reference, changed: Sequence[int]) -> list[tuple[int, int]]:
+    """Pairs of trials of both sets that repeat the same commands; none where most of the set has no partner."""
+    pairs = repeated(compared.session.trials, changed, known.trials) if compared.predict.replays else []
+    return pairs if 2 * len(pairs) >= len(changed) else []
+
+
+def changes(
+    compared: Compared, known: Reference, changed: Sequence[int], deadline: Deadline, *, most: int = 1
+) -> Found:
     """What explains the difference of a set of trials from the reference set.
 
     Args:
@@ -75,28 +113,29 @@ def changes(compared: Compared, known: Reference, changed: Sequence[int], deadli
         known: what they have in common.
         changed: indices of the other set.
         deadline: of the search.
+        most: effects of one explanation at most.
     """
     predict, trials = replace(compared.predict, deadline=deadline), compared.session.trials
-    pairs = repeated(trials, changed, known.trials) if predict.replays else []
+    pairs = _paired(compared, known, changed)
     everything = list(range(len(trials)))
     common = predict.all_trials([known.common], everything, keep=True)[0]
     data = compared.proposed.data
     steps = replay.physics_steps(compared.session.plant, predict.on) if predict.replays else data.value.shape[1]
+    limits: Any = {"steps": steps, "already": predict.tally["physics_steps"], "beyond": False, "most": most}
     pool = tuple(replace(candidate, tolerance=0.0) for candidate in compared.proposed.pool)
     terms = hypotheses.terms(compared.session.plant)
-    if 2 * len(pairs) >= len(changed):
+    if pairs:
         pairs = [pairs[k] for k in spread(range(len(pairs)), FITTED_TRIALS)]
         apart = differences(data, common, pairs)
         one, other = ([pair[k] for pair in pairs] for k in (0, 1))
-        asked = Question(predict, apart, one, pool, (), common[one] - common[other], steps=steps, beyond=False)
+        asked = Question(predict, apart, one, pool, (), common[one] - common[other], **limits)
         begin = _of_differences(dict(pairs), known)
     else:
-        pairs = []
         residual = likelihood.residual(data, common)
         wide = with_what_is_left(data, residual, known.trials)
         mine = sorted([*spread(known.trials, FITTED_TRIALS), *spread(changed, FITTED_TRIALS)])
         part = noise_model.select_trials(wide, mine)
-        asked = Question(predict, part, mine, pool, terms, common[mine], steps=steps, beyond=False)
+        asked = Question(predict, part, mine, pool, terms, common[mine], **limits)
         begin = _of_both(frozenset(changed), known)
     return Found(select.select(asked, deadline=deadline, begin=begin), len(pairs))
 

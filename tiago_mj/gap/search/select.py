@@ -123,7 +123,7 @@ def _search(
     count = so_far.effects = len({c.effect for c in pool})
 
     def over() -> bool:
-        return out_of_time() or asked.predict.tally["physics_steps"] > asked.budget
+        return out_of_time() or asked.predict.tally["physics_steps"] - asked.already > asked.budget
 
     tick("fitting the nominal model", beginning.MAX_NOMINAL_ROUNDS)
     full, shared = begin(asked, over)
@@ -162,7 +162,7 @@ def _search(
     )
     tell(state)
     sought = False
-    for size in range(1, MAX_EFFECTS + 1):
+    for size in range(1, (asked.most or MAX_EFFECTS) + 1):
         if (size > 1 and over()) or not _is_warranted(state, size):
             break
         if size > 1 and not asked.beyond and not _leaves_a_gap(state.best):

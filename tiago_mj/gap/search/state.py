@@ -58,7 +58,9 @@ class Question:
         known: effects that are measured on the readings alone: they are part of every explanation.
         motion: what the servos' motion says; None: there is nothing to be read from it.
         steps: physics steps of one trial; 0: not known, and no limit to them.
+        already: physics steps that were made before, and do not count.
         beyond: whether further effects are sought beside an explanation that leaves nothing to explain.
+        most: effects of one explanation at most; None: as many as a search ever seeks.
     """
 
     predict: Predictor
@@ -70,7 +72,9 @@ class Question:
     known: Sequence[Known] = ()
     motion: ServoMotion | None = None
     steps: int = 0
+    already: int = 0
     beyond: bool = True
+    most: int | None = None
 
     @property
     def fitted_trials(self) -> int:
