@@ -62,11 +62,9 @@ def pairs(count: int, seed: int, first: int | None = None) -> list[Pair]:
         seed: another one gives other pairs.
         first: only the first so many of them; None: all.
     """
-    robots_ = plan.plan(count, seed, only=("none",), settings=(PLAIN,))
+    hinges = plan.plan(count, seed, only=("none",), settings=(PLAIN,), rates=(FAST_RATE,), trials=TRIALS)[:first]
     deck = np.random.default_rng([seed, 31]).permutation(available(PLAIN))
-    return [
-        _pair(case, number, seed, str(deck[number // 2 % len(deck)])) for number, case in enumerate(robots_[:first])
-    ]
+    return [_pair(case, number, seed, str(deck[number // 2 % len(deck)])) for number, case in enumerate(hinges)]
 
 
 def _pair(case: Case, number: int, seed: int, name: str) -> Pair:
