@@ -15,9 +15,10 @@ from tiago_mj.gap.change import history, report, result, search
 from tiago_mj.gap.change.comparison import compare, renamed
 from tiago_mj.gap.change.fitters import DifferenceFitter, JointFitter, differences
 from tiago_mj.gap.inference import hypotheses, noise_model
-from tiago_mj.gap.inference.fit import Point
+from tiago_mj.gap.inference.fit import Point, Start
 from tiago_mj.gap.inference.predictor import predictor
 from tiago_mj.gap.parts import Named, Value
+from tiago_mj.gap.search.state import Ranked
 from tiago_mj.gap.simulation.plant import plant_of
 from tiago_mj.recordings.read import read_recordings
 
@@ -88,6 +89,23 @@ def test_a_difference_of_recordings_is_predicted_by_the_difference_of_simulation
         float(np.nanmean((data.value - one) ** 2 / data.sigma**2)) for one in (nothing, fitter.predictions([point])[0])
     ]
     assert left[1] < 2 < left[0]
+
+
+def test_an_effect_of_one_set_gains_over_the_same_effect_in_both(hinges):
+    predict, _ = hinges
+    data, part = noise_model.select_trials(predict.data, [0, 4]), friction(predict)
+    fitter = JointFitter(
+        predict, (0, 4), data, np.ones(2), (), np.zeros((0, *data.value.shape)), changed=frozenset({4})
+    )
+    fit = fitter.fit_all([Start((part,), np.array([0.2]))])[0]
+    ranked = Ranked((fit,), (), 0, 1, True, np.ones(2), predict)
+    (gain,) = search.gains_of_change(search.Found(ranked, 0, fitter), [0])
+    assert gain > 50
+    assert fit.values[0] == pytest.approx(0.25, rel=0.1)
+    pair = differences(predict.data, predict.all_trials([()], range(8))[0], [(4, 0)])
+    alike = DifferenceFitter(predict, (4,), pair, np.ones(2), (), np.zeros((0, *pair.value.shape)), partner={4: 0})
+    (gain,) = search.gains_of_change(search.Found(ranked, 1, alike), [0])
+    assert gain > 50
 
 
 def test_noise_of_differences_is_read_off_them(hinges):

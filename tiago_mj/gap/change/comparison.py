@@ -19,7 +19,7 @@ from tiago_mj.gap.ahead import Ahead
 from tiago_mj.gap.analysis import outcome
 from tiago_mj.gap.change import search
 from tiago_mj.gap.change.reference import Reference, measured_on_readings, spread
-from tiago_mj.gap.change.result import AFTER, BEFORE, Change, Comparison, Explanation, Side
+from tiago_mj.gap.change.result import AFTER, BEFORE, Change, Comparison, Explanation, Kind, Side, Which
 from tiago_mj.gap.compared import Compared
 from tiago_mj.gap.decision import verdict
 from tiago_mj.gap.detectors.readings import NAMED_DEVIATIONS, Known
@@ -32,7 +32,7 @@ from tiago_mj.io import mujoco_log
 from tiago_mj.recordings.recording import RecordingError, Trial
 
 #: What a search's verdict is called here.
-KINDS: Final = {
+KINDS: Final[Mapping[str, Kind]] = {
     "no_gap": "nothing_changed",
     "effect": "changed",
     "ambiguous": "ambiguous",
@@ -136,7 +136,7 @@ def _of_reading(one: Known | None, other: Known | None) -> Change:
     assert there is not None
     candidate, none = there.candidate, there.candidate.identity
     values = [none if known is None else known.value for known in (one, other)]
-    more = AFTER if other is not None and (one is None or other.value > one.value) else BEFORE
+    more: Which = AFTER if other is not None and (one is None or other.value > one.value) else BEFORE
     error = float(np.hypot(0.0 if one is None else one.deviation, 0.0 if other is None else other.deviation))
     size, reach = abs(values[1] - values[0]), outcome.NINETY * error
     amount = Value(size, max(size - reach, 0.0), size + reach, candidate.unit, error)
@@ -161,7 +161,7 @@ def _answer(
         in_before: whether effects of the ranking act in the earlier set.
     """
     ranked, plant = found.ranked, compared.session.plant
-    judged = verdict.judge(ranked)
+    judged = _without_what_both_have(found, verdict.judge(ranked))
     nothing = next(fit for fit in ranked.fits if not fit.parts)
     explanations = []
     for fit, probability in zip(ranked.fits, judged.probability, strict=True):
@@ -172,12 +172,13 @@ def _answer(
         evidence = float(fit.evidence - nothing.evidence)
         explanations.append(Explanation((*reading, *told), float(probability), evidence, ranking.discrepancy(fit)))
     kind = KINDS[judged.kind]
+    reference: Which = AFTER if in_before else BEFORE
     if reading and kind == "nothing_changed":
         kind = "changed"
     rivals = tuple(explanations[k] for k in judged.rivals)
     order = sorted(range(len(explanations)), key=lambda k: -explanations[k].probability)
     return Comparison(
-        kind=kind,  # type: ignore[arg-type]
+        kind=kind,
         probability=rivals[0].probability,
         best=rivals[0],
         alternatives=rivals,
@@ -185,7 +186,7 @@ def _answer(
         before=_side(sets, 0),
         after=_side(sets, 1),
         common=tuple(_named(entry) for entry in known.found),
-        reference=AFTER if in_before else BEFORE,
+        reference=reference,
         same_commands=found.paired,
         robot=plant.name,
         findings=(),
@@ -198,7 +199,30 @@ def _answer(
     )
 
 
-def _change(plant: Plant, known: Reference, one: Named, acts_in: str) -> Change:
+def _without_what_both_have(found: search.Found, judged: verdict.Judged) -> verdict.Judged:
+    """The verdict without changes whose effects explain both sets as well where they act in both.
+
+    A change stands where its evidence exceeds that by :data:`tiago_mj.gap.search.ranking.MIN_EVIDENCE_GAIN_NATS`.
+    """
+    fits = found.ranked.fits
+    rivals = [k for k in judged.rivals if fits[k].parts]
+    if not rivals or judged.kind == "unknown":
+        return judged
+    gains = search.gains_of_change(found, rivals)
+    kept = [k for k, gain in zip(rivals, gains, strict=True) if gain > ranking.MIN_EVIDENCE_GAIN_NATS]
+    if kept:
+        one_class = len({verdict.classes_of(fits[k]) for k in kept}) == 1
+        kind = "effect" if judged.kind == "ambiguous" and one_class else judged.kind
+        return replace(judged, kind=kind, rivals=tuple(kept))
+    nothing = next(k for k, fit in enumerate(fits) if not fit.parts)
+    probability = judged.probability.copy()
+    by = verdict.temperature_of([fit.misfit for fit in fits], verdict.calibration())
+    probability[nothing] = judged.sure / (1 + np.exp(max(gains) / by))
+    probability[rivals] = judged.sure - probability[nothing]
+    return replace(judged, kind="no_gap", rivals=(nothing,), probability=probability)
+
+
+def _change(plant: Plant, known: Reference, one: Named, acts_in: Which) -> Change:
     """An effect of the ranking as a change from one set to the other."""
     names = list(one.parameters)
     parameter, amount = names[0], one.parameters[names[0]]
@@ -208,7 +232,7 @@ def _change(plant: Plant, known: Reference, one: Named, acts_in: str) -> Change:
     more = _together(plant, one.name, (*known.found, entry), parameter, entry)
     before, after = (more, base) if acts_in == BEFORE else (base, more)
     form = {name: one.parameters[name] for name in names[1:]}
-    return Change(one.name, one.target, parameter, acts_in, amount, before, after, form)  # type: ignore[arg-type]
+    return Change(one.name, one.target, parameter, acts_in, amount, before, after, form)
 
 
 def _together(plant: Plant, name: str, entries: Sequence[Entry], parameter: str, there: Entry) -> float | None:

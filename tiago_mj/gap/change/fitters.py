@@ -41,6 +41,10 @@ class JointFitter(Fitter):
             parts, values = (), np.zeros(0)
         return super().effects(parts, values, nuisance, trial)
 
+    def of_both(self) -> Fitter:
+        """With candidates that act in both sets: they are no change."""
+        return replace(self, changed=frozenset(self.trials))
+
 
 @dataclass
 class DifferenceFitter(Fitter):
@@ -48,16 +52,24 @@ class DifferenceFitter(Fitter):
 
     Attributes:
         partner: by the index of a trial, that of the trial of the other set.
+        shared: whether candidates act in both sets.
     """
 
     partner: dict[int, int] = field(default_factory=dict)
+    shared: bool = False
+
+    def of_both(self) -> Fitter:
+        """With candidates that act in both sets: they are no change."""
+        return replace(self, shared=True)
 
     def predictions(self, points: Sequence[Point], *, keep: bool = False) -> Array:
         """Differences of simulations, (npoints, ntrials, T, C); ``keep``: remember the physics."""
         changed = super().predictions(points, keep=keep)
+        others = replace(self, trials=tuple(self.partner[trial] for trial in self.trials))
+        if self.shared:
+            return changed - Fitter.predictions(others, points)
         bare = [Point((), np.zeros(0), point.nuisance) for point in points]
         distinct = {point.nuisance.tobytes(): point for point in bare}
-        others = replace(self, trials=tuple(self.partner[trial] for trial in self.trials))
         predicted = Fitter.predictions(others, list(distinct.values()), keep=True)
         of = dict(zip(distinct, predicted, strict=True))
         return changed - np.stack([of[point.nuisance.tobytes()] for point in bare])

@@ -13,7 +13,7 @@ from tiago_mj.gap.change.fitters import DifferenceFitter, JointFitter, differenc
 from tiago_mj.gap.change.reference import Reference, nominal, searched, spread, with_what_is_left
 from tiago_mj.gap.compared import Compared
 from tiago_mj.gap.inference import hypotheses, likelihood, noise_model
-from tiago_mj.gap.inference.fit import NUISANCE_STEP, Fitter
+from tiago_mj.gap.inference.fit import NUISANCE_STEP, Start
 from tiago_mj.gap.search import beginning, ranking, select
 from tiago_mj.gap.search.screen import worst_predicted
 from tiago_mj.gap.search.state import Question, Ranked
@@ -22,6 +22,9 @@ from tiago_mj.io.deadline import Deadline
 from tiago_mj.recordings.recording import Trial
 
 Array = NDArray[np.float64]
+
+#: Makes a fitter of a change (:data:`tiago_mj.gap.search.select.Begin`).
+Begin = Callable[[Question, Callable[[], bool]], tuple[JointFitter | DifferenceFitter, NDArray[np.bool_]]]
 
 #: Commands are repeated where they differ by no more than this share of their range, and rows by this [s].
 SAME_COMMANDS: Final = 1e-6
@@ -39,10 +42,12 @@ class Found:
     Attributes:
         ranked: explanations of the change, the one without any among them.
         paired: how many pairs of recordings repeat the same commands.
+        fitter: of the sets.
     """
 
     ranked: Ranked
     paired: int
+    fitter: JointFitter | DifferenceFitter
 
     @property
     def explained(self) -> bool:
@@ -137,13 +142,30 @@ def changes(
         part = noise_model.select_trials(wide, mine)
         asked = Question(predict, part, mine, pool, terms, common[mine], **limits)
         begin = _of_both(frozenset(changed), known)
-    return Found(select.select(asked, deadline=deadline, begin=begin), len(pairs))
+    ranked = select.select(asked, deadline=deadline, begin=begin)
+    fitter, _ = begin(asked, deadline.over)
+    return Found(ranked, len(pairs), replace(fitter, weight=ranked.weight))
 
 
-def _of_differences(partner: dict[int, int], known: Reference) -> select.Begin:
+def gains_of_change(found: Found, which: Sequence[int]) -> list[float]:
+    """By how much the evidence for each of some changes exceeds that for the same effects in both sets [nats].
+
+    A set that moves more may show what both have. Both are fitted with equal effort to the same recordings.
+
+    Args:
+        found: of the search.
+        which: indices of explanations.
+    """
+    fits = [found.ranked.fits[k] for k in which]
+    begin = [Start(fit.parts, fit.values) for fit in fits]
+    changed, both = (fitter.fit_all(begin) for fitter in (found.fitter, found.fitter.of_both()))
+    return [one.evidence - other.evidence for one, other in zip(changed, both, strict=True)]
+
+
+def _of_differences(partner: dict[int, int], known: Reference) -> Begin:
     """Makes the fitter of differences."""
 
-    def begin(asked: Question, over: Callable[[], bool]) -> tuple[Fitter, NDArray[np.bool_]]:
+    def begin(asked: Question, over: Callable[[], bool]) -> tuple[JointFitter | DifferenceFitter, NDArray[np.bool_]]:
         chosen = worst_predicted(asked.base, asked.data, asked.fitted_trials)
         data, base = noise_model.select_trials(asked.data, chosen), asked.base[chosen]
         trials = tuple(asked.trials[k] for k in chosen)
@@ -164,11 +186,11 @@ def _of_differences(partner: dict[int, int], known: Reference) -> select.Begin:
     return begin
 
 
-def _of_both(changed: frozenset[int], known: Reference) -> select.Begin:
+def _of_both(changed: frozenset[int], known: Reference) -> Begin:
     """Makes the fitter of both sets, with the trials of each that are predicted worst, and the nuisances to which they
     are sensitive."""
 
-    def begin(asked: Question, over: Callable[[], bool]) -> tuple[Fitter, NDArray[np.bool_]]:
+    def begin(asked: Question, over: Callable[[], bool]) -> tuple[JointFitter | DifferenceFitter, NDArray[np.bool_]]:
         rows: list[int] = []
         for mine in (True, False):
             index = [k for k, trial in enumerate(asked.trials) if (trial in changed) is mine]
