@@ -52,21 +52,21 @@ class DifferenceFitter(Fitter):
 
     Attributes:
         partner: by the index of a trial, that of the trial of the other set.
-        shared: whether candidates act in both sets.
+        both: whether candidates act in both sets.
     """
 
     partner: dict[int, int] = field(default_factory=dict)
-    shared: bool = False
+    both: bool = False
 
     def of_both(self) -> Fitter:
         """With candidates that act in both sets: they are no change."""
-        return replace(self, shared=True)
+        return replace(self, both=True)
 
     def predictions(self, points: Sequence[Point], *, keep: bool = False) -> Array:
         """Differences of simulations, (npoints, ntrials, T, C); ``keep``: remember the physics."""
         changed = super().predictions(points, keep=keep)
         others = replace(self, trials=tuple(self.partner[trial] for trial in self.trials))
-        if self.shared:
+        if self.both:
             return changed - Fitter.predictions(others, points)
         bare = [Point((), np.zeros(0), point.nuisance) for point in points]
         distinct = {point.nuisance.tobytes(): point for point in bare}
