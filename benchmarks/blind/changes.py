@@ -54,17 +54,18 @@ class Pair:
     same_motion: bool
 
 
-def pairs(count: int, seed: int, first: int | None = None) -> list[Pair]:
-    """Every other pair has a change; effects go through the whole library before one comes again.
+def pair(count: int, seed: int, number: int) -> Pair:
+    """One of the pairs of a run: every other one has a change; effects go through the whole library before one comes
+    again.
 
     Args:
         count: how many are planned.
         seed: another one gives other pairs.
-        first: only the first so many of them; None: all.
+        number: of the pair.
     """
-    hinges = plan.plan(count, seed, only=("none",), settings=(PLAIN,), rates=(FAST_RATE,), trials=TRIALS)[:first]
+    hinge = plan.plan(count, seed, only=("none",), settings=(PLAIN,), rates=(FAST_RATE,), trials=TRIALS)[number]
     deck = np.random.default_rng([seed, 31]).permutation(available(PLAIN))
-    return [_pair(case, number, seed, str(deck[number // 2 % len(deck)])) for number, case in enumerate(hinges)]
+    return _pair(hinge, number, seed, str(deck[number // 2 % len(deck)]))
 
 
 def _pair(case: Case, number: int, seed: int, name: str) -> Pair:
@@ -84,20 +85,20 @@ def _pair(case: Case, number: int, seed: int, name: str) -> Pair:
             own = (cases.choose(PLAIN, _beside(name, rng), rng),)
         for _ in range(DRAWS):
             chosen = cases.choose(PLAIN, name, rng)
-            pair = Pair(_with(case, own), _with(case, (*own, chosen)), kind, chosen, same)
-            if _shows(pair):
+            drawn = Pair(_with(case, own), _with(case, (*own, chosen)), kind, chosen, same)
+            if _shows(drawn):
                 break
-        return pair
+        return drawn
     for _ in range(DRAWS):
         chosen = cases.choose(PLAIN, name, rng)
         more = _grown(chosen, rng)
         if kind == "grows":
-            pair = Pair(_with(case, (*own, chosen)), _with(case, (*own, more)), kind, more, same)
+            drawn = Pair(_with(case, (*own, chosen)), _with(case, (*own, more)), kind, more, same)
         else:
-            pair = Pair(_with(case, (*own, chosen)), _with(case, own), kind, chosen, same)
-        if _shows(pair):
+            drawn = Pair(_with(case, (*own, chosen)), _with(case, own), kind, chosen, same)
+        if _shows(drawn):
             break
-    return pair
+    return drawn
 
 
 def _with(case: Case, effects: tuple[EffectChoice, ...]) -> Case:

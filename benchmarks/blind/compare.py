@@ -101,12 +101,11 @@ def kept(row: Mapping[str, Any]) -> dict[str, Any]:
 
 def run(arguments: argparse.Namespace) -> int:
     """Record, compare and score."""
-    planned = changes.pairs(arguments.pairs, arguments.seed, arguments.first)
     rows = []
-    for number, pair in enumerate(planned):
+    for number in range(arguments.pairs if arguments.first is None else min(arguments.first, arguments.pairs)):
         folder = arguments.out / f"{number:03d}"
         if not (folder / "label.json").exists():
-            make(pair, folder)
+            make(changes.pair(arguments.pairs, arguments.seed, number), folder)
         if not (folder / "answer.json").exists():
             atomic.write_text(folder / "answer.json", json.dumps(answer(folder), indent=1) + "\n")
         said = json.loads((folder / "answer.json").read_text())
