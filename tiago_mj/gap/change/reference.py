@@ -26,6 +26,8 @@ Array = NDArray[np.float64]
 #: Trials of each set that the common explanation is fitted to: it is not what is asked for. Chosen by hand; no
 #: ablation.
 FITTED_TRIALS: Final = 4
+#: Share of a diagnosis's physics steps that its search may take. Chosen by hand; no ablation.
+SHARE: Final = 0.4
 #: Effects that both sets are said to have at most. Chosen by hand; no ablation.
 MOST: Final = 2
 
@@ -99,7 +101,7 @@ def nominal(compared: Compared, sets: Sequence[Sequence[int]], deadline: Deadlin
 def searched(known: Reference, deadline: Deadline) -> Reference:
     """What both sets have in common, where the nominal model does not explain the reference set: what a diagnosis finds
     in it, whether that explains all of it or not. The rest is what the model gets wrong of both."""
-    asked = replace(known.question, most=MOST, already=known.question.predict.tally["physics_steps"])
+    asked = replace(known.question, share=SHARE, most=MOST, already=known.question.predict.tally["physics_steps"])
     ranked = select.select(asked, deadline=deadline)
     best = ranking.by_evidence(ranked.fits)[0]
     terms = tuple(sorted(asked.terms, key=lambda term: term.per_trial))

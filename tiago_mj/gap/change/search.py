@@ -31,6 +31,9 @@ SAME_COMMANDS: Final = 1e-6
 SAME_ROWS: Final = 2e-3
 #: Trials of each set that changes are fitted to. Chosen by hand; no ablation.
 FITTED_TRIALS: Final = 5
+#: Share of a diagnosis's physics steps that the search for a change may take: a comparison has two searches, and is to
+#: take seconds, too. Chosen by hand; no ablation.
+SHARE: Final = 0.4
 #: Effects that may have changed at once. Chosen by hand; no ablation.
 MOST: Final = 2
 
@@ -126,7 +129,13 @@ def changes(
     common = predict.all_trials([known.common], everything, keep=True)[0]
     data = compared.proposed.data
     steps = replay.physics_steps(compared.session.plant, predict.on) if predict.replays else data.value.shape[1]
-    limits: Any = {"steps": steps, "already": predict.tally["physics_steps"], "beyond": False, "most": most}
+    limits: Any = {
+        "steps": steps,
+        "already": predict.tally["physics_steps"],
+        "beyond": False,
+        "share": SHARE,
+        "most": most,
+    }
     pool = tuple(replace(candidate, tolerance=0.0) for candidate in compared.proposed.pool)
     terms = hypotheses.terms(compared.session.plant)
     if pairs:

@@ -60,6 +60,7 @@ class Question:
         steps: physics steps of one trial; 0: not known, and no limit to them.
         already: physics steps that were made before, and do not count.
         beyond: whether further effects are sought beside an explanation that leaves nothing to explain.
+        share: of the usual physics steps that the search may take.
         most: effects of one explanation at most; None: as many as a search ever seeks.
     """
 
@@ -74,6 +75,7 @@ class Question:
     steps: int = 0
     already: int = 0
     beyond: bool = True
+    share: float = 1.0
     most: int | None = None
 
     @property
@@ -90,7 +92,7 @@ class Question:
     def budget(self) -> float:
         """Physics steps of the whole search."""
         most = BUDGET if self.predict.replays else BUDGET_ALONG
-        return most * self.fitted_trials * self.steps if self.steps else np.inf
+        return most * self.share * self.fitted_trials * self.steps if self.steps else np.inf
 
 
 @dataclass(frozen=True)
