@@ -20,7 +20,8 @@ from tiago_mj.recordings.recording import Finding
 SCHEMA: Final = "tiago_mj.comparison/1"
 #: The file that holds it.
 FILE_NAME: Final = "comparison.json"
-BEFORE, AFTER = "before", "after"
+BEFORE: Final = "before"
+AFTER: Final = "after"
 
 Kind = Literal["nothing_changed", "changed", "ambiguous", "unknown_change"]
 Which = Literal["before", "after"]
