@@ -1,6 +1,6 @@
 """Blind check of ``tiago-mj compare``: pairs of sessions, one changed effect or none, whose truth is withheld.
 
-    python -m benchmarks.blind.compare --pairs 60 --seed N --out DIR [--first N] [--save NAME]
+    python -m benchmarks.blind.compare --pairs 60 --seed N --out DIR [--begin N] [--first N] [--save NAME]
 
 Every other pair has a change. Right is: ``nothing_changed`` where nothing did; where an effect changed, ``changed``
 with an effect of its class, or ``ambiguous`` with it among the alternatives (counted apart). A false alarm is an answer
@@ -102,7 +102,8 @@ def kept(row: Mapping[str, Any]) -> dict[str, Any]:
 def run(arguments: argparse.Namespace) -> int:
     """Record, compare and score."""
     rows = []
-    for number in range(arguments.pairs if arguments.first is None else min(arguments.first, arguments.pairs)):
+    last = arguments.pairs if arguments.first is None else min(arguments.first, arguments.pairs)
+    for number in range(arguments.begin, last):
         folder = arguments.out / f"{number:03d}"
         if not (folder / "label.json").exists():
             make(changes.pair(arguments.pairs, arguments.seed, number), folder)
@@ -118,8 +119,8 @@ def run(arguments: argparse.Namespace) -> int:
     print(json.dumps(found, indent=1))
     if arguments.save:
         words = f"{PROG} --pairs {arguments.pairs} --seed {arguments.seed} --out DIR --save {arguments.save}"
-        if arguments.first is not None:
-            words += f" --first {arguments.first}"
+        words += f" --begin {arguments.begin}" if arguments.begin else ""
+        words += f" --first {arguments.first}" if arguments.first is not None else ""
         machine.save(arguments.save, {"seed": arguments.seed, **found, "cases": [kept(row) for row in rows]}, words)
     return 0
 
@@ -130,6 +131,7 @@ def main(words: Sequence[str] | None = None) -> int:
     parser.add_argument("--pairs", type=int, required=True, metavar="N", help="how many are planned")
     parser.add_argument("--seed", type=int, required=True, metavar="N", help="another one gives other pairs")
     parser.add_argument("--first", type=int, metavar="N", help="only the first so many of them")
+    parser.add_argument("--begin", type=int, default=0, metavar="N", help="number of the pair to begin with")
     parser.add_argument("--out", type=outputs.folder, required=True, metavar="DIR", help="goes on where it stopped")
     parser.add_argument("--save", metavar="NAME", help="write benchmarks/results/NAME.json")
     parser.set_defaults(run=run)
