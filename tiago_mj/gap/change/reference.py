@@ -57,7 +57,8 @@ class Reference:
 
 
 def question(compared: Compared, trials: Sequence[int], deadline: Deadline) -> Question:
-    """What explains some of the trials, beside the nominal model."""
+    """What explains some of the trials, beside the nominal model. Which commands were lost is not decoded: it would be
+    decoded for these trials alone."""
     predict, proposed = compared.predict, compared.proposed
     base = predict.all_trials([()], trials)[0]
     steps = replay.physics_steps(compared.session.plant, predict.on) if predict.replays else base.shape[1]
@@ -69,8 +70,7 @@ def question(compared: Compared, trials: Sequence[int], deadline: Deadline) -> Q
         hypotheses.terms(compared.session.plant),
         base,
         measured_on_readings(compared, trials),
-        proposed.servo_motion,
-        steps,
+        steps=steps,
         beyond=False,
     )
 
