@@ -54,7 +54,8 @@ def replace(one, **changes):
             flag = changes.pop("remains", one.remains)
             said["remains"] = Remains(flag, changes.pop("remains_where", one.remains_where))
         shrink, kind = changes.get("shrink", one.shrink), said.get("kind", one.kind)
-        said["part"] = kind in ("effect", "ambiguous") and shrink.high == 0.96  # 5 variances of the noise are left
+        # 5 variances of the noise are left, where no numbers take them away.
+        said["part"] = kind in ("effect", "ambiguous") and shrink.high == 0.96 and shrink.with_numbers is None
         one = one.with_verdict(**said)
     return dataclasses.replace(one, **changes)
 
@@ -280,7 +281,7 @@ def with_numbers(made: Diagnosis, after: float = 1.31) -> Diagnosis:
     gap = made.shrink
     share = 1 - (after - 1) / (gap.before - 1)
     left = Closing(gap.before, after, share, share - 0.01, min(share + 0.002, 1.0))
-    return replace(made.with_verdict(part=False), numbers=FITTED, shrink=replace(gap, with_numbers=left))
+    return replace(made, numbers=FITTED, shrink=replace(gap, with_numbers=left))
 
 
 CASES["effect_and_numbers"] = with_numbers(diagnosis())
