@@ -1,4 +1,4 @@
-"""Write the measured speeds into README.md and docs/speed.md.
+"""Write the measured speeds into docs/speed.md.
 
     python benchmarks/speed_tables.py
 
@@ -17,7 +17,7 @@ from typing import Any
 from machine import RESULTS
 
 ROOT = Path(__file__).parents[1]
-PAGES = (ROOT / "README.md", ROOT / "docs" / "speed.md")
+PAGES = (ROOT / "docs" / "speed.md",)
 CHANGELOG = ROOT / "CHANGELOG.md"
 #: Of figures that were measured before their version was recorded.
 FIRST_VERSION = "0.1.0"
@@ -36,15 +36,10 @@ def made_on(found: dict[str, Any]) -> str:
     )
 
 
-def in_a_grasp(found: dict[str, Any]) -> str:
-    """Half of the time in a held grasp: what the README tells."""
-    return steps(found, ("grasp",))
-
-
-def steps(found: dict[str, Any], loads: tuple[str, ...] = ("random", "grasp")) -> str:
+def steps(found: dict[str, Any]) -> str:
     rows = []
     for name, row in found["results"].items():
-        for load in loads:
+        for load in ("random", "grasp"):
             f = row["loads"][load]
             rows.append(
                 [
@@ -144,7 +139,6 @@ def warp(found: dict[str, Any]) -> str:
 
 #: Mark in a page: file of the results, and what makes a table of them.
 TABLES: dict[str, tuple[str, Callable[[dict[str, Any]], str]]] = {
-    "in_a_grasp": ("steps_per_second", in_a_grasp),
     "steps_per_second": ("steps_per_second", steps),
     "scaling": ("scaling", scaling),
     "peers": ("peers", peers),

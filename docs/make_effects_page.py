@@ -77,7 +77,7 @@ At its *identity* an effect changes nothing, to the last bit. *Bounds* are what 
 simulated, impossible ones (a negative time, a probability of 2) are refused. Friction, damping, mass and inertia are
 *additional* to the nominal and may be negative, down to minus the nominal: reality can have less.
 
-Your own effect takes 15 lines: see the [README](../README.md#your-own-effect).
+Your own effect takes 15 lines: see [its page](own-effect.md).
 
 ## Targets
 

@@ -63,5 +63,5 @@ def test_without_a_distribution_too(monkeypatch):
     assert extra.clone() == (None, False)
 
 
-def test_the_command_of_the_readme_is_that_of_reports():
-    assert extra.in_clone("gap") in Path(__file__).parents[1].joinpath("README.md").read_text(encoding="utf-8")
+def test_the_command_of_the_page_on_installing_is_that_of_reports():
+    assert extra.in_clone("gap") in Path(__file__).parents[1].joinpath("docs", "install.md").read_text(encoding="utf-8")

@@ -1,4 +1,4 @@
-"""The speeds that README and docs/speed.md tell are those of the results, and of code no older than a release."""
+"""The speeds that docs/speed.md tells are those of the results, and of code no older than a release."""
 
 import json
 import sys

@@ -1,4 +1,4 @@
-"""A user's own effect: the README's block as it stands, in environments and diagnoses; and faulty declarations."""
+"""A user's own effect: the page's block as it stands, in environments and diagnoses; and faulty declarations."""
 
 import json
 import re
@@ -21,12 +21,12 @@ from tiago_mj.gap.pipeline import diagnose
 from tiago_mj.gap.simulation.plant import plant_of
 from tiago_mj.recordings.read import read_recordings
 
-README = Path(__file__).parents[2] / "README.md"
+PAGE = Path(__file__).parents[2] / "docs" / "own-effect.md"
 STIFFNESS, KP, OPEN = (
     200.0,
     2000.0,
     0.045,
-)  # of the README's spring and the finger's servo [N/m]; where fingers start [m]
+)  # of the page's spring and the finger's servo [N/m]; where fingers start [m]
 
 
 @pytest.fixture(autouse=True)
@@ -38,30 +38,30 @@ def _library():
     EFFECTS.update(before)
 
 
-def readme_block():
-    (block,) = re.findall(r"<!-- test: own effect -->\n```python\n(.*?)```", README.read_text(encoding="utf-8"), re.S)
+def page_block():
+    (block,) = re.findall(r"<!-- test: own effect -->\n```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.S)
     return block
 
 
 @pytest.fixture
-def readme():
-    """What the README's block makes."""
+def page():
+    """What the page's block makes."""
     names = {"__name__": "my_effects"}
-    exec(readme_block(), names)
+    exec(page_block(), names)
     return names
 
 
-# The README's block --------------------------------------------------------------------------------------------------
+# The page's block --------------------------------------------------------------------------------------------------
 
 
-def test_the_readmes_effect_takes_fifteen_lines():
-    block = readme_block()
+def test_the_pages_effect_takes_fifteen_lines():
+    block = page_block()
     declared = block[block.index("@effect") : block.index("spring =")]
     assert len([line for line in declared.splitlines() if line]) <= 15
 
 
-def test_the_readmes_effect_works_in_an_environment(readme):
-    env = readme["env"]
+def test_the_pages_effect_works_in_an_environment(page):
+    env = page["env"]
     env.reset(seed=0)
     for _ in range(240):
         env.step(np.zeros(2))
@@ -70,8 +70,8 @@ def test_the_readmes_effect_works_in_an_environment(readme):
     np.testing.assert_allclose(rest, [OPEN, OPEN * KP / (KP + STIFFNESS)], atol=1e-9)
 
 
-def test_the_readmes_effect_is_absent_at_its_identity_and_the_same_in_a_batch(readme):
-    del readme
+def test_the_pages_effect_is_absent_at_its_identity_and_the_same_in_a_batch(page):
+    del page
     actions = gripper_actions()
     nominal, absent, spring = (
         rollout(effects, actions, sensing=QUIET)
@@ -85,8 +85,8 @@ def test_the_readmes_effect_is_absent_at_its_identity_and_the_same_in_a_batch(re
 
 
 @pytest.mark.slow
-def test_the_readmes_effect_is_a_candidate_of_the_diagnosis_and_is_found(readme, tmp_path):
-    del readme
+def test_the_pages_effect_is_a_candidate_of_the_diagnosis_and_is_found(page, tmp_path):
+    del page
     effects = json.dumps({"return_spring": {"stiffness": 120.0}})
     arguments = ["record", "--env", GRIPPER, "--policy", "pi", "--episodes", "3", "--seed", "0", "--effects", effects]
     assert main([*arguments, "--out", str(tmp_path)]) == 0
@@ -100,9 +100,9 @@ def test_the_readmes_effect_is_a_candidate_of_the_diagnosis_and_is_found(readme,
     assert named.parameters["stiffness"].unit == "N/m"
 
 
-def test_a_file_with_the_readmes_effect_is_a_command_line_that_knows_it(tmp_path):
+def test_a_file_with_the_pages_effect_is_a_command_line_that_knows_it(tmp_path):
     script = tmp_path / "my_effects.py"
-    script.write_text(f"{readme_block()}\nfrom tiago_mj.cli import main\n\nraise SystemExit(main())\n")
+    script.write_text(f"{page_block()}\nfrom tiago_mj.cli import main\n\nraise SystemExit(main())\n")
     command = [sys.executable, str(script), "record", "--env", GRIPPER, "--policy", "pi", "--episodes", "1"]
     given = ["--effects", '{"return_spring": {}}', "--out", str(tmp_path / "out")]
     done = subprocess.run([*command, *given], capture_output=True, text=True, check=False)
@@ -113,8 +113,8 @@ def test_a_file_with_the_readmes_effect_is_a_command_line_that_knows_it(tmp_path
 # Declaring -----------------------------------------------------------------------------------------------------------
 
 
-def test_a_declaration_can_build_on_another(readme):
-    del readme
+def test_a_declaration_can_build_on_another(page):
+    del page
 
     @effect("steady_gain", stage="force_sensor", targets="sensor", gap_class="gain")
     class SteadyGain(ForceGain):
@@ -186,10 +186,10 @@ def test_an_own_effect_can_change_the_contact():
     np.testing.assert_array_equal(own.state, library.state)
 
 
-def test_the_same_class_declared_again_takes_the_place_of_the_one_before(readme):
+def test_the_same_class_declared_again_takes_the_place_of_the_one_before(page):
     """As when a notebook's cell runs twice."""
-    first = readme["ReturnSpring"]
-    exec(readme_block(), again := {"__name__": "my_effects"})
+    first = page["ReturnSpring"]
+    exec(page_block(), again := {"__name__": "my_effects"})
     assert EFFECTS["return_spring"] is again["ReturnSpring"] is not first
     assert [entry.name for entry in read_effects({"return_spring": {}})] == ["return_spring"]
 
@@ -332,8 +332,8 @@ def test_a_number_of_the_nominal_model_that_an_own_effect_changes_is_adjusted_be
     assert [term.effect for term in adjusted].count("contact_friction") == 1
 
 
-def test_an_effect_of_another_name_is_still_unknown(readme):
-    del readme
+def test_an_effect_of_another_name_is_still_unknown(page):
+    del page
     with pytest.raises(ValueError, match=r"'return_sprong' is unknown: did you mean 'return_spring'"):
         gymnasium.make(f"tiago_mj/{GRIPPER}", effects={"return_sprong": {}})
     assert [entry.name for entry in make({"return_spring": {}}).effects] == ["return_spring"]

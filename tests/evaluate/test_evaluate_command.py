@@ -119,17 +119,17 @@ def test_bad_input_gets_one_line_that_says_what_to_do(words, said, capsys):
     assert said in complaint(capsys, *words)
 
 
-README = Path(__file__).parents[2] / "README.md"
-#: Options, and the three figures of a line, of the README's table.
+PAGE = Path(__file__).parents[2] / "docs" / "evaluating.md"
+#: Options, and the three figures of a line, of the page's table.
 LINES = re.findall(
     r"^\| (none|`--env-option.*?`).* \| (\S+) \| (\S+) \| (\S+) \|$",
-    README.read_text(encoding="utf-8").partition("<!-- figures: evaluate -->")[2].partition("\n\n")[0],
+    PAGE.read_text(encoding="utf-8").partition("<!-- figures: evaluate -->")[2].partition("\n\n")[0],
     re.MULTILINE,
 )
 
 
 @pytest.mark.parametrize("line", LINES, ids=lambda line: line[0])
-def test_the_readmes_figures_are_those_that_its_command_prints(line, capsys):
+def test_the_pages_figures_are_those_that_its_command_prints(line, capsys):
     assert len(LINES) == 3
     words = ["evaluate", "--env", "GripperTactile-v0", "--policy", "pi", "--policy", "pi-tuned", "--bound"]
     options = [] if line[0] == "none" else line[0].strip("`").split()

@@ -72,7 +72,8 @@ def _block(page: str, number: int, name: str, folder: Path) -> None:
 
 
 def _own_effect(folder: Path) -> None:
-    text = next(text for _, kind, _, text in blocks(ROOT / "README.md") if kind == "python" and "@effect" in text)
+    page = ROOT / "docs" / "own-effect.md"
+    text = next(text for _, kind, _, text in blocks(page) if kind == "python" and "@effect" in text)
     declared = text.partition("spring = ")[0]
     ending = 'if __name__ == "__main__":\n    from tiago_mj.cli import main\n    raise SystemExit(main())\n'
     (folder / "my_effects.py").write_text(f"{declared}\n{ending}", encoding="utf-8")
@@ -156,13 +157,9 @@ class Fixture:
 THEIRS: Final = "the reader's own"
 EARLIER: Final = "made on another page, or by a line that takes hours"
 FIXTURES: Final = (
-    Fixture(
-        "README.md",
-        "my_robot.urdf",
-        THEIRS,
-        lambda f: (f / "my_robot.urdf").write_bytes((f / "examples/pendulum/pendulum.urdf").read_bytes()) and None,
-    ),
-    Fixture("README.md", "my_effects.py", "described by the sentence, with the block above it", _own_effect),
+    Fixture("docs/environments.md", "recordings", THEIRS, partial(recordings, "recordings")),
+    Fixture("docs/own-effect.md", "my_effects.py", "described by the sentence, with the block above it", _own_effect),
+    Fixture("docs/own-effect.md", "recordings", THEIRS, partial(recordings, "recordings")),
     Fixture(
         "docs/effects.md", "calibration.yaml", "shown above", partial(_block, "docs/effects.md", 0, "calibration.yaml")
     ),
@@ -232,7 +229,6 @@ ENGINE: Final = "needs the extra blind, with another engine"
 FRESH: Final = "installs into the environment: test_printed_fresh.py does, in a fresh one"
 LEFT_OUT: Final = (
     LeftOut("README.md", r"python3\.11 -m venv .* -e '\.\[dev\]' .*", IN_CI),
-    LeftOut("README.md", r"\.venv/bin/python -m pytest -n auto -m slow", "all slow tests, this one among them"),
     LeftOut(
         "README.md",
         r"\.venv/bin/python -m docs\.site serve",
@@ -241,6 +237,7 @@ LEFT_OUT: Final = (
     LeftOut("CONTRIBUTING.md", r"python3\.11 -m venv \.venv", FRESH),
     LeftOut("CONTRIBUTING.md", r"\.venv/bin/(python -m pytest|ruff check) .*", IN_CI),
     LeftOut("docs/index.md", r"python3\.11 -m venv \.venv", FRESH),
+    LeftOut("docs/install.md", r"uvx .*", "needs uv; tests/test_wheel.py installs the wheel and runs it"),
     LeftOut("docs/another-engine.md", r"python -m benchmarks\.bullet_story .*", ENGINE),
     LeftOut("docs/blind-check.md", r"python -m benchmarks\.blind\.kept write DIR .*", HOURS_BEFORE),
     LeftOut("docs/blind-check.md", r"python -m benchmarks\.blind\.fitters .*", HOURS_BEFORE),
@@ -252,7 +249,7 @@ LEFT_OUT: Final = (
         r".* --require-hashes .*",
         "takes the hashes of the public index, not of a mirror; tests/test_supply.py",
     ),
-    LeftOut("docs/tutorials/first-grasp.md", r"tiago-mj rollout .* --film grasp\.mp4", "a film, as in README.md"),
+    LeftOut("docs/tutorials/first-grasp.md", r"tiago-mj rollout .* --film grasp\.mp4", "a film, as of environments.md"),
     LeftOut("docs/command-line.md", r"tiago-mj COMMAND --help", FORM),
     LeftOut("docs/command-line.md", r"tiago-mj completion zsh .*", "needs zsh"),
     LeftOut("docs/reading-a-report.md", r"tiago-mj diagnose RECORDING\.\.\. .*", FORM),
@@ -278,7 +275,7 @@ LEFT_OUT: Final = (
     LeftOut("docs/real-data.md", r"tiago-mj diagnose third/A-pringles .*", "of an import that its sentence describes"),
     LeftOut("docs/recordings.md", r"tiago-mj import (tiago-arm|xl330|so101) SRC .*", DATA),
     LeftOut(
-        "docs/tutorials/add-an-effect.md", r"python my_effects\.py diagnose .*", "run of README.md, with its effect"
+        "docs/tutorials/add-an-effect.md", r"python my_effects\.py diagnose .*", "run of own-effect.md, with its effect"
     ),
     LeftOut("docs/speed.md", r"ray start .*|RAY_ADDRESS=.*", CLUSTER),
     LeftOut("docs/speed.md", r"python benchmarks/peers\.py .*", "needs environments of the other simulators"),

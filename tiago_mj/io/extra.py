@@ -56,7 +56,7 @@ def install(extra: str | None) -> str:
 
 
 def in_clone(extra: str) -> str:
-    """The same for the environment of README.md, given in the folder of the clone: it names no path of a machine."""
+    """The same for the environment of docs/install.md, given in the folder of the clone: no path of a machine."""
     return f".venv/bin/pip install -q -c {CONSTRAINTS} '.[{extra}]'"
 
 
