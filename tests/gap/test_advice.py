@@ -204,3 +204,14 @@ def test_efforts_that_were_not_compared_are_no_notice_at_the_top(tmp_path):
     assert not any("effort" in note for note in told)
     page = said(replace(CASES["effect"], asides=(aside,)))
     assert page.index(aside) > page.index("How these numbers were made")
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_what_to_record_next_is_one_plain_line_of_every_whole_answer(name):
+    found = CASES[name]
+    said = advice.to_record(found)
+    assert bool(said) == found.complete
+    assert "\n" not in said
+    assert "`" not in said
+    if found.complete and found.kind == "ambiguous" and found.next_motion is not None:
+        assert said == found.next_motion.file

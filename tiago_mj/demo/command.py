@@ -16,7 +16,7 @@ import numpy as np
 
 from tiago_mj import __version__
 from tiago_mj.demo import arm_torque, hidden, page, report
-from tiago_mj.demo.grasp import Grasp, grasp, strip
+from tiago_mj.demo.grasp import Grasp, grasp
 from tiago_mj.demo.whole import whole
 from tiago_mj.gap.command import Told
 from tiago_mj.io import atomic, extra, outputs
@@ -30,7 +30,7 @@ FILM_LIMIT: Final = 3_000_000
 #: Folder of the diagnosis' report, in that of the page.
 DIAGNOSIS: Final = "diagnosis"
 #: Files that only some runs write.
-PARTS: Final = ("arm.png", "gap.png", "film.mp4", "found.mp4")
+PARTS: Final = ("arm.png", "gap.png", "film.mp4", "nominal.mp4", "repaired.mp4")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -101,13 +101,10 @@ def _make(arguments: argparse.Namespace, out: Path, progress: Progress, began: f
         atomic.write_bytes(out / f"{name}.png", content)
     embedded = {name: page.embedded(content, ".png") for name, content in pictures.items()}
     embedded |= _films(done, answer, out, progress)
-    strips = {"whole": [{"picture": page.photo(frame), "title": ""} for frame in robot]}
-    if done.film is not None:
-        frames = done.film.draw(processes=None)
-        strips["grasp"] = [{"picture": page.photo(frames[k]), "title": title} for k, title in strip(done)]
+    strip = page.photo(np.concatenate(robot, axis=1)) if robot else None
     data["made"]["seconds"] = time.monotonic() - began
     atomic.write_text(out / "demo.json", json.dumps(data, indent=2) + "\n")
-    atomic.write_text(out / "demo.html", page.render(data, embedded, strips))
+    atomic.write_text(out / "demo.html", page.render(data, embedded, strip))
     return data
 
 
@@ -123,9 +120,11 @@ def _answer(seed: int, folder: Path, progress: Progress) -> tuple[hidden.Answer 
 def _films(done: Grasp, answer: hidden.Answer | None, out: Path, progress: Progress) -> dict[str, str]:
     """Write the films, and return those small enough for the page; pictures where no encoder is found."""
     films: dict[str, tuple[list[Frame], float]] = {}
-    if answer is not None and answer.panes:
-        progress.stage("drawing the film", sum(len(film.snapshots) for film in answer.panes.values()))
-        films["found"] = hidden.side_by_side(answer, progress.at), answer.panes["measured"].fps
+    if answer is not None and answer.films:
+        taken = answer.films["measured"]
+        progress.stage("drawing the film", 2 * ((len(taken.snapshots) - answer.departure) // hidden.EVERY))
+        for role, frames in hidden.haunted_films(answer, progress.at).items():
+            films[role] = frames, taken.fps / hidden.EVERY
     if done.film is not None:
         progress.stage("drawing the grasp", len(done.film.snapshots))
         films["film"] = done.film.draw(processes=None, done=progress.at), done.film.fps

@@ -9,13 +9,12 @@ import gymnasium
 import numpy as np
 
 from tiago_mj.control.force_pi import ForcePI
-from tiago_mj.models import names
 from tiago_mj.rollout import Episode, Trace, play, summarise
-from tiago_mj.view.film import Film, strip_indices
+from tiago_mj.view.film import Film
 
 ENV: Final = "tiago_mj/GripperTactile-v0"
 #: Width and height of a frame [pixel].
-FRAME: Final = (480, 400)
+FRAME: Final = (480, 304)
 
 
 @dataclass(frozen=True)
@@ -49,28 +48,6 @@ def grasp(*, seed: int) -> Grasp:
     finally:
         env.close()
     return Grasp(trace, summarise(trace, seed), newtons, film, no_film)
-
-
-def strip(done: Grasp) -> list[tuple[int, str]]:
-    """Frames at the events of the grasp with their captions; evenly spaced ones where not both fingers touched."""
-    assert done.film is not None
-    times = np.array(done.film.times)
-    touches = dict(zip(names.SIDES, done.trace.contact_times(), strict=True))
-    known = {side: touch for side, touch in touches.items() if touch is not None}
-    if len(known) < len(touches):
-        chosen = strip_indices(len(times))
-        return [(i, f"{times[i]:.2f} s") for i in chosen]
-    (first, early), (second, late) = sorted(known.items(), key=lambda item: item[1])
-    moments = {
-        "open": 0.0,
-        "closing": early / 2,
-        f"{first} finger touches": early,
-        "it waits for the other": (early + late) / 2,
-        f"{second} finger touches": late,
-        "goal force held": float(times[-1]),
-    }
-    # The first frame at or after each moment: before it, the touch is not yet to be seen.
-    return [(int(np.searchsorted(times, moment - 1e-9)), title) for title, moment in moments.items()]
 
 
 def _try_film(env: gymnasium.Env[Any, Any]) -> tuple[Film | None, str]:

@@ -5,8 +5,8 @@ Its answer is then compared with the truth, in numbers and in a film of the meas
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, Final
@@ -25,7 +25,9 @@ from tiago_mj.io.deadline import Deadline
 from tiago_mj.recordings import lint
 from tiago_mj.recordings.record.environment import Plan, record
 from tiago_mj.rollout.policies import make_policy
+from tiago_mj.view import colours, drawing
 from tiago_mj.view.film import Film
+from tiago_mj.view.stage import well_seen
 
 Array = NDArray[np.float64]
 Frame = NDArray[np.uint8]
@@ -42,9 +44,14 @@ HIDDEN: Final[Mapping[str, tuple[str, float, float]]] = {
 #: be over in 90 s on two processors.
 EPISODES: Final = 4
 BUDGET: Final = 50.0
-#: Width and height of each of the film's three pictures [pixel].
-FRAME: Final = (320, 288)
-PANES: Final = ("measured", "nominal", "repaired")
+#: Width and height of the two films [pixel], seen from before and above, along the fingers' way; of
+#: the snapshots that were taken every second one is drawn.
+FRAME: Final = (480, 264)
+CAMERA: Final = drawing.Camera((0.638, 0.0, 0.62), 0.27, 180, -58)
+EVERY: Final = 2
+#: A robot of so many metres has differences that are drawn up to :data:`tiago_mj.view.stage.WELL_SEEN` of it.
+SIZE: Final = 0.25
+ROLES: Final = ("measured", "nominal", "repaired")
 #: Load cell and joint whose signals are drawn.
 SHOWN: Final = ("force.right", "position.gripper_right_finger_joint")
 
@@ -58,7 +65,7 @@ class Answer:
         truth: its magnitude.
         diagnosis: the whole answer (:class:`tiago_mj.gap.result.Diagnosis`).
         folder: of its report.
-        panes: films of the same commands in the three simulators, by name; empty where nothing could be rendered.
+        films: of the same commands in the three simulators, by role; empty where nothing could be rendered.
     """
 
     name: str
@@ -67,13 +74,30 @@ class Answer:
     truth: float
     diagnosis: Any
     folder: Path
-    panes: Mapping[str, Film] = field(default_factory=dict)
+    films: Mapping[str, Film] = field(default_factory=dict)
 
     @property
     def right(self) -> bool:
         """Whether the best explanation is the effect, or one of its class."""
         said = {EFFECTS[effect.name].gap_class for effect in self.diagnosis.best.effects}
         return said == {EFFECTS[self.name].gap_class}
+
+    @property
+    def larger(self) -> int:
+        """How many times larger than they are the film draws the simulators' distances from the robot."""
+        return well_seen(SIZE, float(self._distances().max()))
+
+    @property
+    def departure(self) -> int:
+        """Snapshot with which the film begins: there the nominal simulator is half as far from the robot as it gets."""
+        away = self._distances()
+        return int(np.argmax(away >= away.max() / 2))
+
+    def _distances(self) -> Array:
+        """Largest distance of a joint of the nominal simulator from the robot, a row for each snapshot, (n,) [m]."""
+        measured, nominal = (np.array([one.qpos for one in self.films[role].snapshots]) for role in ROLES[:2])
+        joints = list(core_of(self.films["measured"].env).wiring().qpos)
+        return np.abs(nominal - measured)[:, joints].max(axis=1)
 
     @property
     def value(self) -> tuple[float, float, float] | None:
@@ -124,34 +148,28 @@ def find(seed: int, folder: Path, tick: Callable[..., None]) -> Answer:
     write(found, folder)
     test = found.splits["test"][0]
     commands = next(trial.commands for trial in trials if trial.name == test)
-    panes = _filmed(plan.effects, folder / "calibration.yaml", commands, int(test.rpartition("-")[2]))
-    return Answer(name, parameter, EFFECTS[name].parameters[parameter].unit[0], truth, found, folder, panes)
+    films = _filmed(plan.effects, folder / "calibration.yaml", commands, int(test.rpartition("-")[2]))
+    return Answer(name, parameter, EFFECTS[name].parameters[parameter].unit[0], truth, found, folder, films)
 
 
 def _filmed(hidden: Any, calibration: Path, commands: Mapping[str, Array], seed: int) -> dict[str, Film]:
     """Films of one grasp: measured, by the nominal and by the repaired simulator."""
-    panes: dict[str, Film] = {}
-    for pane, effects in zip(PANES, (hidden, None, str(calibration)), strict=True):
+    films: dict[str, Film] = {}
+    for role, effects in zip(ROLES, (hidden, None, str(calibration)), strict=True):
         width, height = FRAME
         env = gymnasium.make(ENV, render_mode="rgb_array", width=width, height=height, effects=effects)
         try:
-            film = _replayed(env, pane, commands, seed)
+            films[role] = _replayed(env, commands, seed)
         except gymnasium.error.DependencyNotInstalled:
             return {}
         finally:
             env.close()
-        panes[pane] = film
-    return panes
+    return films
 
 
-def _replayed(env: gymnasium.Env[Any, Any], pane: str, commands: Mapping[str, Array], seed: int) -> Film:
+def _replayed(env: gymnasium.Env[Any, Any], commands: Mapping[str, Array], seed: int) -> Film:
     core: Any = core_of(env)
-
-    def caption(time: float) -> str:
-        right, left = np.maximum(core.state.force_contact, 0.0)
-        return f"{pane}   {right:4.1f} N  {left:4.1f} N"
-
-    film = Film(env, caption)
+    film = Film(env)
     film.check()
     env.reset(seed=seed)
     film(0)
@@ -162,14 +180,26 @@ def _replayed(env: gymnasium.Env[Any, Any], pane: str, commands: Mapping[str, Ar
     return film
 
 
-def side_by_side(answer: Answer, done: Callable[[int], None] = lambda frames: None) -> list[Frame]:
-    """Frames of the film with its three pictures in a row, each (height, 3 · width, 3)."""
-    drawn = 0
-    panes: list[Sequence[Frame]] = []
-    for pane in PANES:
-        panes.append(answer.panes[pane].draw(processes=None, done=partial(_further, done, drawn)))
-        drawn += len(panes[-1])
-    return [np.concatenate(row, axis=1) for row in zip(*panes, strict=True)]
+def haunted_films(answer: Answer, done: Callable[[int], None] = lambda frames: None) -> dict[str, list[Frame]]:
+    """Frames of the robot with the ghost of its simulator, each (height, width, 3): of the nominal
+    simulator, and of the repaired one."""
+    model, larger, first = core_of(answer.films["measured"].env).model, answer.larger, answer.departure
+    films: dict[str, list[Frame]] = {}
+    for role in ROLES[1:]:
+        pairs = zip(answer.films["measured"].snapshots, answer.films[role].snapshots, strict=True)
+        shown = [haunted(robot, simulated, role, larger) for robot, simulated in list(pairs)[first::EVERY]]
+        told = partial(_further, done, len(shown) * len(films))
+        films[role] = drawing.draw(model, shown, size=FRAME, camera=CAMERA, processes=None, done=told)
+    return films
+
+
+def haunted(robot: drawing.Snapshot, simulated: drawing.Snapshot, role: str, larger: int) -> drawing.Snapshot:
+    """Snapshot of the robot with the ghost of a simulator, whose distance is drawn larger than it is; the caption has
+    the force on the right pad in both."""
+    qpos = robot.qpos + larger * (simulated.qpos - robot.qpos)
+    here, there = (max(one.forces[0].newtons, 0.0) + 0.0 for one in (robot, simulated))
+    caption = f"robot {here:.1f} N      {role} simulator {there:.1f} N"
+    return replace(robot, caption=caption, ghost=drawing.Ghost(qpos, colours.LOOKS[role].colour))
 
 
 def _further(done: Callable[[int], None], before: int, frames: int) -> None:

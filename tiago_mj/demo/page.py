@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any, Final
 
 import numpy as np
@@ -31,26 +31,24 @@ def photo(frame: NDArray[np.uint8]) -> str:
     return embedded(stream.getvalue(), ".jpg")
 
 
-def render(
-    data: Mapping[str, Any], pictures: Mapping[str, str], strips: Mapping[str, Sequence[Mapping[str, str]]]
-) -> str:
+def render(data: Mapping[str, Any], pictures: Mapping[str, str], strip: str | None) -> str:
     """The page.
 
     Args:
         data: what ``demo.json`` holds.
-        pictures: data URIs by name: ``force`` and ``curve``; ``gap``, ``arm``, ``found``, ``film`` where they exist.
-        strips: pictures of ``grasp`` and ``whole``, each with its ``title``; none where nothing could be rendered.
+        pictures: data URIs by name: ``force`` and ``curve``; ``gap``, ``arm``, ``nominal``, ``repaired``, ``film``
+            where they exist.
+        strip: data URI of the whole robot's pictures in a row; None where nothing could be rendered.
     """
     environment = pages.environment("tiago_mj.demo")
     environment.filters["fixed"] = lambda value, digits=2: f"{value + 0.0:.{digits}f}".replace("-", "−")
     environment.filters["percent"] = lambda value: f"{100 * value:.0f} %".replace("-", "−")
     template = environment.get_template("demo.html.j2")
-    shown = {"film": None, "found": None, "gap": None, **pictures}
-    strips = {"grasp": [], "whole": [], **strips}
+    shown = {"film": None, "nominal": None, "repaired": None, "gap": None, **pictures}
     return template.render(
         **data,
         pictures=shown,
-        strips=strips,
+        strip=strip,
         headline=headline(dict(data)),
         how_to_get=HOW_TO_GET,
         policy=pages.of_page(),

@@ -34,6 +34,7 @@ def hidden_data(answer: Answer) -> dict[str, Any]:
         "closed": found.shrink.closed,
         "seconds": found.seconds,
         "complete": found.complete,
+        "larger": answer.larger if answer.films else None,
         "report": f"{answer.folder.name}/report.html",
     }
 
@@ -111,20 +112,14 @@ def arm_data(comparison: ArmComparison) -> dict[str, Any]:
 
 def headline(data: dict[str, Any]) -> tuple[str, str]:
     """Heading of the page: the project, and what the page shows of it (empty without a diagnosis)."""
-    hidden, curve = data["hidden"], data["curve"]
-    what = (
-        "TIAGo and its gripper with TA11 load-cell fingertips in MuJoCo, and a diagnosis that says why the simulator "
-        "differs from the real robot."
-    )
+    hidden = data["hidden"]
+    what = "Why does a robot not do what its simulator does? From logs: the cause, its value and a repaired model."
     if hidden is None:
         return what, ""
-    low, high = curve["slopes"]
-    simulated = float(np.mean([row["slope"] for row in curve["simulated"]]))
     found = "found" if hidden["right"] else "not found"
     return what, (
-        f"Here the diagnosis is given grasps of a simulator in which {hidden['effect']} of {hidden['truth']} was "
-        f"hidden: {found}. Below, the simulated gripper's force rises by {simulated:.0f} per metre, the real one's by "
-        f"{low:.0f} to {high:.0f}."
+        f"In a simulated robot {hidden['effect']} of {hidden['truth']} was hidden, and the diagnosis was given its "
+        f"recordings alone: {found}."
     )
 
 

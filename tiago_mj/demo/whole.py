@@ -1,4 +1,4 @@
-"""TIAGo as a whole: the same grasp by torso, arm and fingers, as six pictures."""
+"""TIAGo as a whole: the same grasp by torso, arm and fingers, as a strip of pictures."""
 
 from __future__ import annotations
 
@@ -17,12 +17,13 @@ from tiago_mj.view.film import strip_indices
 Frame = NDArray[np.uint8]
 
 ENV: Final = "tiago_mj/TIAGoTactile-v0"
-FRAME: Final = (400, 400)
-CAMERA: Final = drawing.Camera((0.45, 0.0, 0.72), 1.9, 130, -18)
+FRAME: Final = (320, 200)
+PICTURES: Final = 4
+CAMERA: Final = drawing.Camera((0.45, 0.0, 0.70), 1.7, 130, -18)
 
 
 def whole(*, seed: int, pictures: bool = True) -> tuple[Trace, list[Frame]]:
-    """Trace of the grasp, and its pictures if wanted: the first half of the whole robot, the rest of its hand."""
+    """Trace of the grasp, and its pictures if wanted: first the whole robot, then its hand."""
     env = gymnasium.make(ENV)
     core: Any = core_of(env)
     taken: list[drawing.Snapshot] = []
@@ -30,10 +31,9 @@ def whole(*, seed: int, pictures: bool = True) -> tuple[Trace, list[Frame]]:
         trace = play(env, ForcePI.for_env(env), seed=seed, watch=lambda step: taken.append(drawing.snapshot(core)))
         if not pictures:
             return trace, []
-        chosen = [taken[k] for k in strip_indices(len(taken))]
-        half = len(chosen) // 2
+        chosen = [taken[k] for k in strip_indices(len(taken), PICTURES - 1)]
         frames: list[Frame] = []
-        for some, camera in ((chosen[:half], CAMERA), (chosen[half:], drawing.AT_THE_HAND)):
+        for some, camera in ((chosen[:1], CAMERA), (chosen, drawing.AT_THE_HAND)):
             frames += drawing.draw(core.model, some, size=FRAME, camera=camera)
     finally:
         env.close()

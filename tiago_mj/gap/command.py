@@ -240,13 +240,16 @@ def _written(
     diagnosis: Diagnosis, seen: Pictures | None, fault: Exception | None, arguments: argparse.Namespace
 ) -> int:
     """Write the answer and say it in short; the exit status."""
-    from tiago_mj.gap.report import json, terminal, write
+    from tiago_mj.gap.report import advice, json, terminal, write
 
     paths = write(diagnosis, arguments.out, seen, fault)
     if arguments.json:
         print(json.text(diagnosis))
     else:
         terminal.show(diagnosis, paths)
+        if recorded := advice.to_record(diagnosis):
+            print(f"To record next: {recorded}")
+        print(f"next: {shlex.join(view(arguments))}")
     if FAULT in paths:
         said = f" ({type(fault).__name__}: {one_line(fault)})" if fault is not None else ""
         print(f"tiago-mj diagnose: a fault of this program{said}: {paths[FAULT]} says where", file=sys.stderr)
@@ -276,6 +279,15 @@ def _pictures(
     except (OutOfTimeError, KeyboardInterrupt) as end:
         note, stopped = "The robots are not drawn: there was no time for it.", isinstance(end, KeyboardInterrupt)
         return replace(diagnosis, notes=(*diagnosis.notes, note), interrupted=stopped), None
+
+
+def view(arguments: argparse.Namespace) -> list[str]:
+    """The command line that shows these recordings with their diagnosis in a browser."""
+    out = ["tiago-mj", "view", *(str(path) for path in arguments.recordings)]
+    for name in ("env", "model", "map"):
+        if (value := getattr(arguments, name)) is not None:
+            out += [f"--{name}", str(value)]
+    return [*out, "--diagnosis", str(arguments.out)]
 
 
 def words(arguments: argparse.Namespace) -> list[str]:

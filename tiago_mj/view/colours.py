@@ -1,7 +1,8 @@
 """Colours of the robots and of what is marked, alike in scenes, curves, pages and stills.
 
-Measured, nominal and repaired have the colours that they have in ``report.html``; what is lit has one of its own, which
-is told from the three by the colour-blind, too.
+Measured, nominal and repaired have the colours that they have in ``report.html``, and a colour means one thing
+everywhere. They are Okabe and Ito's (2008), which every kind of colour vision tells apart; what is lit has one of its
+own.
 """
 
 from __future__ import annotations
@@ -38,11 +39,11 @@ LOOKS: Final[Mapping[str, Look]] = MappingProxyType(
 )
 #: What is lit: the joint or finger that the diagnosis names, and the place of the gap on the time line.
 LIT: Final = "#d6007f"
-#: Forces on the pads, right and left; points of contact; a goal.
+#: Fingers and the forces on their pads, right and left; points of contact; a goal.
 RIGHT: Final = "#009e73"
-LEFT: Final = "#0096d6"
-CONTACT: Final = "#f0c000"
-GOAL: Final = "#7a3db8"
+LEFT: Final = "#cc79a7"
+CONTACT: Final = "#f0e442"
+GOAL: Final = "#56b4e9"
 
 
 def rgb(colour: str) -> Colour:

@@ -21,6 +21,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 from tiago_mj.models import names
 from tiago_mj.models.scene import GOAL_SITE
+from tiago_mj.view import colours
 from tiago_mj.view.pad_forces import PadForce, pad_forces
 
 Array = NDArray[np.float64]
@@ -35,8 +36,11 @@ ARROW_LENGTH: Final = 0.008
 ARROW_RADIUS: Final = 0.0025
 ARROW_OFFSET: Final = 0.03
 MIN_DRAWN_FORCE: Final = 0.05
-COLOURS: Final = {"right": (0.0, 0.45, 0.70, 1.0), "left": (0.84, 0.37, 0.0, 1.0)}
-GOAL: Final = (0.0, 0.62, 0.45, 0.35)
+COLOURS: Final = {"right": (*colours.rgb(colours.RIGHT), 1.0), "left": (*colours.rgb(colours.LEFT), 1.0)}
+GOAL: Final = (*colours.rgb(colours.GOAL), 0.45)
+#: Opacity of a ghost, and how far in front of the robot it is drawn [m], to be seen where both are in one place.
+GHOST: Final = 0.5
+IN_FRONT: Final = 0.0015
 #: Frames that one process draws at once, and from how many on several processes are worth their start.
 FRAMES_PER_TASK: Final = 12
 MIN_PARALLEL_FRAMES: Final = 40
@@ -61,6 +65,14 @@ OVER_THE_TABLE: Final = Camera((0.58, 0.0, 0.66), 1.25, 135, -28)
 
 
 @dataclass(frozen=True)
+class Ghost:
+    """A second robot, transparent: where it stands, (nq,), and its colour as hexadecimal digits."""
+
+    qpos: Array
+    colour: str
+
+
+@dataclass(frozen=True)
 class Snapshot:
     """What one frame shows.
 
@@ -71,6 +83,7 @@ class Snapshot:
         hand: middle between the pads, (3,) [m]; None where the robot has none.
         goal: place of the goal where the task draws one, (3,) [m]; or None.
         caption: a line of text; empty for none.
+        ghost: a second robot in the same place, what its joints move; None: there is none.
     """
 
     qpos: Array
@@ -79,6 +92,7 @@ class Snapshot:
     hand: Array | None
     goal: Array | None
     caption: str = ""
+    ghost: Ghost | None = None
 
 
 def snapshot(core: Any, caption: str = "") -> Snapshot:
@@ -175,6 +189,8 @@ def _drawn(
                 mujoco.mj_camlight(model, data)
                 _place_goal(model, data, one)
                 renderer.update_scene(data, _camera(camera, one))
+                if one.ghost is not None:
+                    _add_ghost(model, renderer.scene, one.ghost)
                 for force in one.forces:
                     _arrows(renderer.scene, force)
                 frame = np.asarray(renderer.render(), dtype=np.uint8)
@@ -196,6 +212,33 @@ def _camera(camera: Camera, one: Snapshot) -> mujoco.MjvCamera:
         out.lookat[:] = one.hand
     out.distance, out.azimuth, out.elevation = camera.distance, camera.azimuth, camera.elevation
     return out
+
+
+def _add_ghost(model: mujoco.MjModel, scene: mujoco.MjvScene, ghost: Ghost) -> None:
+    """Draw what the joints of a second robot move, transparent."""
+    data = mujoco.MjData(model)
+    data.qpos[:] = ghost.qpos
+    mujoco.mj_kinematics(model, data)
+    moved = jointed(model)
+    nearer = -IN_FRONT * np.array(scene.camera[0].forward)
+    first, dynamic = scene.ngeom, int(mujoco.mjtCatBit.mjCAT_DYNAMIC)
+    mujoco.mjv_addGeoms(model, data, mujoco.MjvOption(), mujoco.MjvPerturb(), dynamic, scene)
+    for k in range(first, scene.ngeom):
+        geom = scene.geoms[k]
+        own = geom.objtype == mujoco.mjtObj.mjOBJ_GEOM and moved[model.geom_bodyid[geom.objid]]
+        geom.matid = -1
+        geom.rgba[:] = (*colours.rgb(ghost.colour), GHOST if own else 0.0)
+        geom.pos[:] += nearer
+
+
+def jointed(model: mujoco.MjModel) -> NDArray[np.bool_]:
+    """Whether a hinge or a slide moves a body, (nbody,)."""
+    free = int(mujoco.mjtJoint.mjJNT_FREE)
+    found = np.zeros(model.nbody, dtype=bool)
+    for body in range(1, model.nbody):
+        own = range(model.body_jntadr[body], model.body_jntadr[body] + model.body_jntnum[body])
+        found[body] = found[model.body_parentid[body]] or any(model.jnt_type[joint] != free for joint in own)
+    return found
 
 
 def _arrows(scene: mujoco.MjvScene, force: PadForce) -> None:

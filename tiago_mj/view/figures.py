@@ -24,7 +24,7 @@ from tiago_mj.sensing.ta11_curve import MEASURED, SENT_ABOVE, Comparison, is_sen
 
 BLACK, GREY = "#1a1a1a", "#5b6470"
 ORANGE, GREEN, BLUE, VERMILLION, PURPLE = "#E69F00", "#009E73", "#0072B2", "#D55E00", "#CC79A7"
-SIDE_STYLE: Final = {"right": (BLUE, "-"), "left": (VERMILLION, (0, (4, 1)))}
+SIDE_STYLE: Final = {"right": (GREEN, "-"), "left": (PURPLE, (0, (4, 1)))}
 OBJECT_STYLE: Final = {
     "wood": (BLUE, "o"),
     "pringles": (GREEN, "s"),
@@ -58,7 +58,7 @@ def png(figure: Figure, *, dpi: int = 140) -> bytes:
 def force(trace: Trace) -> Figure:
     """Readings, goal, threshold and first contacts over time, and the fingers' positions below."""
     with rc_context(STYLE):
-        figure, (upper, lower) = _rows(2, (6.2, 4.9), heights=(2.4, 1))
+        figure, (upper, lower) = _rows(2, (6.2, 4.0), heights=(2.4, 1))
         goal = float(trace.goal[0])
         upper.axhline(goal, color=BLACK, ls="--", lw=1.2)
         upper.text(0.004, goal, " goal", va="bottom", color=BLACK)
@@ -72,10 +72,10 @@ def force(trace: Trace) -> Figure:
             lower.plot(trace.time, 1e3 * trace.position[:, i], color=color, ls=line, lw=1.4)
             if touch is not None:
                 _instant((upper, lower), touch, color, f"{side} touches\n{touch:.2f} s", before=touch == first)
-        upper.set(ylabel="load-cell reading [sensor units]", title="Close, wait for both contacts, hold the goal force")
+        upper.set(ylabel="load cell [sensor units]", title="Close, wait for both contacts, hold the goal force")
         upper.set_ylim(-0.05 * goal, 1.3 * max(goal, float(trace.force.max())))
         upper.legend(loc="center right")
-        lower.set(ylabel="finger position [mm]", xlabel="time [s]", xlim=(0, trace.time[-1]))
+        lower.set(ylabel="finger [mm]", xlabel="time [s]", xlim=(0, trace.time[-1]))
         _source(figure, "Source: tiago_mj/GripperTactile-v0 with the PI force controller; one episode.")
     return figure
 
@@ -83,7 +83,7 @@ def force(trace: Trace) -> Figure:
 def curve(comparison: Comparison) -> Figure:
     """The real force curves by object and the simulated one; slope against dead band beside it."""
     with rc_context(STYLE):
-        figure = _figure((9.6, 4.5))
+        figure = _figure((9.6, 3.2))
         left, right = figure.subplots(1, 2, width_ratios=(1.75, 1))
         for series, line in zip(MEASURED, comparison.measured, strict=True):
             color, marker = OBJECT_STYLE[series.object]
@@ -106,7 +106,7 @@ def curve(comparison: Comparison) -> Figure:
         left.set(xlabel="held servo error dq [mm]", ylabel="steady force [sensor units]")
         left.set(xlim=(0, 3.1), ylim=(-0.02, 1.05))
         left.set_title("Force over held servo error")
-        left.legend(loc="upper left", bbox_to_anchor=(0.1, 1.0))
+        left.legend(loc="upper left", bbox_to_anchor=(0.1, 1.04), fontsize=7.5, labelspacing=0.25)
         right.set(xlabel="dead band [mm]", ylabel="slope [sensor units per metre]", xlim=(-0.03, 0.34), ylim=(240, 350))
         right.set_title("Slope and dead band")
         right.annotate("simulated", (0.0, comparison.replays[0].line.slope), (14, -3), textcoords="offset points")
@@ -123,7 +123,7 @@ def arm(comparison: ArmComparison, *, start: float = 10.0, length: float = 30.0)
         for j, (axis, row) in enumerate(zip(axes, comparison.rows, strict=True)):
             measured, predicted = comparison.measured[shown, j], comparison.predicted[shown, j]
             axis.fill_between(time, measured, predicted, color="#dfe4ea", lw=0, label="gap")
-            axis.plot(time, measured, color=BLUE, lw=1.4, label="measured: motor current × constant")
+            axis.plot(time, measured, color=BLACK, lw=1.4, label="measured: motor current × constant")
             axis.plot(time, predicted, color=VERMILLION, lw=1.4, ls=(0, (5, 1.5)), label="predicted: nominal model")
             axis.set(ylabel="torque [N·m]")
             share = f"{100 * row.explained:.0f} % of the variance explained"
@@ -141,17 +141,19 @@ def gap(overlay: Any, sensor: str, joint: str) -> Figure:
         overlay: of the recording (:class:`tiago_mj.gap.result.Overlay`).
         sensor, joint: names of its channels, such as ``force.right`` and ``position.gripper_right_finger_joint``.
     """
-    lines = (("measured", BLACK, "-", 2.6), ("nominal", VERMILLION, (0, (5, 1.5)), 1.4), ("repaired", BLUE, "-", 1.2))
+    lines = (("measured", BLACK, "-", 3.2), ("nominal", VERMILLION, (0, (5, 1.5)), 1.5), ("repaired", BLUE, "-", 1.3))
     with rc_context(STYLE):
-        figure, (upper, lower) = _rows(2, (8.6, 4.6))
+        figure = _figure((9.6, 2.4))
+        left, right = figure.subplots(1, 2)
         for name, color, line, width in lines:
             signals = getattr(overlay, name)
-            alpha = 0.35 if name == "measured" else 1.0
-            upper.plot(overlay.time, signals[sensor], color=color, ls=line, lw=width, alpha=alpha, label=name)
-            lower.plot(overlay.time, 1e3 * signals[joint], color=color, ls=line, lw=width, alpha=alpha)
-        upper.set(ylabel="right load cell\n[sensor units]")
-        upper.legend(loc="lower right", ncols=3)
-        lower.set(ylabel="right finger [mm]", xlabel="time [s]", xlim=(0, overlay.time[-1]))
+            left.plot(overlay.time, signals[sensor], color=color, ls=line, lw=width, label=name)
+            right.plot(overlay.time, 1e3 * signals[joint], color=color, ls=line, lw=width, label=name)
+        left.set(ylabel="right load cell [sensor units]")
+        right.set(ylabel="right finger [mm]")
+        right.legend(loc="upper right")
+        for axis in (left, right):
+            axis.set(xlabel="time [s]", xlim=(0, overlay.time[-1]))
         _source(figure, "A recording that was kept aside: the diagnosis has not seen it.")
     return figure
 

@@ -123,6 +123,20 @@ def advice(diagnosis: Diagnosis) -> tuple[Step, ...]:
     return (*_simulate(diagnosis, "Use"), *look, *_by_shape(diagnosis))
 
 
+def to_record(diagnosis: Diagnosis) -> str:
+    """What to record after this answer, in a line; empty where a whole answer has to come first."""
+    kind = diagnosis.kind
+    if not diagnosis.complete:
+        return ""
+    if kind == "no_gap":
+        return "motions faster, firmer or longer than these, if those matter to you: a gap may show in them alone"
+    if kind == "ambiguous":
+        return diagnosis.next_motion.file if diagnosis.next_motion else next(filter(None, _alone(diagnosis)))
+    if kind == "unknown" or closes(diagnosis.shrink) is False:
+        return next(filter(None, _alone(diagnosis)))
+    return "the same motions once it is mended, when the effect should be gone; or others, to see that the repair holds"
+
+
 def go_on(diagnosis: Diagnosis) -> tuple[Step, ...]:
     """How to have the whole answer where a search did not come to its end; empty where it did."""
     stopped = diagnosis.stopped
@@ -284,14 +298,19 @@ def _record_next(diagnosis: Diagnosis) -> Step:
 
 
 def _record_more(diagnosis: Diagnosis) -> Step:
-    shape = diagnosis.residual_shape
-    stage = BY_SHAPE.get("" if shape is None else shape.name, _stage_of(diagnosis))
     after = "One cause at a time is easier to see. Diagnose old and new recordings together."
-    name = "" if _is_model(diagnosis) else _motion(diagnosis, stage)
+    name, by_hand = _alone(diagnosis)
     if not name:
-        return Step("Record a motion that shows it alone", f"{words.begin(BY_HAND.get(stage, ANY_BY_HAND))}. {after}")
+        return Step("Record a motion that shows it alone", f"{words.begin(by_hand)}. {after}")
     said = f"`{name}` is a safe motion for that (`docs/motions.md`). {after} Of a simulated robot this records it:"
     return Step("Record a motion that shows it alone", said, command=record(diagnosis, name))
+
+
+def _alone(diagnosis: Diagnosis) -> tuple[str, str]:
+    """A motion of the menu that shows what is left by itself, empty for a robot of one's own; and in words."""
+    shape = diagnosis.residual_shape
+    stage = BY_SHAPE.get("" if shape is None else shape.name, _stage_of(diagnosis))
+    return "" if _is_model(diagnosis) else _motion(diagnosis, stage), BY_HAND.get(stage, ANY_BY_HAND)
 
 
 def _look_by_stage(diagnosis: Diagnosis) -> Step:
