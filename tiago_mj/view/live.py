@@ -13,13 +13,12 @@ from numpy.typing import NDArray
 
 from tiago_mj.effects import Entry
 from tiago_mj.effects.transmission import Backlash
-from tiago_mj.gap.report import words
-from tiago_mj.io.quantities import scaled
 from tiago_mj.io.quoting import one_line
 from tiago_mj.view import colours, scene
-from tiago_mj.view.charts import Chart, Curve, thin
+from tiago_mj.view.live_curves import LiveCurves, short
+from tiago_mj.view.live_effects import POSITIONS, EffectPanel, round_step
 from tiago_mj.view.server import wait
-from tiago_mj.view.session import HAND, Session, entry, knobs, offered, session, whom
+from tiago_mj.view.session import HAND, Session, offered, session
 from tiago_mj.view.shapes import Part, extent, moving
 
 Array = NDArray[np.float64]
@@ -28,23 +27,16 @@ __all__ = ["Live", "Session", "session"]
 
 FPS: Final = 30.0
 CHARTS_HZ: Final = 8.0
-#: Seconds of the past in the charts.
-PAST: Final = 4.0
 SPEEDS: Final = {"1x": 1.0, "1/2": 0.5, "1/4": 0.25, "1/10": 0.1, "1/30": 1 / 30}
 #: Of an arrow [m/N].
 LENGTH: Final = 0.012
 #: Arrows float so far above the pads, out of the fingers that would hide them [m].
 LIFTED: Final = np.array([0.0, 0.0, 0.03])
-#: Positions that a slider has.
-POSITIONS: Final = 200
 #: A tick that would have to catch up more than this gives up on being on time [s].
 LATEST: Final = 0.2
-WIDTH, LEFT = 400, 360
+WIDTH: Final = 400
 #: Points of contact that are drawn.
 CONTACTS: Final = 32
-
-#: How a finger's name begins, which leaves no room on a slider.
-_GRIPPER: Final = "the gripper's "
 
 
 class Live:
@@ -62,11 +54,11 @@ class Live:
         self._last, self._behind, self._charted = time.monotonic(), 0.0, 0.0
         self._single = 0
         self._changed = False
-        self._panels: dict[int, _EffectPanel] = {}
+        self._panels: dict[int, EffectPanel] = {}
         self._count = 0
         self._scene()
         self._panel()
-        self._curves = _Curves(server.gui, watched)
+        self._curves = LiveCurves(server.gui, watched)
         self._draw()
 
     def run(self) -> None:
@@ -215,9 +207,9 @@ class Live:
                 slides = core.wiring().targets.slides[k]
                 unit = ("m" if slides else "rad") + ("/s" if velocity else "")
                 factor, said = (1000.0, f"m{unit}") if slides else (1.0, unit)
-                step = _round_step(factor * (high - low) / POSITIONS)
+                step = round_step(factor * (high - low) / POSITIONS)
                 slider = gui.add_slider(
-                    f"{words.part(joint, 'joint').removeprefix(_GRIPPER)} [{said}]",
+                    f"{short(joint)} [{said}]",
                     round(factor * low, 6),
                     round(factor * high, 6),
                     step,
@@ -278,7 +270,7 @@ class Live:
         with self._lock:
             key, self._count = self._count, self._count + 1
             with self._effects_folder:
-                self._panels[key] = _EffectPanel(
+                self._panels[key] = EffectPanel(
                     self._server.gui, self._session, name, given, self._touched, lambda: self._remove(key)
                 )
             self._changed = True
@@ -297,132 +289,6 @@ class Live:
             self._say("")
         except ValueError as fault:
             self._say(one_line(fault))
-
-
-class _Curves:
-    """Charts of the last seconds: force, position of a chosen joint, its difference from the nominal twin, reward."""
-
-    def __init__(self, gui: Any, watched: Session) -> None:
-        self._session = watched
-        panel = gui.add_panel()
-        panel.dock_left()
-        panel.set_width(LEFT)
-        self._charts: dict[str, Chart] = {}
-        blank, none = np.array([0.0, 1e-3]), np.full(2, np.nan)
-        looks = colours.LOOKS
-        ink, red, blue = (looks[role].colour for role in ("measured", "nominal", "repaired"))
-        with panel.add_tab("curves"):
-            if watched.pad_forces():
-                force = [Curve("right", colours.RIGHT, none), Curve("left", colours.LEFT, none)]
-                if watched.force_goal() is not None:
-                    force.append(Curve("goal", colours.GOAL, none, dashed=True))
-                self._charts["force"] = Chart(gui, "force on the pads [N]", blank, force, height=190)
-            self._labels = {_short(joint): k for k, joint in enumerate(watched.joints)}
-            self._joint = gui.add_dropdown("joint", tuple(self._labels), initial_value=list(self._labels)[-1])
-            position = [
-                Curve("set point", blue, none, dashed=True),
-                Curve("measured", ink, none),
-                Curve("nominal", red, none, dashed=True),
-            ]
-            self._charts["joint"] = Chart(gui, "its position [mm, rad]", blank, position, height=210)
-            off = "measured − nominal"
-            self._charts["off"] = Chart(gui, f"{off} [mm, rad]", blank, [Curve(off, ink, none)], height=130)
-            self._charts["reward"] = Chart(gui, "reward", blank, [Curve("reward", ink, none)], height=130)
-
-    def draw(self) -> None:
-        """Draw what happened in the last seconds."""
-        watched = self._session
-        rows = list(watched.rows)
-        first = next((k for k, row in enumerate(rows) if row.time >= rows[-1].time - PAST), 0)
-        rows = [rows[first + k] for k in thin(np.arange(len(rows) - first, dtype=float))]
-        if len(rows) < 2:
-            return
-        moments = np.array([row.time for row in rows])
-        k = self._labels[str(self._joint.value)]
-        factor = 1000.0 if watched.core.wiring().targets.slides[k] else 1.0
-        measured = factor * np.array([row.position[k] for row in rows])
-        nominal = factor * np.array([row.nominal[k] for row in rows])
-        if "force" in self._charts:
-            goal = watched.force_goal()
-            force = [np.array([row.force[side] for row in rows]) for side in (0, 1)]
-            more = [] if goal is None else [np.full(len(rows), goal)]
-            self._charts["force"].give(moments, [*force, *more])
-        set_point = factor * np.array([row.set_point[k] for row in rows])
-        self._charts["joint"].give(moments, [set_point, measured, nominal])
-        self._charts["off"].give(moments, [measured - nominal])
-        self._charts["reward"].give(moments, [np.array([row.reward for row in rows])])
-
-
-class _EffectPanel:
-    """Controls of one effect: on or off, targets, magnitudes."""
-
-    def __init__(self, gui: Any, watched: Session, name: str, given: Entry | None, touched: Any, removed: Any) -> None:
-        self._gui, self._session, self._name, self._touched = gui, watched, name, touched
-        self._choices = whom(watched, name)
-        self._folder = gui.add_folder(words.title(name))
-        self._sliders: dict[str, tuple[Any, float]] = {}
-        first = next(iter(self._choices))
-        if given is not None:
-            first = next((label for label, them in self._choices.items() if them == given.target), first)
-        with self._folder:
-            style = "font-size:12px;line-height:1.35;color:#5b6470;padding:2px 12px"
-            gui.add_html(f'<div style="{style}">{html.escape(words.meaning(name))}</div>')
-            self._on = gui.add_checkbox("acts", True)
-            self._target = None
-            if len(self._choices) > 1:
-                self._target = gui.add_dropdown("on", tuple(self._choices), initial_value=first)
-                self._target.on_update(lambda _: self._retarget())
-            self._knobs = gui.add_folder("magnitude")
-            self._remove = gui.add_button("Remove", color="gray")
-        self._on.on_update(lambda _: touched())
-        self._remove.on_click(lambda _: removed())
-        self._make_sliders({} if given is None else dict(given.parameters))
-
-    def entry(self) -> Entry | None:
-        """The effect as set by the controls; None while it is off."""
-        if not self._on.value:
-            return None
-        values = {name: float(slider.value) / factor for name, (slider, factor) in self._sliders.items()}
-        return entry(self._name, self._chosen(), values)
-
-    def remove(self) -> None:
-        """Take the controls away."""
-        self._folder.remove()
-
-    def _chosen(self) -> tuple[str, ...] | None:
-        if self._target is None:
-            return next(iter(self._choices.values()))
-        return self._choices[str(self._target.value)]
-
-    def _retarget(self) -> None:
-        for slider, _ in self._sliders.values():
-            slider.remove()
-        self._make_sliders({})
-        self._touched()
-
-    def _make_sliders(self, values: dict[str, float]) -> None:
-        self._sliders = {}
-        with self._knobs:
-            for knob in knobs(self._session, self._name, self._chosen()):
-                value = values.get(knob.name, knob.default)
-                low, high = min(knob.low, value), max(knob.high, value)
-                factor, unit = scaled(abs(knob.default), knob.unit)
-                label = f"{knob.name.replace('_', ' ')}{f' [{unit}]' if unit else ''}"
-                slider = self._gui.add_slider(
-                    label, factor * low, factor * high, _round_step(factor * (high - low) / POSITIONS), factor * value
-                )
-                slider.on_update(lambda _: self._touched())
-                self._sliders[knob.name] = slider, factor
-
-
-def _short(joint: str) -> str:
-    """A joint's name as a slider has room for it."""
-    return words.part(joint, "joint").removeprefix(_GRIPPER)
-
-
-def _round_step(size: float) -> float:
-    """A power of ten no larger than a size."""
-    return float(10.0 ** np.floor(np.log10(max(size, 1e-9))))
 
 
 def _key(forces: bool, place: bool, goal: float | None) -> str:

@@ -1,0 +1,77 @@
+"""Curves beside a live environment."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+
+from tiago_mj.gap.report import words
+from tiago_mj.view import colours
+from tiago_mj.view.charts import Chart, Curve, thin
+from tiago_mj.view.session import Session
+
+#: Seconds of the past in the charts, and their width [pixel].
+PAST: Final = 4.0
+LEFT: Final = 360
+#: How a finger's name begins, which leaves no room on a slider.
+GRIPPER: Final = "the gripper's "
+
+
+class LiveCurves:
+    """Charts of the last seconds: force, position of a chosen joint, its difference from the nominal twin, reward."""
+
+    def __init__(self, gui: Any, watched: Session) -> None:
+        self._session = watched
+        panel = gui.add_panel()
+        panel.dock_left()
+        panel.set_width(LEFT)
+        self._charts: dict[str, Chart] = {}
+        blank, none = np.array([0.0, 1e-3]), np.full(2, np.nan)
+        looks = colours.LOOKS
+        ink, red, blue = (looks[role].colour for role in ("measured", "nominal", "repaired"))
+        with panel.add_tab("curves"):
+            if watched.pad_forces():
+                force = [Curve("right", colours.RIGHT, none), Curve("left", colours.LEFT, none)]
+                if watched.force_goal() is not None:
+                    force.append(Curve("goal", colours.GOAL, none, dashed=True))
+                self._charts["force"] = Chart(gui, "force on the pads [N]", blank, force, height=190)
+            self._labels = {short(joint): k for k, joint in enumerate(watched.joints)}
+            self._joint = gui.add_dropdown("joint", tuple(self._labels), initial_value=list(self._labels)[-1])
+            position = [
+                Curve("set point", blue, none, dashed=True),
+                Curve("measured", ink, none),
+                Curve("nominal", red, none, dashed=True),
+            ]
+            self._charts["joint"] = Chart(gui, "its position [mm, rad]", blank, position, height=210)
+            off = "measured − nominal"
+            self._charts["off"] = Chart(gui, f"{off} [mm, rad]", blank, [Curve(off, ink, none)], height=130)
+            self._charts["reward"] = Chart(gui, "reward", blank, [Curve("reward", ink, none)], height=130)
+
+    def draw(self) -> None:
+        """Draw what happened in the last seconds."""
+        watched = self._session
+        rows = list(watched.rows)
+        first = next((k for k, row in enumerate(rows) if row.time >= rows[-1].time - PAST), 0)
+        rows = [rows[first + k] for k in thin(np.arange(len(rows) - first, dtype=float))]
+        if len(rows) < 2:
+            return
+        moments = np.array([row.time for row in rows])
+        k = self._labels[str(self._joint.value)]
+        factor = 1000.0 if watched.core.wiring().targets.slides[k] else 1.0
+        measured = factor * np.array([row.position[k] for row in rows])
+        nominal = factor * np.array([row.nominal[k] for row in rows])
+        if "force" in self._charts:
+            goal = watched.force_goal()
+            force = [np.array([row.force[side] for row in rows]) for side in (0, 1)]
+            more = [] if goal is None else [np.full(len(rows), goal)]
+            self._charts["force"].give(moments, [*force, *more])
+        set_point = factor * np.array([row.set_point[k] for row in rows])
+        self._charts["joint"].give(moments, [set_point, measured, nominal])
+        self._charts["off"].give(moments, [measured - nominal])
+        self._charts["reward"].give(moments, [np.array([row.reward for row in rows])])
+
+
+def short(joint: str) -> str:
+    """A joint's name as a slider has room for it."""
+    return words.part(joint, "joint").removeprefix(GRIPPER)

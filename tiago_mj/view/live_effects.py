@@ -1,0 +1,83 @@
+"""Controls of the effects of a live environment."""
+
+from __future__ import annotations
+
+import html
+from typing import Any, Final
+
+import numpy as np
+
+from tiago_mj.effects import Entry
+from tiago_mj.gap.report import words
+from tiago_mj.io.quantities import scaled
+from tiago_mj.view.session import Session, entry, knobs, whom
+
+#: Positions that a slider has.
+POSITIONS: Final = 200
+
+
+class EffectPanel:
+    """Controls of one effect: on or off, targets, magnitudes."""
+
+    def __init__(self, gui: Any, watched: Session, name: str, given: Entry | None, touched: Any, removed: Any) -> None:
+        self._gui, self._session, self._name, self._touched = gui, watched, name, touched
+        self._choices = whom(watched, name)
+        self._folder = gui.add_folder(words.title(name))
+        self._sliders: dict[str, tuple[Any, float]] = {}
+        first = next(iter(self._choices))
+        if given is not None:
+            first = next((label for label, them in self._choices.items() if them == given.target), first)
+        with self._folder:
+            style = "font-size:12px;line-height:1.35;color:#5b6470;padding:2px 12px"
+            gui.add_html(f'<div style="{style}">{html.escape(words.meaning(name))}</div>')
+            self._on = gui.add_checkbox("acts", True)
+            self._target = None
+            if len(self._choices) > 1:
+                self._target = gui.add_dropdown("on", tuple(self._choices), initial_value=first)
+                self._target.on_update(lambda _: self._retarget())
+            self._knobs = gui.add_folder("magnitude")
+            self._remove = gui.add_button("Remove", color="gray")
+        self._on.on_update(lambda _: touched())
+        self._remove.on_click(lambda _: removed())
+        self._make_sliders({} if given is None else dict(given.parameters))
+
+    def entry(self) -> Entry | None:
+        """The effect as set by the controls; None while it is off."""
+        if not self._on.value:
+            return None
+        values = {name: float(slider.value) / factor for name, (slider, factor) in self._sliders.items()}
+        return entry(self._name, self._chosen(), values)
+
+    def remove(self) -> None:
+        """Take the controls away."""
+        self._folder.remove()
+
+    def _chosen(self) -> tuple[str, ...] | None:
+        if self._target is None:
+            return next(iter(self._choices.values()))
+        return self._choices[str(self._target.value)]
+
+    def _retarget(self) -> None:
+        for slider, _ in self._sliders.values():
+            slider.remove()
+        self._make_sliders({})
+        self._touched()
+
+    def _make_sliders(self, values: dict[str, float]) -> None:
+        self._sliders = {}
+        with self._knobs:
+            for knob in knobs(self._session, self._name, self._chosen()):
+                value = values.get(knob.name, knob.default)
+                low, high = min(knob.low, value), max(knob.high, value)
+                factor, unit = scaled(abs(knob.default), knob.unit)
+                label = f"{knob.name.replace('_', ' ')}{f' [{unit}]' if unit else ''}"
+                slider = self._gui.add_slider(
+                    label, factor * low, factor * high, round_step(factor * (high - low) / POSITIONS), factor * value
+                )
+                slider.on_update(lambda _: self._touched())
+                self._sliders[knob.name] = slider, factor
+
+
+def round_step(size: float) -> float:
+    """A power of ten no larger than a size."""
+    return float(10.0 ** np.floor(np.log10(max(size, 1e-9))))
