@@ -57,6 +57,7 @@ def assemble(out: Path, say: Callable[[str], None] = lambda line: None) -> Path:
     if not why:
         for name in ENVIRONMENTS:
             pictures.draw(name, folder / "environments" / f"{name}.png")
+            pictures.film(name, folder / "environments" / f"{name}.webp")
     _write(folder / "environments" / "index.md", environments.overview(not why))
     for name in ENVIRONMENTS:
         _write(folder / "environments" / f"{name}.md", environments.page(name, not why))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import inspect
 import re
 from collections.abc import Iterator, Mapping
@@ -14,6 +15,7 @@ import gymnasium
 from tiago_mj import ENVIRONMENTS
 from tiago_mj.envs.arguments import SimulationArguments
 from tiago_mj.envs.flat import core_of
+from tiago_mj.models import names
 
 #: Sections of a docstring, in their order on a page.
 SECTIONS: Final = (
@@ -59,16 +61,16 @@ def arguments(docstring: str) -> dict[str, str]:
     if heading is None:
         return {}
     found: dict[str, list[str]] = {}
-    names: list[str] = []
+    sharing: list[str] = []
     for line in lines[lines.index(heading) + 1 :]:
         if line and not line.startswith("    "):
             break
         told = _ARGUMENT.match(line.strip()) if not line.startswith("     ") else None
         if told:
-            names = told[1].split(", ")
-            found.update({name: [told[2]] for name in names})
+            sharing = told[1].split(", ")
+            found.update({name: [told[2]] for name in sharing})
         else:
-            for name in names:
+            for name in sharing:
                 found[name].append(line.strip())
     return {name: " ".join(words).strip() for name, words in found.items() if not name.startswith("*")}
 
@@ -136,17 +138,13 @@ def form(name: str) -> str:
     if relative is None:
         return "This id has the goal form: observations are dictionaries, as hindsight replay wants them."
     if relative == 0:
-        return "This id is observed as one vector: `observation` of the text below, as it stands."
-    return (
-        f"This id is observed as one vector: `observation` of the text below, whose last {relative} entries have the "
-        "goal subtracted."
-    )
+        return "Observations are one vector."
+    return f"Observations are one vector. Its last {relative} entries have the goal subtracted."
 
 
-def facts(name: str) -> list[tuple[str, str]]:
+def facts(name: str, env: gymnasium.Env[Any, Any]) -> list[tuple[str, str]]:
     """What the environment itself says: label and value."""
-    env = gymnasium.make(f"tiago_mj/{name}")
-    core = core_of(env)
+    core: Any = core_of(env)
     rate = 1 / core.dt
     steps = ENVIRONMENTS[name].steps
     rows = [
@@ -158,8 +156,68 @@ def facts(name: str) -> list[tuple[str, str]]:
         ("episode", f"{steps} steps at {rate:g} Hz: {steps / rate:.3g} s"),
         ("class", f"`{task_class(name).__module__}.{task_class(name).__name__}`"),
     ]
-    env.close()
     return rows
+
+
+def facts_table(rows: list[tuple[str, str]]) -> str:
+    """Labels and values as a table without a heading, which Markdown has none of."""
+
+    def coded(text: str) -> str:
+        return re.sub(r"`([^`]+)`", r"<code>\1</code>", html.escape(text, quote=False))
+
+    body = "".join(f"<tr><th>{label}</th><td>{coded(value)}</td></tr>" for label, value in rows)
+    return f'<table class="facts" markdown="0"><tbody>{body}</tbody></table>'
+
+
+def limits(core: Any) -> str:
+    """The joints that an id commands, with the limit of each, as a table."""
+    rows = ["| entry | joint | unit | limit |", "|---|---|---|---|"]
+    slides = core.wiring().targets.slides
+    for k, joint in enumerate(core.joints):
+        limit = "no effect" if k in core.drive.held else f"{core.velocity_limit[k]:g}"
+        if joint in names.FINGERS and k not in core.drive.held:
+            limit += " (`finger_speed`)"
+        rows.append(f"| {k} | {joint} | {'m/s' if slides[k] else 'rad/s'} | {limit} |")
+    return "\n".join(rows)
+
+
+def of_its_own(text: str, joints: int, length: int) -> str:
+    """A docstring's text on a space for one id: N is its number of joints, rows of entries that it lacks are left out.
+
+    Args:
+        text: Markdown.
+        joints: that the id commands.
+        length: of ``observation``.
+    """
+
+    def counted(found: re.Match[str]) -> str:
+        return str(int(found[1] or 1) * joints + int((found[2] or "").replace("−", "-") or 0))
+
+    def there(line: str) -> bool:
+        first = re.match(r"\| (\d+)", line)
+        return first is None or int(first[1]) < length
+
+    text = re.sub(r"(?<![A-Za-z·(])(\d*)N([+-]\d+)?(?![A-Za-z/·)])", counted, text)
+    text = re.sub(r"\(N,\)", f"({joints},)", text)
+    return "\n".join(line for line in text.split("\n") if there(line))
+
+
+def flat(text: str) -> str:
+    """What a docstring says of the goal form's ``observation``, for an id that is observed as one vector: without what
+    is said of dictionaries and their other entries."""
+    kept = [part for part in text.split("\n\n") if not part.startswith("`achieved_goal`")]
+    return re.sub(r"^(?:A d|D)ictionary[^\n]*:$", "Its entries:", "\n\n".join(kept), flags=re.MULTILINE)
+
+
+def without_others(text: str) -> str:
+    """What a docstring says of a space, without the paragraph on other ids."""
+    return "\n\n".join(part for part in text.split("\n\n") if not part.startswith("The ids without"))
+
+
+def without_tables(text: str) -> str:
+    """A text without its tables."""
+    lines = (line for line in text.split("\n") if not line.startswith("|"))
+    return re.sub(r"\n{3,}", "\n\n", "\n".join(lines)).strip()
 
 
 def argument_of(name: str, argument: str) -> Any:
@@ -176,16 +234,25 @@ def page(name: str, picture: bool) -> str:
         raise ValueError(f"the docstring of {kind.__name__} has no section {missing[0]}: write one")
     lines = [f"# {name}", plain(parts[""])]
     if picture:
-        lines.append(f"![{name}]({name}.png){{ width=640 height=480 }}")
-    lines.append("\n".join(["| | |", "|---|---|", *(f"| **{label}** | {value} |" for label, value in facts(name))]))
+        lines.append(f"![{name}, an episode]({name}.webp){{ width=480 height=360 }}")
+    env = gymnasium.make(f"tiago_mj/{name}")
+    core: Any = core_of(env)
+    spaces = core.observation_space["observation"], env.observation_space
+    lines.append(facts_table(facts(name, env)))
     for title in SECTIONS:
         lines.append(f"## {title}")
         if title == "Arguments":
             lines += ["Of `gymnasium.make`; all are given by name.", argument_table(name)]
             continue
+        text = plain(parts[title])
+        if title == "Action Space":
+            text = f"{of_its_own(without_tables(text), len(core.joints), 0)}\n\n{limits(core)}"
         if title == "Observation Space":
             lines.append(form(name))
-        lines.append(plain(parts[title]))
+            text = of_its_own(text, len(core.joints), spaces[0].shape[0])
+            text = without_others(text) if isinstance(spaces[1], gymnasium.spaces.Dict) else flat(without_others(text))
+        lines.append(text)
+    env.close()
     return "\n\n".join(lines) + "\n"
 
 
@@ -196,7 +263,7 @@ def families() -> Mapping[str, tuple[str, ...]]:
         task = ENVIRONMENTS[name].task
         key = "Closing" if "close:" in task else "Grasping with force" if "hold" in task else list(groups)[2]
         groups[key].append(name)
-    return {title: tuple(names) for title, names in groups.items()}
+    return {title: tuple(ids) for title, ids in groups.items()}
 
 
 def overview(picture: bool) -> str:
@@ -206,15 +273,15 @@ def overview(picture: bool) -> str:
         f"There are {len(ENVIRONMENTS)}, all under `tiago_mj/`. `import tiago_mj` registers them with gymnasium. "
         "Each steps alone (`gymnasium.make`) or as many at once (`gymnasium.make_vec`), bit for bit the same.",
     ]
-    for title, names in families().items():
+    for title, ids in families().items():
         lines += [f"## {title}", '<div class="tiles" markdown="0">']
-        lines += list(_tiles(names, picture))
+        lines += list(_tiles(ids, picture))
         lines.append("</div>")
     return "\n\n".join(lines) + "\n"
 
 
-def _tiles(names: tuple[str, ...], picture: bool) -> Iterator[str]:
-    for name in names:
+def _tiles(ids: tuple[str, ...], picture: bool) -> Iterator[str]:
+    for name in ids:
         seen = f'<img src="{name}.png" alt="" loading="lazy" width="320" height="240">' if picture else ""
         summary = plain(sections(task_class(name))[""]).replace("`", "")
         yield f'<a class="tile" href="{name}.html">{seen}<b>{name}</b><span>{summary}</span></a>'

@@ -26,6 +26,18 @@ def test_a_page_of_an_environment_has_farama_s_sections_and_every_argument(name)
     assert ":class:" not in page
 
 
+def test_a_page_of_an_environment_speaks_of_its_own_robot_and_observation_alone():
+    gripper, blind = (environments.page(name, picture=False) for name in ("GripperTactile-v0", "TIAGoPALGripper-v0"))
+    actions = gripper.partition("## Action Space")[2].partition("## Rewards")[0]
+    assert "torso" not in actions
+    assert "2N" not in actions
+    assert "| 4, 5 | force right, left" in actions
+    assert "desired_goal" not in actions
+    assert "force right, left" not in blind.partition("## Observation Space")[2].partition("## Rewards")[0]
+    assert "| 10 … 19 | joint velocities" in blind
+    assert "\n| | |\n" not in gripper + blind, "a table without a heading has no empty one"
+
+
 def test_every_environment_is_on_one_page_of_the_overview():
     listed = [name for names in environments.families().values() for name in names]
     assert sorted(listed) == sorted(ENVIRONMENTS)

@@ -35,9 +35,15 @@ class GripperClose(RobotEnv):
 
     ## Observation Space
 
-    Dictionary; `observation` (6,) float64: finger positions [m], velocities [m/s], and positions again, which the flat
-    id turns into the distance to the goal; `achieved_goal`: positions right, left [m]; `desired_goal`: the goal, twice
-    [m].
+    Dictionary. `observation`, float64:
+
+    | entries | meaning | unit |
+    |---|---|---|
+    | 0, 1 | finger positions right, left | m |
+    | 2, 3 | finger velocities | m/s |
+    | 4, 5 | finger positions again; of the flat id the distance to the goal | m |
+
+    `achieved_goal`: positions right, left [m]. `desired_goal`: the goal, twice [m].
 
     ## Rewards
 

@@ -56,6 +56,7 @@ class HoldForce(RobotEnv):
     | 2N, 2N+1 | force right, left: readings, or 0, 1 if `force_type="binary"`; absent if `"none"` | sensor units |
 
     `achieved_goal`: the readings right, left (always raw). `desired_goal`: the goal, twice.
+
     The ids without `Goal` give the paper's flat observation (q, q̇, Δf_right, Δf_left) instead,
     Δf = force − goal, see :class:`tiago_mj.envs.flat.FlatView`.
 

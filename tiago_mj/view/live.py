@@ -12,13 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tiago_mj.effects import Entry
-from tiago_mj.effects.transmission import Backlash
 from tiago_mj.io.quoting import one_line
 from tiago_mj.view import colours, scene
 from tiago_mj.view.live_curves import LiveCurves, short
-from tiago_mj.view.live_effects import POSITIONS, EffectPanel, round_step
+from tiago_mj.view.live_effects import POSITIONS, EffectChoice, EffectPanel, round_step
 from tiago_mj.view.server import wait
-from tiago_mj.view.session import HAND, Session, offered, session
+from tiago_mj.view.session import HAND, Session, session
 from tiago_mj.view.shapes import Part, extent, moving
 
 Array = NDArray[np.float64]
@@ -28,8 +27,8 @@ __all__ = ["Live", "Session", "session"]
 FPS: Final = 30.0
 CHARTS_HZ: Final = 8.0
 SPEEDS: Final = {"1x": 1.0, "1/2": 0.5, "1/4": 0.25, "1/10": 0.1, "1/30": 1 / 30}
-#: Of an arrow [m/N].
-LENGTH: Final = 0.012
+#: Of an arrow [m/N]: that of the 16 N that a finger has at most stays in the picture.
+LENGTH: Final = 0.005
 #: Arrows float so far above the pads, out of the fingers that would hide them [m].
 LIFTED: Final = np.array([0.0, 0.0, 0.03])
 #: A tick that would have to catch up more than this gives up on being on time [s].
@@ -182,12 +181,10 @@ class Live:
         self._twin.on_update(lambda _: setattr(self, "_redraw", True))
         self._folder_of_sliders(gui)
         with gui.add_folder("effects"):
-            names_ = offered(watched)
-            first = Backlash.name if Backlash.name in names_ else names_[0]
-            chosen = gui.add_dropdown("effect", names_, initial_value=first)
+            choice = EffectChoice(gui, watched)
             add = gui.add_button("Add this effect")
             self._effects_folder = gui.add_folder("that act")
-        add.on_click(lambda _: self._add(str(chosen.value)))
+        add.on_click(lambda _: self._add(choice.name))
         for one in watched.effects:
             self._add(one.name, one)
 

@@ -7,13 +7,46 @@ from typing import Any, Final
 
 import numpy as np
 
-from tiago_mj.effects import Entry
+from tiago_mj.effects import EFFECTS, Entry
+from tiago_mj.effects.transmission import Backlash
 from tiago_mj.gap.report import words
+from tiago_mj.gap.report.tables import STAGE_NAMES
 from tiago_mj.io.quantities import scaled
-from tiago_mj.view.session import Session, entry, knobs, whom
+from tiago_mj.view.session import Session, entry, knobs, offered, whom
 
 #: Positions that a slider has.
 POSITIONS: Final = 200
+
+
+class EffectChoice:
+    """Which effect is to be added: its stage of the signal chain, and its plain name there."""
+
+    def __init__(self, gui: Any, watched: Session) -> None:
+        self._by_stage: dict[str, dict[str, str]] = {}
+        for name in offered(watched):
+            stage = STAGE_NAMES[EFFECTS[name].stage]
+            self._by_stage.setdefault(stage, {})[words.title(name)] = name
+        first = STAGE_NAMES[Backlash.stage]
+        stages = [stage for stage in STAGE_NAMES.values() if stage in self._by_stage]
+        self._stage = gui.add_dropdown("stage", tuple(stages), initial_value=first if first in stages else stages[0])
+        self._effect = gui.add_dropdown("effect", self._there(), initial_value=self._begin())
+        self._stage.on_update(lambda _: self._other_stage())
+
+    @property
+    def name(self) -> str:
+        """Of the effect that is chosen."""
+        return self._by_stage[str(self._stage.value)][str(self._effect.value)]
+
+    def _there(self) -> tuple[str, ...]:
+        return tuple(self._by_stage[str(self._stage.value)])
+
+    def _begin(self) -> str:
+        wanted = words.title(Backlash.name)
+        return wanted if wanted in self._there() else self._there()[0]
+
+    def _other_stage(self) -> None:
+        self._effect.options = self._there()
+        self._effect.value = self._begin()
 
 
 class EffectPanel:

@@ -138,7 +138,17 @@ def furnish(server: Any, model: mujoco.MjModel, low: Array, high: Array) -> None
     )
     camera = server.initial_camera
     camera.look_at = tuple(centre)
-    camera.position = tuple(centre + 1.25 * size * np.array(VIEW) / np.linalg.norm(VIEW))
+    away = DISTANCE * size * np.array(VIEW) / np.linalg.norm(VIEW)
+    camera.position = tuple(centre + away)
+
+    def step_back(client: Any) -> None:
+        """In a window that is higher than wide the camera stands farther off, so that all of the box is in it."""
+        narrow = float(client.camera.aspect)
+        if 0 < narrow < 1:
+            client.camera.position = tuple(centre + away / max(narrow, NARROWEST))
+            client.camera.look_at = tuple(centre)  # which moves with the position
+
+    server.on_client_connect(step_back)
     camera.fov = FIELD
     camera.near = max(size / 200, 1e-3)
 
@@ -146,6 +156,10 @@ def furnish(server: Any, model: mujoco.MjModel, low: Array, high: Array) -> None
 #: From where the camera looks, and its vertical field of view [rad].
 VIEW: Final = (0.75, -0.95, 0.62)
 FIELD: Final = 0.75
+#: How far it stands from the middle of what it looks at, in sizes of that; and the width over height of a window down
+#: to which it steps back.
+DISTANCE: Final = 1.0
+NARROWEST: Final = 0.4
 
 
 def _down() -> tuple[float, float, float, float]:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import contextlib
+import importlib
 import io
+import json
 import logging
 import signal
 import socket
@@ -16,6 +18,8 @@ from tiago_mj.io import extra
 
 HOST: Final = "127.0.0.1"
 PORT: Final = 8080
+#: Windows that are narrower are a phone's [pixel].
+PHONE: Final = 700
 
 
 @contextmanager
@@ -24,7 +28,7 @@ def serving(port: int, title: str) -> Iterator[Any]:
 
     Args:
         port: on this machine; 0: any that is free.
-        title: over its panel.
+        title: over its panel, and of the browser's tab.
 
     Raises:
         ValueError: the port is in use, or no port.
@@ -39,10 +43,35 @@ def serving(port: int, title: str) -> Iterator[Any]:
         if port and server.get_port() != port:  # taken between the check and now
             raise ValueError(in_use(port))
         server.gui.configure_theme(show_logo=False, show_share_button=False, brand_color=(0, 114, 178))
+        server.on_client_connect(lambda client: in_browser(client, opened(title)))
         yield server
     finally:
         with contextlib.redirect_stdout(io.StringIO()):  # it says that it stopped
             server.stop()
+
+
+def in_browser(client: Any, script: str) -> None:
+    """Run a script in one browser, by the message with which viser loads its own."""
+    messages = importlib.import_module("viser._messages")
+    client.gui._websock_interface.queue_message(messages.RunJavascriptMessage(source=script))
+
+
+def opened(title: str) -> str:
+    """Script for a browser that opens the view: the tab is called by what is watched, and on a phone the panel, which
+    would hide the robot, is folded until its head is touched."""
+    return f"""(() => {{
+  const title = {json.dumps(title)};
+  document.title = title;
+  if (innerWidth >= {PHONE} || window.tiagoFolded) return;
+  window.tiagoFolded = true;
+  let left = 100;
+  const timer = setInterval(() => {{
+    const leaves = [...document.querySelectorAll("div")].filter((one) => !one.children.length);
+    const head = leaves.find((one) => one.textContent.trim() === title);
+    if (head) head.click();
+    if (head || !--left) clearInterval(timer);
+  }}, 100);
+}})();"""
 
 
 def check(port: int) -> None:

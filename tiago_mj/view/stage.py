@@ -112,6 +112,8 @@ class Stage:
         def paint(part: Part) -> tuple[colours.Colour, float]:
             if first:
                 plain = colours.grey(part.colour)
+                if part.body == 0:  # a table, say, is no part of the robot
+                    plain = colours.mixed(plain, (1.0, 1.0, 1.0), 0.6)
                 if part.body in self.story.lit:
                     return colours.mixed(plain, colours.rgb(colours.LIT), 0.72), part.opacity
                 return plain, part.opacity
