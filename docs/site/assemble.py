@@ -51,7 +51,8 @@ def assemble(out: Path, say: Callable[[str], None] = lambda line: None) -> Path:
     folder = out / "pages"
     refresh(out)
     shutil.copytree(DOCS / "images", folder / "images")
-    shutil.copy(HERE / "style.css", folder / "style.css")
+    for name in ("style.css", "search.js"):
+        shutil.copy(HERE / name, folder / name)
     why = pictures.possible()
     say(f"no pictures of the environments: {why}" if why else f"rendering {len(ENVIRONMENTS)} environments")
     if not why:

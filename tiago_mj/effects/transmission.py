@@ -347,8 +347,9 @@ class TorqueOffset(Effect):
 class Backlash(Effect):
     """Play between motor and joint: the joint feels the motor only when that has crossed the gap.
 
-    The servo holds the motor, which has no mass unless its inertia is given; it stands at the set point at the start,
-    as far as the gap allows. Where a load keeps the joint on one side of the gap it follows at once.
+    The servo moves the motor, and the motor moves the joint only at either side of the gap. Without an inertia of its
+    own the motor is taken to have none. An episode starts with the motor at the set point, or at the side of the gap
+    that is nearest to it. A joint that a load presses against one side follows the motor at once.
 
     Formula: |motor - joint| ≤ width / 2; between the sides no force, at a side the servo's
 

@@ -4,11 +4,11 @@ On a real TIAGo gripper with TA11 load cells, four objects were squeezed with a 
 position command of each finger was its *measured* position minus dq, and the fingertip force after 6 s was noted. The
 68 numbers in :data:`MEASURED` are those facts (llach/learning_fc, series A: commit ee792cf, series B: 3dd34c2).
 
-What the protocol does: the servo error is held at dq whatever the object, so a proportional servo of stiffness k gives
-the force k · dq, and the curve's slope is (servo stiffness) × (sensor gain). Only that product can be read off it, and
-nothing of the object. As the command follows the measured position, nothing holds the fingers in place: they close
-until the object pushes back with k · dq, and where object and fingers stand along the grasp axis is left to chance and
-friction. :attr:`Replay.drift` says how fast the fingers still move when the force is read.
+What the protocol does: for every object the servo error is held at dq, so a proportional servo of stiffness k presses
+with the force k · dq, and the curve's slope is (servo stiffness) × (sensor gain). The curve tells this product alone:
+neither of the two, and nothing of the object. As the command follows the measured position, nothing holds the fingers
+in place: they close until the object pushes back with k · dq, and where object and fingers stand along the grasp axis
+is left to chance and friction. :attr:`Replay.drift` says how fast the fingers still move when the force is read.
 
 The replay goes through the public environment: position control at 25 Hz, the load cell's noise, and the mean of the
 last 10 readings, as on the robot. One thing differs: the environment moves the set point to a new command evenly within

@@ -1,8 +1,9 @@
 """How well an explanation predicts recordings, when the nominal model's own numbers may be a little off.
 
-Residuals are whitened by floor and tolerance and thinned by their correlation time. What the tolerance has in common
-over a block of rows, u of one row, is one error and not many: the covariance of a block is 1 + u u'. Nuisance
-parameters enter linearly with a normal prior and are integrated out in closed form: r = A ν + ε, ν ~ N(0, 1), so that
+Residuals are whitened by floor and tolerance and thinned by their correlation time. Part of the tolerance is one error
+that all rows of a block share: with its size u in each row, in units of the noise, the rows of a block have the
+covariance matrix I + u u'. Nuisance parameters enter linearly with a normal prior and are integrated out in closed
+form: r = A ν + ε, ν ~ N(0, 1), so that
 
     log p(r) = −½ (r'r − b' (1 + G)⁻¹ b) − ½ log |1 + G|,   b = A'r, G = A'A     (ν in units of its deviation),
 

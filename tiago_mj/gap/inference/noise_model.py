@@ -71,7 +71,7 @@ class Data:
         value: (ntrials, T, C), NaN where nothing was measured.
         noise: floor of each channel, (C,).
         sigma: floor and tolerance, (ntrials, T, C).
-        common: part of the tolerance that errs alike over a block of rows, (ntrials, T, C).
+        common: part of the tolerance whose error is the same in all rows of a block, (ntrials, T, C).
         block: rows of a block.
         step: of the grid that the readings of each channel lie on, or are rounded to before noise comes in, (C,); 0 for
             none. It is part of ``noise``, and not of ``sigma``. None: no channel has one.
@@ -171,8 +171,8 @@ def _trusted(trial: Trial, usable: Mapping[str, frozenset[str]]) -> frozenset[st
 def sigma(
     value: Array, noise: Array, share: Array, channels: Sequence[str], period: float, step: Array | None = None
 ) -> tuple[Array, Array]:
-    """Floor and tolerance of every sample, and the part of it that errs alike over a block; same shape as ``value``.
-    ``share`` is of each channel, (C,), or of each trial, too, (ntrials, 1, C).
+    """Floor and tolerance of every sample, and the part whose error all rows of a block share, as ``value``; ``share``
+    is of each channel, (C,), or of each trial, too, (ntrials, 1, C).
 
     How fast a smooth signal changes costs no tolerance: a common delay is a nuisance of its own. Where its slope jumps
     something happens, and that may be a physics step earlier or later. How large a signal is, is wrong for as long as
@@ -227,8 +227,8 @@ def with_step_tolerance(data: Data, predicted: Array, finer: Array) -> Data:
     Args:
         data: measured.
         predicted, finer: nominal predictions at the step that is used and at one :data:`STEP_REFINEMENT` times shorter,
-            (ntrials, T, C). Integrators of first order are off by FINER / (FINER - 1) of the difference. Of it the mean
-            over a block errs alike, the rest sample by sample: a joint may chatter.
+            (ntrials, T, C). Integrators of first order are off by FINER / (FINER - 1) of the difference. The mean
+            over a block is an error that its rows share; the rest is independent between rows: a joint may chatter.
     """
     off = (predicted - finer) * STEP_REFINEMENT / (STEP_REFINEMENT - 1)
     alike = _block_means(off, data.block)
@@ -280,7 +280,7 @@ def with_scatter(data: Data, alike: Array) -> Data:
     """With a tolerance for the simulator's own sensitivity: the scatter of predictions (n, ntrials, T, C) at negligibly
     different parameters, which diverge where an object sticks in one and slips in another.
 
-    As of :func:`with_step_tolerance`, the mean over a block errs alike, the rest sample by sample.
+    As of :func:`with_step_tolerance`, the mean over a block is an error that its rows share, the rest is independent.
     """
     spread = alike - alike.mean(axis=0)
     common = _block_means(spread, data.block)
