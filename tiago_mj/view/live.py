@@ -137,8 +137,8 @@ class Live:
         core, twin = watched.core, watched.nominal
         with self._server.atomic():
             self._robot.pose(core.data.xpos, core.data.xquat)
-            self._ghost.root.visible = bool(self._twin.value)
-            if self._twin.value:
+            self._ghost.root.visible = bool(self._twin.value and watched.effects)  # else it is where the robot is
+            if self._ghost.root.visible:
                 self._ghost.pose(twin.data.xpos, twin.data.xquat)
             for side, place, force in watched.pad_forces():
                 newtons = float(np.linalg.norm(force))

@@ -2,14 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
+from operator import attrgetter
 from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tiago_mj.gap.report import words
+from tiago_mj.models.names import SIDES
 from tiago_mj.view import colours
 from tiago_mj.view.charts import Chart, Curve, thin
-from tiago_mj.view.session import Session
+from tiago_mj.view.overlay import Overlay
+from tiago_mj.view.session import Row, Session
+
+Array = NDArray[np.float64]
 
 #: Seconds of the past in the charts, and their width [pixel].
 PAST: Final = 4.0
@@ -47,6 +55,31 @@ class LiveCurves:
             off = "measured − nominal"
             self._charts["off"] = Chart(gui, f"{off} [mm, rad]", blank, [Curve(off, ink, none)], height=130)
             self._charts["reward"] = Chart(gui, "reward", blank, [Curve("reward", ink, none)], height=130)
+            self._channels = self._known()
+            self._shown: list[Row] = []
+            with gui.add_folder("two curves over one another"):
+                names = tuple(self._channels)
+                self._overlay = Overlay(gui, names, self._read, (names[0], names[-1]))
+
+    def _known(self) -> dict[str, Callable[[Row], float]]:
+        """What can be drawn over one another: a number of a row, by its label."""
+        known: dict[str, Callable[[Row], float]] = {}
+        for k, joint in enumerate(self._session.joints):
+            unit = "m" if self._session.core.wiring().targets.slides[k] else "rad"
+            for what in ("position", "set_point", "nominal"):
+                said = what.replace("_", " ")
+                known[f"{short(joint)}: {said} [{unit}]"] = partial(_entry, what, k)
+        if self._session.pad_forces():
+            for k, side in enumerate(SIDES):
+                known[f"force {side} [N]"] = partial(_entry, "force", k)
+                known[f"load cell {side} [sensor units]"] = partial(_entry, "reading", k)
+        return known | {"reward": attrgetter("reward")}
+
+    def _read(self, label: str) -> tuple[Array, Array]:
+        rows = self._shown
+        if len(rows) < 2:
+            return np.array([0.0, 1e-3]), np.full(2, np.nan)
+        return np.array([row.time for row in rows]), np.array([self._channels[label](row) for row in rows])
 
     def draw(self) -> None:
         """Draw what happened in the last seconds."""
@@ -69,7 +102,13 @@ class LiveCurves:
         set_point = factor * np.array([row.set_point[k] for row in rows])
         self._charts["joint"].give(moments, [set_point, measured, nominal])
         self._charts["off"].give(moments, [measured - nominal])
+        self._shown = rows
+        self._overlay.draw()
         self._charts["reward"].give(moments, [np.array([row.reward for row in rows])])
+
+
+def _entry(what: str, k: int, row: Row) -> float:
+    return float(getattr(row, what)[k])
 
 
 def short(joint: str) -> str:

@@ -13,6 +13,7 @@ import numpy as np
 from tiago_mj.gap.report import words
 from tiago_mj.view import colours, plots
 from tiago_mj.view.charts import Chart, Curve, thin
+from tiago_mj.view.overlay import Overlay
 from tiago_mj.view.page import slow_motion
 from tiago_mj.view.server import wait
 from tiago_mj.view.stage import LARGER, Stage
@@ -109,6 +110,7 @@ class Player:
         self._charts = []
         for name in plots.shown(story, plots.PLOTS):
             self._charts += self._charts_of(gui, story, name)
+        self._over_one_another(gui, story)
 
     def _keep(self, control: Any) -> Any:
         self._controls.append(control)
@@ -170,6 +172,23 @@ class Player:
     def _hide(self, role: str, hidden: bool) -> None:
         with self._lock:
             self.stage.hide(role, hidden)
+
+    def _over_one_another(self, gui: Any, story: Story) -> None:
+        """Any two curves of the recording over one another."""
+        rows = thin(story.time)
+        known: dict[str, tuple[str, str]] = {}
+        for name in story.channels:
+            for role in curves(story.signals, name):
+                known[f"{words.channel(name)}, {colours.LOOKS[role].name}"] = name, role
+        if len(known) < 2:
+            return
+
+        def read(label: str) -> tuple[Any, Any]:
+            name, role = known[label]
+            return story.time[rows], curves(story.signals, name)[role][rows]
+
+        with self._keep(gui.add_folder("two curves over one another")):
+            Overlay(gui, tuple(known), read, (next(iter(known)), next(reversed(known))))
 
     def _charts_of(self, gui: Any, story: Story, name: str) -> list[Chart]:
         rows = thin(story.time)

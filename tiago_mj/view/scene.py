@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 from typing import Any, Final
@@ -142,11 +143,16 @@ def furnish(server: Any, model: mujoco.MjModel, low: Array, high: Array) -> None
     camera.position = tuple(centre + away)
 
     def step_back(client: Any) -> None:
-        """In a window that is higher than wide the camera stands farther off, so that all of the box is in it."""
-        narrow = float(client.camera.aspect)
-        if 0 < narrow < 1:
-            client.camera.position = tuple(centre + away / max(narrow, NARROWEST))
-            client.camera.look_at = tuple(centre)  # which moves with the position
+        """Where panels leave little width the camera stands farther off, so that all of the box is in view."""
+        for _ in range(LOOKS):
+            time.sleep(PAUSE)
+            if not np.allclose(client.camera.position, centre + away, atol=0.01 * size):
+                return  # a hand has moved it
+            narrow = float(client.camera.aspect)
+            if 0 < narrow < 1:
+                client.camera.position = tuple(centre + away / max(narrow, NARROWEST))
+                client.camera.look_at = tuple(centre)  # which moves with the position
+                return
 
     server.on_client_connect(step_back)
     camera.fov = FIELD
@@ -160,6 +166,9 @@ FIELD: Final = 0.75
 #: to which it steps back.
 DISTANCE: Final = 1.0
 NARROWEST: Final = 0.4
+#: A browser is asked so often, with pauses of so many seconds, whether its panels leave little width.
+LOOKS: Final = 12
+PAUSE: Final = 0.5
 
 
 def _down() -> tuple[float, float, float, float]:
