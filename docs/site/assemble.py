@@ -51,8 +51,7 @@ def assemble(out: Path, say: Callable[[str], None] = lambda line: None) -> Path:
     folder = out / "pages"
     refresh(out)
     shutil.copytree(DOCS / "images", folder / "images")
-    for name in ("style.css", "search.js"):
-        shutil.copy(HERE / name, folder / name)
+    shutil.copy(HERE / "style.css", folder / "style.css")
     why = pictures.possible()
     say(f"no pictures of the environments: {why}" if why else f"rendering {len(ENVIRONMENTS)} environments")
     if not why:

@@ -237,6 +237,7 @@ LEFT_OUT: Final = (
     LeftOut("CONTRIBUTING.md", r"python3\.11 -m venv \.venv", FRESH),
     LeftOut("CONTRIBUTING.md", r"\.venv/bin/(python -m pytest|ruff check) .*", IN_CI),
     LeftOut("docs/index.md", r"python3\.11 -m venv \.venv", FRESH),
+    LeftOut("docs/index.md", r"python -m http\.server .*", "serves the site once it is built; tests/docs builds it"),
     LeftOut("docs/install.md", r"uvx .*", "needs uv; tests/test_wheel.py installs the wheel and runs it"),
     LeftOut("docs/another-engine.md", r"python -m benchmarks\.bullet_story .*", ENGINE),
     LeftOut("docs/blind-check.md", r"python -m benchmarks\.blind\.kept write DIR .*", HOURS_BEFORE),

@@ -254,3 +254,21 @@ def test_a_mesh_of_many_faces_keeps_them_with_vertices_of_their_own(monkeypatch)
     apart = shapes._smoothed(ball)
     assert len(apart.vertices) == 3 * len(ball.faces) == 3 * len(apart.faces)
     np.testing.assert_allclose(apart.triangles, ball.triangles)
+
+
+def test_a_recording_is_added_while_one_looks_and_what_is_none_is_refused(recorded, diagnosed, tmp_path):
+    from tiago_mj.view.recordings import Shelf
+
+    shelf = Shelf([recorded / "pi-000.parquet"], tmp_path, folder=diagnosed)
+    assert shelf.names() == ["pi-000"]
+    assert shelf.add("pi-001.parquet", (recorded / "pi-001.parquet").read_bytes()) == ["pi-000", "pi-001"]
+    assert shelf.story("pi-001").signals.trial == "pi-001"
+    for name, content in (
+        ("notes.txt", b"a"),
+        ("../x.csv", b"a,b\n1,2\n"),
+        ("pi-000.csv", b""),
+        ("pi-001.parquet", b""),
+    ):
+        with pytest.raises(ValueError, match=r"^[^\n]+$"):
+            shelf.add(name, content)
+    assert shelf.names() == ["pi-000", "pi-001"]

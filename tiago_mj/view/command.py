@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import argparse
 import json
+import tempfile
 from pathlib import Path
 from typing import Any
 
 from tiago_mj.io import extra, outputs
 from tiago_mj.recordings.recording import RecordingError
 from tiago_mj.view import live, page, player
-from tiago_mj.view.recordings import library
+from tiago_mj.view.recordings import Shelf
 from tiago_mj.view.server import HOST, PORT, check, serving
 
 
@@ -83,16 +84,22 @@ def _recordings(arguments: argparse.Namespace) -> int:
         raise ValueError(f"--save {arguments.save}: name an HTML file, such as scene.html")
     if arguments.save is None:
         check(arguments.port)
+    with tempfile.TemporaryDirectory() as dropped:
+        return _shown(arguments, Path(dropped))
+
+
+def _shown(arguments: argparse.Namespace, dropped: Path) -> int:
     try:
-        known = library(
+        shelf = Shelf(
             arguments.recordings,
+            dropped,
             env=arguments.env,
             model=arguments.model,
             map_file=arguments.map,
             folder=arguments.diagnosis,
             effects=arguments.effects,
         )
-        names = [trial.name for trial in known.trials]
+        known, names = shelf.library, shelf.names()
         first = arguments.trial or known.first
         if first not in names:
             raise ValueError(f"--trial {first}: there is no such recording: these are {', '.join(names)}")
@@ -105,7 +112,7 @@ def _recordings(arguments: argparse.Namespace) -> int:
                 print(f"{arguments.save}: {first} in {size / 1e6:.1f} MB; it opens in any browser, without a server")
             return 0
         with serving(arguments.port, f"{known.plant.name}: recordings") as server:
-            shown = player.Player(server, names, known.story, first, beside=arguments.beside)
+            shown = player.Player(server, names, shelf.story, first, beside=arguments.beside, add=shelf.add)
             _say(server, arguments.json)
             shown.run()
     except RecordingError as fault:

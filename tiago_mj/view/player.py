@@ -11,11 +11,12 @@ from typing import Any, Final
 import numpy as np
 
 from tiago_mj.gap.report import words
+from tiago_mj.io.quoting import one_line
 from tiago_mj.view import colours, plots
 from tiago_mj.view.charts import Chart, Curve, thin
 from tiago_mj.view.overlay import Overlay
 from tiago_mj.view.page import slow_motion
-from tiago_mj.view.server import wait
+from tiago_mj.view.server import DROPPED, in_browser, wait
 from tiago_mj.view.stage import LARGER, Stage
 from tiago_mj.view.story import Story, curves
 
@@ -38,6 +39,8 @@ class Player:
         tell: story of a trial, by its name.
         first: trial that is shown at first.
         beside: whether the robots stand side by side at first.
+        add: takes a recording that is dropped on the page, by its name and content, and returns the trials that can be
+            chosen then, its own last; raises ValueError with a line where it cannot be used. None: none is taken.
 
     Attributes:
         stage: with the robots.
@@ -49,7 +52,14 @@ class Player:
     _charted: int
 
     def __init__(
-        self, server: Any, trials: Sequence[str], tell: Callable[[str], Story], first: str, *, beside: bool = False
+        self,
+        server: Any,
+        trials: Sequence[str],
+        tell: Callable[[str], Story],
+        first: str,
+        *,
+        beside: bool = False,
+        add: Callable[[str, bytes], Sequence[str]] | None = None,
     ) -> None:
         self._server, self._tell, self._lock = server, tell, threading.RLock()
         self._beside = beside
@@ -58,10 +68,13 @@ class Player:
         server.gui.main_panel.dock_right()
         server.gui.main_panel.set_width(WIDTH)
         self._controls: list[Any] = []
-        self._choice = None
-        if len(trials) > 1:
-            self._choice = server.gui.add_dropdown("recording", tuple(trials), initial_value=first)
-            self._choice.on_update(lambda _: self._want(str(self._choice.value)))
+        self._choice = server.gui.add_dropdown("recording", tuple(trials), initial_value=first, visible=len(trials) > 1)
+        self._choice.on_update(lambda _: self._want(str(self._choice.value)))
+        if add is not None:
+            self._said = server.gui.add_html("")
+            button = server.gui.add_upload_button("Add a recording", hint="or drop one on the page")
+            button.on_upload(lambda _: self._add(button.value, add))
+            server.on_client_connect(lambda client: in_browser(client, DROPPED))
         self._begin(tell(first))
 
     def run(self) -> None:
@@ -90,6 +103,20 @@ class Player:
                 self._drawn, self._charted = now, row
                 for chart in self._charts:
                     chart.at(self._clock)
+
+    def _add(self, file: Any, add: Callable[[str, bytes], Sequence[str]]) -> None:
+        """Take a recording and show it; or say why it cannot be used."""
+        with self._lock:
+            try:
+                names = tuple(add(str(file.name), bytes(file.content)))
+            except ValueError as fault:
+                style = "margin:2px 12px;color:#b04a00;font-size:13px"
+                self._said.content = f'<div style="{style}">{html.escape(one_line(fault))}</div>'
+                return
+            self._said.content = ""
+            self._choice.options, self._choice.visible = names, True
+            self._choice.value = names[-1]
+            self._want(names[-1])
 
     def _want(self, trial: str) -> None:
         self._wanted = trial
@@ -179,7 +206,10 @@ class Player:
         known: dict[str, tuple[str, str]] = {}
         for name in story.channels:
             for role in curves(story.signals, name):
-                known[f"{words.channel(name)}, {colours.LOOKS[role].name}"] = name, role
+                unit = story.signals.units.get(name, "")
+                said = f"{words.channel(name)}, {colours.LOOKS[role].name}"
+                known[f"{said} [{unit}]" if unit else said] = name, role
+        measured = [label for label, (_, role) in known.items() if role == "measured"]
         if len(known) < 2:
             return
 
@@ -188,7 +218,7 @@ class Player:
             return story.time[rows], curves(story.signals, name)[role][rows]
 
         with self._keep(gui.add_folder("two curves over one another")):
-            Overlay(gui, tuple(known), read, (next(iter(known)), next(reversed(known))))
+            Overlay(gui, tuple(known), read, (measured[0], measured[1] if len(measured) > 1 else list(known)[1]))
 
     def _charts_of(self, gui: Any, story: Story, name: str) -> list[Chart]:
         rows = thin(story.time)

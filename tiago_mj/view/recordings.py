@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from tiago_mj.effects import read_effects
 from tiago_mj.effects.spec import Entry
@@ -13,12 +14,15 @@ from tiago_mj.gap.report.json import load
 from tiago_mj.gap.result import Diagnosis
 from tiago_mj.gap.simulation.along_a_motion import torques_along_a_motion
 from tiago_mj.gap.simulation.plant import Plant, plant_of
+from tiago_mj.io.quoting import one_line, quoted
 from tiago_mj.recordings.read import read_recordings
 from tiago_mj.recordings.recording import RecordingError, Trial
 from tiago_mj.recordings.trials import cut_long
 from tiago_mj.view.story import Story, tell
 
 DIAGNOSIS, CALIBRATION = "diagnosis.json", "calibration.yaml"
+#: Ends of the names of files that can be added.
+ADDED: Final = (".csv", ".parquet")
 
 
 @dataclass(frozen=True)
@@ -47,6 +51,60 @@ class Library:
         """Name of the trial that is shown first: a test trial of the diagnosis, else the first."""
         tested = self.diagnosis.splits.get("test", ()) if self.diagnosis is not None else ()
         return next((trial.name for trial in self.trials if trial.name in tested), self.trials[0].name)
+
+
+class Shelf:
+    """Recordings that are shown, and those that are added to them while one looks.
+
+    Args:
+        paths: files or folders.
+        place: where added files are kept.
+        given: other arguments of :func:`library`.
+
+    Attributes:
+        library: of the paths.
+    """
+
+    def __init__(self, paths: Sequence[Path], place: Path, **given: Any) -> None:
+        self._paths, self._place, self._given = list(paths), place, given
+        self.library = library(self._paths, **given)
+        self._by_name = {trial.name: self.library for trial in self.library.trials}
+
+    def story(self, name: str) -> Story:
+        """Story of a trial, by its name."""
+        return self._by_name[name].story(name)
+
+    def names(self) -> list[str]:
+        """Of all trials, in their order."""
+        return list(self._by_name)
+
+    def add(self, name: str, content: bytes) -> list[str]:
+        """Add a recording of the same robot, made as the first one was; the names of all trials, with its own last.
+
+        Raises:
+            ValueError: it cannot be read, or is of another robot; one line.
+        """
+        path = self._place / (Path(name).name or "recording.csv")
+        if path.suffix.lower() not in ADDED or path.stem in self._by_name:
+            raise ValueError(f"{quoted(name)}: give a file of another name that ends with {' or '.join(ADDED)}")
+        plant = self.library.plant
+        same = {"model": plant.file} if plant.file is not None else {"env": plant.name}
+        path.write_bytes(content)
+        if (known := self._sidecar()) is not None:
+            said = json.loads(known.read_text(encoding="utf-8"))
+            said = {key: value for key, value in said.items() if key != "initial"} | {"trial": path.stem}
+            path.with_suffix(".json").write_text(json.dumps(said), encoding="utf-8")
+        try:
+            found = library([path], **{**self._given, **same})
+        except (RecordingError, ValueError) as fault:
+            raise ValueError(one_line(fault)) from fault
+        self._by_name |= {trial.name: found for trial in found.trials}
+        return self.names()
+
+    def _sidecar(self) -> Path | None:
+        """What was said of the first recording, which then holds of an added one, too; None: nothing was."""
+        beside = (sorted(path.glob("*.json")) if path.is_dir() else [path.with_suffix(".json")] for path in self._paths)
+        return next((one for some in beside for one in some if one.is_file()), None)
 
 
 def library(
@@ -99,4 +157,4 @@ def as_diagnosed(plant: Plant, trials: Sequence[Trial]) -> Sequence[Trial]:
     return cut_long(trials)
 
 
-__all__ = ["Library", "RecordingError", "as_diagnosed", "library"]
+__all__ = ["Library", "RecordingError", "Shelf", "as_diagnosed", "library"]

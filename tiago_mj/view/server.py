@@ -74,6 +74,21 @@ def opened(title: str) -> str:
 }})();"""
 
 
+#: Script for a browser: a file that is dropped on the page goes the way of the button that takes one.
+DROPPED: Final = """(() => {
+  if (window.tiagoDrops) return;
+  window.tiagoDrops = true;
+  addEventListener("dragover", (event) => event.preventDefault());
+  addEventListener("drop", (event) => {
+    event.preventDefault();
+    const field = document.querySelector("input[type=file]");
+    if (!field || !event.dataTransfer.files.length) return;
+    field.files = event.dataTransfer.files;
+    field.dispatchEvent(new Event("change", { bubbles: true }));
+  });
+})();"""
+
+
 def check(port: int) -> None:
     """Refuse a port that cannot be listened on.
 
