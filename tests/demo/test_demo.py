@@ -6,6 +6,7 @@ import html.parser
 import json
 import os
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import gymnasium
@@ -16,7 +17,8 @@ from tiago_mj import cli
 from tiago_mj.demo import arm_torque, hidden, page, report
 from tiago_mj.demo.grasp import grasp
 from tiago_mj.effects import EFFECTS
-from tiago_mj.view import figures
+from tiago_mj.view import drawing, figures
+from tiago_mj.view.film import Film
 
 ROOT = Path(__file__).resolve().parents[2]
 REALDATA = Path(os.environ.get("TIAGO_MJ_REALDATA", ROOT.parent / "shared" / "realdata"))
@@ -107,6 +109,30 @@ def test_every_effect_that_may_be_hidden_is_drawn_within_its_bounds():
         assert parameter in EFFECTS[name].parameters
         assert low <= value <= high
     assert len({value for _, _, value in drawn}) == len(drawn)
+
+
+def test_a_ghost_stands_farther_from_the_robot_than_its_simulator_does_and_is_seen():
+    env = gymnasium.make("tiago_mj/GripperTactile-v0", render_mode="rgb_array", width=96, height=80)
+    env.reset(seed=0)
+    core = env.unwrapped
+    robot = drawing.snapshot(core)
+    closer = replace(robot, qpos=robot.qpos - 0.002)
+    shown = hidden.haunted(robot, closer, "nominal", 5)
+    np.testing.assert_allclose(shown.ghost.qpos, robot.qpos - 0.01)
+    assert shown.caption.startswith("robot 0.0 N")
+    fingers = [core.model.joint(name).bodyid[0] for name in core.joints]
+    moved = drawing.jointed(core.model)
+    assert moved[fingers].all()
+    assert not moved[core.model.body("object").id], "nor what no joint of the robot moves"
+    try:
+        Film(env).check()
+    except gymnasium.error.DependencyNotInstalled as fault:
+        pytest.skip(str(fault))
+    plain, ghostly = drawing.draw(core.model, [robot, shown], size=(96, 80), camera=hidden.CAMERA)
+    env.close()
+    changed = np.abs(ghostly.astype(int) - plain).max(axis=-1) > 40
+    orange = (ghostly[..., 0].astype(int) > ghostly[..., 2] + 60) & changed
+    assert orange.sum() > 20
 
 
 @needs_recording

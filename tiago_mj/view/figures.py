@@ -149,7 +149,7 @@ def gap(overlay: Any, sensor: str, joint: str) -> Figure:
             signals = getattr(overlay, name)
             left.plot(overlay.time, signals[sensor], color=color, ls=line, lw=width, label=name)
             right.plot(overlay.time, 1e3 * signals[joint], color=color, ls=line, lw=width, label=name)
-        left.set(ylabel="right load cell [sensor units]")
+        left.set(ylabel="right load cell")
         right.set(ylabel="right finger [mm]")
         right.legend(loc="upper right")
         for axis in (left, right):

@@ -37,7 +37,7 @@ class LiveCurves:
         self._charts: dict[str, Chart] = {}
         blank, none = np.array([0.0, 1e-3]), np.full(2, np.nan)
         looks = colours.LOOKS
-        ink, red, blue = (looks[role].colour for role in ("measured", "nominal", "repaired"))
+        ink, red = (looks[role].colour for role in ("measured", "nominal"))
         with panel.add_tab("curves"):
             if watched.pad_forces():
                 force = [Curve("right", colours.RIGHT, none), Curve("left", colours.LEFT, none)]
@@ -47,7 +47,7 @@ class LiveCurves:
             self._labels = {short(joint): k for k, joint in enumerate(watched.joints)}
             self._joint = gui.add_dropdown("joint", tuple(self._labels), initial_value=list(self._labels)[-1])
             position = [
-                Curve("set point", blue, none, dashed=True),
+                Curve("set point", colours.GOAL, none, dashed=True),
                 Curve("measured", ink, none),
                 Curve("nominal", red, none, dashed=True),
             ]
