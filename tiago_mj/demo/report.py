@@ -136,7 +136,8 @@ def lines(data: dict[str, Any]) -> list[str]:
     hidden, robot = data["hidden"], data["whole"]
     shown = [f"Hidden effect: not diagnosed: {data['no_hidden']}"]
     if hidden is not None:
-        value = "another effect was named" if hidden["value"] is None else f"found {hidden['value']}"
+        other = "one of its class was named" if hidden["right"] else "another effect or none was named"
+        value = other if hidden["value"] is None else f"found {hidden['value']}"
         if hidden["interval"] is not None:
             value += f" ({hidden['interval'][0]} to {hidden['interval'][1]})"
         shown = [
