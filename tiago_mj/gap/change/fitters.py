@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from tiago_mj.effects.spec import Entry
-from tiago_mj.gap.inference import noise_model
+from tiago_mj.gap.inference import noise_model, sensor_noise
 from tiago_mj.gap.inference.fit import Array, Fitter, Point
 from tiago_mj.gap.inference.hypotheses import Candidate
 from tiago_mj.gap.inference.noise_model import Data
@@ -90,7 +90,7 @@ def differences(data: Data, base: Array, pairs: Sequence[tuple[int, int]]) -> Da
     grid = np.zeros(len(data.channels)) if data.step is None else data.step / np.sqrt(6)
     noise = np.array(
         [
-            max(noise_model.noise_floor((value - expected)[:, :, c], float(least[c])), float(grid[c]))
+            max(sensor_noise.floor((value - expected)[:, :, c], float(least[c])), float(grid[c]))
             for c in range(len(data.channels))
         ]
     )
