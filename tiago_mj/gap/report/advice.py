@@ -132,7 +132,7 @@ def to_record(diagnosis: Diagnosis) -> str:
         return "motions faster, firmer or longer than these, if those matter to you: a gap may show in them alone"
     if kind == "ambiguous":
         return diagnosis.next_motion.file if diagnosis.next_motion else next(filter(None, _alone(diagnosis)))
-    if kind == "unknown" or closes(diagnosis.shrink) is False:
+    if kind == "unknown" or repairs(diagnosis.shrink) is False:
         return next(filter(None, _alone(diagnosis)))
     return "the same motions once it is mended, when the effect should be gone; or others, to see that the repair holds"
 
