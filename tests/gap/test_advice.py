@@ -191,8 +191,8 @@ def test_why_a_row_of_the_same_class_stands_where_it_does_is_said_only_where_the
     )
     given = replace(CASES["effect"], ranking=(CASES["effect"].ranking[0], again, *CASES["effect"].ranking[1:]))
     assert [row.again for row in tables.ranking(given)][:2] == [False, True]
-    assert "all members of a class stand together" in said(given)
-    assert "all members of a class stand together" not in said(CASES["effect"])
+    assert "The rows of one class are listed together" in said(given)
+    assert "The rows of one class are listed together" not in said(CASES["effect"])
 
 
 def test_efforts_that_were_not_compared_are_no_notice_at_the_top(tmp_path):
