@@ -106,7 +106,8 @@ def detail(unit: str, bounds: tuple[float, float], *, sought: bool = True) -> An
 
 #: Of what a prior's deviation may be a share: of what the nominal model has of it (``takes_from``), of the inertia that
 #: a joint moves at the start of a recording, of the nominal limit in which the parameter is stated, of the largest
-#: effort that was measured of the target, or of the time between two recorded rows.
+#: effort that was measured of the target (a quarter of its drive's limit at least), or of the time between two
+#: recorded rows.
 SHARES: Final = ("stock", "inertia", "limit", "effort", "row")
 
 

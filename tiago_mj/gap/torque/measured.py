@@ -15,6 +15,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from tiago_mj.effects.wiring import Wiring
 from tiago_mj.gap.inference.noise_model import BLOCK_SECONDS, Data
 from tiago_mj.gap.simulation.plant import Plant
 from tiago_mj.gap.simulation.replay import Grid, Signals
@@ -33,6 +34,9 @@ Array = NDArray[np.float64]
 ENOUGH_TRIALS: Final = 6
 PARTS: Final = 12
 SHORTEST_PERIODS: Final = 12.0
+#: Share of a drive's limit that a motion is taken to use at least where it is asked how large efforts are: the zero of
+#: a torque sensor is a share of what it can measure, 0.5 % in the blind check, and 2 % of this is as much.
+USED: Final = 0.25
 #: Share of a channel's effort to which torques along a filtered motion are known at best: what filtering,
 #: differentiating and the instant of a reversal cost on simulated arms that the model describes exactly.
 METHOD: Final = 5e-3
@@ -98,7 +102,7 @@ def measured(
         wiring=usable.torques.wiring,
         period=every / course.rate,
         effort_row=course.period,
-        largest_effort=_largest(course),
+        largest_effort=_largest(course, usable.torques.wiring),
         cell=None,
         pads=None,
     )
@@ -187,10 +191,15 @@ def _moving(torques: Torques) -> NDArray[np.bool_]:
     return np.asarray(torques.course.moving()[:, torques.course.columns])
 
 
-def _largest(course: Course) -> tuple[float, ...]:
-    """Effort that was measured of every joint, at most; 0 of joints without a channel [N, N·m]."""
-    largest = np.zeros(len(course.joints))
+def _largest(course: Course, wiring: Wiring) -> tuple[float, ...]:
+    """Effort of every joint at most: measured, or a share of its drive's limit where that is more; 0 of joints without
+    a channel [N, N·m]."""
+    targets, largest = wiring.targets, np.zeros(len(course.joints))
     largest[course.columns] = np.nanmax(np.abs(course.stack("effort")), axis=0)
+    for a, j in enumerate(targets.actuated):
+        limit, at = targets.nominal("effort", "command", a), course.joints.index(targets.joint[j])
+        if at in course.columns and np.isfinite(limit):
+            largest[at] = max(largest[at], USED * limit)
     return tuple(largest.tolist())
 
 
