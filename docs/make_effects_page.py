@@ -15,6 +15,7 @@ SOURCES = {
     "tiago_arm": "a recording of TIAGo's arm, thanhndv212/figaroh-plus",
     "pal_gripper": "pal-robotics/pal_gripper: the fingers' URDF and controller gains",
     "menagerie": "google-deepmind/mujoco_menagerie, `pal_tiago`",
+    "regressions": "mass, friction and constants of real robots, `python -m benchmarks.real.regression`",
     "force_vs_displacement": "forces of a real gripper with TA11 load cells over displacement, llach/learning_fc",
 }
 HEAD = """\
@@ -57,7 +58,8 @@ env = gymnasium.make("tiago_mj/GripperTactile-v0", effects={{"command_delay": {{
 ```
 
 As the `calibration.yaml` that a diagnosis writes: `effects="calibration.yaml"` is the repaired simulator. It has an
-interval beside every value; the simulator takes the values.
+interval beside every value; the simulator takes the values. `numbers:`, where a diagnosis confirmed some, are the
+nominal model's own as fitted ([numbers as fitted](reading-a-report.md#numbers-as-fitted)): they act beside the effects.
 
 ```yaml
 schema: tiago_mj.calibration/1

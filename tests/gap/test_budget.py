@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from made_diagnoses import CASES
 from made_motions import diagnosed, pendulum, record
 
 from tiago_mj import cli
@@ -450,7 +451,6 @@ def test_a_budget_is_told_in_two_digits_and_is_enough(needs: float, budget: int)
 
 def test_the_headline_is_what_is_known() -> None:
     stopped = Stopped("budget", 30.0, 12, 49, 231.0)
-    nothing = conclusion.Explanation((), math.nan, math.nan)
-    assert verdict._stopped(stopped, nothing) == (
+    assert verdict.headline(replace(CASES["no_gap"], stopped=stopped)) == (
         "Stopped after 30 s with 12 of 49 effects tried; nothing is named yet."
     )

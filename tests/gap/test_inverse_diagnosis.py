@@ -34,8 +34,8 @@ def rubbing() -> Trial:
 
 @pytest.fixture(scope="module")
 def rubbed() -> Diagnosis:
-    """A quarter of a minute is enough to be right."""
-    return diagnosed(rubbing_arm(16))
+    """Half a minute is enough to be right; in a quarter of it the wrist's friction is not seen in every part."""
+    return diagnosed(rubbing_arm(30))
 
 
 # What is there is found -----------------------------------------------------------------------------------------------

@@ -1,6 +1,7 @@
 """Preflight says what a recording can tell before anything is fitted, from its commands and the model's uncertainty."""
 
 import json
+import re
 import subprocess
 import sys
 from contextlib import redirect_stdout
@@ -121,7 +122,7 @@ def test_a_motion_with_efforts_shows_friction_inertia_and_weight_joint_by_joint(
     assert any({"gravity_tilt", "encoder_bias"} <= set(group) for group in found["alike"])
     said = capsys.readouterr().out
     assert "coulomb_friction" in said
-    assert "Cannot be told apart: encoder_bias, gravity_tilt" in said or "gravity_tilt, encoder_bias" in said
+    assert re.search("Cannot be told apart: .*encoder_bias", said)
 
 
 def test_what_is_given_is_part_of_what_a_preflight_compares_with(swinging):

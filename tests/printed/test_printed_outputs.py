@@ -186,6 +186,8 @@ KNOWN: Final = {
     ("io/extra.py", ".venv/bin/pip install"): "reports, in test_printed_fresh.py",
     ("io/extra.py", "{} -m pip install"): "no pandas and others",
     ("export/found.py", "tiago-mj diagnose --out wrote"): "names a command",
+    ("gap/change/result.py", "that tiago-mj compare wrote"): "names a command",
+    ("gap/change/result.py", "write it anew with tiago-mj compare"): "names a command",
     ("gap/report/advice.py", "from tiago_mj.gap import apply"): "reports, in test_printed_fresh.py",
     ("gap/report/advice.py", "-m mujoco.viewer"): "reports, in test_printed_fresh.py",
     ("gap/report/advice.py", "tiago-mj record"): "reports, in test_printed_fresh.py",

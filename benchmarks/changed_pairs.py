@@ -1,6 +1,6 @@
 """Blind check of ``tiago-mj compare``: pairs of sessions, one changed effect or none, whose truth is withheld.
 
-    python -m benchmarks.blind.compare --pairs 60 --seed N --out DIR [--begin N] [--first N] [--save NAME]
+    python -m benchmarks.changed_pairs --pairs 60 --seed N --out DIR [--begin N] [--first N] [--save NAME]
 
 Every other pair has a change. Right is: ``nothing_changed`` where nothing did; where an effect changed, ``changed``
 with an effect of its class, or ``ambiguous`` with it among the alternatives (counted apart). A false alarm is an answer
@@ -27,7 +27,7 @@ from tiago_mj.gap.change import command
 from tiago_mj.gap.change.result import as_data
 from tiago_mj.io import atomic, outputs
 
-PROG: Final = "python -m benchmarks.blind.compare"
+PROG: Final = "python -m benchmarks.changed_pairs"
 NAMING: Final = ("changed", "ambiguous")
 
 
