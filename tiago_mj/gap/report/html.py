@@ -14,6 +14,7 @@ from importlib import resources
 from pathlib import Path
 from typing import Any, Final, Protocol
 
+import jinja2
 from markupsafe import Markup, escape
 
 from tiago_mj.gap.report import advice, overlays, pattern, residual, shrinking, tables, verdict, words
@@ -53,19 +54,7 @@ class Seen(Protocol):
 def render(diagnosis: Diagnosis, seen: Seen | None = None) -> str:
     """The page, with pictures of the robots where there are some."""
     diagnosis = checked(diagnosis)
-    environment = pages.environment("tiago_mj.gap.report")
-    environment.filters.update(
-        number=words.number,
-        percent=words.percent,
-        channel=words.channel,
-        begin=words.begin,
-        labels=functools.partial(pattern.labels, of=pattern.joints(diagnosis)),
-        bare=words.bare,
-        glued=glued,
-        coded=coded,
-        worded=worded,
-        breakable=breakable,
-    )
+    environment = _environment(diagnosis)
     drawn = _drawn(diagnosis)
     packed = _packed() if drawn else ""
     script = Markup(environment.get_template("report.js").render(phase_names=PHASES))
@@ -114,6 +103,24 @@ def render(diagnosis: Diagnosis, seen: Seen | None = None) -> str:
         policy=pages.of_page([script, _plotly()] if drawn else []),
         seen=seen,
     )
+
+
+def _environment(diagnosis: Diagnosis) -> jinja2.Environment:
+    """Templates with the words and figures of a diagnosis as filters."""
+    environment = pages.environment("tiago_mj.gap.report")
+    environment.filters.update(
+        number=words.number,
+        percent=words.percent,
+        channel=words.channel,
+        begin=words.begin,
+        labels=functools.partial(pattern.labels, of=pattern.joints(diagnosis)),
+        bare=words.bare,
+        glued=glued,
+        coded=coded,
+        worded=worded,
+        breakable=breakable,
+    )
+    return environment
 
 
 def write(diagnosis: Diagnosis, path: Path) -> None:

@@ -96,7 +96,7 @@ def measured(
     names = list(dict.fromkeys(strip.trial for strip in course.strips))
     every = max(int(course.rate / (ROWS_PER_PERIOD * course.cutoff)), 1)
     torques = tuple(Torques(plant.model, course.of_trial(name), plant.given, deadline) for name in names)
-    in_order = tuple(strip for one in torques for strip in one.course.strips)
+    whole = replace(course, strips=tuple(strip for one in torques for strip in one.course.strips))
     along = replace(
         plant,
         wiring=usable.torques.wiring,
@@ -107,7 +107,7 @@ def measured(
         pads=None,
     )
     there = {trial.name: trial for trial in parts}
-    resampled = [_resampled(there[name], one.course, every) for name, one in zip(names, torques, strict=True)]
+    resampled = [_resampled(there[one], torques[k].course, every) for k, one in enumerate(names)]
     compared = Session(along, resampled, session.recorded, split(names))
     data = _data(along, torques, every, seed)
     predict = EffortPredictor(
@@ -118,7 +118,7 @@ def measured(
         corrected=False,
         deadline=deadline or Deadline(),
         torques=torques,
-        whole=Torques(plant.model, replace(course, strips=in_order), plant.given, deadline),
+        whole=Torques(plant.model, whole, plant.given, deadline),
         every=every,
     )
     return Measured(compared, predict, _motion(torques, every, data.value.shape[1]), usable, course)

@@ -76,8 +76,7 @@ def trial_from_table(
     _check_enough(channels, sidecar, file, table.sidecar_file, replayed)
     if not channels["command"]:
         _check_efforts(targets, columns, found.stated, file)
-    stem = PurePath(file).stem
-    name = sidecar.trial or stem
+    name = sidecar.trial or PurePath(file).stem
     if sidecar.rate_hz == 0.0:
         sidecar = replace(sidecar, rate_hz=_rate(time, channels))
     trial = Trial(
