@@ -23,8 +23,8 @@ from benchmarks.blind import changes, recordings, robots
 from benchmarks.blind.changes import Pair
 from benchmarks.blind.score import class_of
 from tiago_mj import cli
-from tiago_mj.gap.change import command
-from tiago_mj.gap.change.result import as_data
+from tiago_mj.change import command
+from tiago_mj.change.result import as_data
 from tiago_mj.io import atomic, outputs
 
 PROG: Final = "python -m benchmarks.changed_pairs"

@@ -23,8 +23,8 @@ from benchmarks.real import logs
 from benchmarks.real.logs import Log
 from benchmarks.real.robots import double_pendulum, xl330
 from tiago_mj import cli
-from tiago_mj.gap.change import command
-from tiago_mj.gap.change.result import as_data
+from tiago_mj.change import command
+from tiago_mj.change.result import as_data
 from tiago_mj.io import atomic, outputs
 
 PROG: Final = "python -m benchmarks.real.compare"

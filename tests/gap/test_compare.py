@@ -11,9 +11,9 @@ from benchmarks.blind import cases, changes, recordings, robots
 from benchmarks.blind.cases import EffectChoice
 from benchmarks.blind.changes import Pair
 from tiago_mj import cli
-from tiago_mj.gap.change import history, report, result, search
-from tiago_mj.gap.change.comparison import compare, renamed
-from tiago_mj.gap.change.fitters import DifferenceFitter, JointFitter, differences
+from tiago_mj.change import history, report, result, search
+from tiago_mj.change.comparison import compare, renamed
+from tiago_mj.change.fitters import DifferenceFitter, JointFitter, differences
 from tiago_mj.gap.inference import hypotheses, noise_model
 from tiago_mj.gap.inference.fit import Point, Start
 from tiago_mj.gap.inference.predictor import predictor

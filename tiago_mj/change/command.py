@@ -15,7 +15,7 @@ from tiago_mj.io.progress import Progress
 from tiago_mj.recordings.recording import RecordingError
 
 if TYPE_CHECKING:
-    from tiago_mj.gap.change.result import Comparison
+    from tiago_mj.change.result import Comparison
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -77,9 +77,9 @@ def _compare(arguments: argparse.Namespace) -> int:
     days = arguments.dates.split(",") if arguments.dates else ["", ""]
     if len(days) != 2:
         raise ValueError(f"--dates {arguments.dates}: write two days with a comma between them")
-    from tiago_mj.gap.change import report
-    from tiago_mj.gap.change.comparison import with_places
-    from tiago_mj.gap.change.result import text
+    from tiago_mj.change import report
+    from tiago_mj.change.comparison import with_places
+    from tiago_mj.change.result import text
 
     found = compared(arguments, arguments.before, arguments.after)
     found = with_places(found, (arguments.before, arguments.after), (days[0].strip(), days[1].strip()))
@@ -94,7 +94,7 @@ def _compare(arguments: argparse.Namespace) -> int:
 def _history(arguments: argparse.Namespace) -> int:
     if arguments.before is not None:
         raise ValueError("give two sets or --history FOLDER, not both")
-    from tiago_mj.gap.change import history
+    from tiago_mj.change import history
 
     life = history.read(arguments.history, lambda one, other: compared(arguments, one, other))
     path = history.write(life, arguments.out)
@@ -112,9 +112,9 @@ def compared(arguments: argparse.Namespace, before: Path, after: Path) -> Compar
     """
     extra.load("pandas", "reading recordings")
     threadpool_limits = extra.load("threadpoolctl", "the same answer on every machine").threadpool_limits
+    from tiago_mj.change.comparison import compare, renamed
+    from tiago_mj.change.result import AFTER, BEFORE
     from tiago_mj.effects import read_effects
-    from tiago_mj.gap.change.comparison import compare, renamed
-    from tiago_mj.gap.change.result import AFTER, BEFORE
     from tiago_mj.gap.simulation.plant import plant_of
     from tiago_mj.recordings import lint
     from tiago_mj.recordings.read import read_recordings

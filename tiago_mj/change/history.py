@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from tiago_mj.gap.change.report import label, size, styles, values
-from tiago_mj.gap.change.result import FILE_NAME, Comparison, load
+from tiago_mj.change.report import label, size, styles, values
+from tiago_mj.change.result import FILE_NAME, Comparison, load
 from tiago_mj.gap.parts import Named, Value
 from tiago_mj.gap.report import json as diagnoses
 from tiago_mj.gap.report import words
@@ -240,7 +240,7 @@ def drawing(life: Life, track: Track) -> list[dict[str, float | bool | str]]:
 
 def render(life: Life) -> str:
     """The page."""
-    environment = pages.environment("tiago_mj.gap.change")
+    environment = pages.environment("tiago_mj.change")
     return environment.get_template("history.html.j2").render(
         life=life,
         look=look(life),

@@ -9,8 +9,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from tiago_mj.gap.change.fitters import DifferenceFitter, JointFitter, differences
-from tiago_mj.gap.change.reference import Reference, nominal, searched, spread, with_what_is_left
+from tiago_mj.change.fitters import DifferenceFitter, JointFitter, differences
+from tiago_mj.change.reference import Reference, nominal, searched, spread, with_what_is_left
 from tiago_mj.gap.compared import Compared
 from tiago_mj.gap.inference import hypotheses, likelihood, noise_model
 from tiago_mj.gap.inference.fit import NUISANCE_STEP, Start

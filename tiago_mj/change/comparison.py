@@ -12,14 +12,14 @@ from typing import Any, Final
 import numpy as np
 
 import tiago_mj
+from tiago_mj.change import search
+from tiago_mj.change.reference import Reference, measured_on_readings, spread
+from tiago_mj.change.result import AFTER, BEFORE, Change, Comparison, Explanation, Kind, Side, Which
 from tiago_mj.effects import EFFECTS, Entry
 from tiago_mj.effects.spec import arrays
 from tiago_mj.gap import pipeline
 from tiago_mj.gap.ahead import Ahead
 from tiago_mj.gap.analysis import outcome
-from tiago_mj.gap.change import search
-from tiago_mj.gap.change.reference import Reference, measured_on_readings, spread
-from tiago_mj.gap.change.result import AFTER, BEFORE, Change, Comparison, Explanation, Kind, Side, Which
 from tiago_mj.gap.compared import Compared
 from tiago_mj.gap.decision import verdict
 from tiago_mj.gap.detectors.readings import NAMED_DEVIATIONS, Known

@@ -8,7 +8,7 @@ from typing import Any, Final
 
 from markupsafe import Markup
 
-from tiago_mj.gap.change.result import AFTER, BEFORE, FILE_NAME, Change, Comparison, Explanation, text
+from tiago_mj.change.result import AFTER, BEFORE, FILE_NAME, Change, Comparison, Explanation, text
 from tiago_mj.gap.parts import Named
 from tiago_mj.gap.report import words
 from tiago_mj.io import atomic, extra, pages
@@ -122,7 +122,7 @@ def styles() -> Markup:
 def render(found: Comparison) -> str:
     """The page."""
     kind, look = KIND_NAMES[found.kind]
-    environment = pages.environment("tiago_mj.gap.change")
+    environment = pages.environment("tiago_mj.change")
     environment.filters.update(percent=words.percent, number=words.number, amount=words.amount)
     return environment.get_template("comparison.html.j2").render(
         d=found,
