@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from tiago_mj.effects.wiring import Wiring
+from tiago_mj.effects.now import Wiring
 from tiago_mj.gap.inference.noise_model import BLOCK_SECONDS, Data
 from tiago_mj.gap.simulation.plant import Plant
 from tiago_mj.gap.simulation.replay import Grid, Signals
