@@ -15,7 +15,7 @@ SOURCES = {
     "tiago_arm": "a recording of TIAGo's arm, thanhndv212/figaroh-plus",
     "pal_gripper": "pal-robotics/pal_gripper: the fingers' URDF and controller gains",
     "menagerie": "google-deepmind/mujoco_menagerie, `pal_tiago`",
-    "regressions": "mass, friction and constants of real robots, `python -m benchmarks.real.regression`",
+    "regressions": "mass, friction and constants of real robots, `benchmarks/real/regression.py`",
     "force_vs_displacement": "forces of a real gripper with TA11 load cells over displacement, llach/learning_fc",
 }
 HEAD = """\

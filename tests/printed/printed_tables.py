@@ -227,7 +227,9 @@ ROS: Final = "needs ROS and the robot"
 IN_CI: Final = "run by .ci/run as it stands"
 ENGINE: Final = "needs the extra blind, with another engine"
 FRESH: Final = "installs into the environment: test_printed_fresh.py does, in a fresh one"
+COMPARED: Final = "two sets of recordings, searched for minutes; tests/gap/test_compare.py runs the command"
 LEFT_OUT: Final = (
+    LeftOut("docs/compare.md", r"tiago-mj compare .*", COMPARED),
     LeftOut("README.md", r"python3\.11 -m venv .* -e '\.\[dev\]' .*", IN_CI),
     LeftOut(
         "README.md",

@@ -327,8 +327,8 @@ class TorqueOffset(Effect):
 
     On the robot: read the effort of the unpowered joint in a pose in which it carries nothing.
 
-    Source: regressions of public recordings (``python -m benchmarks.real.regression``): over nine joints of EMPS, the
-    double pendulum and TIAGo's arm the root mean square is 1.9 % of the largest measured effort.
+    Source: regressions of public recordings (``benchmarks/real/regression.py``): over nine joints of EMPS, the double
+    pendulum and TIAGo's arm the root mean square is 1.9 % of the largest measured effort.
 
     MuJoCo: none; ``qfrc_applied``.
     """
