@@ -118,7 +118,7 @@ def test_the_tolerance_of_an_onset_is_found_through_the_grid():
     period, step, noise = 1 / 240, 0.075, np.array([0.0077])
     time = np.arange(240) * period
     true = np.maximum(20 * (time - 0.5), 0.0).clip(max=1.5)[None, :, None]
-    args = noise, np.array([0.0]), ("force.left",), period
+    args = noise, noise_model.Tolerance(np.array([0.0])), ("force.left",), period
     grid, _ = noise_model.sigma(np.round(true / step) * step, *args, np.array([step]))
     there = (time > 0.49) & (time < 0.53)
     assert 0.02 < grid[0, there, 0].max() < 0.08

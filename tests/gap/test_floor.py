@@ -112,10 +112,19 @@ def test_a_swing_is_no_event_but_a_stop_is(rate):
     stopped = np.where(time < 2, 2.0 * (time - 2), 0.0)
     values, noise = np.stack([swing, stopped])[..., None], np.array([1e-4])
     share = np.array([noise_model.SIZE_TOLERANCE["position"][1]])
-    sigma, _ = noise_model.sigma(values, noise, share, ("position.hinge",), 1 / rate)
+    sigma, _ = noise_model.sigma(values, noise, noise_model.Tolerance(share), ("position.hinge",), 1 / rate)
     there = np.abs(time - 2) < 2 / rate
     assert 1.0 < sigma[1, there, 0].max() / noise_model.TIMING_TOLERANCE < 2.2
     assert np.median(sigma[0]) < 2.5 * noise[0] < 0.15 * sigma[1, there, 0].max()
+
+
+def test_the_end_of_a_recording_is_no_event():
+    """Two trials of a joint that moves evenly, one of them half as long: nothing happens in either."""
+    time = np.arange(200) / 25.0
+    values = np.stack([3 + 2.0 * time, np.where(time < 4, 3 + 2.0 * time, np.nan)])[..., None]
+    noise = np.array([1e-4])
+    sigma, _ = noise_model.sigma(values, noise, noise_model.Tolerance(np.array([0.0])), ("position.hinge",), 1 / 25.0)
+    assert sigma[np.isfinite(values)] == pytest.approx(noise[0])
 
 
 @pytest.mark.parametrize("rate", [25.0, 240.0])

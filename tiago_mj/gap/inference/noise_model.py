@@ -15,7 +15,7 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter
+from scipy.ndimage import median_filter, minimum_filter1d
 
 from tiago_mj.gap.inference import sensor_noise, trailing
 from tiago_mj.gap.simulation.plant import Plant
@@ -59,6 +59,19 @@ STEP_ERROR_KNOWN_TO: Final = 0.2
 BESIDE: Final = 1 / 4
 #: The nominal simulator is run once more with a physics step this many times shorter.
 STEP_REFINEMENT: Final = 4
+
+
+@dataclass(frozen=True)
+class Tolerance:
+    """What two correct simulators differ by.
+
+    Attributes:
+        share: of a signal's size, of each channel, (C,), or of each trial, too, (ntrials, 1, C).
+        seconds: between the instants at which something happens, as ``share``, or one for all.
+    """
+
+    share: Array
+    seconds: Array | float = TIMING_TOLERANCE
 
 
 @dataclass(frozen=True)
@@ -114,7 +127,8 @@ def collect(plant: Plant, trials: Sequence[Trial], usable: Usable | None = None)
     """
     length = max(len(trial.time) for trial in trials)
     wanted = [("position", plant.joints), ("velocity", plant.joints), ("force", plant.sensors)]
-    channels, part, columns, noise, leasts, share, steps = [], [], [], [], [], [], []
+    channels, part, columns, noise, leasts, steps = [], [], [], [], [], []
+    share, seconds = [], []
     for kind, names in wanted:
         for index, name in enumerate(names):
             channel = f"{kind}.{name}"
@@ -145,10 +159,11 @@ def collect(plant: Plant, trials: Sequence[Trial], usable: Usable | None = None)
                 trailing.share_of_range(plant, trials, index, values) if kind == "position" and least < usual else 1.0
             )
             share.append(SIZE_TOLERANCE[kind][0 if slide else 1] * np.broadcast_to(trails, len(trials)))
+            seconds.append(TIMING_TOLERANCE * np.broadcast_to(trails, len(trials)))
     value = np.stack(columns, axis=-1) if columns else np.zeros((len(trials), length, 0))
     own, grid = np.array(noise), np.array(steps)
-    shares = np.reshape(share, (-1, len(trials))).T[:, None]
-    whole, common = sigma(value, own, shares, tuple(channels), plant.period, grid)
+    tolerance = Tolerance(*(np.reshape(one, (-1, len(trials))).T[:, None] for one in (share, seconds)))
+    whole, common = sigma(value, own, tolerance, tuple(channels), plant.period, grid)
     return Data(
         tuple(channels),
         np.array(part, dtype=int),
@@ -169,10 +184,14 @@ def _trusted(trial: Trial, usable: Mapping[str, frozenset[str]]) -> frozenset[st
 
 
 def sigma(
-    value: Array, noise: Array, share: Array, channels: Sequence[str], period: float, step: Array | None = None
+    value: Array,
+    noise: Array,
+    tolerance: Tolerance,
+    channels: Sequence[str],
+    period: float,
+    step: Array | None = None,
 ) -> tuple[Array, Array]:
-    """Floor and tolerance of every sample, and the part whose error all rows of a block share, as ``value``; ``share``
-    is of each channel, (C,), or of each trial, too, (ntrials, 1, C).
+    """Floor and tolerance of every sample, and the part whose error all rows of a block share, as ``value``.
 
     How fast a smooth signal changes costs no tolerance: a common delay is a nuisance of its own. Where its slope jumps
     something happens, and that may be a physics step earlier or later. How large a signal is, is wrong for as long as
@@ -180,7 +199,7 @@ def sigma(
     """
     kinds = [name.partition(".")[0] for name in channels]
     force = np.array([kind == "force" for kind in kinds])
-    filled = np.where(np.isfinite(value), value, 0.0)
+    filled = _held(value)
     grid = np.zeros(len(kinds)) if step is None else step
     smooth = filled.copy()
     for c in np.nonzero(grid)[0]:
@@ -195,6 +214,7 @@ def sigma(
         inner -= np.where(force, 0.0, usual)
         # Less what noise alone makes, and half a step, which a fast signal may be off between two lines.
         jump[:, lag:-lag] = np.maximum(inner - (4 * noise + grid / 2) / period, 0.0)
+        jump *= minimum_filter1d(_between_first_and_last(value).astype(float), 2 * lag + 3, axis=1, mode="nearest")
     steepest = jump.copy()
     for shift in range(1, lag + EVENT_ROWS + 1):
         steepest[:, shift:] = np.maximum(steepest[:, shift:], jump[:, :-shift])
@@ -203,9 +223,27 @@ def sigma(
     span = np.max(value, axis=1, where=known, initial=-np.inf) - np.min(value, axis=1, where=known, initial=np.inf)
     pressed = np.where(np.abs(filled) > CONTACT_DEVIATIONS * np.hypot(noise, grid / np.sqrt(12)), np.abs(filled), 0.0)
     size = np.where(force, pressed, np.maximum(span, 0.0)[:, None, :])
-    common = share * size
+    common = tolerance.share * size
     instant = np.where(force, CONTACT_TOLERANCE * pressed, 0.0)
-    return np.sqrt(noise**2 + (TIMING_TOLERANCE * steepest) ** 2 + instant**2 + common**2), common
+    return np.sqrt(noise**2 + (tolerance.seconds * steepest) ** 2 + instant**2 + common**2), common
+
+
+def _between_first_and_last(values: Array) -> NDArray[np.bool_]:
+    """Rows from the first to the last that was measured: a trial's end is no event."""
+    known = np.isfinite(values)
+    inside: NDArray[np.bool_] = (
+        np.maximum.accumulate(known, axis=1) & np.maximum.accumulate(known[:, ::-1], axis=1)[:, ::-1]
+    )
+    return inside
+
+
+def _held(values: Array) -> Array:
+    """Values with what was not measured as it was measured last, or will be first; 0 where nothing was."""
+    rows = np.arange(values.shape[1])[None, :, None]
+    known = np.isfinite(values)
+    last = np.maximum.accumulate(np.where(known, rows, -1), axis=1)
+    first = np.argmax(known, axis=1)[:, None]
+    return np.nan_to_num(np.take_along_axis(values, np.where(last < 0, first, last), axis=1))
 
 
 def _grid_interpolated(values: Array) -> Array:
