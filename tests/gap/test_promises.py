@@ -120,6 +120,23 @@ def test_what_is_left_remains() -> None:
     assert not promises.aside(before, FINE, NAMED, BY)[0].remains
 
 
+def test_the_larger_part_of_a_gap_is_named_as_a_part() -> None:
+    """Real servos leave dozens of variances beside the friction that they have: a user's own model lacks more."""
+    options = [option("coulomb_friction", left=60.0), option("payload", left=60.0, edge=True), option(left=900.0)]
+    before, seen = judged("unknown", [0.6, 0.1, 0.0], 0, 1), Aside(closed=0.9, left=60.0, misfit=60.0)
+    assert promises.aside(before, seen, options, BY)[0].kind == "unknown"
+    part = replace(seen, larger_part=True)
+    kept, said = promises.aside(before, part, options, BY)
+    assert (kept.kind, kept.rivals, kept.remains, said) == ("effect", (0,), True, ())
+    at_bound = judged("unknown", [0.1, 0.6, 0.0], 1, 0)
+    nothing = judged("unknown", [0.1, 0.1, 0.6], 2)
+    unlikely = judged("unknown", [0.3, 0.2, 0.1], 0)
+    for other in (at_bound, nothing, unlikely):
+        assert promises.aside(other, part, options, BY)[0].kind == "unknown"
+    two = [*options[:1], option("payload", left=60.0), options[2]]
+    assert promises.aside(judged("unknown", [0.6, 0.3, 0.0], 0, 1), part, two, BY)[0].kind == "ambiguous"
+
+
 def test_there_is_no_no_gap_where_the_trials_kept_aside_have_one() -> None:
     before = judged("no_gap", [0.0, 0.0, 0.9], 2)
     kept, said = promises.aside(before, Aside(closed=None, left=55.0, misfit=9.0), NAMED, BY)
@@ -170,6 +187,7 @@ def anything(random: np.random.Generator) -> tuple[list[Option], Judged, Aside]:
         float(random.lognormal(0, 1)),
         bool(random.random() < 0.9),
         without=None if random.random() < 0.3 else float(random.lognormal(1, 1)),
+        larger_part=closed is not None and closed > promises.LARGER_PART,
     )
     return options, verdict, seen
 

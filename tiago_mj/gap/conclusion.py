@@ -98,7 +98,7 @@ def concluded(compared: Compared, asked: Request, so_far: SoFar, ranked: Ranked)
     simulator, left_open = ranked.predict.as_simulated(), outcome.left_open(plant, ranked)
     base = simulator.all_trials([left_open.get(outcome.nominal(ranked), ())], everything)[0]
     judged, gains = _judged(session, proposed, ranked, base, seed)
-    found = _tried(session, data, ranked, judged, left_open, base, phase, seed)
+    found = _tried(session, proposed, ranked, judged, left_open, base, phase, seed)
     chosen: tuple[NextMotion | None, str] = (None, "")
     if judged.kind == "ambiguous" and ranked.complete and ranked.predict.replays:
         tick("next motion", 1)
@@ -308,7 +308,7 @@ def _judged(
 
 def _tried(
     session: Session,
-    data: Data,
+    proposed: Proposals,
     ranked: Ranked,
     judged: verdict.Judged,
     left_open: Mapping[int, tuple[Entry, ...]],
@@ -317,7 +317,7 @@ def _tried(
     seed: int,
 ) -> Tried:
     """The verdict, once the trials kept aside were looked at."""
-    plant, test = session.plant, session.indices("test")
+    plant, data, test = session.plant, proposed.data, session.indices("test")
     by = verdict.calibration(replays=ranked.predict.replays)
     repair = partial(_repaired, ranked.predict.as_simulated(), ranked, left_open, data, base)
     close = partial(shrink.shrink, data, base, phase=phase, test=test, period=plant.period, seed=seed)
@@ -342,6 +342,10 @@ def _tried(
         comparable=False,
         loud=bool(rest.loud),
         without=None if none is None else none.gap,
+        larger_part=not proposed.tones
+        and plant.environment is None
+        and ranked.predict.replays
+        and (closing.low or 0.0) > promises.LARGER_PART,
     )
     kept, said = promises.aside(judged, aside, [verdict.option(fit, ranked) for fit in ranked.fits], by)
     if kept.rivals[0] != judged.rivals[0]:
