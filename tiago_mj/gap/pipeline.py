@@ -90,7 +90,7 @@ def _replayed(session: Session, asked: Request, so_far: SoFar) -> Compared:
     so_far.where = locate.locate(predict.data, base, phase, plant.period, asked.seed)
     # What follows the search: so many simulations, and three such tables (where, what remains, how far it closes).
     reserve = a_simulation * simulations(session) + 3 * (deadline.spent() - simulated)
-    fastest = np.abs(nominal.velocity).max(axis=(0, 1))
+    fastest = sizes.largest(session.trials, nominal.velocity)
     pool = hypotheses.candidates(plant, asked.names, fastest, sizes.sizes(plant, session.trials, nominal))
     with mujoco_log.counted(so_far.warned):
         proposed = proposals(predict, nominal, base, pool, session.indices(*FITTED))

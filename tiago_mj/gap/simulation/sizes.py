@@ -12,12 +12,15 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tiago_mj.effects.fields import Parameter
 from tiago_mj.effects.inertia import removable_inertia
 from tiago_mj.gap.simulation.plant import Plant
 from tiago_mj.gap.simulation.replay import Signals
 from tiago_mj.recordings.recording import Trial
+
+Array = NDArray[np.float64]
 
 #: Bounds of an effect in units of the joint's size: a friction that takes all of the actuator's force, a damping that
 #: takes three times of it at the fastest that the joint was, gears that reflect thirty times the inertia of what is
@@ -77,6 +80,7 @@ def sizes(plant: Plant, trials: Sequence[Trial], nominal: Signals) -> tuple[Size
     if plant.environment is not None:
         return None
     found = []
+    forces, nominal_speeds = largest(trials, nominal.effort), largest(trials, nominal.velocity)
     removable = removable_inertia(plant.model, plant.wiring.dof)
     for j, (name, dof) in enumerate(zip(plant.joints, plant.wiring.dof, strict=True)):
         measured = [trial.velocities[name] for trial in trials if name in trial.velocities]
@@ -84,11 +88,28 @@ def sizes(plant: Plant, trials: Sequence[Trial], nominal: Signals) -> tuple[Size
         body = int(plant.model.dof_bodyid[dof])
         found.append(
             Size(
-                force=float(np.abs(nominal.effort[:, :, j]).max()),
-                speed=max(speeds, default=float(np.abs(nominal.velocity[:, :, j]).max())),
+                force=float(forces[j]),
+                speed=max(speeds, default=float(nominal_speeds[j])),
                 inertia=float(plant.model.dof_M0[dof]),
                 removable=float(removable[j]),
                 mass=float(plant.model.body_subtreemass[body]),
             )
         )
     return tuple(found)
+
+
+def largest(trials: Sequence[Trial], signals: Array) -> Array:
+    """The largest absolute value of signals of joints while each trial lasts, (njoints,).
+
+    Rows that fill a shorter trial up to the longest are no part of it. At the first row no command was sent yet: a
+    servo's force there would be that of its distance from zero, 260 kN on an axis that moves with 145 N.
+
+    Args:
+        trials: recorded.
+        signals: one row a trial, (ntrials, T, njoints).
+    """
+    each = [
+        np.abs(one[1 : len(trial.time)]).max(axis=0, initial=0.0) for trial, one in zip(trials, signals, strict=True)
+    ]
+    found: Array = np.max(each, axis=0)
+    return found
