@@ -90,31 +90,6 @@ def peers(found: dict[str, Any]) -> str:
     return table(("contender", "at once", "steps/s", "× real time", "ratio", "reset"), rows)
 
 
-def physics(found: dict[str, Any]) -> str:
-    parts = []
-    for robot, listed in found["results"]["robots"].items():
-        base = listed[0]["us_of_a_control_step"]
-        rows = []
-        for row in listed:
-            if "refused" in row:
-                rows.append([row["choice"], "", "", "", "refused: the contact would be unstable"])
-                continue
-            curve = f"{row['rms']:.1%}, {row['p95']:.1%}" if "rms" in row else ""
-            spent = row["us_of_a_control_step"]
-            rows.append(
-                [
-                    row["choice"],
-                    f"{row['open_us']:.1f} ({row['open_contacts']})",
-                    f"{row['grasp_us']:.1f} ({row['grasp_contacts']})",
-                    f"{spent:.1f} ({spent / base - 1:+.0%})",
-                    curve,
-                ]
-            )
-        head = ("choice", "step, open [µs] (contacts)", "step, grasp [µs] (contacts)", "control step [µs]")
-        parts.append(f"`{robot}`:\n\n" + table((*head, "force curve: rms, 95 %"), rows))
-    return "\n\n".join(parts)
-
-
 def warp(found: dict[str, Any]) -> str:
     results = found["results"]
     rows = []
@@ -142,7 +117,6 @@ TABLES: dict[str, tuple[str, Callable[[dict[str, Any]], str]]] = {
     "steps_per_second": ("steps_per_second", steps),
     "scaling": ("scaling", scaling),
     "peers": ("peers", peers),
-    "physics": ("physics", physics),
     "warp": ("warp", warp),
 }
 

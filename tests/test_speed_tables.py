@@ -23,12 +23,12 @@ def test_no_table_is_older_than_its_code_by_more_than_a_release():
 
 def test_a_result_is_named_when_two_releases_came_after_it(tmp_path, monkeypatch):
     monkeypatch.setattr(speed_tables, "RESULTS", tmp_path)
-    measured_with = {"physics": {}, "peers": {"tiago_mj": "0.2.0"}, "scaling": {"tiago_mj": "0.10.0"}}
+    measured_with = {"warp": {}, "peers": {"tiago_mj": "0.2.0"}, "scaling": {"tiago_mj": "0.10.0"}}
     for name, machine in measured_with.items():
         (tmp_path / f"{name}.json").write_text(json.dumps({"machine": machine}))
     changelog = "## Unreleased\n\n## [0.10.0] - 2027-03-01\n\n## 0.2.0\n\n## 0.1.0\n"
-    assert speed_tables.outdated(changelog) == ["physics.json: 0.10.0 and 0.2.0 came after it"]
+    assert speed_tables.outdated(changelog) == ["warp.json: 0.10.0 and 0.2.0 came after it"]
     assert speed_tables.outdated(f"## 0.11.0\n\n{changelog}") == [
         "peers.json: 0.11.0 and 0.10.0 came after it",
-        "physics.json: 0.11.0 and 0.10.0 and 0.2.0 came after it",
+        "warp.json: 0.11.0 and 0.10.0 and 0.2.0 came after it",
     ]

@@ -1,7 +1,7 @@
 """A test bench for compliant contacts: two pads on slides face an object, as a parallel gripper does.
 
-Used by the tests and by ``benchmarks/compliance.py``. It depends on MuJoCo alone, so that what it finds about
-``tiago_mj.models.compliance`` does not rest on the rest of the package.
+It depends on MuJoCo alone, so that what it finds about ``tiago_mj.models.compliance`` does not rest on the rest of the
+package.
 """
 
 from __future__ import annotations

@@ -259,7 +259,7 @@ LEFT_OUT: Final = (
     LeftOut("docs/learning.md", r"ray start .*|.*RAY_ADDRESS=.*", CLUSTER),
     LeftOut(
         "docs/learning.md",
-        r"import sbx.*|python benchmarks/other_libraries\.py .*",
+        r"import sbx.*",
         "needs sbx, another library that its section is about",
     ),
     LeftOut(

@@ -58,6 +58,6 @@ def test_rates_are_measured_saved_and_written_into_the_pages(copy):
 
 def test_every_table_of_the_pages_has_a_benchmark():
     text = (BENCHMARKS.parent / "docs/speed.md").read_text(encoding="utf-8")
-    for name in ("steps_per_second", "scaling", "peers", "physics"):
+    for name in ("steps_per_second", "scaling", "peers"):
         assert f"<!-- speed: {name} -->" in text
         assert (BENCHMARKS / f"{name}.py").exists()
