@@ -238,11 +238,9 @@ def broadcasting(seed):
 @pytest.mark.parametrize("setup", SETUPS)
 def test_one_simulation_and_a_batch_of_many_agree_to_the_last_bit(setup):
     env, arguments, actions = SETUPS[setup]
-    # The velocity limit alone: its joints' inertia is the nominal model's in a batch, where masses that another effect
-    # changes are each simulation's own, and the changed model's in an environment.
-    alone = ("dropped_commands", "force_dropout", "velocity_limit")
+    alone = ("dropped_commands", "force_dropout")
     sims = [{name: {} for name in names} for names in together([name for name in EFFECTS if name not in alone], 3)]
-    sims += [{"velocity_limit": {}}]
+    sims += [{"velocity_limit": {}}, {"velocity_limit": {}, "payload": {}, "armature": {}, "link_mass": {}}]
     sims += [None, {"dropped_commands": {}, "coulomb_friction": {}, "object_size": {}, "force_lag": {}}]
     states, positions, velocities, readings = batch_rollout(sims, actions, env, uniform=broadcasting(1), **arguments)
     for k, sim in enumerate(sims):

@@ -28,6 +28,16 @@ EFFECTS = {
 }
 
 
+TWO_LINKS = """
+<mujoco><option timestep="0.001" integrator="implicitfast"/><worldbody><body>
+<joint name="shoulder" axis="0 1 0"/><geom type="capsule" size=".01" fromto="0 0 0 0 0 -.3" mass=".5"/>
+<body pos="0 0 -.3"><joint name="elbow" axis="0 1 0"/>
+<geom type="capsule" size=".01" fromto="0 0 0 0 0 -.2" mass=".5"/></body></body></worldbody>
+<actuator><position name="shoulder" joint="shoulder" kp="60" kv="4"/>
+<position name="elbow" joint="elbow" kp="30" kv="2"/></actuator></mujoco>
+"""
+
+
 def model_and_wiring():
     model = mujoco.MjModel.from_xml_string(PENDULUM)
     return model, wire(model, joints=["hinge"], actuators=["hinge"], interface="position")
@@ -81,3 +91,26 @@ def test_what_diverges_ends_and_says_when():
     assert runner.host.diverged.all()
     assert np.isnan(log.poses[0, 12:]).all()
     assert np.isfinite(log.poses[0, :11]).all()
+
+
+def test_a_simulation_of_a_batch_has_the_inertia_of_its_own_pose_and_masses():
+    model = mujoco.MjModel.from_xml_string(TWO_LINKS)
+    joints = ["shoulder", "elbow"]
+    limit, payload = Entry("velocity_limit", None, {"velocity": 0.5}), Entry("payload", None, {"mass": 0.3})
+    sims, poses = [(limit,), (limit, payload), (limit,)], np.array([[0.0, 0.0], [0.2, 1.0], [0.2, 2.0]])
+    commands = np.repeat(poses[:, None], 40, axis=1) + np.linspace(0, 1.5, 40)[:, None]
+
+    def speeds(host, sims, poses, commands):
+        host.state("qpos")[:] = poses
+        runner = Runner(host, wire(host.model, joints=joints, actuators=joints, interface="position"), sims, np.zeros)
+        runner.start(PERIOD, SUBSTEPS)
+        host.forward()
+        log = Log(runner, LoadCells(lambda sensordata: sensordata[..., :0]), commands.shape[1] + 1)
+        runner.run(commands, log)
+        return log.readings.velocity
+
+    together = speeds(BatchHost(mujoco.batch.Batch(model, 3, 1)), sims, poses, commands)
+    for k in range(3):
+        own = mujoco.MjModel.from_xml_string(TWO_LINKS)
+        alone = speeds(ScalarHost(mujoco.MjData(own)), sims[k : k + 1], poses[k : k + 1], commands[k : k + 1])
+        np.testing.assert_array_equal(together[k], alone[0])

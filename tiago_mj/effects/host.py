@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any, Final, Protocol
@@ -55,6 +56,9 @@ class Host(Protocol):
 
     def set_const(self) -> None:
         """Recompute the constants that follow from masses and inertias."""
+
+    def models(self) -> Iterator[mujoco.MjModel]:
+        """Each simulation's model in turn, with what was changed; the next one may overwrite it."""
 
 
 class Watched(Host, Protocol):
@@ -122,6 +126,10 @@ class ScalarHost:
     def set_const(self) -> None:
         """See :class:`Host`."""
         mujoco.mj_setConst(self.model, mujoco.MjData(self.model))
+
+    def models(self) -> Iterator[mujoco.MjModel]:
+        """See :class:`Host`."""
+        yield self.model
 
 
 #: Warnings after which MuJoCo gives up a state and starts anew: what follows is no prediction.
@@ -210,6 +218,12 @@ class BatchHost:
         """See :class:`Host`."""
         with self._refusing():
             self.batch.set_const()
+
+    def models(self) -> Iterator[mujoco.MjModel]:
+        """See :class:`Host`; the nominal model of a simulation whose own was refused."""
+        one = copy.copy(self.model)
+        for sim in range(self.nsim):
+            yield self.model if self._refused[sim] else self.batch.get_model(sim, one)
 
     @property
     def diverged(self) -> NDArray[np.bool_]:

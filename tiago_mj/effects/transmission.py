@@ -6,6 +6,7 @@ from typing import Final
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from tiago_mj.effects.actuator import DAMPING, FORCE, limit_forces
 from tiago_mj.effects.declare import Array, Effect, effect
@@ -43,14 +44,23 @@ TEETH_SHARE: Final = 0.1
 
 
 def inertia_at(now: Now) -> Array:
-    """Effective inertia of the joints as they stand, with what effects added, (nsim, njoints) [kg, kg·m²]."""
-    model, dofs = now.host.model, now.wiring.dof
-    data = mujoco.MjData(model)
-    data.qpos[:] = now.host.state("qpos")[0]
+    """Effective inertia of the joints where each simulation stands, of its own masses and inertias, (nsim, njoints)
+    [kg, kg·m²]."""
+    host, positions = now.host, now.host.state("qpos")
+    if now.rebuild:
+        return np.stack([_inertia(*one, now.wiring.dof) for one in zip(host.models(), positions, strict=True)])
+    poses, which = np.unique(positions, axis=0, return_inverse=True)
+    return np.stack([_inertia(host.model, pose, now.wiring.dof) for pose in poses])[which]
+
+
+def _inertia(model: mujoco.MjModel, pose: Array, dofs: NDArray[np.intp]) -> Array:
+    """Inverse of the diagonal of the inverse mass matrix, (n,) [kg, kg·m²], of the joints at these addresses."""
+    data, inverse = mujoco.MjData(model), np.zeros((model.nv, model.nv))
+    data.qpos[:] = pose
     mujoco.mj_forward(model, data)
-    inverse = np.zeros((model.nv, model.nv))
     mujoco.mj_solveM(model, data, inverse, np.eye(model.nv))
-    return 1 / np.diag(inverse)[dofs] + now.host.field("dof_armature")[:, dofs] - model.dof_armature[dofs]
+    effective: Array = 1 / np.diag(inverse)[dofs]
+    return effective
 
 
 def let_it_stick(effect: Effect, now: Now, share: Array | None = None) -> None:

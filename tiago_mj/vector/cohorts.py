@@ -8,7 +8,8 @@ copies of its members' rows, which are written back. Without effects there is no
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import copy
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import mujoco.batch
@@ -128,6 +129,13 @@ class Members:
         self._batch.set_const(None if self.everyone else self.left)
         for name, copied in self._fields.items():
             copied[:] = self._batch.expand(name)[self.rows]
+
+    def models(self) -> Iterator[mujoco.MjModel]:
+        """See :class:`Host`."""
+        self.write()
+        one = copy.copy(self.model)
+        for row in self.rows:
+            yield self._batch.get_model(int(row), one)
 
 
 class Cohort:

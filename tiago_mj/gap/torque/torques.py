@@ -9,7 +9,7 @@ through rest: MuJoCo's own, being soft, would creep there.
 from __future__ import annotations
 
 import copy
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -295,6 +295,9 @@ class _Host:
 
     def set_const(self) -> None:
         mujoco.mj_setConst(self.model, mujoco.MjData(self.model))
+
+    def models(self) -> Iterator[mujoco.MjModel]:
+        yield self.model
 
     def _wide(self, values: Array, where: NDArray[np.intp], width: int | None = None) -> Array:
         wide = np.zeros((len(values), width or self.model.nv))
