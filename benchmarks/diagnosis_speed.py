@@ -49,7 +49,7 @@ from machine import save
 from numpy.typing import NDArray
 
 import tiago_mj  # noqa: F401
-from tiago_mj.effects.transmission import STICKING_SOLIMP, STICKING_SOLREF
+from tiago_mj.effects.transmission.friction import STICKING_SOLIMP, STICKING_SOLREF
 from tiago_mj.gap.inference import hypotheses, likelihood, noise_model
 from tiago_mj.gap.inference.fit import Fitter, Point, Start
 from tiago_mj.gap.inference.hypotheses import Candidate, Term

@@ -1,4 +1,4 @@
-"""How much inertia reality can lack: what may be taken from a joint before the mass matrix is none any more."""
+"""Inertia of joints: what is felt there, and what reality can lack before the mass matrix is none any more."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ from typing import Final
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
+
+from tiago_mj.effects.now import Now
 
 Array = NDArray[np.float64]
 
@@ -24,6 +26,26 @@ SHORT_OF_SINGULAR: Final = 0.95
 #: And of what its motor has, where nothing else moves with the joint: on the jaw of an SO-101, whose servo is stated to
 #: have 0.028 kg·m², a gap of 22 to 26 is left with this, and of 35 to 78 with 0.9.
 MOTOR: Final = 0.99
+
+
+def inertia_at(now: Now) -> Array:
+    """Effective inertia of the joints where each simulation stands, of its own masses and inertias, (nsim, njoints)
+    [kg, kg·m²]."""
+    host, positions = now.host, now.host.state("qpos")
+    if now.rebuild:
+        return np.stack([_inertia(*one, now.wiring.dof) for one in zip(host.models(), positions, strict=True)])
+    poses, which = np.unique(positions, axis=0, return_inverse=True)
+    return np.stack([_inertia(host.model, pose, now.wiring.dof) for pose in poses])[which]
+
+
+def _inertia(model: mujoco.MjModel, pose: Array, dofs: NDArray[np.intp]) -> Array:
+    """Inverse of the diagonal of the inverse mass matrix, (n,) [kg, kg·m²], of the joints at these addresses."""
+    data, inverse = mujoco.MjData(model), np.zeros((model.nv, model.nv))
+    data.qpos[:] = pose
+    mujoco.mj_forward(model, data)
+    mujoco.mj_solveM(model, data, inverse, np.eye(model.nv))
+    effective: Array = 1 / np.diag(inverse)[dofs]
+    return effective
 
 
 def removable_inertia(model: mujoco.MjModel, dofs: NDArray[np.intp]) -> Array:

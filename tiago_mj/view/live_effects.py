@@ -8,7 +8,7 @@ from typing import Any, Final
 import numpy as np
 
 from tiago_mj.effects import EFFECTS, Entry
-from tiago_mj.effects.transmission import Backlash
+from tiago_mj.effects.transmission.gear import Backlash
 from tiago_mj.gap.report import words
 from tiago_mj.gap.report.tables import STAGE_NAMES
 from tiago_mj.io.quantities import scaled

@@ -19,7 +19,8 @@ import numpy as np
 
 from tiago_mj.effects.command import CommandDelay
 from tiago_mj.effects.joint_sensor import EncoderBias, EncoderScale
-from tiago_mj.effects.transmission import Armature, ViscousFriction
+from tiago_mj.effects.transmission.friction import ViscousFriction
+from tiago_mj.effects.transmission.gear import Armature
 from tiago_mj.io.loading import load_text, parse_json
 from tiago_mj.io.quoting import one_line, quoted
 from tiago_mj.io.rows import numbers, read_rows
