@@ -24,7 +24,7 @@ PACKAGE: Final = ROOT / "tiago_mj"
 #: Rooms of the diagnosis and of what it shares with the simulation.
 DIAGNOSIS: Final = ("gap", "effects")
 #: Of the benchmarks, those whose lines are not counted: cases of real robots and the audit.
-NOT_COUNTED: Final = ("real", "truth_audit.py", "truth_audit")
+NOT_COUNTED: Final = ("real", "truth_audit")
 #: Rooms in which an effect's name may stand in code.
 NAMED_IN: Final = ("effects", "demo", "export")
 #: Names that effects share with what is none: arguments of environments, attributes of MJCF, fields of sidecars.

@@ -31,7 +31,7 @@ STEP: Final = 5e-4
 COARSE_STEP: Final = 1e-3
 #: Physics step since version 8 of the generator [s]. At 0.5 ms a hinge's readings are off by up to 0.9 variances of
 #: their noise, the arm's light wrist's by 2; and where both fingers press with about their limits, the step decides
-#: which of them gives way, by millimetres (benchmarks/truth_audit.py).
+#: which of them gives way, by millimetres (benchmarks/truth_audit).
 FINE_STEP: Final = 1.25e-4
 #: Impedance of the pads' contacts: not the nominal 0.5, so that the artefact of MuJoCo's contacts (a virtual mass)
 #: differs too.

@@ -8,8 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks import truth_audit
 from benchmarks.blind.dictionary import CONSTANT, KINDS
+from benchmarks.truth_audit import __main__ as command
+from benchmarks.truth_audit import audit, plan, residuals
 from tiago_mj.effects import EFFECTS
 from tiago_mj.gap.analysis import place
 from tiago_mj.gap.inference import hypotheses
@@ -31,29 +32,29 @@ SAMPLE = (
     "plain/joint_elasticity/0",
     *(pytest.param(name, marks=pytest.mark.slow) for name in SLOW),
 )
-PLANNED = truth_audit.planned()
+PLANNED = plan.planned()
 
 
 @functools.cache
 def opened(name):
-    return truth_audit.opened(PLANNED[name])
+    return audit.opened(PLANNED[name])
 
 
 @pytest.mark.parametrize("name", SAMPLE)
 def test_at_the_truth_little_more_than_noise_is_left(name):
     case = PLANNED[name]
     one = opened(name)
-    found = truth_audit.audited(one, truth_audit.FINE[case.setting])
-    assert found.rest.pooled.max() <= truth_audit.POOLED
+    found = audit.audited(one, audit.FINE[case.setting])
+    assert found.rest.pooled.max() <= residuals.POOLED
     if case.effects:
-        without = truth_audit.audited(one, truth_audit.COARSE, with_effect=False)
-        assert without.rest.pooled.max() > 2 * truth_audit.POOLED
+        without = audit.audited(one, audit.COARSE, with_effect=False)
+        assert without.rest.pooled.max() > 2 * residuals.POOLED
 
 
 def test_the_audit_sees_a_number_that_is_left_out():
     one = opened("gripper/none/1")
     without = tuple(tuple(e for e in trial if e.name != "servo_stiffness") for trial in one.numbers)
-    found = truth_audit.audited(replace(one, numbers=without), truth_audit.FINE["gripper"])
+    found = audit.audited(replace(one, numbers=without), audit.FINE["gripper"])
     assert not found.rest.passes
     assert found.rest.pooled.max() > 2
 
@@ -83,12 +84,12 @@ def test_what_the_audit_tells_an_effect_beyond_its_parameters_is_not_sought():
 
 
 def test_cases_measured_again_take_the_place_of_the_kept_ones(tmp_path, monkeypatch):
-    monkeypatch.setattr(truth_audit, "RESULTS", tmp_path)
+    monkeypatch.setattr(command, "RESULTS", tmp_path)
     one = {"worst": 2.0, "passes": False, "passes_with_onsets": False}
     rows = [{"case": name, "coarse": one, "fine": one} for name in ("plain/none/0", "gripper/none/0")]
     (tmp_path / "kept.json").write_text(json.dumps({"results": {"rows": rows}}))
     again = {"case": "plain/none/0", "fine": {"worst": 1.0, "passes": True, "passes_with_onsets": True}}
-    found = truth_audit.merged("kept", [again])
+    found = command.merged("kept", [again])
     assert [r["case"] for r in found["rows"]] == ["gripper/none/0", "plain/none/0"]
     assert found["passes"] == {"coarse": 0, "fine": 1}
     assert found["rows"][1]["coarse"] == one
@@ -100,11 +101,11 @@ def test_what_was_left_is_counted_in_noise_variances_and_on_grids_too():
     value = true + rng.standard_normal(true.shape) * 0.1
     value[..., 1] = np.round(value[..., 1] / 0.5) * 0.5
     sigma, grid = np.array([0.1, 0.1]), np.array([0.0, 0.5])
-    right = truth_audit.left(value, true, sigma, grid, ("position.a", "position.b"))
+    right = residuals.left(value, true, sigma, grid, ("position.a", "position.b"))
     # A mean square of 1600 squares of normal numbers scatters by 3.5 %.
     np.testing.assert_allclose(right.pooled, 1, atol=0.15)
     assert right.passes
-    wrong = truth_audit.left(value, true + 0.1, sigma, grid, ("position.a", "position.b"))
+    wrong = residuals.left(value, true + 0.1, sigma, grid, ("position.a", "position.b"))
     assert wrong.pooled.min() > 1.2
     assert wrong.beyond_chance
 
@@ -112,7 +113,7 @@ def test_what_was_left_is_counted_in_noise_variances_and_on_grids_too():
 @pytest.fixture(scope="module")
 def pressing():
     """A session of the gripper whose squeezes reach the nominal force limit."""
-    return truth_audit.opened(PLANNED["gripper/force_limit/0"])
+    return audit.opened(PLANNED["gripper/force_limit/0"])
 
 
 @pytest.mark.slow

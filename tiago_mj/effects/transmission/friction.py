@@ -15,7 +15,7 @@ from tiago_mj.effects.transmission.bounded_speed import SPEED
 #: Solver parameters with which dry friction sticks. MuJoCo's defaults creep: a servo held 0.9 mm off by 2 N of friction
 #: is back within 0.5 s; with these it is 0.88 mm off after 10 s (facts measured on the gripper's servo). The time
 #: constant is as short as the step allows, which is two of it: against real bristles a hinge's Coulomb friction leaves
-#: 1.14 noise variances with it at a step of 0.5 ms, and 1.6 with 2 ms (benchmarks/truth_audit.py).
+#: 1.14 noise variances with it at a step of 0.5 ms, and 1.6 with 2 ms (benchmarks/truth_audit).
 STICKING_SOLIMP: Final = (0.9999, 0.9999, 0.001, 0.5, 2.0)
 STICKING_SOLREF: Final = (0.0005, 1.0)
 #: What dry friction does where a joint comes to rest depends on how far it gives before it slides, which no parameter

@@ -1,0 +1,1 @@
+"""The library set to the true effect and the true numbers, against recordings of reality."""
