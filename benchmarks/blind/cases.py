@@ -200,7 +200,7 @@ def simulate(case: Case, folder: Path | None = None) -> Made:
         programs = motions.finger_programs(case.trials, case.seed, styles)
     else:
         moving = [robot.joints.index(j) for j in ARM_JOINTS] if case.setting == ARM else list(range(n))
-        reach, fastest = _limits(robot, case.setting)
+        reach, fastest = reach_and_speed(robot, case.setting)
         programs = [
             motions.joint_program(
                 np.random.default_rng([case.seed, 8, k]),
@@ -247,7 +247,8 @@ def setup_of(case: Case, robot: robots.Robot, trials: int, rows: int, seed: int)
     )
 
 
-def _limits(robot: robots.Robot, setting: str) -> tuple[Array, Array]:
+def reach_and_speed(robot: robots.Robot, setting: str) -> tuple[Array, Array]:
+    """How far joints move to either side of their start [m, rad], and how fast [m/s, rad/s]; (n,) each."""
     n = len(robot.joints)
     if setting == PLAIN:
         return np.full(n, 1.2), np.full(n, 2.5)

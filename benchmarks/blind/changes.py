@@ -147,7 +147,7 @@ def simulate(case: Case, folder: Path, session: int, commands: Array | None = No
     effects = [*_effects(case, seed), *facts.converters(case.grids, robot)]
     if commands is not None:
         return Made(case, robot, reality.simulate(robot, effects, setup, commands), setup, folder=folder)
-    reach, fastest = cases._limits(robot, PLAIN)
+    reach, fastest = cases.reach_and_speed(robot, PLAIN)
     programs = [
         motions.joint_program(
             np.random.default_rng([seed, 8, k]),
@@ -188,7 +188,7 @@ def _shows(pair: Pair) -> bool:
         robots.put_model(PLAIN, folder)
         few = replace(pair.before, trials=3), replace(pair.after, trials=3)
         first = simulate(few[0], folder, 0)
-        sigma = oracle._sigma(first)
+        sigma = oracle.noise(first)
         silent = []
         for case in few:
             robot = cases.real_robot(case, folder)
@@ -196,7 +196,7 @@ def _shows(pair: Pair) -> bool:
             skew = float(np.prod([1 + e.parameters["rate"] for e in case.effects if e.name == "clock_skew"]))
             setup = replace(setup, rate=setup.rate / skew)
             run = reality.simulate(robot, _effects(case, case.seed), setup, first.recorded.commands[:, :-1])
-            silent.append(oracle._stacked(run, slice(None)))
+            silent.append(oracle.stacked(run, slice(None)))
     change = (silent[1] - silent[0]) / sigma
     per = (change**2).mean(axis=(0, 1))
     distance = float((change**2).sum())

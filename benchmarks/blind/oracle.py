@@ -44,7 +44,7 @@ DISTANT: Final = 100.0
 def judge(made: Made, folder: Path | None = None) -> dict[str, Any]:
     """Detectability and closable gap of a case, for its label."""
     case = made.case
-    sigma = _sigma(made)
+    sigma = noise(made)
     test = [k for k in cases.TEST if k < case.trials] or [case.trials - 1]
     # Where joints move far in the test trials alone, what can be known is what others show.
     others = [k for k in range(case.trials) if k not in test][: len(test)] if case.narrow < 1 else []
@@ -54,7 +54,7 @@ def judge(made: Made, folder: Path | None = None) -> dict[str, Any]:
     robots_without = [cases.real_robot(case, folder), _nominal(case, folder), *drawn]
     late = [e for e in cases.effects_of(case) if isinstance(e, LateStamps)]
     without = _run(robots_without, [], made, [*test, *others], rate=case.rate / skew, stamped=late)
-    measured = _stacked(made.recorded, test)
+    measured = stacked(made.recorded, test)
     before = float(np.mean(((measured - without[1, end]) / sigma) ** 2))
     imitations = ((without[2:, shown] - without[1, shown]) / sigma).reshape(DRAWS, -1)
     usual = ordinary(imitations)
@@ -161,7 +161,7 @@ def _drawn(case: Case, folder: Path | None, number: int) -> robots.Robot:
     return robots.robot_of(case.setting, jitter, folder=folder)
 
 
-def _sigma(made: Made) -> Array:
+def noise(made: Made) -> Array:
     """Noise of every channel, and the error of rounding where it has a grid."""
     steps = {grid.kind: grid.steps(made.robot) for grid in made.case.grids}
     position, velocity = made.robot.noise
@@ -175,7 +175,7 @@ def _sigma(made: Made) -> Array:
     return np.concatenate([np.full(sum(map(len, parts)), np.inf), made.setup.effort.noise])
 
 
-def _stacked(recorded: reality.Recorded, trials: list[int] | slice) -> Array:
+def stacked(recorded: reality.Recorded, trials: list[int] | slice) -> Array:
     """Channels side by side, (ntrials, T, channels)."""
     parts = [recorded.position, recorded.velocity, recorded.force]
     parts += [] if recorded.effort is None else [recorded.effort]
@@ -224,5 +224,5 @@ def _run(
     together = robots.stack(several, count)
     together.step = together.coarse
     recorded = reality.run_built(together, effects, setup, plan)
-    whole = _stacked(recorded, slice(None))
+    whole = stacked(recorded, slice(None))
     return whole.reshape(n, count, *whole.shape[1:])

@@ -71,16 +71,16 @@ def _gain(low: int, high: int) -> Sets:
 SETS: Final = (
     Sets(
         "double-pendulum-compensation",
-        lambda data: double_pendulum._logs(data, double_pendulum.AS_IS),
-        lambda data: double_pendulum._logs(data, double_pendulum.COMPENSATED),
+        lambda data: double_pendulum.logs(data, double_pendulum.AS_IS),
+        lambda data: double_pendulum.logs(data, double_pendulum.COMPENSATED),
         double_pendulum.model,
         "the drives' own compensation of friction; the measured torque holds what it adds, so that along the motion "
         "the friction is there as ever",
     ),
     Sets(
         "double-pendulum-other-day",
-        lambda data: double_pendulum._logs(data, double_pendulum.AS_IS),
-        lambda data: double_pendulum._logs(data, double_pendulum.OTHER_DAY),
+        lambda data: double_pendulum.logs(data, double_pendulum.AS_IS),
+        lambda data: double_pendulum.logs(data, double_pendulum.OTHER_DAY),
         double_pendulum.model,
         "three days; friction of the shoulder is 0.17 N·m by one day's regression and 0.09 by the other's",
     ),

@@ -94,7 +94,8 @@ def _table(path: Path) -> dict[str, Array]:
     return out
 
 
-def _logs(data: Path, places: Sequence[str]) -> list[Log]:
+def logs(data: Path, places: Sequence[str]) -> list[Log]:
+    """Recordings at these places below the folder of the data."""
     made = []
     for place in places:
         raw = _table(data / place)
@@ -242,7 +243,7 @@ CASES: Final = (
         EFFORTS,
         SOURCE.name,
         AS_IS,
-        lambda data: _logs(data, AS_IS),
+        lambda data: logs(data, AS_IS),
         lambda: model(),
         _NOMINAL,
         "all friction",
@@ -257,7 +258,7 @@ CASES: Final = (
         EFFORTS,
         SOURCE.name,
         OTHER_DAY,
-        lambda data: _logs(data, OTHER_DAY),
+        lambda data: logs(data, OTHER_DAY),
         lambda: model(),
         _NOMINAL,
         "all friction",
@@ -274,7 +275,7 @@ CASES: Final = (
         EFFORTS,
         SOURCE.name,
         COMPENSATED,
-        lambda data: _logs(data, COMPENSATED),
+        lambda data: logs(data, COMPENSATED),
         lambda: model(),
         _NOMINAL,
         "all friction",
@@ -291,7 +292,7 @@ CASES: Final = (
         EFFORTS,
         SOURCE.name,
         AS_IS,
-        lambda data: _logs(data, AS_IS),
+        lambda data: logs(data, AS_IS),
         lambda: model(coulomb=_MEAN, missing=MISSING),
         f"{_NOMINAL}, friction between the lab's and ours",
         "a third of the lower link's mass, at its centre",
@@ -318,7 +319,7 @@ CASES: Final = (
         EFFORTS,
         SOURCE.name,
         AS_IS,
-        lambda data: _logs(data, AS_IS),
+        lambda data: logs(data, AS_IS),
         lambda: model(coulomb=_MEAN),
         f"{_NOMINAL}, friction between the lab's and ours",
         "nothing",
