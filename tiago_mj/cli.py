@@ -17,7 +17,10 @@ from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Final, NoReturn
 
+from gymnasium.error import DependencyNotInstalled
+
 from tiago_mj import __version__
+from tiago_mj.io.quoting import one_line, unquoted
 from tiago_mj.view import headless
 
 #: Command: module, and what it does.
@@ -125,7 +128,6 @@ def guarded(prog: str, arguments: argparse.Namespace) -> int:
         Exit status: what it returns; 2 where something it was given is unusable, said in one line on stderr.
     """
     from tiago_mj.io import mujoco_log
-    from tiago_mj.io.quoting import one_line
 
     try:
         with mujoco_log.counted() as warned:
@@ -146,8 +148,6 @@ def guarded(prog: str, arguments: argparse.Namespace) -> int:
 
 def _told(fault: Exception, arguments: argparse.Namespace) -> str:
     """What a user is told of it: of the system's own errors which file and what to do, not their number."""
-    from tiago_mj.io.quoting import unquoted
-
     if not isinstance(fault, OSError) or fault.errno is None:
         return str(fault)
     out = getattr(arguments, "out", None)
@@ -160,8 +160,6 @@ def _told(fault: Exception, arguments: argparse.Namespace) -> str:
 
 def _foreseen() -> tuple[type[BaseException], ...]:
     """What a user can mend: bad input, missing files, missing libraries."""
-    from gymnasium.error import DependencyNotInstalled
-
     return (ValueError, OSError, ModuleNotFoundError, DependencyNotInstalled)
 
 

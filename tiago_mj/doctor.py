@@ -13,6 +13,8 @@ from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
 from typing import Any, Final
 
+import gymnasium
+import numpy as np
 from packaging.requirements import Requirement
 from packaging.version import Version
 
@@ -117,9 +119,6 @@ def _tried(name: str, do: Callable[[], str], mend: str, *, needed: bool = False)
 
 
 def _step() -> str:
-    import gymnasium
-    import numpy as np
-
     name = "tiago_mj/GripperTactile-v0"
     env: gymnasium.Env[Any, Any] = gymnasium.make(name)
     env.reset(seed=0)

@@ -7,15 +7,19 @@ import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from tiago_mj.change import history, report
+from tiago_mj.change.comparison import compare, renamed, with_places
+from tiago_mj.change.result import AFTER, BEFORE, Comparison, text
+from tiago_mj.effects import read_effects
 from tiago_mj.gap.command import Told, check_length, considered, terminated_as_interrupted
+from tiago_mj.gap.simulation.plant import plant_of
 from tiago_mj.io import extra, outputs
 from tiago_mj.io.progress import Progress
+from tiago_mj.recordings import lint
+from tiago_mj.recordings.read import read_recordings
 from tiago_mj.recordings.recording import RecordingError
-
-if TYPE_CHECKING:
-    from tiago_mj.change.result import Comparison
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -77,10 +81,6 @@ def _compare(arguments: argparse.Namespace) -> int:
     days = arguments.dates.split(",") if arguments.dates else ["", ""]
     if len(days) != 2:
         raise ValueError(f"--dates {arguments.dates}: write two days with a comma between them")
-    from tiago_mj.change import report
-    from tiago_mj.change.comparison import with_places
-    from tiago_mj.change.result import text
-
     found = compared(arguments, arguments.before, arguments.after)
     found = with_places(found, (arguments.before, arguments.after), (days[0].strip(), days[1].strip()))
     paths = report.write(found, arguments.out)
@@ -94,8 +94,6 @@ def _compare(arguments: argparse.Namespace) -> int:
 def _history(arguments: argparse.Namespace) -> int:
     if arguments.before is not None:
         raise ValueError("give two sets or --history FOLDER, not both")
-    from tiago_mj.change import history
-
     life = history.read(arguments.history, lambda one, other: compared(arguments, one, other))
     path = history.write(life, arguments.out)
     for line in history.lines(life):
@@ -112,13 +110,6 @@ def compared(arguments: argparse.Namespace, before: Path, after: Path) -> Compar
     """
     extra.load("pandas", "reading recordings")
     threadpool_limits = extra.load("threadpoolctl", "the same answer on every machine").threadpool_limits
-    from tiago_mj.change.comparison import compare, renamed
-    from tiago_mj.change.result import AFTER, BEFORE
-    from tiago_mj.effects import read_effects
-    from tiago_mj.gap.simulation.plant import plant_of
-    from tiago_mj.recordings import lint
-    from tiago_mj.recordings.read import read_recordings
-
     robot = str(arguments.model) if arguments.model else arguments.env
     defaults: dict[str, Any] = {"robot": robot} if robot else {}
     given, sets, findings = read_effects(arguments.effects), [], []

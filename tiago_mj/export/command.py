@@ -11,8 +11,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
+from tiago_mj.export import found as finding
+from tiago_mj.export import holding, mjcf, replay, versions
+from tiago_mj.export.drives import numbers_of
+from tiago_mj.export.holding import held
+from tiago_mj.export.targets.registry import TARGETS
+from tiago_mj.export.versions import VERSIONS
 from tiago_mj.io import atomic, outputs
 from tiago_mj.io.numbers_option import add_numbers, with_numbers
+from tiago_mj.io.quoting import did_you_mean
 
 #: Folder of a robot's own files, beside the text of a target.
 MODEL: Final = "model"
@@ -53,9 +60,6 @@ class Row:
 
 def run(arguments: argparse.Namespace) -> int:
     """Write the files and print what they hold."""
-    from tiago_mj.export import holding
-    from tiago_mj.export.targets.registry import TARGETS
-
     if arguments.table:
         every = {name: target.holds for name, target in TARGETS.items()}
         effects = holding.library()
@@ -78,12 +82,6 @@ def export(arguments: argparse.Namespace) -> dict[str, Any]:
     Raises:
         ValueError: the diagnosis, the target or the model cannot be used; one line.
     """
-    from tiago_mj.export import found as finding
-    from tiago_mj.export.drives import numbers_of
-    from tiago_mj.export.targets.registry import TARGETS
-    from tiago_mj.export.versions import VERSIONS
-    from tiago_mj.io.quoting import did_you_mean
-
     if arguments.to not in TARGETS:
         raise ValueError(f"target {arguments.to!r} is unknown: {did_you_mean(arguments.to, tuple(TARGETS))}")
     if arguments.mujoco is not None and arguments.mujoco not in VERSIONS:
@@ -110,8 +108,6 @@ def export(arguments: argparse.Namespace) -> dict[str, Any]:
 
 def _model(robot: Any, target: Any, version: str, folder: Path, rows: list[Row]) -> tuple[list[Row], Any, Any]:
     """Write the user's model with what MJCF can hold; rows as it came out, how far it closes the gap, what to know."""
-    from tiago_mj.export import mjcf, replay, versions
-
     written = mjcf.write(robot, version=version, without=target.without)
     alone = target.name == "mujoco"
     main = written.save(folder if alone else folder / MODEL)
@@ -133,8 +129,6 @@ def _as_written(row: Row, written: Any) -> Row:
 
 
 def _row(holds: Mapping[str, Any], effect: str, target: tuple[str, ...] | None) -> Row:
-    from tiago_mj.export.holding import held
-
     one = held(holds, effect)
     return Row(effect, "all" if target is None else ", ".join(target), one.grade, one.how)
 
@@ -150,8 +144,6 @@ def _changes(written: Any) -> str:
 
 
 def _finished(folder: Path, arguments: argparse.Namespace, rows: list[Row], closing: Any, told: Any) -> dict[str, Any]:
-    from tiago_mj.export.targets.registry import TARGETS
-
     target = TARGETS[arguments.to]
     replayed = None
     if closing is not None:

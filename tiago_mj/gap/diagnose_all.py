@@ -26,7 +26,12 @@ from pathlib import Path
 from typing import Any, Final
 
 from tiago_mj import __version__, cli
+from tiago_mj.effects import EFFECTS
 from tiago_mj.gap import faults
+from tiago_mj.gap.analysis.promises import CLOSES
+from tiago_mj.gap.report import PARTS
+from tiago_mj.gap.report.consistency import NAMING
+from tiago_mj.gap.report.words import percent
 from tiago_mj.io import atomic, held, outputs
 from tiago_mj.io.numbers_option import add_numbers, with_numbers
 from tiago_mj.io.progress import told
@@ -107,8 +112,6 @@ def run(arguments: argparse.Namespace) -> int:
     Raises:
         ValueError: an argument is unusable; says which and how to mend it.
     """
-    from tiago_mj.effects import EFFECTS
-
     for name in ("seed", "jobs", "threads"):
         if (getattr(arguments, name) or 0) < 0:
             raise ValueError(f"--{name} is {getattr(arguments, name)}: give 0 or more")
@@ -151,8 +154,6 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _appear(out: Path, kept: dict[str, Path], summary: str) -> None:
     """Put all diagnoses, tracebacks of faults and the summary into ``out`` at once."""
-    from tiago_mj.gap.report import PARTS
-
     told = {
         name: folder
         for name, folder in kept.items()
@@ -175,8 +176,6 @@ def _linked(source: str, target: str) -> None:
 def _jobs(folders: int) -> int:
     """Processes where nobody says how many: one a processor, where there is more than one folder, joblib is installed,
     and no effect is declared in the user's own program, which other processes do not run."""
-    from tiago_mj.effects import EFFECTS
-
     own = any(not declared.__module__.startswith("tiago_mj.") for declared in EFFECTS.values())
     return 1 if folders < 2 or own or importlib.util.find_spec("joblib") is None else 0
 
@@ -262,8 +261,6 @@ def diagnose(task: Task) -> Outcome:
 
 def _diagnosed(task: Task) -> Outcome:
     """Run the command in this process and read what it wrote."""
-    from tiago_mj.effects import EFFECTS
-
     unknown = sorted(set(task.effects) - set(EFFECTS))
     if unknown:
         raise ValueError(
@@ -288,10 +285,6 @@ def _diagnosed(task: Task) -> Outcome:
 
 def _probability(one: dict[str, Any]) -> str:
     """Of a cause that is named and closes some of the gap, where there is one to close."""
-    from tiago_mj.gap.analysis.promises import CLOSES
-    from tiago_mj.gap.report.consistency import NAMING
-    from tiago_mj.gap.report.words import percent
-
     verdict, closed = one["verdict"], one["closed"]
     told = verdict["kind"] in NAMING and verdict["probability"] is not None and (closed is None or closed > CLOSES)
     return percent(verdict["probability"]) if told else "-"
@@ -299,8 +292,6 @@ def _probability(one: dict[str, Any]) -> str:
 
 def table(found: dict[str, dict[str, Any]]) -> str:
     """One line a folder, columns aligned."""
-    from tiago_mj.gap.report.words import percent
-
     rows: list[tuple[str, ...]] = [HEADER]
     for name, one in found.items():
         verdict = one["verdict"]

@@ -17,6 +17,7 @@ import gymnasium
 import numpy as np
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
+from stable_baselines3.common.monitor import Monitor
 
 from tiago_mj.io import extra
 from tiago_mj.vector.env import VectorRobotEnv
@@ -134,8 +135,6 @@ class SB3VecEnv(VecEnv):  # type: ignore[misc]
 
     def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
         """Nothing is wrapped; returns and lengths are recorded without ``Monitor``."""
-        from stable_baselines3.common.monitor import Monitor
-
         return [issubclass(wrapper_class, Monitor) for _ in self._chosen(indices)]
 
     def _chosen(self, indices: Any) -> Iterable[int]:

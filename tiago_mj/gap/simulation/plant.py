@@ -34,6 +34,7 @@ from tiago_mj.recordings.lint.names import check_names
 from tiago_mj.recordings.nominal_priors import grids, known_to
 from tiago_mj.recordings.recording import RecordingError, Sidecar, Trial
 from tiago_mj.recordings.robot import MODELS, Robot
+from tiago_mj.registration import ENVIRONMENTS
 from tiago_mj.sensing.load_cell import LoadCell
 from tiago_mj.sensing.sources import PadForces
 
@@ -206,17 +207,15 @@ def grasp_object(said: Mapping[str, Any] | None) -> tuple[GraspObject | None, fl
 
 
 def _environment(trials: Sequence[Trial], robot: str) -> Plant:
-    import tiago_mj
-
     name = robot.removeprefix("tiago_mj/")
-    if name not in tiago_mj.ENVIRONMENTS:
+    if name not in ENVIRONMENTS:
         known = {value: key for key, value in _BY_ROBOT.items()}
         if robot in known:
             name = known[robot]
         else:
             raise RecordingError(
                 f"{trials[0].source}: robot {quoted(robot)} is neither an environment "
-                f"({', '.join(tiago_mj.ENVIRONMENTS)}) nor an MJCF file: mend 'robot' in the sidecar or give --env or "
+                f"({', '.join(ENVIRONMENTS)}) nor an MJCF file: mend 'robot' in the sidecar or give --env or "
                 "--model"
             )
     arguments = environment_arguments(trials[0].sidecar)

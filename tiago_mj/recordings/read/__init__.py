@@ -12,6 +12,7 @@ import numpy as np
 
 from tiago_mj.io.loading import is_file
 from tiago_mj.io.quoting import quoted, unquoted
+from tiago_mj.recordings.read.bags import read_bag
 from tiago_mj.recordings.read.columns import check_mapped, trial_from_table
 from tiago_mj.recordings.read.mapping import FACTS, column_map, load_map
 from tiago_mj.recordings.read.tables import TEXT, Table, read_table
@@ -145,8 +146,6 @@ def _load(path: Path, content: Mapping[str, Any]) -> Table:
     beside = path.with_name(path.name + ".json") if path.is_dir() else path.with_suffix(".json")
     sidecar = load_sidecar(beside) if beside.is_file() else {}
     if path.is_dir() or path.suffix.lower() in BAGS:
-        from tiago_mj.recordings.read.bags import read_bag
-
         return read_bag(path, content, sidecar, beside.name)
     return read_table(path, sidecar, beside.name)
 
