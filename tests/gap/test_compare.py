@@ -134,7 +134,7 @@ def test_where_nothing_changed_nothing_is_named_whatever_both_have(tmp_path):
         recordings.write(session, tmp_path / which)
     words = [str(tmp_path / "before"), str(tmp_path / "after"), "--model", str(tmp_path / robots.PLAIN_FILE)]
     assert cli.main(["compare", *words, "--out", str(tmp_path / "out"), "--jobs", "1"]) == 0
-    assert result.load(tmp_path / "out" / result.FILE_NAME).kind == "nothing_changed"
+    assert result.KEPT.load(tmp_path / "out" / result.FILE_NAME).kind == "nothing_changed"
 
 
 # Files ----------------------------------------------------------------------------------------------------------------
@@ -173,7 +173,7 @@ def answer(kind="changed", before=0.1, after=0.25, evil="hinge"):
 def test_a_comparison_is_read_back_as_it_was_written(tmp_path):
     found = answer()
     paths = report.write(found, tmp_path)
-    assert result.text(result.load(paths[result.FILE_NAME])) == result.text(found)
+    assert result.text(result.KEPT.load(paths[result.FILE_NAME])) == result.text(found)
 
 
 def test_names_of_files_run_nothing_in_the_page():
@@ -234,9 +234,9 @@ def test_what_cannot_be_compared_is_said_in_one_line(tmp_path, capsys):
 def test_a_file_of_another_schema_is_refused(tmp_path):
     (tmp_path / "comparison.json").write_text('{"schema": "tiago_mj.diagnosis/1"}')
     with pytest.raises(ValueError, match="this version reads"):
-        result.load(tmp_path / "comparison.json")
+        result.KEPT.load(tmp_path / "comparison.json")
     (tmp_path / "comparison.json").write_text('{"schema": "tiago_mj.comparison/1", "kind": 3}')
     with pytest.raises(ValueError, match="is incomplete"):
-        result.load(tmp_path / "comparison.json")
+        result.KEPT.load(tmp_path / "comparison.json")
     with pytest.raises(ValueError, match="no comparison at"):
-        result.load(tmp_path / "nowhere.json")
+        result.KEPT.load(tmp_path / "nowhere.json")

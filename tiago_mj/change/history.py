@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Final
 
 from tiago_mj.change.report import label, size, styles, values
-from tiago_mj.change.result import FILE_NAME, Comparison, load
+from tiago_mj.change.result import FILE_NAME, KEPT, Comparison
 from tiago_mj.gap.parts import Named, Value
 from tiago_mj.gap.report import json as diagnoses
 from tiago_mj.gap.report import words
@@ -107,7 +107,7 @@ def read(folder: Path, compare: Callable[[Path, Path], Comparison]) -> Life:
             before = None
             continue
         if (entry / FILE_NAME).is_file():
-            one = load(entry / FILE_NAME)
+            one = KEPT.load(entry / FILE_NAME)
         elif before is not None:
             one = compare(before, entry)
         else:

@@ -5,16 +5,13 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Annotated, Any, Final, Literal
 
-from pydantic import Field, TypeAdapter, ValidationError
+from pydantic import Field, TypeAdapter
 
 from tiago_mj.gap.parts import Named, Number, Target, Value
 from tiago_mj.gap.report.json import clean
-from tiago_mj.io.loading import load_json
-from tiago_mj.io.quoting import quoted
-from tiago_mj.io.schema import first_fault
+from tiago_mj.io.result_file import ResultFile
 from tiago_mj.recordings.recording import Finding
 
 SCHEMA: Final = "tiago_mj.comparison/1"
@@ -126,6 +123,7 @@ class Comparison:
 
 
 FILE: Final = TypeAdapter(Comparison)
+KEPT: Final = ResultFile("comparison", FILE_NAME, "tiago-mj compare", SCHEMA, FILE)
 
 
 def as_data(found: Comparison) -> dict[str, Any]:
@@ -142,23 +140,3 @@ def as_data(found: Comparison) -> dict[str, Any]:
 def text(found: Comparison) -> str:
     """The file's text."""
     return json.dumps(as_data(found), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
-
-
-def load(path: Path) -> Comparison:
-    """Read a comparison back.
-
-    Raises:
-        ValueError: there is no such file, it is no comparison of this schema, or something is missing in it; one line.
-    """
-    if not path.is_file():
-        raise ValueError(f"no comparison at {path}: give the {FILE_NAME} that tiago-mj compare wrote")
-    data = load_json(path, f"comparison {path} cannot be read as JSON", mend="write it anew with tiago-mj compare")
-    schema = data.get("schema") if isinstance(data, dict) else None
-    if schema != SCHEMA:
-        raise ValueError(f"comparison {path} has schema {quoted(schema)}: this version reads {SCHEMA!r}")
-    try:
-        return FILE.validate_json(json.dumps(data), strict=True)
-    except ValidationError as error:
-        fault = first_fault(error, data)
-        said = f"{fault.path} {fault.problem}"
-        raise ValueError(f"comparison {path} is incomplete: {said}; write it anew with tiago-mj compare") from error

@@ -14,14 +14,10 @@ from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any, Final
 
-from pydantic import ValidationError
-
 from tiago_mj.gap.report import verdict
 from tiago_mj.gap.result import FILE, SCHEMA, Diagnosis
 from tiago_mj.io import atomic
-from tiago_mj.io.loading import load_json
-from tiago_mj.io.quoting import quoted
-from tiago_mj.io.schema import first_fault
+from tiago_mj.io.result_file import ResultFile
 
 DIGITS: Final = 6
 #: What a diagnosis took, which is no part of what it says.
@@ -35,6 +31,8 @@ OMITTED: Final[Any] = {
 }
 #: Of the ranking's rows.
 ROW: Final = ("effects", "validation_gain", "probability", "parameters", "evidence")
+
+KEPT: Final = ResultFile("diagnosis", "diagnosis.json", "tiago-mj diagnose", SCHEMA, FILE)
 
 
 def as_data(diagnosis: Diagnosis) -> dict[str, Any]:
@@ -60,20 +58,9 @@ def load(path: Path) -> Diagnosis:
     """Read a diagnosis back, with nothing of what only a page shows. Alternatives take their numbers from the ranking.
 
     Raises:
-        ValueError: there is no such file, it is no diagnosis of this schema, or something is missing in it; one line.
+        ValueError: as :meth:`ResultFile.load`; one line.
     """
-    if not path.is_file():
-        raise ValueError(f"no diagnosis at {path}: give the diagnosis.json that tiago-mj diagnose wrote")
-    data = load_json(path, f"diagnosis {path} cannot be read as JSON", mend="write it anew with tiago-mj diagnose")
-    schema = data.get("schema") if isinstance(data, dict) else None
-    if schema != SCHEMA:
-        raise ValueError(f"diagnosis {path} has schema {quoted(schema)}: this version reads {SCHEMA!r}")
-    try:
-        read = FILE.validate_json(json.dumps(data), strict=True)
-    except ValidationError as error:
-        fault = first_fault(error, data)
-        said = f"{fault.path} {fault.problem}"
-        raise ValueError(f"diagnosis {path} is incomplete: {said}; write it anew with tiago-mj diagnose") from error
+    read = KEPT.load(path)
     found = Diagnosis(**{one.name: getattr(read, one.name) for one in fields(read)})
     return found.with_verdict(alternatives=tuple(map(found.ranked, found.alternatives)))
 
