@@ -17,7 +17,7 @@ from tiago_mj.gap.command import Told, check_length, considered, terminated_as_i
 from tiago_mj.gap.simulation.plant import plant_of
 from tiago_mj.io import extra, outputs
 from tiago_mj.io.progress import Progress
-from tiago_mj.recordings import lint
+from tiago_mj.recordings import lint, options
 from tiago_mj.recordings.read import read_recordings
 from tiago_mj.recordings.recording import RecordingError
 
@@ -26,16 +26,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
     parser.add_argument("before", type=Path, nargs="?", metavar="BEFORE", help="folder or file of the earlier set")
     parser.add_argument("after", type=Path, nargs="?", metavar="AFTER", help="folder or file of the later set")
-    what = parser.add_mutually_exclusive_group()
-    what.add_argument("--env", help="environment that they are compared with, where they do not say")
-    what.add_argument("--model", type=Path, help="MJCF file that they are compared with")
-    parser.add_argument("--map", type=Path, help="YAML: column to kind and name")
-    parser.add_argument(
-        "--effects",
-        action="append",
-        metavar="FILE.yaml|JSON",
-        help="effects that both sets are known to have; may be given several times",
-    )
+    options.add_simulator(parser)
+    options.add_map(parser)
+    options.add_known_effects(parser, "effects that both sets are known to have")
     parser.add_argument(
         "--dates", metavar="BEFORE,AFTER", default="", help="days of the recordings, as they are to be written"
     )
@@ -48,11 +41,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--out", type=outputs.folder, required=True, help="folder for comparison.json and comparison.html"
     )
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--jobs", type=int, default=0, help="threads of the simulations; 0: all processors")
-    parser.add_argument(
-        "--without", default="", metavar="NAME,...", help="effects that are left out, as if the library lacked them"
-    )
+    options.add_seed(parser)
+    options.add_threads(parser)
+    options.add_without(parser)
     parser.add_argument("--json", action="store_true", help="print comparison.json instead of the summary")
 
 

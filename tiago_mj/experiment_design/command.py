@@ -18,7 +18,7 @@ from tiago_mj.gap.simulation.session import session_of
 from tiago_mj.io import atomic, extra, outputs
 from tiago_mj.io.progress import told
 from tiago_mj.io.quantities import quantity
-from tiago_mj.recordings import lint
+from tiago_mj.recordings import lint, options
 from tiago_mj.recordings.lint.summary import summary
 from tiago_mj.recordings.read import read_recordings
 from tiago_mj.recordings.recording import Finding, RecordingError
@@ -27,21 +27,12 @@ from tiago_mj.recordings.recording import Finding, RecordingError
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
     parser.add_argument("recordings", nargs="+", type=Path, metavar="RECORDING", help="files or folders of recordings")
-    what = parser.add_mutually_exclusive_group()
-    what.add_argument("--env", metavar="ID", help="environment that they are compared with, where they do not say")
-    what.add_argument("--model", type=Path, metavar="FILE.xml", help="MJCF file that they are compared with")
-    parser.add_argument("--map", type=Path, metavar="FILE", help="YAML: column to kind and name")
-    parser.add_argument(
-        "--effects",
-        action="append",
-        metavar="FILE.yaml|JSON",
-        help="effects that are known already, applied first; may be given several times",
-    )
+    options.add_simulator(parser)
+    options.add_map(parser)
+    options.add_known_effects(parser)
     parser.add_argument("--out", type=outputs.file, metavar="FILE.json", help="write the same as JSON")
     parser.add_argument("--json", action="store_true", help="print the same as data")
-    parser.add_argument(
-        "--jobs", type=int, default=0, metavar="N", help="threads of the simulations; 0: all processors"
-    )
+    options.add_threads(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -22,6 +22,7 @@ from tiago_mj.io.deadline import Deadline, OutOfTimeError
 from tiago_mj.io.numbers_option import add_numbers, with_numbers
 from tiago_mj.io.progress import Progress
 from tiago_mj.io.quoting import one_line
+from tiago_mj.recordings import options
 from tiago_mj.recordings.recording import RecordingError, Trial
 from tiago_mj.recordings.trials import LONGEST, MOST_ROWS, too_long
 
@@ -34,21 +35,14 @@ if TYPE_CHECKING:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
     parser.add_argument("recordings", nargs="+", type=Path, metavar="RECORDING", help="files or folders of recordings")
-    what = parser.add_mutually_exclusive_group()
-    what.add_argument("--env", help="environment that they are compared with, where they do not say")
-    what.add_argument("--model", type=Path, help="MJCF file that they are compared with")
-    parser.add_argument("--map", type=Path, help="YAML: column to kind and name")
+    options.add_simulator(parser)
+    options.add_map(parser)
     parser.add_argument(
         "--gains",
         metavar="kp=50±30%,kv=…|guessed",
         help="gains of the servos and what they are known to; wide where they were guessed",
     )
-    parser.add_argument(
-        "--effects",
-        action="append",
-        metavar="FILE.yaml|JSON",
-        help="effects that are known already, applied first; may be given several times",
-    )
+    options.add_known_effects(parser)
     parser.add_argument(
         "--out",
         type=outputs.folder,
@@ -57,15 +51,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--policy", metavar="pi|FILE.zip", help="predict this policy's return before and after")
     parser.add_argument("--trust", action="store_true", help="load FILE.zip although loading runs what it holds")
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--jobs", type=int, default=0, help="threads of the simulations; 0: all processors")
+    options.add_seed(parser)
+    options.add_threads(parser)
     parser.add_argument("--time-budget", type=float, help="seconds after which the best verdict so far is written")
-    parser.add_argument(
-        "--without",
-        default="",
-        metavar="NAME,...",
-        help="effects that are left out, as if the library lacked them",
-    )
+    options.add_without(parser)
     add_numbers(parser)
     parser.add_argument("--json", action="store_true", help="print diagnosis.json instead of the summary")
 

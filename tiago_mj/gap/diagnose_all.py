@@ -35,6 +35,7 @@ from tiago_mj.gap.report.words import percent
 from tiago_mj.io import atomic, held, outputs
 from tiago_mj.io.numbers_option import add_numbers, with_numbers
 from tiago_mj.io.progress import told
+from tiago_mj.recordings import options
 from tiago_mj.rollout import scale
 
 #: Written into ``--out``: what came of every folder.
@@ -87,13 +88,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--out", type=outputs.folder, required=True, metavar="DIR", help=f"for DIR/FOLDER/… and DIR/{SUMMARY}"
     )
-    what = parser.add_mutually_exclusive_group()
-    what.add_argument("--env", help="environment that they are compared with, where they do not say")
-    what.add_argument("--model", type=Path, help="MJCF file that they are compared with")
-    parser.add_argument("--map", type=Path, help="YAML: column to kind and name")
-    parser.add_argument("--seed", type=int, default=0)
+    options.add_simulator(parser)
+    options.add_map(parser)
+    options.add_seed(parser)
     parser.add_argument("--time-budget", type=float, help="seconds after which a diagnosis writes its best verdict")
-    parser.add_argument("--without", default="", metavar="NAME,...", help="effects that are left out")
+    options.add_without(parser)
     parser.add_argument(
         "--threads", type=int, metavar="N", help="of each diagnosis; 0: all processors (0 where --jobs is 1, else 1)"
     )
@@ -119,20 +118,20 @@ def run(arguments: argparse.Namespace) -> int:
     threads = arguments.threads
     if threads is None:
         threads = 0 if jobs == 1 and arguments.backend == "local" else 1
-    options = ["--json", "--seed", str(arguments.seed), "--jobs", str(threads)]
+    given = ["--json", "--seed", str(arguments.seed), "--jobs", str(threads)]
     for name in ("model", "map"):
         if getattr(arguments, name) is not None:
-            options += [f"--{name}", str(getattr(arguments, name).resolve())]
+            given += [f"--{name}", str(getattr(arguments, name).resolve())]
     if not with_numbers(arguments):
-        options += ["--numbers", "no"]
+        given += ["--numbers", "no"]
     for name in ("env", "without", "time_budget"):
         if getattr(arguments, name):
-            options += [f"--{name.replace('_', '-')}", str(getattr(arguments, name))]
+            given += [f"--{name.replace('_', '-')}", str(getattr(arguments, name))]
     place: Path = arguments.out.resolve()
     kept = place.parent / UNFINISHED.format(place.name)
     tasks = []
     for folder, name in zip(arguments.folders, names(arguments.folders), strict=True):
-        words = ("diagnose", str(folder.resolve()), "--out", str(place / name), *options)
+        words = ("diagnose", str(folder.resolve()), "--out", str(place / name), *given)
         tasks.append(Task(words, str(place / name), str(kept / name), tuple(EFFECTS)))
     with held.alone(kept, "diagnosing"):
         with told("diagnose-all", "diagnosing folders", len(tasks), quiet=arguments.json) as progress:

@@ -12,7 +12,7 @@ import yaml
 from tiago_mj.effects import read_effects
 from tiago_mj.io import atomic, extra, outputs
 from tiago_mj.io.progress import told
-from tiago_mj.recordings import lint
+from tiago_mj.recordings import lint, options
 from tiago_mj.recordings.read import read_recordings
 from tiago_mj.recordings.recording import RecordingError
 from tiago_mj.sensor_calibration.rest import FALSE_CONTACTS
@@ -30,13 +30,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help='for gymnasium.make(ID, sensing="FILE.yaml")',
     )
     parser.add_argument("--env", metavar="ID", help="environment that grasps are compared with, where they do not say")
-    parser.add_argument("--map", type=Path, help="YAML: column to kind and name")
-    parser.add_argument(
-        "--effects",
-        action="append",
-        metavar="FILE.yaml|JSON",
-        help="effects that are known already, applied first; may be given several times",
-    )
+    options.add_map(parser)
+    options.add_known_effects(parser)
     parser.add_argument(
         "--false-contacts",
         type=float,
@@ -44,7 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="probability of a reading above the threshold without contact (2.9e-7: 5 standard deviations)",
     )
     parser.add_argument("--json", action="store_true", help="print what is written as JSON")
-    parser.add_argument("--jobs", type=int, default=0, help="threads of the simulations; 0: all processors")
+    options.add_threads(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
