@@ -28,9 +28,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--trials", type=int, metavar="N", help="recordings of a case (10)")
     parser.add_argument("--seconds", type=float, metavar="S", help="of a recording (6 at 25 Hz, 1.5 to 2.5 at 240 Hz)")
     parser.add_argument(
-        "--generator", type=int, metavar="N", help="version of the cases, the newest by default; 6 made the kept runs"
-    )
-    parser.add_argument(
         "--efforts", action="store_true", help="recordings hold motion and measured efforts instead of commands"
     )
     parser.add_argument("--workers", type=int, default=1, metavar="N", help="processes that record cases (1)")

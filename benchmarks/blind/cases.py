@@ -20,13 +20,6 @@ Array = NDArray[np.float64]
 
 #: Version of generator and drawing; a case of another version is another case.
 VERSION: Final = 8
-#: Versions whose cases can still be made, to the last bit: those of the kept runs.
-VERSIONS: Final = (6, 7, 8)
-#: Fields of a case, with the version that they came with.
-SINCE: Final = {"version": 7, "grids": 7, "narrow": 7, "effort": 9}
-#: Since this version the physics take steps as fine as need be, and a command that waits for one joint leaves the
-#: others alone.
-FINE: Final = 8
 TRIALS: Final = 10
 #: Control rates [Hz]: of the real robot's controllers, and of the environments.
 RATE: Final = 25.0
@@ -157,7 +150,6 @@ def effects_of(case: Case) -> list[Effect]:
         named = names.SIDES if kind.on == "sensor" else joints_of(case.setting)
         columns = list(range(len(named))) if choice.target == "all" else [named.index(t) for t in choice.target]
         made.append(kind.make(choice.parameters, columns, seed=case.seed * 10 + number))
-        made[-1].version = case.version
     return made
 
 
@@ -178,8 +170,7 @@ def measured_with(case: Case, robot: robots.Robot) -> list[Effect]:
 def real_robot(case: Case, folder: Path | None) -> robots.Robot:
     """The case's robot; the same numbers every time."""
     jitter = robots.Jitter(np.random.default_rng([case.seed, 1]), case.spread)
-    fine = case.version >= FINE
-    return robots.robot_of(case.setting, jitter, folder=folder, other_source=case.other_source, fine=fine)
+    return robots.robot_of(case.setting, jitter, folder=folder, other_source=case.other_source, fine=True)
 
 
 def simulate(case: Case, folder: Path | None = None) -> Made:
@@ -242,7 +233,6 @@ def setup_of(case: Case, robot: robots.Robot, trials: int, rows: int, seed: int)
         offsets=case.offset + case.placement * np.random.default_rng([seed, 2]).standard_normal(trials),
         start=start,
         noise_seed=seed,
-        each_arrives=case.version >= FINE,
         effort=effort_sensors.sensor(case.effort, case.seed, robot) if case.effort else None,
     )
 

@@ -176,7 +176,6 @@ def _effects(case: Case, seed: int) -> list[Effect]:
     made = []
     for number, choice in enumerate(case.effects):
         made.append(KINDS[choice.name].make(choice.parameters, [0], seed=seed * 10 + number))
-        made[-1].version = case.version
     return made
 
 

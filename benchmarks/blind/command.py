@@ -68,8 +68,8 @@ def _blind(arguments: argparse.Namespace, store: Store, only: Any, settings: Any
 def _planned(arguments: argparse.Namespace, store: Store, only: Any, settings: Any) -> list[Case]:
     """The cases of a run whose recordings hold commands; the folder is theirs from now on."""
     rates, trials = _rates(arguments.rates), _trials(arguments.trials)
-    seconds, version = _seconds(arguments.seconds), _version(arguments.generator)
-    store.begin(run.facts(arguments.cases, arguments.seed, only, settings, rates, trials, seconds, version))
+    seconds = _seconds(arguments.seconds)
+    store.begin(run.facts(arguments.cases, arguments.seed, only, settings, rates, trials, seconds))
     return plan.plan(
         arguments.cases,
         arguments.seed,
@@ -78,13 +78,12 @@ def _planned(arguments: argparse.Namespace, store: Store, only: Any, settings: A
         rates=rates,
         trials=trials,
         seconds=seconds,
-        version=version,
     )
 
 
 def _of_efforts(arguments: argparse.Namespace, store: Store, only: Any) -> list[Case]:
     """The cases of a run whose recordings hold efforts instead; the folder is theirs from now on."""
-    for name in ("settings", "rates", "trials", "seconds", "generator"):
+    for name in ("settings", "rates", "trials", "seconds"):
         if getattr(arguments, name):
             raise ValueError(f"--{name} is not asked of cases with efforts: leave it out")
     drawn = {"cases": arguments.cases, "seed": arguments.seed, "kinds": list(only)}
@@ -134,7 +133,7 @@ def calibration_seeds(path: Path = VERDICT) -> list[int]:
 def command(arguments: argparse.Namespace) -> str:
     """The command line that makes the same run elsewhere."""
     words = ["python", "-m", "benchmarks.blind", "--cases", str(arguments.cases), "--seed", str(arguments.seed)]
-    for name in ("kinds", "settings", "rates", "trials", "seconds", "generator"):
+    for name in ("kinds", "settings", "rates", "trials", "seconds"):
         if getattr(arguments, name):
             words += [f"--{name}", str(getattr(arguments, name))]
     return shlex.join([*words, *(["--efforts"] if arguments.efforts else []), "--out", "DIR"])
@@ -150,14 +149,6 @@ def _trials(given: int | None) -> int:
         return cases.TRIALS
     if given < LEAST_TRIALS:
         raise ValueError(f"--trials is {given}: give {LEAST_TRIALS} or more, to fit, to choose and to report with")
-    return given
-
-
-def _version(given: int | None) -> int:
-    if given is None:
-        return cases.VERSION
-    if given not in cases.VERSIONS:
-        raise ValueError(f"--generator is {given}: give one of {', '.join(str(known) for known in cases.VERSIONS)}")
     return given
 
 

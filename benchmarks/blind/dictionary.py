@@ -33,7 +33,6 @@ class Kind:
         group: class of the contract.
         known: whether the library has it.
         soft_form_of: effect of the library of which it is a softer form.
-        since: version of the generator that it came with.
     """
 
     make: type[Effect]
@@ -43,7 +42,6 @@ class Kind:
     known: bool = True
     soft_form_of: str = ""
     fixed: Mapping[str, Any] = field(default_factory=dict)
-    since: int = 0
 
 
 def _r(gripper: Any = None, arm: Any = None, plain: Any = None) -> dict[str, Any]:
@@ -248,14 +246,12 @@ KINDS: Final[Mapping[str, Kind]] = {
         _r({"limit": (LOG, 0.6, 2.5)}),
         known=False,
         soft_form_of="force_saturation",
-        since=7,
     ),
     "late_stamps": Kind(
         unknown.LateStamps,
         "none",
         _same(seconds=(LOG, 0.008, 0.12), period=(FLAT, 0.8, 2.0)),
         known=False,
-        since=7,
     ),
 }
 

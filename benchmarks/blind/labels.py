@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.blind import robots
-from benchmarks.blind.cases import SINCE, Made, real_robot
+from benchmarks.blind.cases import Made, real_robot
 from benchmarks.blind.dictionary import KINDS
 from tiago_mj.models import names
 
@@ -16,7 +16,9 @@ from tiago_mj.models import names
 def label(made: Made) -> dict[str, Any]:
     """The truth, as far as the case alone says it; the oracle adds its part."""
     case = made.case
-    out = {key: value for key, value in asdict(case).items() if case.version >= SINCE.get(key, 0)}
+    out = asdict(case)
+    if not case.effort:
+        del out["effort"]
     out["kind"] = case.kind
     out["classes"] = [KINDS[effect.name].group for effect in case.effects]
     out["truth"] = made.truth

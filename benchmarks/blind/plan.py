@@ -62,7 +62,6 @@ def plan(
     rates: Sequence[float] = (),
     trials: int = TRIALS,
     seconds: float | None = None,
-    version: int = cases.VERSION,
 ) -> list[Case]:
     """The cases of a run.
 
@@ -74,25 +73,24 @@ def plan(
         rates: of control [Hz], of :data:`RATES`; all by default. The arm is at the real robot's, whatever is given.
         trials: of a case.
         seconds: of a trial; None: by its rate.
-        version: of the generator, of :data:`benchmarks.blind.cases.VERSIONS`.
     """
     turn = dict.fromkeys(SHARES, 0)
     out = []
     for number, kind in enumerate(kinds(count, seed, only)):
-        case = _case(number, kind, turn[kind], seed, settings, version)
+        case = _case(number, kind, turn[kind], seed, settings)
         case = _timed(case, number, seed, rates or RATES, trials, seconds)
-        out.append(case if version < cases.SINCE["grids"] else _with_facts(case, number, seed))
+        out.append(_with_facts(case, number, seed))
         turn[kind] += 1
     return out
 
 
-def _case(number: int, kind: str, turn: int, seed: int, settings: Sequence[str], version: int) -> Case:
+def _case(number: int, kind: str, turn: int, seed: int, settings: Sequence[str]) -> Case:
     rng = np.random.default_rng([seed, number, 11])
     shares = {name: share for name, share in SETTINGS.items() if not settings or name in settings}
     setting = str(rng.choice(list(shares), p=np.array(list(shares.values())) / sum(shares.values())))
     names: tuple[str, ...] = ()
     if kind in ("one", "left_out", "outside"):
-        deck = [name for name in (UNKNOWN if kind == "outside" else KNOWN) if KINDS[name].since <= version]
+        deck = UNKNOWN if kind == "outside" else KNOWN
         name = _dealt(deck, turn, [seed, {"one": 21, "left_out": 22, "outside": 23}[kind]])
         if setting not in KINDS[name].ranges:
             possible = [s for s in shares if s in KINDS[name].ranges]
@@ -116,7 +114,6 @@ def _case(number: int, kind: str, turn: int, seed: int, settings: Sequence[str],
         spread=float(np.round(rng.uniform(0.03, 0.05), 4)),
         other_source=bool(setting != PLAIN and rng.random() < OTHER_SOURCE),
         without=names if kind == "left_out" else (),
-        version=version,
     )
 
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from benchmarks.blind.effects.base import Effect, World
 from benchmarks.blind.effort_sensors import EffortSensor
-from benchmarks.blind.robots import FINE_STEP, STEP, Robot
+from benchmarks.blind.robots import FINE_STEP, Robot
 from tiago_mj.models import names, scene
 
 Array = NDArray[np.float64]
@@ -28,8 +28,6 @@ Array = NDArray[np.float64]
 Planner = Callable[[int, float, Array, Array], Array]
 
 
-#: Version of the generator since which stiff effects take fine steps.
-FINE_SINCE: Final = 8
 #: A robot stands still so long before it is recorded [s].
 SETTLING: Final = 0.6
 
@@ -68,8 +66,6 @@ class Setup:
         start: joints' initial positions, (ntrials, n).
         noise_seed: of the sensors' noise.
         silent: no noise, for oracles.
-        each_arrives: whether a command acts on a joint when it arrives there; else, as cases of old versions have it,
-            it acts on every joint for as long as it waits for any.
         effort: what measures the drives' torques; None: nothing.
         instants: of the rows, (rows + 1,) [s], where they are not evenly apart; None: they are.
     """
@@ -83,7 +79,6 @@ class Setup:
     silent: bool = False
     instants: Array | None = None
     effort: EffortSensor | None = None
-    each_arrives: bool = False
 
 
 def simulate(robot: Robot, effects: Sequence[Effect], setup: Setup, plan: Planner | Array) -> Recorded:
@@ -130,10 +125,9 @@ def run_built(robot: Robot, effects: Sequence[Effect], setup: Setup, plan: Plann
 
 
 def _stiffest(effects: Sequence[Effect]) -> float:
-    """Longest step that bristles and gear teeth bear [s]: they are as stiff as it allows, so that since version 8 of
-    the generator it is a fine one. At 0.5 ms bristles on a finger bent by 36 µm under 1.75 N, its encoder's noise is
-    27 µm; at 0.125 ms by 2 µm."""
-    return min((FINE_STEP if e.version >= FINE_SINCE else STEP for e in effects if e.stiff), default=np.inf)
+    """Longest step that bristles and gear teeth bear [s]: they are as stiff as it allows, so that it is a fine one. At
+    0.5 ms bristles on a finger bent by 36 µm under 1.75 N, its encoder's noise is 27 µm; at 0.125 ms by 2 µm."""
+    return FINE_STEP if any(effect.stiff for effect in effects) else np.inf
 
 
 #: Of effects, in the order in which they are asked.
@@ -267,7 +261,7 @@ class _Loop:
             if not due.any():
                 break
             self.command = np.where(due, command, self.command)
-            arrived |= due & (instant > self.latest) if setup.each_arrives else True
+            arrived = arrived | (due & (instant > self.latest))
             self.latest = np.where(due, np.maximum(instant, self.latest), self.latest)
         while self.sent and world.t - self.sent[0][0] >= self.latency.max() - 1e-9:
             self.sent.pop(0)

@@ -22,14 +22,13 @@ from tiago_mj.models.objects import GraspObject
 
 Array = NDArray[np.float64]
 
-#: Physics step of versions before 8 of the generator [s]. At 1 ms, forces after a contact's onset are off by three
-#: times what noise leaves in means of a quarter of a second at 240 Hz; reality must not be cruder than what is compared
-#: with it.
+#: Physics step of robots that are compared with reality [s]. At 1 ms, forces after a contact's onset are off by three
+#: times what noise leaves in means of a quarter of a second at 240 Hz.
 STEP: Final = 5e-4
 #: Longest step at which everything is stable but stiff effects (bristles, gear teeth) and the arm, whose wrists are
 #: light and firmly damped [s]: where only differences between two simulations count.
 COARSE_STEP: Final = 1e-3
-#: Physics step since version 8 of the generator [s]. At 0.5 ms a hinge's readings are off by up to 0.9 variances of
+#: Physics step of reality [s]. At 0.5 ms a hinge's readings are off by up to 0.9 variances of
 #: their noise, the arm's light wrist's by 2; and where both fingers press with about their limits, the step decides
 #: which of them gives way, by millimetres (benchmarks/truth_audit).
 FINE_STEP: Final = 1.25e-4

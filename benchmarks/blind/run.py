@@ -169,8 +169,7 @@ def facts(
     rates: Sequence[float] = (),
     trials: int = cases.TRIALS,
     seconds: float | None = None,
-    version: int = cases.VERSION,
 ) -> dict[str, Any]:
     """What decides a run's recordings."""
     drawn = {"cases": count, "seed": seed, "kinds": list(only), "settings": list(settings)}
-    return {**drawn, "rates": list(rates), "trials": trials, "seconds": seconds, "version": version}
+    return {**drawn, "rates": list(rates), "trials": trials, "seconds": seconds, "version": cases.VERSION}

@@ -400,7 +400,6 @@ def test_the_command_goes_on_in_its_folder_and_refuses_anothers(tmp_path: Path) 
         "time_budget": None,
         "diagnose_with": None,
         "generate_only": True,
-        "generator": None,
     }
     said: list[str] = []
     assert blind(argparse.Namespace(**options), said.append) == 0

@@ -70,8 +70,6 @@ class Effect:
     two_mass = False
     #: Where it stands among the effects of one hook; small is nearer to the physics.
     order = 50
-    #: Version of the generator that the case was drawn by.
-    version = 8
     #: Age of the measured channels when they are logged [s].
     late = 0.0
 

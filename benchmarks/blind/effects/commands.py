@@ -204,12 +204,6 @@ class CouplingError(Effect):
         return np.clip(out, world.robot.low, world.robot.high)
 
 
-#: Since this version of the generator what follows from inertias (how far the joint's own dry friction gives, a
-#: contact's stiffness) is computed anew with an armature: before, a joint's own friction gave as if it were as light as
-#: ever.
-RENEWED = 8
-
-
 class Armature(Effect):
     """More mass on a slide (weightless, as a rotor is), more rotor inertia on a hinge."""
 
@@ -217,7 +211,7 @@ class Armature(Effect):
         model = robot.model
         for column in self.targets:
             model.dof_armature[model.joint(robot.joints[column]).dofadr[0]] += self.values["mass"]
-        if self.version >= RENEWED:
-            mujoco.mj_setConst(model, mujoco.MjData(model))
-            if robot.item is not None:
-                press(model, robot.item.stiffness, robot.item.damping)
+        # What follows from inertias: how far the joint's own dry friction gives, a contact's stiffness.
+        mujoco.mj_setConst(model, mujoco.MjData(model))
+        if robot.item is not None:
+            press(model, robot.item.stiffness, robot.item.damping)

@@ -10,23 +10,16 @@ import numpy as np
 from benchmarks.blind.effects.base import Array, Effect, World
 from benchmarks.blind.robots import Robot
 
-#: Since this version of the generator one bristle bears all of a joint's dry friction. Before, the joint's own was
-#: MuJoCo's beside it, which creeps as no real one does: the joint came to rest where the bristle alone held it.
-WHOLE = 8
-
 
 class Bristles(Effect, ABC):
     """Friction whose level :meth:`level` gives, (ntrials, n) [N, N·m]."""
 
     stiff = True
-    #: Whether the joint's own friction is a part of it.
-    own = True
 
     def build(self, robot: Robot) -> None:
-        """Take the joint's own friction over, so that one bristle bears the whole."""
+        """Take the joint's own friction over, so that one bristle bears the whole: MuJoCo's beside it creeps as no real
+        one does, and the joint comes to rest where the bristle alone holds it."""
         self._base = np.zeros(len(robot.joints))
-        if not self.own or self.version < WHOLE:
-            return
         for column in self.targets:
             dof = robot.model.joint(robot.joints[column]).dofadr[0]
             self._base[column] = robot.model.dof_frictionloss[dof]
@@ -75,29 +68,21 @@ class StribeckFriction(Bristles):
 
 
 class LoadDependentFriction(Bristles):
-    """Friction in proportion to what the gear transmits, seen through 5 ms of the gear's own give; since version 8 of
-    the generator the robot's weight, which its motors lift, is a part of that."""
+    """Friction in proportion to what the gear transmits, seen through 5 ms of the gear's own give; the robot's
+    weight, which its motors lift, is a part of that."""
 
     def start(self, world: World) -> None:
         super().start(world)
         self._carried = np.zeros_like(world.q)
 
     def level(self, world: World) -> Array:
-        force = world.force + world.lifted if self.version >= WHOLE else world.force
+        force = world.force + world.lifted
         self._carried += (1 - np.exp(-world.h / 0.005)) * (np.abs(force) - self._carried)
         return self.values["coefficient"] * self._carried
 
 
 class AsymmetricFriction(Bristles):
-    """More by the force in one direction, less by it in the other, down to none; the joint's own friction included, in
-    every version of the generator."""
-
-    def build(self, robot: Robot) -> None:
-        self._base = np.zeros(len(robot.joints))
-        for column in self.targets:
-            dof = robot.model.joint(robot.joints[column]).dofadr[0]
-            self._base[column] = robot.model.dof_frictionloss[dof]
-            robot.model.dof_frictionloss[dof] = 0.0
+    """More by the force in one direction, less by it in the other, down to none; the joint's own friction included."""
 
     def level(self, world: World) -> Array:
         # The bristle's own bend says which way the joint is pushed; a trembling one does not let go of it.

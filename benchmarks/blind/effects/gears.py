@@ -17,8 +17,6 @@ from benchmarks.blind.robots import Robot
 ROTOR = 0.05
 #: Damping of a spring, of twice the critical one of the joint on it.
 SPRING_DAMPING = 0.05
-#: Since this version of the generator a side of the teeth pushes only: before, it held a moving joint that was ahead.
-TOOTHED = 8
 
 
 class TwoMass(Effect, ABC):
@@ -71,14 +69,13 @@ class TwoMass(Effect, ABC):
         gain of a step ago would throw it to and fro between the limits.
         """
         h, side = world.h, np.sign(stretch)
-        if self.version >= TOOTHED:  # where the joint will be: teeth do not pull
-            stretch = stretch - h * world.v
+        stretch = stretch - h * world.v  # where the joint will be: teeth do not pull
         kp = np.where(world.free, world.stiffness, 0.0)
         kd = np.where(world.free, world.damping, 0.0)
         momentum = (self._mass + h * kd) * self._v + h * (force - k * stretch + c * world.v)
         self._v = momentum / (self._mass + h * (kd + c + self._drag) + h * h * (kp + k))
         passed = k * (stretch + h * self._v) + c * (self._v - world.v)
-        if self.version >= TOOTHED and self._gap.any():
+        if self._gap.any():
             passed = np.where(passed * side > 0, passed, 0.0)
         self._q = self._q + h * self._v
         out = force.copy()

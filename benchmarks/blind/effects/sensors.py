@@ -39,22 +39,18 @@ class EncoderQuantization(Effect):
         return _some(q, np.floor(q / step + 0.5) * step, self.targets), v, x
 
 
-#: Since this version of the generator a pole takes what came in over a step at its mean; before, at its end, so that
-#: each was early by half a step.
-MEAN = 8
-
-
 class VelocityFilter(Effect):
-    """Two equal poles on the reported velocity, together as late as one of the time constant."""
+    """Two equal poles on the reported velocity, together as late as one of the time constant. A pole takes what came in
+    over a step at its mean: at its end each would be early by half a step."""
 
     def start(self, world: World) -> None:
         self._a, self._b, self._came = world.v.copy(), world.v.copy(), world.v.copy()
 
     def joints_read(self, q: Array, v: Array, world: World) -> tuple[Array, Array]:
         share = 1 - np.exp(-world.h / (self.values["time_constant"] / 2))
-        before, half = self._a, 0.5 if self.version >= MEAN else 1.0
-        self._a = self._a + share * (half * v + (1 - half) * self._came - self._a)
-        self._b = self._b + share * (half * self._a + (1 - half) * before - self._b)
+        before = self._a
+        self._a = self._a + share * (0.5 * v + 0.5 * self._came - self._a)
+        self._b = self._b + share * (0.5 * self._a + 0.5 * before - self._b)
         self._came = np.array(v)
         return q, _some(v, self._b, self.targets)
 

@@ -59,10 +59,6 @@ class ObjectMass(Effect):
         _swap(robot, mass=robot.item.mass * self.values["factor"])
 
 
-#: Since this version of the generator a lump beside a body's centre adds to its inertia, too.
-TURNING = 8
-
-
 class Payload(Effect):
     """A lump at the tool that nobody told the gravity compensation of."""
 
@@ -75,7 +71,7 @@ class Payload(Effect):
         model.body_ipos[body] = (1 - share) * model.body_ipos[body] + share * (model.body_ipos[body] + offset)
         model.body_mass[body] = old + mass
         model.body_gravcomp[body] *= old / (old + mass)
-        if self.version >= TURNING and np.any(offset):
+        if np.any(offset):  # a lump beside a body's centre adds to its inertia, too
             _turn_with(model, body, share * old, np.asarray(offset))
         mujoco.mj_setConst(model, mujoco.MjData(model))
 

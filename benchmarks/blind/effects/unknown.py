@@ -36,8 +36,6 @@ class CableTug(Effect):
 class PlaceFriction(Bristles):
     """A dry, dented stretch of the guide: friction there alone."""
 
-    own = False
-
     def level(self, world: World) -> Array:
         low, high = world.robot.low, world.robot.high
         middle = low + self.values["place"] * (high - low)
