@@ -20,6 +20,7 @@ from tiago_mj.gap.pipeline import diagnose
 from tiago_mj.gap.report import json as written
 from tiago_mj.gap.search import ranking
 from tiago_mj.gap.simulation.plant import plant_of
+from tiago_mj.gap.simulation.replay import Run
 from tiago_mj.io.deadline import Deadline, OutOfTimeError
 from tiago_mj.models import names
 from tiago_mj.recordings import motions
@@ -54,7 +55,7 @@ def proposed(trials, rivals=ALIKE, threads=2, **options):
     fits = [explanation(plant, name, *parameters.values()) for name, parameters in rivals.items()]
     share = [1 / len(fits)] * len(fits)
     weight = np.full(len(data.channels), 1 / np.sqrt(ranking.SAMPLES_PER_INDEPENDENT))
-    return next_motion(plant, trials[0], data, weight, fits, share, threads=threads, **options)
+    return next_motion(plant, trials[0], data, weight, list(zip(fits, share, strict=True)), Run(threads, **options))
 
 
 def distance(one, other):
@@ -160,7 +161,7 @@ def test_a_robot_that_does_not_start_open_is_opened_first(short_menu):
     near = replace(trial, positions=positions, sidecar=replace(trial.sidecar, initial=initial))
     plant = plant_of([near])
     assert plant.starts[near.name].set_point[0] == 0.03
-    rehearsed = rehearse.rehearse(plant, near, noise_model.collect(plant, [near]), [], seed=0, threads=2)
+    rehearsed = rehearse.rehearse(plant, near, noise_model.collect(plant, [near]), [], Run(threads=2))
     begins = rehearsed.nominal[:, 0, : len(names.FINGERS)]
     np.testing.assert_allclose(begins, OPEN, atol=1e-9)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Final
+from typing import Any, Final
 
 import mujoco
 import numpy as np
@@ -23,7 +23,6 @@ def wire(
     actuators: Sequence[str],
     sensors: Sequence[str] = (),
     interface: str = "velocity",
-    ideal: bool = False,
     velocity_limits: Mapping[str, float] | None = None,
 ) -> Wiring:
     """Wiring of named joints and actuators of any MJCF.
@@ -34,7 +33,6 @@ def wire(
         actuators: each on one of the joints.
         sensors: names of the load cells, in the order of their readings.
         interface: what the commands are.
-        ideal: whether set points are kept from running away from the joints.
         velocity_limits: by actuator, where they are not the model's.
 
     Raises:
@@ -53,45 +51,54 @@ def wire(
         actuated.append(joint_ids.index(joint))
     servo = np.array([bool(model.actuator_biasprm[a, 1] < 0) for a in ids], dtype=bool)
     act = np.array([model.actuator_actadr[a] if model.actuator_actnum[a] == 1 else -1 for a in ids], dtype=np.intp)
-    span = np.full((len(ids), 2), [-np.inf, np.inf])
-    for k, actuator in enumerate(ids):
-        if model.actuator_actlimited[actuator] and act[k] >= 0:
-            span[k] = model.actuator_actrange[actuator]
-        elif act[k] < 0 and servo[k] and model.actuator_ctrllimited[actuator]:
-            span[k] = model.actuator_ctrlrange[actuator]
     velocity = [_velocity_limit(model, a, name, velocity_limits) for a, name in zip(ids, actuators, strict=True)]
-    effort = [_effort_limit(model, a) for a in ids]
-    targets = Targets(
-        command=tuple(actuators),
-        joint=tuple(joints),
-        sensor=tuple(sensors),
-        slides=slides,
-        velocity=np.array(velocity),
-        effort=np.array(effort),
-        actuated=tuple(actuated),
-    )
-    body = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, names.OBJECT_BODY)
-    has_object = body >= 0
-    pair_ids = [mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_PAIR, f"{side}_pad_object") for side in names.SIDES]
     return Wiring(
-        targets=targets,
+        targets=Targets(
+            command=tuple(actuators),
+            joint=tuple(joints),
+            sensor=tuple(sensors),
+            slides=slides,
+            velocity=np.array(velocity),
+            effort=np.array([_effort_limit(model, a) for a in ids]),
+            actuated=tuple(actuated),
+        ),
         actuators=np.array(ids, dtype=np.intp),
         ctrl=np.array([model.actuator_ctrladr[a] for a in ids], dtype=np.intp),
         act=act,
         qpos=np.array([model.jnt_qposadr[j] for j in joint_ids], dtype=np.intp),
         dof=np.array([model.jnt_dofadr[j] for j in joint_ids], dtype=np.intp),
         servo=servo,
-        span=span,
+        span=_span(model, ids, act, servo),
         interface=interface,
-        ideal=ideal,
+        ideal=False,
         tool=_tool(model, joint_ids),
         grasp_axis=_grasp_axis(model),
         partner=_partners(actuators),
-        object_qpos=int(model.joint(names.OBJECT_JOINT).qposadr[0]) if has_object else None,
-        object_body=body if has_object else None,
-        object_geom=model.geom(names.OBJECT_GEOM).id if has_object else None,
-        pairs=tuple(p for p in pair_ids if p >= 0),
+        **_object(model),
     )
+
+
+def _span(model: mujoco.MjModel, actuators: Sequence[int], act: np.ndarray, servo: np.ndarray) -> np.ndarray:
+    """Limits of the set points, (nactuators, 2) [m, rad]; infinite where there are none."""
+    span = np.full((len(actuators), 2), [-np.inf, np.inf])
+    for k, actuator in enumerate(actuators):
+        if model.actuator_actlimited[actuator] and act[k] >= 0:
+            span[k] = model.actuator_actrange[actuator]
+        elif act[k] < 0 and servo[k] and model.actuator_ctrllimited[actuator]:
+            span[k] = model.actuator_ctrlrange[actuator]
+    return span
+
+
+def _object(model: mujoco.MjModel) -> dict[str, Any]:
+    """Where the object between the pads is, and its contacts with them; without one only what contacts there are."""
+    pairs = [mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_PAIR, f"{side}_pad_object") for side in names.SIDES]
+    found: dict[str, Any] = {"pairs": tuple(pair for pair in pairs if pair >= 0)}
+    body = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, names.OBJECT_BODY)
+    if body >= 0:
+        found["object_qpos"] = int(model.joint(names.OBJECT_JOINT).qposadr[0])
+        found["object_body"] = body
+        found["object_geom"] = model.geom(names.OBJECT_GEOM).id
+    return found
 
 
 def _find(model: mujoco.MjModel, kind: mujoco.mjtObj, name: str, what: str) -> int:

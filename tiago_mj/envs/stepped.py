@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from dataclasses import replace
 from typing import Any, Final
 
 import mujoco
@@ -93,14 +94,14 @@ class SteppedRobot(MujocoRobotEnv):  # type: ignore[misc]
 
     def wiring(self) -> Wiring:
         """Where commands, joints and sensors are, for effects and the diagnosis."""
-        return wire(
+        wiring = wire(
             self.model,
             joints=self.joints,
             actuators=self.joints,
             sensors=names.SIDES if self.sensors.pads is not None else (),
             interface=self.control,
-            ideal=self.servo == "ideal",
         )
+        return replace(wiring, ideal=self.servo == "ideal")
 
     def _set_action(self, action: Array) -> None:
         self.command = self.drive.command(action, self.data.act)

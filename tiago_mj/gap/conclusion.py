@@ -38,6 +38,7 @@ from tiago_mj.gap.result import (
     Verdict,
 )
 from tiago_mj.gap.search.state import Ranked
+from tiago_mj.gap.simulation.replay import Run
 from tiago_mj.gap.simulation.session import FITTED, Session
 from tiago_mj.io.deadline import OutOfTimeError
 
@@ -102,18 +103,9 @@ def concluded(compared: Compared, asked: Request, so_far: SoFar, ranked: Ranked)
     chosen: tuple[NextMotion | None, str] = (None, "")
     if judged.kind == "ambiguous" and ranked.complete and ranked.predict.replays:
         tick("next motion", 1)
-        rivals = [ranked.fits[k] for k in judged.rivals], [judged.probability[k] for k in judged.rivals]
-        choose = partial(
-            next_motion,
-            plant,
-            session.trials[0],
-            part,
-            ranked.weight,
-            *rivals,
-            seed=seed,
-            threads=asked.threads,
-            deadline=asked.deadline,
-        )
+        rivals = [(ranked.fits[k], judged.probability[k]) for k in judged.rivals]
+        how = Run(asked.threads, seed, asked.deadline)
+        choose = partial(next_motion, plant, session.trials[0], part, ranked.weight, rivals, how)
         chosen, ranked = _unless_ended(ranked, partial(_if_time, choose), chosen)
     following, late = chosen
     tick("writing", 1)

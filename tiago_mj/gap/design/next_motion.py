@@ -34,7 +34,7 @@ from tiago_mj.gap.inference.hypotheses import Term
 from tiago_mj.gap.inference.noise_model import Data
 from tiago_mj.gap.result import NextMotion
 from tiago_mj.gap.simulation.plant import Plant
-from tiago_mj.io.deadline import Deadline
+from tiago_mj.gap.simulation.replay import Run
 from tiago_mj.recordings.recording import Trial
 
 Array = NDArray[np.float64]
@@ -58,12 +58,8 @@ def next_motion(
     like: Trial,
     data: Data,
     weight: Array,
-    rivals: Sequence[Fitted],
-    probability: Sequence[float],
-    *,
-    seed: int = 0,
-    threads: int = 0,
-    deadline: Deadline | None = None,
+    options: Sequence[tuple[Fitted, float]],
+    how: Run,
 ) -> NextMotion | None:
     """The motion of the menu with the best chance to resolve.
 
@@ -72,11 +68,9 @@ def next_motion(
         like: a recording: its object and start are those of the motion; the fingers begin open.
         data: channels and noise of the recordings.
         weight: square root of the share of independent samples of each channel, (C,).
-        rivals: explanations, the most probable first.
-        probability: of each, up to its classes; only their ratios matter.
-        seed: of effects that draw at random.
-        threads: of the simulations; the answer does not depend on it.
-        deadline: of the choice; None: there is none.
+        options: explanations, each with its probability up to its classes, the most probable first; only the ratios of
+            probabilities matter.
+        how: simulations are run; its deadline is that of the choice.
 
     Returns:
         The motion; None where the rivals are all of one class, no motion of the menu fits the robot, or none has any
@@ -85,8 +79,8 @@ def next_motion(
     Raises:
         OutOfTimeError: the deadline is over.
     """
-    by = deadline or Deadline()
-    rivals, share = list(rivals[:RIVALS]), np.array(probability[:RIVALS], dtype=float)
+    rivals = [fit for fit, _ in options[:RIVALS]]
+    share = np.array([probability for _, probability in options[:RIVALS]], dtype=float)
     if len({classes_of(fit) for fit in rivals}) < 2 or plant.relative or not share.sum() > 0:
         return None
     classes = [classes_of(fit) for fit in rivals]
@@ -96,7 +90,7 @@ def next_motion(
     temperature = temperature_of([fit.misfit for fit in rivals], calibration())
     terms = [term for term in hypotheses.terms(plant) if not term.per_trial]
     explanations = [_entries(fit, terms) for fit in rivals]
-    menu = rehearse(plant, like, data, explanations, seed=seed, threads=threads, deadline=by)
+    menu = rehearse(plant, like, data, explanations, how)
     if menu is None or not menu.harmless.any():
         return None
     menu = menu.only(np.nonzero(menu.harmless)[0])

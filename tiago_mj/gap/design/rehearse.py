@@ -17,8 +17,7 @@ from tiago_mj.gap.inference.noise_model import Data
 from tiago_mj.gap.inference.predictor import Predictor
 from tiago_mj.gap.simulation import replay
 from tiago_mj.gap.simulation.plant import Plant, Start
-from tiago_mj.gap.simulation.replay import Grid
-from tiago_mj.io.deadline import Deadline
+from tiago_mj.gap.simulation.replay import Grid, Run
 from tiago_mj.models import names
 from tiago_mj.recordings import motions
 from tiago_mj.recordings.motions.menu import OPEN, items
@@ -47,7 +46,7 @@ class Rehearsal:
         nominal: channels without any effect, (K, T, C).
         predicted: under every explanation, (nexplanations, K, T, C).
         harmless: whether no servo that the motion moves comes near its limit, whichever explanation is true, (K,).
-        seed, threads, deadline: of simulations.
+        how: simulations are run.
     """
 
     files: tuple[str, ...]
@@ -58,13 +57,12 @@ class Rehearsal:
     nominal: Array
     predicted: Array
     harmless: NDArray[np.bool_]
-    seed: int
-    threads: int
-    deadline: Deadline
+    how: Run
 
     def predict(self, explanations: Sequence[Effects]) -> Array:
         """Channels under other explanations, (nexplanations, K, T, C)."""
-        predictor = Predictor(self.plant, self.on, self.data, self.threads, self.seed, deadline=self.deadline)
+        how = self.how
+        predictor = Predictor(self.plant, self.on, self.data, how.threads, how.seed, deadline=how.deadline)
         return predictor.all_trials(explanations, range(len(self.files)))
 
     def only(self, which: Iterable[int]) -> Rehearsal:
@@ -88,16 +86,7 @@ class Rehearsal:
         )
 
 
-def rehearse(
-    plant: Plant,
-    like: Trial,
-    data: Data,
-    explanations: Sequence[Effects],
-    *,
-    seed: int,
-    threads: int,
-    deadline: Deadline | None = None,
-) -> Rehearsal | None:
+def rehearse(plant: Plant, like: Trial, data: Data, explanations: Sequence[Effects], how: Run) -> Rehearsal | None:
     """Play what the menu has for the plant; None if it has nothing.
 
     Args:
@@ -105,14 +94,11 @@ def rehearse(
         like: a recording: its object and start are those of the motions; the fingers begin open.
         data: channels and noise of the recordings.
         explanations: what may be true.
-        seed: of the noise that recordings would have, and of effects that draw at random.
-        threads: of the simulations.
-        deadline: of the simulations; None: there is none.
+        how: simulations are run; its seed is of the noise, too, that recordings would have.
 
     Raises:
         OutOfTimeError: the deadline is over.
     """
-    by = deadline or Deadline()
     listed = _applicable(plant)
     if not listed:
         return None
@@ -124,14 +110,14 @@ def rehearse(
     blank = np.zeros((count, on.commands.shape[1] + 1, len(data.channels)))
     rows = noise_model.collect(plant, [_recorded(t, data, blank[k]) for k, t in enumerate(on.trials)])
     sims = [(k, effects) for effects in ((), *explanations) for k in range(count)]
-    true = replay.simulate(plant, on, sims, threads=threads, seed=seed, deadline=by)
+    true = replay.simulate(plant, on, sims, threads=how.threads, seed=how.seed, deadline=how.deadline)
     predicted = noise_model.predicted(rows, true).reshape(len(explanations) + 1, *blank.shape)
-    noisy = predicted[0] + data.noise * np.random.default_rng(seed).standard_normal(blank.shape)
+    noisy = predicted[0] + data.noise * np.random.default_rng(how.seed).standard_normal(blank.shape)
     rows = noise_model.collect(plant, [_recorded(t, data, noisy[k]) for k, t in enumerate(on.trials)])
     played = tuple(motion for _, motion in listed)
     harmless = _harmless(plant, played, true.effort.reshape(len(explanations) + 1, *blank.shape[:2], -1))
     files = tuple(file for file, _ in listed)
-    found = Rehearsal(files, played, plant, on, rows, predicted[0], predicted[1:], harmless, seed, threads, by)
+    found = Rehearsal(files, played, plant, on, rows, predicted[0], predicted[1:], harmless, how)
     drawn = [k for k, effects in enumerate(explanations) if any(is_random(EFFECTS[entry.name]) for entry in effects)]
     if drawn:  # a mean over several draws tells more than one
         found.predicted[drawn] = found.predict([explanations[k] for k in drawn])
@@ -142,9 +128,8 @@ def with_numerics(rehearsal: Rehearsal) -> Rehearsal:
     """With a tolerance of what the nominal simulator itself gets wrong by its physics step."""
     fine = replace(rehearsal.plant, max_timestep=rehearsal.plant.max_timestep / noise_model.STEP_REFINEMENT)
     each: list[tuple[int, Effects]] = [(k, ()) for k in range(len(rehearsal.files))]
-    finer = replay.simulate(
-        fine, rehearsal.on, each, threads=rehearsal.threads, seed=rehearsal.seed, deadline=rehearsal.deadline
-    )
+    how = rehearsal.how
+    finer = replay.simulate(fine, rehearsal.on, each, threads=how.threads, seed=how.seed, deadline=how.deadline)
     rows = noise_model.with_step_tolerance(
         rehearsal.data, rehearsal.nominal, noise_model.predicted(rehearsal.data, finer)
     )

@@ -139,6 +139,16 @@ def magnitudes(
     """
     by = deadline or Deadline()
     commands = plant.wiring.targets.command
+
+    def costs(wide: Candidate, values: Array) -> Array:
+        """Weighted sum of squares of the residual at each magnitude, (nvalues, nactuators)."""
+        total = np.zeros((len(values), motion.requested.shape[2]))
+        for t in trials:
+            by.check()
+            for squares in _squares(motion, t, passed(plant, on, motion, wide, values, t) - motion.requested[t]):
+                total += squares
+        return total
+
     out = list(pool)
     for name in dict.fromkeys(c.effect for c in pool):
         declared = EFFECTS[name]
@@ -147,7 +157,7 @@ def magnitudes(
         if declared.stage != "command" or not overrides(declared, "set_point") or not np.isfinite(wide.identity):
             continue  # a limit is reached smoothly
         values = dense(wide, float(np.nanmax(np.abs(motion.requested))))
-        cost = _costs(plant, on, motion, wide, values, trials, by)
+        cost = costs(wide, values)
         columns = [_columns(pool[k], commands) for k in mine]
         near = sorted({b for column in columns for b in minima(cost[:, column].sum(axis=1))})
         around = [
@@ -155,7 +165,7 @@ def magnitudes(
             for b in near
         ]
         fine = np.unique(np.concatenate(around or [values[:1]]))
-        cost = _costs(plant, on, motion, wide, fine, trials, by)
+        cost = costs(wide, fine)
         for k, column in zip(mine, columns, strict=True):
             total = cost[:, column].sum(axis=1)
             best = fine[minima(total)]
@@ -237,27 +247,14 @@ def _slewed(plant: Plant, on: Grid, start: Array, wanted: Array) -> Array:
     return out
 
 
-def _costs(
-    plant: Plant,
-    on: Grid,
-    motion: ServoMotion,
-    wide: Candidate,
-    values: Array,
-    trials: Sequence[int],
-    deadline: Deadline,
-) -> Array:
-    """Weighted sum of squares of the residual at each magnitude, (nvalues, nactuators)."""
-    total = np.zeros((len(values), motion.requested.shape[2]))
-    for t in trials:
-        deadline.check()
-        off = passed(plant, on, motion, wide, values, t) - motion.requested[t]
-        ahead = np.zeros(total.shape)
-        for k in range(motion.requested.shape[1]):
-            ahead = ahead + motion.share * (off[:, k] - ahead)
-            total += np.minimum(
-                ((motion.position_residual[t, k + 1] - ahead) / motion.deviation[t, k + 1]) ** 2, MAX_SQUARED_RESIDUAL
-            )
-    return total
+def _squares(motion: ServoMotion, trial: int, off: Array) -> Iterator[Array]:
+    """Weighted squares of a trial's residual after each command, (nvalues, nactuators), where the set points are off by
+    so much at each magnitude, (nvalues, T - 1, nactuators)."""
+    ahead = np.zeros((len(off), off.shape[2]))
+    for k in range(off.shape[1]):
+        ahead = ahead + motion.share * (off[:, k] - ahead)
+        residual = (motion.position_residual[trial, k + 1] - ahead) / motion.deviation[trial, k + 1]
+        yield np.minimum(residual**2, MAX_SQUARED_RESIDUAL)
 
 
 def passed(plant: Plant, on: Grid, motion: ServoMotion, wide: Candidate, values: Array, trial: int) -> Array:

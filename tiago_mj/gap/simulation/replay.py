@@ -10,7 +10,7 @@ import copy
 import itertools
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import mujoco
@@ -96,6 +96,23 @@ class Signals:
         return Signals(*(np.where(gone[..., None], np.nan, getattr(self, f)) for f in Signals.__dataclass_fields__))
 
 
+@dataclass(frozen=True)
+class Run:
+    """How simulations are run.
+
+    Attributes:
+        threads: of the batch; 0 is all processors. The result does not depend on it.
+        seed: of what effects draw at random: the same for every simulation of a trial.
+        deadline: asked from row to row.
+        parts: samples of each row's period.
+    """
+
+    threads: int = 0
+    seed: int = 0
+    deadline: Deadline = field(default_factory=Deadline)
+    parts: int = 1
+
+
 def physics_steps(plant: Plant, on: Grid) -> int:
     """Physics steps of one simulation of a trial."""
     return on.commands.shape[1] * math.ceil(plant.period / plant.max_timestep)
@@ -164,11 +181,8 @@ def simulate(
         raise ValueError(f"{plant.substeps} physics steps of a row in {parts} parts: give a divisor")
     if parts > 1 and any(sensor_only(entry) for _, effects in sims for entry in effects):
         raise ValueError("effects of the sensors in parts of rows: simulate without them, then measure")
-    by = deadline or Deadline()
-    runs = [
-        _in_batches(plant, on, sims[k : k + BATCH_SIZE], threads, seed, by, parts=parts)
-        for k in range(0, len(sims), BATCH_SIZE)
-    ]
+    how = Run(threads, seed, deadline or Deadline(), parts)
+    runs = [_in_batches(plant, on, sims[k : k + BATCH_SIZE], how) for k in range(0, len(sims), BATCH_SIZE)]
     return Signals(*(np.concatenate([getattr(r, f) for r in runs]) for f in Signals.__dataclass_fields__))
 
 
@@ -189,30 +203,19 @@ def motions(
     whole = [(trial, (*plant.given, *effects)) for trial, effects in sims]
     poses = np.full((len(sims), on.commands.shape[1] + 1, plant.model.nq), np.nan)
     # Each alone: a batch runs as its slowest simulation has to.
-    by = deadline or Deadline()
-    runs = [_batch(plant, on, [sim], threads, seed, by, poses[k : k + 1]) for k, sim in enumerate(whole)]
+    how = Run(threads, seed, deadline or Deadline())
+    runs = [_batch(plant, on, [sim], how, poses[k : k + 1]) for k, sim in enumerate(whole)]
     return Signals(*(np.concatenate([getattr(r, f) for r in runs]) for f in Signals.__dataclass_fields__)), poses
 
 
-def _in_batches(
-    plant: Plant,
-    on: Grid,
-    sims: Sequence[tuple[int, Effects]],
-    threads: int,
-    seed: int,
-    deadline: Deadline,
-    parts: int,
-) -> Signals:
+def _in_batches(plant: Plant, on: Grid, sims: Sequence[tuple[int, Effects]], how: Run) -> Signals:
     """Simulations that need nobody between their steps apart from the others: they share all processors better."""
     alone = np.array([all(_acts_without_feedback(entry) for entry in effects) for _, effects in sims])
     if alone.all() or not alone.any():
-        return _batch(plant, on, sims, threads, seed, deadline, parts=parts)
+        return _batch(plant, on, sims, how)
     order = np.argsort(~alone, kind="stable")
     count = int(alone.sum())
-    runs = [
-        _batch(plant, on, [sims[k] for k in some], threads, seed, deadline, parts=parts)
-        for some in (order[:count], order[count:])
-    ]
+    runs = [_batch(plant, on, [sims[k] for k in some], how) for some in (order[:count], order[count:])]
     back = np.argsort(order)
     return Signals(*(np.concatenate([getattr(r, f) for r in runs])[back] for f in Signals.__dataclass_fields__))
 
@@ -289,23 +292,15 @@ def remembers(entry: Entry) -> bool:
 
 
 def _batch(
-    plant: Plant,
-    on: Grid,
-    sims: Sequence[tuple[int, Effects]],
-    threads: int,
-    seed: int,
-    deadline: Deadline,
-    poses: Array | None = None,
-    *,
-    parts: int = 1,
+    plant: Plant, on: Grid, sims: Sequence[tuple[int, Effects]], how: Run, poses: Array | None = None
 ) -> Signals:
     """Simulations in one batch; ``poses``, (nsim, T, nq), is filled where it is given."""
     trial = np.array([t for t, _ in sims])
-    host = BatchHost(mujoco.batch.Batch(plant.model, len(sims), threads))
+    host = BatchHost(mujoco.batch.Batch(plant.model, len(sims), how.threads))
     starts = [plant.starts[on.trials[t].name] for t in trial]
     set_points = np.array([start.set_point for start in starts])
     _set_initial(plant, host, starts, set_points)
-    runner = Runner(host, plant.wiring, [entries for _, entries in sims], _uniform(sims, on.delivered, seed))
+    runner = Runner(host, plant.wiring, [entries for _, entries in sims], _uniform(sims, on.delivered, how.seed))
     qpos = host.state("qpos")
     qpos[:, plant.wiring.qpos] = runner.chain.true_position(qpos[:, plant.wiring.qpos])
     item = starts[0].item
@@ -315,19 +310,21 @@ def _batch(
     runner.start(plant.period, plant.substeps, contact, set_points)
     runner.seen()  # a batch fills what is asked for at its next call
     host.forward()
-    log = Log(runner, _cells(plant, host), on.commands.shape[1] * parts + 1, poses=poses is not None)
+    log = Log(runner, _cells(plant, host), on.commands.shape[1] * how.parts + 1, poses=poses is not None)
     runner.run(
         on.commands[trial],
         log,
         seconds=None if on.uniform else on.period[trial],
-        parts=parts,
+        parts=how.parts,
         relative_to=set_points if plant.relative else None,
-        check=deadline.check,
+        check=how.deadline.check,
     )
     if poses is not None:
         poses[:] = log.poses
     at = log.readings
-    return Signals(at.position, at.velocity, at.effort, _averaged(plant, at.reading, parts), at.newtons).until(log.ends)
+    return Signals(at.position, at.velocity, at.effort, _averaged(plant, at.reading, how.parts), at.newtons).until(
+        log.ends
+    )
 
 
 def _set_initial(plant: Plant, host: BatchHost, starts: Sequence[Start], set_points: Array) -> None:
