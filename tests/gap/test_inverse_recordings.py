@@ -10,7 +10,7 @@ import pytest
 from made_motions import ARM, diagnosed, named, pendulum, record, robot, trial
 
 from tiago_mj.gap.report import json as report
-from tiago_mj.gap.torque.channels import Usable, choose
+from tiago_mj.gap.torque.channels import Usable, Wanted, choose
 from tiago_mj.recordings.lint import inspect
 from tiago_mj.recordings.recording import RecordingError, Trial
 
@@ -33,7 +33,7 @@ def test_a_drive_that_is_switched_off_once_is_not_dead() -> None:
     once = with_effort(recorded.time < 5)
     now_and_then = with_effort(recorded.time % 6 < 1)  # as much of it, in pieces
     assert "dead_channel" not in {f.code for f in inspect([once])}
-    assert choose([once], pendulum(), ("swing",), inspect([once])).course.channels == ("swing",)
+    assert choose([once], pendulum(), Wanted(("swing",), inspect([once]))).course.channels == ("swing",)
     for dead in (now_and_then, with_effort(recorded.time < 1), with_effort(recorded.time < 0)):
         assert ("dead_channel", "effort.swing") in {(f.code, f.channel) for f in inspect([dead])}
 
@@ -41,7 +41,7 @@ def test_a_drive_that_is_switched_off_once_is_not_dead() -> None:
 def test_an_effort_of_the_wrong_sign_is_found_where_it_is() -> None:
     recorded = record(robot(), ARM, spread=0.9, seconds=15)
     flipped = dict(recorded.efforts) | {"arm_2_joint": -recorded.efforts["arm_2_joint"]}
-    found = choose([replace(recorded, efforts=flipped)], robot(), ARM, ())
+    found = choose([replace(recorded, efforts=flipped)], robot(), Wanted(ARM))
     assert {f.channel for f in found.findings if f.code == "sign"} == {"effort.arm_2_joint"}
 
 
@@ -116,9 +116,8 @@ def test_a_wrist_whose_effort_is_all_friction_is_in_the_right_unit() -> None:
     model = mujoco.MjModel.from_xml_string(WRIST)
 
     def chosen(wrist: np.ndarray) -> Usable:
-        return choose(
-            [replace(recorded, efforts={**recorded.efforts, "wrist": wrist})], model, ("shoulder", "wrist"), ()
-        )
+        trial = replace(recorded, efforts={**recorded.efforts, "wrist": wrist})
+        return choose([trial], model, Wanted(("shoulder", "wrist")))
 
     assert chosen(recorded.efforts["wrist"] + rubs).course.channels == ("shoulder", "wrist")
     ticks = chosen(1000 * (recorded.efforts["wrist"] + rubs))
@@ -130,7 +129,7 @@ def test_efforts_under_each_others_names_are_found_and_left_out() -> None:
     recorded = record(robot(), ARM, spread=0.9, seconds=15)
     one, other = ARM[1:3]
     swapped = {**recorded.efforts, one: recorded.efforts[other], other: recorded.efforts[one]}
-    found = choose([replace(recorded, efforts=swapped)], robot(), ARM, ())
+    found = choose([replace(recorded, efforts=swapped)], robot(), Wanted(ARM))
     assert {f.channel for f in found.findings if f.code == "swapped_channels"} == {f"effort.{one}", f"effort.{other}"}
     assert set(found.course.channels) == set(ARM) - {one, other}
-    assert not choose([recorded], robot(), ARM, ()).findings
+    assert not choose([recorded], robot(), Wanted(ARM)).findings

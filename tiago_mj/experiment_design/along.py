@@ -17,6 +17,7 @@ from tiago_mj.gap.simulation import sizes
 from tiago_mj.gap.simulation.along_a_motion import efforts_along
 from tiago_mj.gap.simulation.session import Session
 from tiago_mj.gap.torque.band import most_informative
+from tiago_mj.gap.torque.channels import Wanted
 from tiago_mj.gap.torque.shown import check_given, may_show, shown
 from tiago_mj.recordings.recording import Finding
 
@@ -34,7 +35,7 @@ def preflight_along(session: Session, findings: Sequence[Finding], seed: int = 0
     """
     trials, joints = efforts_along(session.plant, session.trials)
     check_given(trials, session.plant.given)
-    measured = most_informative(session, trials, joints, findings, seed=seed)
+    measured = most_informative(session, trials, Wanted(joints, findings, session.plant.given, seed))
     everything = range(len(measured.session.trials))
     plant, predict = measured.session.plant, measured.predict
     pool = hypotheses.candidates(plant, None, None, sizes.sizes(plant, measured.session.trials, measured.motion))

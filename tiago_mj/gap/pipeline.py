@@ -28,6 +28,7 @@ from tiago_mj.gap.simulation.along_a_motion import along_a_motion, efforts_along
 from tiago_mj.gap.simulation.session import FITTED, Session
 from tiago_mj.gap.simulation.session import session as session_of
 from tiago_mj.gap.torque.band import most_informative
+from tiago_mj.gap.torque.channels import Wanted
 from tiago_mj.gap.torque.notes import of_method
 from tiago_mj.gap.torque.shown import check_given, shown
 from tiago_mj.io import mujoco_log
@@ -102,9 +103,8 @@ def _along_the_motion(session: Session, asked: Request, so_far: SoFar) -> Compar
     trials, joints = efforts_along(session.plant, session.trials)
     check_given(trials, asked.given)
     deadline = asked.deadline
-    found = most_informative(
-        session, trials, joints, asked.findings, seed=asked.seed, deadline=deadline, tick=so_far.tick
-    )
+    wanted = Wanted(joints, asked.findings, session.plant.given, asked.seed, deadline)
+    found = most_informative(session, trials, wanted, so_far.tick)
     along, plant = found.session, found.session.plant
     pool = hypotheses.candidates(plant, asked.names, None, sizes.sizes(plant, along.trials, found.motion))
     pool = shown(pool, found.predict.torques)

@@ -16,22 +16,19 @@ import numpy as np
 from tiago_mj.gap.inference import hypotheses
 from tiago_mj.gap.simulation import sizes
 from tiago_mj.gap.simulation.session import FITTED, Session
+from tiago_mj.gap.torque.channels import Wanted
 from tiago_mj.gap.torque.flexible import left
 from tiago_mj.gap.torque.measured import Array, Measured, measured
 from tiago_mj.gap.torque.shown import shown
 from tiago_mj.gap.torque.strips import HEADROOMS
-from tiago_mj.io.deadline import Deadline, OutOfTimeError
-from tiago_mj.recordings.recording import Finding, RecordingError, Trial
+from tiago_mj.io.deadline import OutOfTimeError
+from tiago_mj.recordings.recording import RecordingError, Trial
 
 
 def most_informative(
     session: Session,
     trials: Sequence[Trial],
-    joints: Sequence[str],
-    findings: Sequence[Finding],
-    *,
-    seed: int = 0,
-    deadline: Deadline | None = None,
+    wanted: Wanted,
     tick: Callable[[str, int, int], None] = lambda stage, total, done: None,
 ) -> Measured:
     """Trials at the cut-off that tells most; arguments as of :func:`tiago_mj.gap.torque.measured.measured`.
@@ -53,7 +50,7 @@ def most_informative(
     for k, headroom in enumerate(HEADROOMS):
         tick("comparing torques", len(HEADROOMS), k)
         try:
-            one = measured(session, trials, joints, findings, headroom, seed=seed, deadline=deadline)
+            one = measured(session, trials, wanted, headroom)
         except (RecordingError, OutOfTimeError):
             if not found:
                 raise

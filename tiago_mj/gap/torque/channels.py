@@ -33,6 +33,25 @@ OWN, OTHERS = 0.4, 0.8
 
 
 @dataclass(frozen=True)
+class Wanted:
+    """Whose efforts are compared.
+
+    Attributes:
+        joints: whose efforts are asked for.
+        known: what the lint found; channels that it discredits are left out.
+        given: effects that are known already.
+        seed: of the noise that is drawn.
+        deadline: of all that is computed; None: there is none.
+    """
+
+    joints: Sequence[str]
+    known: Sequence[Finding] = ()
+    given: Sequence[Entry] = ()
+    seed: int = 0
+    deadline: Deadline | None = None
+
+
+@dataclass(frozen=True)
 class Usable:
     """What is compared, and what was left out.
 
@@ -49,25 +68,14 @@ class Usable:
     notes: tuple[str, ...]
 
 
-def choose(
-    trials: Sequence[Trial],
-    model: mujoco.MjModel,
-    joints: Sequence[str],
-    known: Sequence[Finding],
-    headroom: float = HEADROOMS[0],
-    given: Sequence[Entry] = (),
-    deadline: Deadline | None = None,
-) -> Usable:
+def choose(trials: Sequence[Trial], model: mujoco.MjModel, wanted: Wanted, headroom: float = HEADROOMS[0]) -> Usable:
     """Pick the channels.
 
     Args:
         trials: with positions and efforts.
         model: nominal.
-        joints: whose efforts are asked for.
-        known: what the lint found; channels that it discredits are left out.
+        wanted: what is asked for.
         headroom: of the low-pass over what moves.
-        given: effects that are known already.
-        deadline: of all that is computed; None: there is none.
 
     Raises:
         OutOfTimeError: the deadline is over.
@@ -76,43 +84,19 @@ def choose(
     """
     files = ", ".join(dict.fromkeys(trial.source for trial in trials))
     in_model = {model.joint(j).name for j in range(model.njnt)}
-    missing = [name for name in joints if name not in in_model]
+    missing = [name for name in wanted.joints if name not in in_model]
     if missing:
         raise ValueError(
             f"the model has no joint {missing[0]!r}: it has {', '.join(sorted(in_model))}; rename it or give a map file"
         )
     moving = [name for name in trials[0].positions if name in in_model and all(name in t.positions for t in trials)]
-    wanted = [name for name in joints if name in moving and all(name in t.efforts for t in trials)]
-    findings: list[Finding] = []
-    notes = [
-        f"effort.{name} is left out: not every recording has it with its joint's position."
-        for name in joints
-        if name not in wanted
-    ]
-    discredited = {f.channel for f in known if f.discredits}
-    channels = []
-    for name in wanted:
-        if f"effort.{name}" in discredited:
-            notes.append(f"effort.{name} is left out: the lint says that it cannot be believed.")
-        elif _dead(trials, name):
-            findings.append(
-                Finding(
-                    "dead_channel",
-                    files,
-                    f"effort.{name}",
-                    "most rows read the same value while the joint moves; it is left out: log the motor's current",
-                    discredits=True,
-                )
-            )
-            notes.append(f"effort.{name} is left out: it reads the same value in most rows while the joint moves.")
-        else:
-            channels.append(name)
+    channels, findings, notes = _believable(trials, moving, wanted, files)
     if not channels:
         why = " ".join(notes) or "no joint of the model has both a position and an effort column"
         raise RecordingError(f"{files}: no effort can be used: {why}")
     order = sorted(moving, key=lambda name: int(model.joint(name).dofadr[0]))
     course = lay_out(trials, order, channels, headroom)
-    torques = Torques(model, course, given, deadline)
+    torques = Torques(model, course, wanted.given, wanted.deadline)
     keep, more, said = _comparable(course, torques, files)
     findings += more
     notes += said
@@ -120,9 +104,35 @@ def choose(
         raise RecordingError(f"{files}: no effort can be used: {' '.join(notes)}")
     if keep != channels:
         course = lay_out(trials, order, keep, headroom)
-        torques = Torques(model, course, given, deadline)
-    have = {(f.code, f.channel) for f in known}
+        torques = Torques(model, course, wanted.given, wanted.deadline)
+    have = {(f.code, f.channel) for f in wanted.known}
     return Usable(course, torques, tuple(f for f in findings if (f.code, f.channel) not in have), tuple(notes))
+
+
+def _believable(
+    trials: Sequence[Trial], moving: Sequence[str], wanted: Wanted, files: str
+) -> tuple[list[str], list[Finding], list[str]]:
+    """Joints whose efforts every trial has, which nothing discredits; findings, and notes on the others."""
+    there = [name for name in wanted.joints if name in moving and all(name in t.efforts for t in trials)]
+    channels: list[str] = []
+    findings: list[Finding] = []
+    notes = [
+        f"effort.{name} is left out: not every recording has it with its joint's position."
+        for name in wanted.joints
+        if name not in there
+    ]
+    discredited = {f.channel for f in wanted.known if f.discredits}
+    for name in there:
+        channel = f"effort.{name}"
+        if channel in discredited:
+            notes.append(f"{channel} is left out: the lint says that it cannot be believed.")
+        elif _dead(trials, name):
+            said = "most rows read the same value while the joint moves; it is left out: log the motor's current"
+            findings.append(Finding("dead_channel", files, channel, said, discredits=True))
+            notes.append(f"{channel} is left out: it reads the same value in most rows while the joint moves.")
+        else:
+            channels.append(name)
+    return channels, findings, notes
 
 
 def _dead(trials: Sequence[Trial], joint: str) -> bool:
@@ -162,15 +172,8 @@ def _comparable(course: Course, torques: Torques, files: str) -> tuple[list[str]
         if c in exchanged:
             other = course.channels[exchanged[c]]
             said = f"follows the torque that the model needs at '{other}', and effort.{other} that of '{name}'"
-            findings.append(
-                Finding(
-                    "swapped_channels",
-                    files,
-                    f"effort.{name}",
-                    f"{said}: their columns are exchanged; left out: rename them, or map them (--map)",
-                    discredits=True,
-                )
-            )
+            mend = f"{said}: their columns are exchanged; left out: rename them, or map them (--map)"
+            findings.append(Finding("swapped_channels", files, f"effort.{name}", mend, discredits=True))
             notes.append(f"effort.{name} is left out: it {said}: the columns are exchanged.")
             continue
         size, expected = sizes[c], needed[c]
@@ -179,32 +182,17 @@ def _comparable(course: Course, torques: Torques, files: str) -> tuple[list[str]
         like = max(expected, CARRIED * float(needed[enough & (slides == slides[c])].max()))
         most = max(BEYOND * 100 * max(like, 1e-9) / low, _strongest(torques, course.columns[c]))
         if size < expected / (high * BEYOND) or size > most:
-            findings.append(
-                Finding(
-                    "unit_scale",
-                    files,
-                    f"effort.{name}",
-                    f"reads {size:.3g} rms where the model needs {expected:.3g} {unit}: it is not in {unit}; left out: "
-                    "state its unit or scale it",
-                    discredits=True,
-                )
-            )
-            notes.append(
-                f"effort.{name} is left out: it reads {size:.3g} rms where the model needs {expected:.3g} {unit}: "
-                f"no force in {unit}; what its numbers mean the log does not say."
-            )
+            said = f"reads {size:.3g} rms where the model needs {expected:.3g} {unit}"
+            mend = f"{said}: it is not in {unit}; left out: state its unit or scale it"
+            findings.append(Finding("unit_scale", files, f"effort.{name}", mend, discredits=True))
+            meaning = f"no force in {unit}; what its numbers mean the log does not say."
+            notes.append(f"effort.{name} is left out: it {said}: {meaning}")
             continue
         together = float(np.corrcoef(measured[there, c], predicted[there, c])[0, 1]) if expected > 0 else 0.0
         if together < AGAINST:
-            findings.append(
-                Finding(
-                    "sign",
-                    files,
-                    f"effort.{name}",
-                    f"runs against the torque that the model needs (correlation {together:.2f}): multiply it by -1 if "
-                    "the drive counts the other way",
-                )
-            )
+            said = f"runs against the torque that the model needs (correlation {together:.2f})"
+            mend = f"{said}: multiply it by -1 if the drive counts the other way"
+            findings.append(Finding("sign", files, f"effort.{name}", mend))
         keep.append(name)
     return keep, findings, notes
 

@@ -20,12 +20,12 @@ from tiago_mj.gap.inference.noise_model import BLOCK_SECONDS, Data
 from tiago_mj.gap.simulation.plant import Plant
 from tiago_mj.gap.simulation.replay import Grid, Signals
 from tiago_mj.gap.simulation.session import Session, split
-from tiago_mj.gap.torque.channels import Usable, choose
+from tiago_mj.gap.torque.channels import Usable, Wanted, choose
 from tiago_mj.gap.torque.predictor import ROWS_PER_PERIOD, EffortPredictor
 from tiago_mj.gap.torque.strips import Course
 from tiago_mj.gap.torque.torques import Torques
 from tiago_mj.io.deadline import Deadline
-from tiago_mj.recordings.recording import Finding, Trial
+from tiago_mj.recordings.recording import Trial
 from tiago_mj.recordings.trials import blocks
 
 Array = NDArray[np.float64]
@@ -61,37 +61,25 @@ class Measured:
     course: Course
 
 
-def measured(
-    session: Session,
-    trials: Sequence[Trial],
-    joints: Sequence[str],
-    findings: Sequence[Finding],
-    headroom: float,
-    *,
-    seed: int = 0,
-    deadline: Deadline | None = None,
-) -> Measured:
+def measured(session: Session, trials: Sequence[Trial], wanted: Wanted, headroom: float) -> Measured:
     """Trials at one cut-off.
 
     Args:
         session: the recordings.
         trials: with positions and efforts.
-        joints: whose efforts are asked for.
-        findings: of the lint; channels that it discredits are left out.
+        wanted: what is asked for.
         headroom: of the low-pass over what moves.
-        seed: of the noise that is drawn.
-        deadline: of all that is computed; None: there is none.
 
     Raises:
         OutOfTimeError: the deadline is over.
         RecordingError: nothing can be compared; one line.
         ValueError: the model lacks a joint.
     """
-    plant = session.plant
-    usable = choose(trials, plant.model, joints, findings, headroom, plant.given, deadline)
+    plant, deadline = session.plant, wanted.deadline
+    usable = choose(trials, plant.model, wanted, headroom)
     parts = _parts(trials, usable.course.cutoff)
     if len(parts) > len(trials):
-        usable = choose(parts, plant.model, joints, findings, headroom, plant.given, deadline)
+        usable = choose(parts, plant.model, wanted, headroom)
     course = usable.course
     names = list(dict.fromkeys(strip.trial for strip in course.strips))
     every = max(int(course.rate / (ROWS_PER_PERIOD * course.cutoff)), 1)
@@ -109,12 +97,12 @@ def measured(
     there = {trial.name: trial for trial in parts}
     resampled = [_resampled(there[one], torques[k].course, every) for k, one in enumerate(names)]
     compared = Session(along, resampled, session.recorded, split(names))
-    data = _data(along, torques, every, seed)
+    data = _data(along, torques, every, wanted.seed)
     predict = EffortPredictor(
         plant=along,
         on=_grid(along, resampled),
         data=data,
-        seed=seed,
+        seed=wanted.seed,
         corrected=False,
         deadline=deadline or Deadline(),
         torques=torques,
