@@ -15,7 +15,7 @@ from made_diagnoses import CASES, COULOMB, Read, diagnosis, every_case, replace,
 from tiago_mj.effects import EFFECTS
 from tiago_mj.gap.analysis.promises import CLOSES
 from tiago_mj.gap.analysis.remainder import LEFT
-from tiago_mj.gap.report import consistency, html, terminal, verdict, words
+from tiago_mj.gap.report import consistency, contradiction, html, terminal, verdict, words
 from tiago_mj.gap.report import json as report_json
 from tiago_mj.gap.result import (
     KINDS,
@@ -171,9 +171,9 @@ def results(draw: st.DrawFn) -> Diagnosis:
 @given(results())
 def test_whatever_was_found_no_page_contradicts_itself(made: Diagnosis) -> None:
     found = consistency.reconciled(made)
-    assert consistency.contradictions(found) == ()
+    assert contradiction.contradictions(found) == ()
     assert consistency.reconciled(found) == found
-    assert consistency.checked(made) == found
+    assert contradiction.checked(made) == found
     assert textual(found, said_by(found)) == []
 
 
@@ -232,9 +232,9 @@ def test_no_kept_answer_contradicts_itself_once_it_is_reconciled(tmp_path: Path)
     path, wrong = tmp_path / "diagnosis.json", {}
     for name, data in answers.items():
         path.write_text(json.dumps(data), encoding="utf-8")
-        found = consistency.checked(report_json.load(path))
+        found = contradiction.checked(report_json.load(path))
         text = squeezed("\n".join(line for _, line in terminal.lines(found, {})))
-        if bad := [*consistency.contradictions(found), *textual(found, text)]:
+        if bad := [*contradiction.contradictions(found), *textual(found, text)]:
             wrong[name] = bad
     assert wrong == {}
 
@@ -244,7 +244,7 @@ def test_no_kept_answer_contradicts_itself_once_it_is_reconciled(tmp_path: Path)
 
 @every_case
 def test_made_up_results_of_other_tests_are_as_they_should_be(name: str) -> None:
-    assert consistency.contradictions(CASES[name]) == ()
+    assert contradiction.contradictions(CASES[name]) == ()
     assert consistency.reconciled(CASES[name]) == CASES[name]
     assert textual(CASES[name], said_by(CASES[name])) == []
 
@@ -261,14 +261,14 @@ def test_the_shape_of_a_rest_is_told_only_where_there_is_one_and_gives_the_stage
     shape = shaped.residual_shape
     assert consistency.reconciled(replace(CASES["no_gap"], residual_shape=shape)).residual_shape is None
     assert consistency.reconciled(replace(CASES["effect"], residual_shape=shape)).residual_shape is None
-    assert consistency.contradictions(replace(CASES["effect"], residual_shape=shape))
+    assert contradiction.contradictions(replace(CASES["effect"], residual_shape=shape))
     for wrong in ({"name": "loud"}, {"carrier": "nobody"}, {"stages": ("elsewhere",)}, {"share": 1.2}):
-        assert len(consistency.contradictions(replace(shaped, residual_shape=replace(shape, **wrong)))) == 1
+        assert len(contradiction.contradictions(replace(shaped, residual_shape=replace(shape, **wrong)))) == 1
 
 
 def test_an_effect_that_closes_nothing_is_what_is_known_and_has_no_probability() -> None:
     made = closing()
-    assert any("closes nothing" in said for said in consistency.contradictions(made))
+    assert any("closes nothing" in said for said in contradiction.contradictions(made))
     found = consistency.reconciled(made)
     assert (found.kind, found.best) == ("unknown", made.best)
     text = said_by(found)
@@ -311,7 +311,7 @@ def test_a_share_that_may_be_nothing_carries_no_probability() -> None:
 def test_the_nominal_simulator_gains_nothing_and_the_others_what_they_add() -> None:
     numbers = Explanation((), 0.01, 320.0)
     made = replace(diagnosis(), ranking=(replace(diagnosis().best, validation_gain=361.2), numbers))
-    assert any("320" in said for said in consistency.contradictions(made))
+    assert any("320" in said for said in contradiction.contradictions(made))
     found = consistency.reconciled(made)
     assert [one.validation_gain for one in found.ranking] == [pytest.approx(41.2), 0.0]
 
@@ -330,10 +330,10 @@ def test_what_is_loud_in_one_phase_is_told_where_nothing_is_said_to_remain() -> 
 def test_a_fault_of_arithmetic_is_told_in_one_line_and_not_lost() -> None:
     made = diagnosis()
     made = replace(made, splits={**made.splits, "test": made.splits["train"][:2]})
-    found = consistency.checked(made)
-    (note,) = [note for note in found.notes if note.startswith(consistency.FAULT)]
+    found = contradiction.checked(made)
+    (note,) = [note for note in found.notes if note.startswith(contradiction.FAULT)]
     assert "a trial is in two splits" in note
-    assert consistency.checked(found) == found
+    assert contradiction.checked(found) == found
     assert "a trial is in two splits" in said_by(found)
 
 

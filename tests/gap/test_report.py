@@ -14,7 +14,7 @@ from made_diagnoses import CASES, COULOMB, LAG, LEFT, RIGHT, STIFFNESS, diagnosi
 
 from tiago_mj.effects import EFFECTS, read_effects
 from tiago_mj.gap import report
-from tiago_mj.gap.report import advice, calibration, consistency, html, residual, terminal, verdict, words
+from tiago_mj.gap.report import advice, calibration, contradiction, html, residual, terminal, verdict, words
 from tiago_mj.gap.report import json as report_json
 from tiago_mj.gap.result import CARRIERS, SCHEMA, SHAPES, Named, ResidualShape, Value, json_schema
 
@@ -289,7 +289,7 @@ ARM = replace(diagnosis().shrink, before=478.0, after=374.0, closed=0.218, low=0
 
 def test_a_name_that_leaves_hundreds_of_floors_is_told_as_part_of_the_cause():
     """The industrial arm's twin: the friction is right, and closes a fifth of what wrong gains make."""
-    found = consistency.checked(replace(diagnosis(), shrink=ARM))
+    found = contradiction.checked(replace(diagnosis(), shrink=ARM))
     assert found.verdict.part
     assert report_json.as_data(found)["verdict"]["part"] is True
     assert (
@@ -299,7 +299,7 @@ def test_a_name_that_leaves_hundreds_of_floors_is_told_as_part_of_the_cause():
     assert verdict.sure(found).startswith("Probability 93 % that this is part of the cause: ")
     assert "is part of the cause, up to its class" in html.render(found)
     assert "Which, as part of the cause, with its probability" in [line for _, line in terminal.lines(found, {})]
-    both = consistency.checked(replace(CASES["ambiguous"], shrink=replace(ARM, after=322.0, closed=0.327, high=0.4)))
+    both = contradiction.checked(replace(CASES["ambiguous"], shrink=replace(ARM, after=322.0, closed=0.327, high=0.4)))
     assert both.verdict.part
     assert verdict.headline(both).endswith("part of it: 322 times the noise is left there.")
 
@@ -313,7 +313,7 @@ def test_a_name_that_leaves_hundreds_of_floors_is_told_as_part_of_the_cause():
     ],
 )
 def test_what_leaves_noise_or_next_to_nothing_of_the_gap_is_no_part(changes):
-    found = consistency.checked(replace(diagnosis(), shrink=replace(ARM, **changes)))
+    found = contradiction.checked(replace(diagnosis(), shrink=replace(ARM, **changes)))
     assert not found.verdict.part
     assert "part of it" not in verdict.headline(found)
     assert "part of the cause" not in verdict.sure(found)

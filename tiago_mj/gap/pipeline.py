@@ -17,7 +17,7 @@ from tiago_mj.gap.detectors.proposals import Proposals, proposals
 from tiago_mj.gap.faults import keeping
 from tiago_mj.gap.inference import hypotheses, noise_model
 from tiago_mj.gap.inference.predictor import predictor
-from tiago_mj.gap.report.consistency import checked
+from tiago_mj.gap.report.contradiction import checked
 from tiago_mj.gap.report.repaired import with_model
 from tiago_mj.gap.request import Needs, Request, SoFar
 from tiago_mj.gap.result import Diagnosis

@@ -7,7 +7,7 @@ from typing import Final
 
 from tiago_mj.gap import faults
 from tiago_mj.gap.report import calibration, html, json
-from tiago_mj.gap.report.consistency import checked
+from tiago_mj.gap.report.contradiction import checked
 from tiago_mj.gap.result import Diagnosis
 from tiago_mj.io import atomic
 

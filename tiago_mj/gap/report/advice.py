@@ -2,24 +2,20 @@
 
 from __future__ import annotations
 
-import itertools
-import json
 import math
 import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import PurePath
 from typing import Final
 
 from tiago_mj.effects import EFFECTS, describe
 from tiago_mj.effects.declare import STAGES
-from tiago_mj.gap.report import residual, verdict, words
+from tiago_mj.gap.report import commands, residual, verdict, words
 from tiago_mj.gap.report.consistency import repairs
 from tiago_mj.gap.result import Diagnosis, Explanation, Named, Place
 from tiago_mj.io import extra
 from tiago_mj.io.progress import seconds
 from tiago_mj.models import names
-from tiago_mj.registration import full_id, import_and_make
 
 #: Motion of the menu that shows most of what a stage of the signal chain may have, of fingers and of the arm.
 MOTIONS: Final = {
@@ -73,8 +69,8 @@ ALONG: Final = (
 BY_CHANNEL: Final = {"force": "force_sensor", "effort": "transmission"}
 #: Units of a magnitude that a joint's limit can be compared with.
 FORCES: Final = ("N", "N·m")
-#: What makes the environments known.
-IMPORTS: Final = "import gymnasium\nimport tiago_mj  # registers the environments\n\n"
+#: What training needs.
+EXTRA: Final = "for which the extra `train` is needed"
 #: Explanations whose places on the robot are told.
 TOLD: Final = 3
 
@@ -144,7 +140,7 @@ def go_on(diagnosis: Diagnosis) -> tuple[Step, ...]:
         return ()
     if stopped.why == "fault":
         said = "The same command ends the same way. Please report it with the sentence on the fault."
-        return (Step("Report the fault", said, command=_again(diagnosis, None)),)
+        return (Step("Report the fault", said, command=commands.again(diagnosis, None)),)
     if stopped.needs is None:
         budget = _rounded_up(2 * stopped.seconds)
         known = "How long the whole search takes is not known yet"
@@ -152,9 +148,9 @@ def go_on(diagnosis: Diagnosis) -> tuple[Step, ...]:
         budget = _rounded_up(stopped.needs)
         known = f"The whole search takes at most about {seconds(budget)} at the speed of this one"
     if stopped.why == "interrupted":
-        return (Step("Let the search come to its end", f"{known}.", command=_again(diagnosis, None)),)
+        return (Step("Let the search come to its end", f"{known}.", command=commands.again(diagnosis, None)),)
     said = f"{known}: give `--time-budget {budget}`, or none:"
-    return (Step("Give the search more time", said, command=_again(diagnosis, budget)),)
+    return (Step("Give the search more time", said, command=commands.again(diagnosis, budget)),)
 
 
 def _rounded_up(amount: float) -> int:
@@ -162,29 +158,6 @@ def _rounded_up(amount: float) -> int:
     amount = max(amount, 1.0)
     unit = 10 ** max(math.floor(math.log10(amount)) - 1, 0)
     return unit * math.ceil(amount / unit)
-
-
-def _again(diagnosis: Diagnosis, budget: int | None) -> str:
-    """The command line with another budget, None: with none; empty where it is not known."""
-    try:
-        said = shlex.split(diagnosis.command)
-    except ValueError:
-        return ""
-    if not said:
-        return ""
-    if "--time-budget" in said:
-        at = said.index("--time-budget")
-        del said[at : at + 2]
-    return shlex.join([*said, *([] if budget is None else ["--time-budget", str(budget)])])
-
-
-def load(diagnosis: Diagnosis) -> str:
-    """Python that makes the repaired simulator, in one line, run where the command was given."""
-    calibration = _beside(diagnosis, "calibration.yaml")
-    if not _is_model(diagnosis):
-        return import_and_make(diagnosis.robot, effects=calibration)
-    model = f"mujoco.MjModel.from_xml_path({_written(_robot(diagnosis))})"
-    return f"import mujoco; from tiago_mj.gap import apply; robot = apply({model}, {_written(calibration)})"
 
 
 def on_robot(diagnosis: Diagnosis, effect: Named) -> tuple[str, str]:
@@ -233,38 +206,35 @@ def _simulate(diagnosis: Diagnosis, use: str) -> tuple[Step, ...]:
     sure = diagnosis.kind in ("effect", "no_gap")
     which = "the repaired simulator" if sure else f"the {verdict.first(diagnosis)} repair"
     model = diagnosis.repaired
-    if model is None and _is_model(diagnosis):
+    if model is None and commands.is_model(diagnosis):
         return ()
-    calibration = _beside(diagnosis, "calibration.yaml")
+    calibration = commands.beside(diagnosis, "calibration.yaml")
     if model is None:
         return (
             Step(
                 f"{use} {which}",
-                f"Make it in Python, or train in it, for which the extra `train` is needed{_where_to(diagnosis)}:",
+                f"Make it in Python, or train in it, {EXTRA}{commands.where_to(diagnosis)}:",
                 install=extra.in_clone("train"),
-                command=_train(diagnosis, calibration),
-                code=f"{IMPORTS}env = gymnasium.make({_robot_in_python(diagnosis)}, effects={_written(calibration)})",
+                command=commands.train(diagnosis, calibration),
+                code=commands.make(diagnosis),
             ),
         )
-    whole = (
-        "import mujoco\nfrom tiago_mj.gap import apply\n\n"
-        f"robot = apply(mujoco.MjModel.from_xml_path({_written(_robot(diagnosis))}), {_written(calibration)})"
-    )
+    whole = commands.apply_to_model(diagnosis)
     if not (model.xml and (model.holds or model.numbers)):  # a file that is as before repairs nothing
         return (Step(f"{use} {which}", verdict.on_model(diagnosis), code=whole),)
-    watch = f"python -m mujoco.viewer --mjcf={shlex.quote(_beside(diagnosis, 'repaired.xml'))}"
+    watch = f"python -m mujoco.viewer --mjcf={shlex.quote(commands.beside(diagnosis, 'repaired.xml'))}"
     return (Step(f"{use} {which}", verdict.on_model(diagnosis), command=watch, code=whole),)
 
 
 def _use_as_it_is(diagnosis: Diagnosis) -> Step:
     said = "For motions like the recorded ones the simulator may be used as it is"
-    if _is_model(diagnosis):
+    if commands.is_model(diagnosis):
         return Step("Use the simulator as it is", f"{said}: nothing in the model needs to be changed.")
-    given = _beside(diagnosis, "calibration.yaml") if diagnosis.given else ""
+    given = commands.beside(diagnosis, "calibration.yaml") if diagnosis.given else ""
     if given:
         said = "For motions like the recorded ones the simulator may be used with the effects that were given"
-    said = f"{said}, for training, say, for which the extra `train` is needed{_where_to(diagnosis) if given else ''}:"
-    command = _train(diagnosis, given)
+    said = f"{said}, for training, say, {EXTRA}{commands.where_to(diagnosis) if given else ''}:"
+    command = commands.train(diagnosis, given)
     return Step("Use the simulator as it is", said, install=extra.in_clone("train"), command=command)
 
 
@@ -283,10 +253,12 @@ def _record_next(diagnosis: Diagnosis) -> Step:
     if motion is None:
         other = _motion(diagnosis, _stage_of(diagnosis))
         said = "No motion of the menu was found that would decide."
-        if _is_model(diagnosis) or not other:
+        if commands.is_model(diagnosis) or not other:
             said = f"A motion that shows more: {BY_HAND.get(_stage_of(diagnosis), ANY_BY_HAND)}."
             return Step("Record another motion", f"{said} {again}")
-        return Step("Record another motion", f"{said} This one shows more: {again}", command=record(diagnosis, other))
+        return Step(
+            "Record another motion", f"{said} This one shows more: {again}", command=commands.record(diagnosis, other)
+        )
     pairs = words.listed([f"{words.title(a)} from {words.title(b)}" for a, b in motion.resolves])
     tells = f" tells best {pairs}:" if pairs else " is the best:"
     chance = words.percent(motion.expected_probability)
@@ -294,7 +266,7 @@ def _record_next(diagnosis: Diagnosis) -> Step:
         f"Of the safe motions `{motion.file}`{tells} one recording of it decides with a chance of {chance}. Record it "
         f"on the real robot about three times, as `docs/motions.md` says. {again} Of a simulated robot this records it:"
     )
-    return Step("Record this motion next", said, command=record(diagnosis, motion.file))
+    return Step("Record this motion next", said, command=commands.record(diagnosis, motion.file))
 
 
 def _record_more(diagnosis: Diagnosis) -> Step:
@@ -303,14 +275,14 @@ def _record_more(diagnosis: Diagnosis) -> Step:
     if not name:
         return Step("Record a motion that shows it alone", f"{words.begin(by_hand)}. {after}")
     said = f"`{name}` is a safe motion for that (`docs/motions.md`). {after} Of a simulated robot this records it:"
-    return Step("Record a motion that shows it alone", said, command=record(diagnosis, name))
+    return Step("Record a motion that shows it alone", said, command=commands.record(diagnosis, name))
 
 
 def _alone(diagnosis: Diagnosis) -> tuple[str, str]:
     """A motion of the menu that shows what is left by itself, empty for a robot of one's own; and in words."""
     shape = diagnosis.residual_shape
     stage = BY_SHAPE.get("" if shape is None else shape.name, _stage_of(diagnosis))
-    return "" if _is_model(diagnosis) else _motion(diagnosis, stage), BY_HAND.get(stage, ANY_BY_HAND)
+    return "" if commands.is_model(diagnosis) else _motion(diagnosis, stage), BY_HAND.get(stage, ANY_BY_HAND)
 
 
 def _look_by_stage(diagnosis: Diagnosis) -> Step:
@@ -361,53 +333,3 @@ def _motion(diagnosis: Diagnosis, stage: str) -> str:
     if not fingers and not arm:
         return ""
     return MOTIONS.get(stage, ANY)[1 if arm else 0]
-
-
-def record(diagnosis: Diagnosis, motion: str) -> str:
-    """The command that records a motion of the menu of a simulated robot."""
-    kind = "--model" if _is_model(diagnosis) else "--env"
-    robot = shlex.quote(_robot(diagnosis))
-    file = motion if motion.endswith(".csv") else f"{motion}_25hz.csv"
-    return f"tiago-mj record {kind} {robot} --motion {shlex.quote(file)} --episodes 3 --out next"
-
-
-def _train(diagnosis: Diagnosis, effects: str) -> str:
-    robot = shlex.quote(_robot(diagnosis))
-    return f"tiago-mj train --env {robot} {f'--effects {shlex.quote(effects)} ' if effects else ''}--out trained"
-
-
-def _is_model(diagnosis: Diagnosis) -> bool:
-    return diagnosis.repaired is not None or diagnosis.robot.lower().endswith((".xml", ".mjcf"))
-
-
-def _robot(diagnosis: Diagnosis) -> str:
-    """As it is named on the command line."""
-    return _said(diagnosis, "--model") or diagnosis.robot or "ID"
-
-
-def _where_to(diagnosis: Diagnosis) -> str:
-    """Where files are found by their names, if that is not where the command was given: a program had none."""
-    return "" if diagnosis.command else ", in the folder of this report"
-
-
-def _robot_in_python(diagnosis: Diagnosis) -> str:
-    return _written(full_id(diagnosis.robot))
-
-
-def _written(text: str) -> str:
-    """A text as Python (and YAML) writes it."""
-    return json.dumps(text, ensure_ascii=False)
-
-
-def _beside(diagnosis: Diagnosis, name: str) -> str:
-    """A file of this run as it is named from where the command was given."""
-    return str(PurePath(_said(diagnosis, "--out")) / name)
-
-
-def _said(diagnosis: Diagnosis, option: str) -> str:
-    """What the command line gave an option; empty where it did not."""
-    try:
-        said = shlex.split(diagnosis.command)
-    except ValueError:  # of a command line that nobody could run
-        return ""
-    return next((after for before, after in reversed(list(itertools.pairwise(said))) if before == option), "")

@@ -17,8 +17,9 @@ from typing import Any, Final, Protocol
 import jinja2
 from markupsafe import Markup, escape
 
-from tiago_mj.gap.report import advice, overlays, pattern, residual, shrinking, tables, verdict, words
-from tiago_mj.gap.report.consistency import checked, has_probability
+from tiago_mj.gap.report import advice, commands, overlays, pattern, residual, shrinking, tables, verdict, words
+from tiago_mj.gap.report.consistency import has_probability
+from tiago_mj.gap.report.contradiction import checked
 from tiago_mj.gap.result import PHASES, Diagnosis
 from tiago_mj.io import atomic, extra, pages
 from tiago_mj.recordings.lint.summary import summary
@@ -90,7 +91,7 @@ def render(diagnosis: Diagnosis, seen: Seen | None = None) -> str:
         not_excited=tables.not_excited(diagnosis),
         lint=summary(diagnosis.findings),
         advice=advice.advice(diagnosis),
-        load=advice.load(diagnosis),
+        load=commands.load(diagnosis),
         ceiling=verdict.ceiling(diagnosis.best) if has_probability(diagnosis) else "",
         why_ceiling=verdict.why_ceiling(),
         overlays=drawn,

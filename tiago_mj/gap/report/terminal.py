@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from tiago_mj.gap.report import advice, pattern, residual, shrinking, tables, verdict, words
-from tiago_mj.gap.report.consistency import checked
+from tiago_mj.gap.report import advice, commands, pattern, residual, shrinking, tables, verdict, words
+from tiago_mj.gap.report.contradiction import checked
 from tiago_mj.gap.result import Diagnosis, Named
 from tiago_mj.io import extra
 from tiago_mj.recordings.lint.summary import summary
@@ -62,7 +62,7 @@ def lines(diagnosis: Diagnosis, written: Mapping[str, Path]) -> list[tuple[str, 
         chance = words.percent(d.next_motion.expected_probability)
         what = f"record {d.next_motion.file} next: one recording of it decides with a chance of {chance}"
         shown.append(("", f"On the real robot, {what}. Of a simulated robot this records it:"))
-        shown.append(("", f"  {advice.record(d, d.next_motion.file)}"))
+        shown.append(("", f"  {commands.record(d, d.next_motion.file)}"))
     if verdict.on_model(d):
         shown.append(("", verdict.on_model(d)))
     shown += [("dim", f"Written: {path}") for path in written.values()]
