@@ -11,7 +11,7 @@ from tiago_mj.gap.simulation.plant import plant_of
 from tiago_mj.recordings.lint import believed, inspect_all, refuse, summary, usable
 from tiago_mj.recordings.read import read_recordings
 from tiago_mj.recordings.record import Motion
-from tiago_mj.recordings.record.plain import record_model
+from tiago_mj.recordings.record.plain import ModelPlan, record_model
 from tiago_mj.recordings.recording import Finding, RecordingError
 from tiago_mj.recordings.write import write_trial
 
@@ -52,8 +52,7 @@ def moves(path, episodes=2, alike=0.0):
         one = np.sin(2 * np.pi * 0.5 * time + number)
         other = alike * one + (1 - alike) * np.sin(2 * np.pi * (0.8 + 0.1 * number) * time)
         motion = Motion("sweep", time, {"motor_1": 0.8 * one, "motor_2": 0.8 * other}, "position", 100.0)
-        given = {"effects": None, "episodes": 1, "seed": number, "label": "sweep", "rate_hz": None}
-        trials += record_model(path, motion, **given, robot=str(path))
+        trials += record_model(ModelPlan(path, motion, "sweep", robot=str(path)), episodes=1, seed=number)
     return trials
 
 
@@ -289,8 +288,8 @@ def test_an_encoder_of_eight_bits_is_not_dead_where_the_joint_moves_less_than_it
     far, near = moves(path, episodes=2)
     time = np.arange(400) / 100
     small = {"motor_1": 0.006 * np.sin(3 * time) + 0.05, "motor_2": 0.006 * np.sin(4 * time) + 0.05}
-    given = {"effects": None, "episodes": 1, "seed": 5, "label": "small", "rate_hz": None, "robot": str(path)}
-    (held,) = record_model(path, Motion("small", time, small, "position", 100.0), **given)
+    plan = ModelPlan(path, Motion("small", time, small, "position", 100.0), "small", robot=str(path))
+    (held,) = record_model(plan, episodes=1, seed=5)
     rest = slice(150, None)  # it has arrived
     held = replace(
         held,

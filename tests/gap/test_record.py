@@ -1,6 +1,7 @@
 """``tiago-mj record``: what it writes is what a robot's logger would have seen."""
 
 import json
+from dataclasses import replace
 
 import gymnasium
 import numpy as np
@@ -11,7 +12,7 @@ from tiago_mj.cli import main
 from tiago_mj.gap.simulation.plant import plant_of
 from tiago_mj.models import names
 from tiago_mj.recordings.read import read_recordings
-from tiago_mj.recordings.record import Plan, make, random_motion, read_motion, record, record_model
+from tiago_mj.recordings.record import ModelPlan, Plan, make, random_motion, read_motion, record, record_model
 from tiago_mj.recordings.recording import RecordingError, Sidecar, Trial, channels
 from tiago_mj.rollout.policies import make_policy
 
@@ -162,9 +163,10 @@ def test_any_mjcf_is_recorded_by_the_names_of_its_parts(tmp_path, kind, gains, i
 def test_a_plain_model_takes_effects_too(tmp_path):
     model = tmp_path / "arm.xml"
     model.write_text(PENDULUM.format(kind="position", gains='kp="5" ctrlrange="-1 1"'))
-    common = {"motion": None, "episodes": 1, "seed": 0, "label": "x", "rate_hz": 100.0}
-    (nominal,) = record_model(model, effects=None, **common)
-    (real,) = record_model(model, effects={"viscous_friction": {"damping": 0.5}}, **common)
+    nominal_plan = ModelPlan(model, None, "x", rate_hz=100.0)
+    (nominal,) = record_model(nominal_plan, episodes=1, seed=0)
+    plan = replace(nominal_plan, effects={"viscous_friction": {"damping": 0.5}})
+    (real,) = record_model(plan, episodes=1, seed=0)
     behind = nominal.positions["hinge"] - real.positions["hinge"]
     speed = real.velocities["hinge"]
     # A servo of 5 N·m/rad lags by damping / stiffness = 0.1 s more; the speed is not quite the one of 0.1 s ago.

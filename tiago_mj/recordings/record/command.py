@@ -19,7 +19,7 @@ from tiago_mj.io.quoting import one_line, quoted
 from tiago_mj.recordings.motions.play import Motion, read_motion
 from tiago_mj.recordings.record import minari
 from tiago_mj.recordings.record.environment import Plan, record
-from tiago_mj.recordings.record.plain import record_model
+from tiago_mj.recordings.record.plain import ModelPlan, record_model
 from tiago_mj.recordings.write import write_trial
 from tiago_mj.rollout.options import environment_id
 from tiago_mj.rollout.policies import make_policy
@@ -150,13 +150,7 @@ def _of_model(arguments: argparse.Namespace, motion: Motion | None, effects: Any
         raise ValueError(f"--policy {arguments.policy} needs an environment: with --model give --motion, or random")
     if arguments.rate is not None and not 1 <= arguments.rate <= 10_000:
         raise ValueError(f"--rate is {arguments.rate}: give 1 to 10000 Hz")
-    return record_model(
-        arguments.model,
-        motion,
-        effects=effects,
-        episodes=arguments.episodes,
-        seed=arguments.seed,
-        label="random" if motion is None else motion.name,
-        robot=Path(os.path.relpath(arguments.model, arguments.out)).as_posix(),
-        rate_hz=arguments.rate,
-    )
+    label = "random" if motion is None else motion.name
+    robot = Path(os.path.relpath(arguments.model, arguments.out)).as_posix()
+    plan = ModelPlan(arguments.model, motion, label, effects, arguments.rate, robot)
+    return record_model(plan, episodes=arguments.episodes, seed=arguments.seed)

@@ -71,49 +71,55 @@ def scalar_joints(model: mujoco.MjModel) -> tuple[str, ...]:
     return tuple(model.joint(j).name for j in joints)
 
 
-def record_model(
-    path: Path,
-    motion: Motion | None,
-    *,
-    effects: Any,
-    episodes: int,
-    seed: int,
-    label: str,
-    rate_hz: float | None,
-    robot: str | None = None,
-) -> Iterator[Trial]:
+@dataclass(frozen=True)
+class ModelPlan:
+    """What is recorded.
+
+    Attributes:
+        path: of the MJCF.
+        motion: what to play; None: another smooth random motion every episode.
+        label: for names of trials.
+        effects: that reality is to have; None: none.
+        rate_hz: control rate [Hz]; None: the motion's, else :data:`RATE`. It becomes a whole number of physics steps.
+        robot: what the sidecar calls it; None: the file's name.
+    """
+
+    path: Path
+    motion: Motion | None
+    label: str
+    effects: Any = None
+    rate_hz: float | None = None
+    robot: str | None = None
+
+
+def record_model(plan: ModelPlan, *, episodes: int, seed: int) -> Iterator[Trial]:
     """Record a plain MJCF from its first keyframe, or its reference pose.
 
     Args:
-        path: of the MJCF.
-        motion: what to play; None: another smooth random motion every episode.
-        effects: that reality is to have; None: none.
+        plan: what to record.
         episodes: how many.
         seed: of the first; each later one adds 1.
-        label: for names of trials.
-        robot: what the sidecar calls it; None: the file's name.
-        rate_hz: control rate [Hz]; None: the motion's, else :data:`RATE`. It becomes a whole number of physics steps.
 
     Raises:
         ValueError: model, motion or effects are unusable, or the simulation diverges.
     """
-    model = load_model(path)
+    motion, model = plan.motion, load_model(plan.path)
     joints, interface, servo = scalar_joints(model), interface_of(model), _servo_facts(model)
     _check_motion(motion, _actuators(model), interface)
-    wanted = rate_hz or (motion.rate_hz if motion else None) or RATE
+    wanted = plan.rate_hz or (motion.rate_hz if motion else None) or RATE
     if not is_rate(wanted):
         raise ValueError(f"the control rate is {quoted(wanted)}: {A_RATE}")
     substeps = max(round(1 / (wanted * model.opt.timestep)), 1)
-    simulation = _Simulation(model, joints, interface, substeps, effects)
+    simulation = _Simulation(model, joints, interface, substeps, plan.effects)
     rate = 1 / simulation.period
     for number in range(seed, seed + episodes):
         simulation.restore()
         played = motion or _random(model, simulation.data, interface, rate, number)
-        name = f"{label}-{number:03d}"
+        name = f"{plan.label}-{number:03d}"
         commands, log = simulation.play(played, number)
         if log.ends[0] <= len(commands):
             raise ValueError(
-                f"{path.name} diverges after {log.ends[0] * simulation.period:.2g} s of {name}, so nothing is "
+                f"{plan.path.name} diverges after {log.ends[0] * simulation.period:.2g} s of {name}, so nothing is "
                 'recorded: try a shorter <option timestep="…"/> or integrator="implicitfast", or damp joints and servos'
             )
         yield simulation.trial(
@@ -122,7 +128,7 @@ def record_model(
             Sidecar(
                 schema=SCHEMA,
                 trial=name,
-                robot=robot or path.name,
+                robot=plan.robot or plan.path.name,
                 rate_hz=rate,
                 interface=interface,
                 servo=servo,
