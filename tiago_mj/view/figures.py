@@ -16,7 +16,6 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
-from numpy.typing import NDArray
 
 from tiago_mj.demo.arm_torque import ArmComparison
 from tiago_mj.rollout import Trace
@@ -155,21 +154,6 @@ def gap(overlay: Any, sensor: str, joint: str) -> Figure:
         for axis in (left, right):
             axis.set(xlabel="time [s]", xlim=(0, overlay.time[-1]))
         _source(figure, "A recording that was kept aside: the diagnosis has not seen it.")
-    return figure
-
-
-def filmstrip(frames: Sequence[NDArray[np.uint8]], titles: Sequence[str]) -> Figure:
-    """Frames in two rows, each under its title."""
-    columns = (len(frames) + 1) // 2
-    height, width = frames[0].shape[:2]
-    with rc_context({**STYLE, "axes.grid": False}):
-        figure = _figure((9.6, 2 * (9.6 / columns * height / width + 0.22)))
-        axes = figure.subplots(2, columns, squeeze=False).ravel()
-        for axis in axes:
-            axis.axis("off")
-        for number, (axis, frame, title) in enumerate(zip(axes, frames, titles, strict=False), 1):
-            axis.imshow(frame)
-            axis.set_title(f"{number}  {title}", fontsize=9.5)
     return figure
 
 
