@@ -6,7 +6,6 @@ signals of a run are kept, so that effects of the sensors are applied to them wi
 
 from __future__ import annotations
 
-import copy
 import itertools
 import math
 from collections.abc import Callable, Sequence
@@ -24,10 +23,10 @@ from tiago_mj.effects.declare import only_measures, overrides
 from tiago_mj.effects.host import BatchHost
 from tiago_mj.effects.runner import LoadCells, Log, Runner
 from tiago_mj.effects.spec import Entry
-from tiago_mj.gap.simulation.plant import Plant, Start
+from tiago_mj.gap.simulation.initial_state import set_initial
+from tiago_mj.gap.simulation.plant import Plant
 from tiago_mj.io.deadline import Deadline
 from tiago_mj.models import scene
-from tiago_mj.models.objects import GraspObject
 from tiago_mj.recordings.recording import Trial
 
 Array = NDArray[np.float64]
@@ -299,7 +298,7 @@ def _batch(
     host = BatchHost(mujoco.batch.Batch(plant.model, len(sims), how.threads))
     starts = [plant.starts[on.trials[t].name] for t in trial]
     set_points = np.array([start.set_point for start in starts])
-    _set_initial(plant, host, starts, set_points)
+    set_initial(plant, host, starts, set_points)
     runner = Runner(host, plant.wiring, [entries for _, entries in sims], _uniform(sims, on.delivered, how.seed))
     qpos = host.state("qpos")
     qpos[:, plant.wiring.qpos] = runner.chain.true_position(qpos[:, plant.wiring.qpos])
@@ -325,20 +324,6 @@ def _batch(
     return Signals(at.position, at.velocity, at.effort, _averaged(plant, at.reading, how.parts), at.newtons).until(
         log.ends
     )
-
-
-def _set_initial(plant: Plant, host: BatchHost, starts: Sequence[Start], set_points: Array) -> None:
-    """Objects, positions, velocities, inputs and set points, (nsim, nactuators), of the trials' starts."""
-    host.batch.reset(stage=mujoco.mjtStage.mjSTAGE_NONE)
-    _set_objects(plant, host, starts)
-    host.state("qpos")[:] = [start.qpos for start in starts]
-    host.state("qvel")[:] = [start.qvel for start in starts]
-    if starts[0].idle is not None:
-        host.state("ctrl")[:] = [start.idle for start in starts]
-    stateful = plant.wiring.act >= 0
-    if stateful.any():
-        act = host.state("act")
-        act[:, plant.wiring.act[stateful]] = set_points[:, stateful]
 
 
 def _cells(plant: Plant, host: BatchHost) -> LoadCells:
@@ -368,22 +353,6 @@ def _averaged(plant: Plant, reading: Array, parts: int = 1) -> Array:
     count = plant.cell.average
     total[:, count:] -= np.cumsum(reading, axis=1)[:, :-count]
     return total / np.minimum(np.arange(1, reading.shape[1] + 1), count)[None, :, None]
-
-
-def _set_objects(plant: Plant, host: BatchHost, starts: Sequence[Start]) -> None:
-    """Trials with other objects than the model's: their fields, simulation by simulation."""
-    items = [start.item for start in starts]
-    if all(item is None for item in items):
-        return
-    models: dict[GraspObject | None, mujoco.MjModel] = {None: plant.model}
-    for item in filter(None, dict.fromkeys(items)):
-        model = copy.copy(plant.model)
-        scene.set_object(model, item)
-        models[item] = model
-    for name in scene.OBJECT_FIELDS:
-        values = [getattr(models[item], name) for item in items]
-        if any(not np.array_equal(value, getattr(plant.model, name)) for value in values):
-            host.field(name)[:] = values
 
 
 def _held(values: Array, idle: float) -> Array:
