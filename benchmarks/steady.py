@@ -4,7 +4,9 @@
     python benchmarks/steady.py runs/steady [--episodes 50]
 
 Every seed's last agent, its observations cut at those of its training, and both PI controllers play the same episodes,
-of seeds that no training used, in each of SETTINGS. Writes ``results/learning_steady.json`` and two pictures beside it.
+of seeds that no training used, in each of SETTINGS. Writes ``results/learning_steady.json`` and two pictures beside it,
+or, with ``--name``, of that name. PPO has no replay buffer to cut observations at: give ``--agent last``. Where the
+training's reward was another than the task's, its curves are not drawn.
 """
 
 from __future__ import annotations
@@ -53,7 +55,18 @@ SETTINGS: Final[Mapping[str, Mapping[str, Any]]] = {
     },
 }
 #: Of the metrics, what is kept.
-KEPT: Final = ("reward", "paper_reward", "contact_share", "bounces", "rest_error", "overshoot", "object_shift")
+KEPT: Final = (
+    "reward",
+    "paper_reward",
+    "contact_share",
+    "bounces",
+    "rest_error",
+    "overshoot",
+    "object_shift",
+    "success",
+)
+#: Options that shape the reward of a training: all are compared by the task's own.
+SHAPING: Final = ("exponent", "weights")
 
 
 def agent_files(card: Mapping[str, Any], folder: Path, kind: str, to: Path) -> dict[str, str]:
@@ -73,9 +86,10 @@ def measured(card: Mapping[str, Any], agents: Mapping[str, str], episodes: int) 
     """Every agent and controller in every setting."""
     settings, seeds = card["settings"], range(FIRST_SEED, FIRST_SEED + episodes)
     policies = {**{name: name for name in CONTROLLERS}, **agents}
+    own = {name: value for name, value in settings["env_options"].items() if name not in SHAPING}
     results = {}
     for name, options in SETTINGS.items():
-        env = make_env(settings["env"], {**settings["env_options"], **options})
+        env = make_env(settings["env"], {**own, **options})
         try:
             rows = {
                 label: row(play_policy(env, policy, name=label, seeds=seeds).metrics)
@@ -110,7 +124,8 @@ def line(name: str, rows: Mapping[str, Mapping[str, Any]]) -> str:
         f"{name:22}{pi}  agents {min(costs):8.1f} to {max(costs):8.1f}, behind the best {min(behind):5.1f} to "
         f"{max(behind):5.1f} %, in contact {min(shares):6.2f} to {max(shares):6.2f} % (least "
         f"{100 * min(one['least_contact'] for one in agents):.1f}), bounces "
-        f"{max(one['bounces']['mean'] or 0.0 for one in agents):.2f}, at rest {min(rest):.3f} to {max(rest):.3f}"
+        f"{max(one['bounces']['mean'] or 0.0 for one in agents):.2f}, at rest {min(rest):.3f} to {max(rest):.3f}, "
+        f"success {100 * min(one['success']['mean'] for one in agents):.0f} % or more"
     )
 
 
@@ -132,6 +147,7 @@ def main() -> None:
     parser.add_argument("folder", type=Path, help="of a finished training")
     parser.add_argument("--episodes", type=int, default=50, help="in each setting")
     parser.add_argument("--agent", choices=("cut", "last", "best"), default="cut")
+    parser.add_argument("--name", default=NAME, help="of the results")
     arguments = parser.parse_args()
     card = json.loads((arguments.folder / "card.json").read_text())
     with tempfile.TemporaryDirectory() as scratch:
@@ -145,10 +161,15 @@ def main() -> None:
         "settings": settings,
     }
     command = f"python benchmarks/steady.py RUN --episodes {arguments.episodes} --agent {arguments.agent}"
-    print(save(NAME, results, command).name)
-    atomic.write_bytes(RESULTS / f"{NAME}.png", figures.png(picture(settings)))
+    command += "" if arguments.name == NAME else f" --name {arguments.name}"
+    print(save(arguments.name, results, command).name)
+    atomic.write_bytes(RESULTS / f"{arguments.name}.png", figures.png(picture(settings)))
+    if set(SHAPING) & set(card["settings"]["env_options"]):
+        return
     lines = [(name, settings["as trained"]["rows"][name]["reward"]["mean"]) for name in CONTROLLERS]
-    atomic.write_bytes(RESULTS / f"{NAME}_curves.png", figures.png(plots.learning_curves(results["curves"], lines)))
+    atomic.write_bytes(
+        RESULTS / f"{arguments.name}_curves.png", figures.png(plots.learning_curves(results["curves"], lines))
+    )
 
 
 if __name__ == "__main__":
