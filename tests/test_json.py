@@ -100,7 +100,7 @@ def test_convert(tmp_path, capsys):
 
 
 def test_agents(capsys):
-    assert any(agent["name"] == "td3-steady" for agent in said(capsys, "agents"))
+    assert any(agent["name"] == "ppo-steady" for agent in said(capsys, "agents"))
 
 
 def test_doctor_says_that_the_base_works(capsys):
