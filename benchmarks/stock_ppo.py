@@ -162,12 +162,12 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=3)
     arguments = parser.parse_args()
     path = RESULTS / f"{NAME}.json"
-    results = json.loads(path.read_text())["results"] if path.exists() else {}
     measure = {"recipe": lambda: learned(arguments.seeds), "rate": rates, "shipped": shipped}
     for part in arguments.parts or PARTS:
-        results[part] = {"machine": machine(), "found": measure[part]()}
-        print(json.dumps(results[part]["found"], indent=1))
-    print(save(NAME, results, f"python benchmarks/stock_ppo.py --seeds {arguments.seeds}").name)
+        found = {"machine": machine(), "found": measure[part]()}
+        print(json.dumps(found["found"], indent=1))
+        kept = json.loads(path.read_text())["results"] if path.exists() else {}
+        print(save(NAME, {**kept, part: found}, f"python benchmarks/stock_ppo.py --seeds {arguments.seeds}").name)
 
 
 if __name__ == "__main__":
