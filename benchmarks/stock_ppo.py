@@ -3,8 +3,8 @@
     python benchmarks/stock_ppo.py [recipe|rate|shipped] [--seeds 3]
 
 ``recipe``: the lines of the page, once a seed; then PI controllers and agents play the same 50 episodes, which no
-training used, with the task's own reward. ``rate``: environment steps per second of PPO on one environment
-with its default arguments, and on 64 with the recipe's batches. ``shipped``: the agent that comes with the package beside
+training used, with the task's own reward. ``rate``: environment steps per second of PPO on one environment with its
+default arguments, and on 64 with the recipe's batches. ``shipped``: the agent that comes with the package beside
 ``pi-tuned`` on 200 other episodes. Times are of the process (all its threads) and of the clock, beside the load.
 Without a part, all; writes ``results/learning_stock_ppo.json``.
 """
