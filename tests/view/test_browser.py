@@ -117,3 +117,40 @@ def test_a_slider_moves_the_robot_and_an_effect_is_felt(page):
         page.get_by_role("checkbox").last.click()
         assert until(lambda: watched.effects == (), live.tick)
     watched.close()
+
+
+def test_an_address_gives_its_layout_back_and_follows_it(page):
+    from tiago_mj.view import layout
+    from tiago_mj.view.live import Live
+    from tiago_mj.view.server import serving
+    from tiago_mj.view.session import session
+
+    watched = session("GripperTactile-v0")
+    with serving(0, "test") as server:
+        live = Live(server, watched)
+        page.emulate_media(color_scheme="dark")
+        page.set_viewport_size({"width": 1300, "height": 800})
+        asked = "effects=backlash~all~width:0.003&over=reward,force-right-n&paused=yes&camera=0.9,-0.4,0.5,0,0,0.1"
+        page.goto(f"http://127.0.0.1:{server.get_port()}/?{asked}&panel=folded&joint=%3Cscript%3E")
+        assert until(lambda: [one.parameters for one in watched.effects] == [{"width": 0.003}], live.tick)
+        assert live._layout()["over"] == "reward,force-right-n"
+        (client,) = server.get_clients().values()
+        assert until(lambda: np.allclose(client.camera.position, (0.9, -0.4, 0.5), atol=1e-3), live.tick)
+
+        def address():
+            return page.evaluate("location.search")  # page.url is as old as the last event that was waited for
+
+        assert until(lambda: {"panel=folded", "policy=by-hand"} <= set(address()[1:].split("&")), live.tick)
+        assert page.get_by_text("Add this effect").count() == 0 or not page.get_by_text("Add this effect").is_visible()
+        assert page.locator("html").get_attribute("data-mantine-color-scheme") == "dark"
+        # The address follows what is done, and is the same after it is opened again.
+        live._policy.value = "pi"
+        assert until(lambda: "policy=pi" in address(), live.tick)
+        there = layout.read(address())
+        assert there["effects"] == "backlash~all~width:0.003"
+        live._apply(layout.read("policy=by-hand&effects=none&paused=no"))
+        page.goto("about:blank")
+        page.goto(f"http://127.0.0.1:{server.get_port()}/?{layout.write(there)}")
+        assert until(lambda: live._layout()["policy"] == "pi", live.tick)
+        assert layout.write({**live._layout(), "camera": there["camera"]}) == layout.write(there)
+    watched.close()

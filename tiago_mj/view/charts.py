@@ -65,7 +65,7 @@ class Chart:
         scales: dict[str, Any] = {"x": {"time": False}}
         if shaded is not None:
             series.append({"label": "gap", "scale": SPAN, "width": 0, "fill": f"{colours.LIT}22"})
-            series.append({"label": "now", "scale": SPAN, "stroke": "#1a1f26", "width": 1})
+            series.append({"label": "now", "scale": SPAN, "stroke": colours.CURVE, "width": 1})
             scales[SPAN] = {"auto": False, "range": (0.0, 1.0)}
         self.handle = gui.add_uplot(
             data=self._data(),

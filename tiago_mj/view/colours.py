@@ -45,6 +45,16 @@ LEFT: Final = "#cc79a7"
 CONTACT: Final = "#f0e442"
 GOAL: Final = "#56b4e9"
 
+#: A measured curve in a chart of a view, and text beside it: on white as well as on a dark panel they can be read.
+CURVE: Final = "#7b838c"
+SOFT: Final = "var(--mantine-color-dimmed)"
+WARNING: Final = "light-dark(#b04a00, #f2995c)"
+
+
+def in_charts(role: str) -> str:
+    """Colour of a robot's curves in the charts of a view, whose panel is light or dark."""
+    return CURVE if role == "measured" else LOOKS[role].colour
+
 
 def rgb(colour: str) -> Colour:
     """Red, green and blue from 0 to 1 of ``#rrggbb``."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import html
 import threading
 import time
+from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Any, Final
 
@@ -13,9 +14,10 @@ from numpy.typing import NDArray
 
 from tiago_mj.effects import Entry
 from tiago_mj.io.quoting import one_line
-from tiago_mj.view import colours, scene
+from tiago_mj.view import colours, layout, scene
+from tiago_mj.view.address import Address
 from tiago_mj.view.live_curves import LiveCurves, short
-from tiago_mj.view.live_effects import POSITIONS, EffectChoice, EffectPanel, round_step
+from tiago_mj.view.live_effects import POSITIONS, EffectChoice, EffectPanel, given_by, round_step
 from tiago_mj.view.server import wait
 from tiago_mj.view.session import HAND, Session, session
 from tiago_mj.view.shapes import Part, extent, moving
@@ -58,6 +60,7 @@ class Live:
         self._scene()
         self._panel()
         self._curves = LiveCurves(server.gui, watched)
+        self._address = Address(server, self._layout, self._apply)
         self._draw()
 
     def run(self) -> None:
@@ -91,6 +94,7 @@ class Live:
                 self._charted = now
                 with self._server.atomic():
                     self._curves.draw()
+            self._address.tick()
 
     # The scene --------------------------------------------------------------------------------------------------------
 
@@ -170,8 +174,8 @@ class Live:
         self._speed = gui.add_dropdown(
             "speed", tuple(SPEEDS), initial_value="1/4" if 1 / watched.core.dt > 100 else "1x"
         )
-        policy = gui.add_dropdown("policy", watched.policies, initial_value=watched.commander)
-        policy.on_update(lambda _: self._command_by(str(policy.value)))
+        self._policy = gui.add_dropdown("policy", watched.policies, initial_value=watched.commander)
+        self._policy.on_update(lambda _: self._command_by(str(self._policy.value)))
         self._again = gui.add_checkbox(
             "repeat episode", watched.commander != HAND, hint=f"start anew after {watched.limit} steps"
         )
@@ -258,18 +262,19 @@ class Live:
                 self._say(one_line(fault))
 
     def _say(self, text: str) -> None:
-        style = "margin:2px 12px;color:#b04a00;font-size:13px"
+        style = f"margin:2px 12px;color:{colours.WARNING};font-size:13px"
         self._said.content = f'<div style="{style}">{html.escape(text)}</div>' if text else ""
 
     # Effects ----------------------------------------------------------------------------------------------------------
 
-    def _add(self, name: str, given: Entry | None = None) -> None:
+    def _add(self, name: str, given: Entry | None = None, *, acts: bool = True) -> None:
         with self._lock:
             key, self._count = self._count, self._count + 1
             with self._effects_folder:
                 self._panels[key] = EffectPanel(
                     self._server.gui, self._session, name, given, self._touched, lambda: self._remove(key)
                 )
+            self._panels[key].switch(acts=acts)
             self._changed = True
 
     def _remove(self, key: int) -> None:
@@ -286,6 +291,42 @@ class Live:
             self._say("")
         except ValueError as fault:
             self._say(one_line(fault))
+
+    # Layout in the address --------------------------------------------------------------------------------------------
+
+    def _layout(self) -> dict[str, str]:
+        return {
+            **self._curves.layout,
+            "policy": layout.slug(self._session.commander, self._session.policies),
+            "speed": layout.slug(str(self._speed.value), list(SPEEDS)),
+            "paused": "yes" if self._pause.value else "no",
+            "hidden": "none" if self._twin.value else "nominal",
+            "effects": layout.write_effects([panel.text for panel in self._panels.values()]) or "none",
+        }
+
+    def _apply(self, parts: Mapping[str, str]) -> None:
+        with self._lock:
+            self._curves.give(parts)
+            policy = layout.slugs(self._session.policies).get(parts.get("policy", ""))
+            if policy is not None and policy != self._session.commander:
+                self._policy.value = policy
+            speed = layout.slugs(list(SPEEDS)).get(parts.get("speed", ""))
+            self._speed.value = speed or self._speed.value
+            if "paused" in parts:
+                self._pause.value = parts["paused"] == "yes"
+            if "hidden" in parts:
+                self._twin.value = parts["hidden"] != "nominal"
+            if "effects" in parts and parts["effects"] != self._layout()["effects"]:
+                self._replace(layout.read_effects(parts["effects"]))
+
+    def _replace(self, texts: Sequence[layout.EffectText]) -> None:
+        """Those effects of an address that this robot can have, in place of those that there are."""
+        for key in list(self._panels):
+            self._remove(key)
+        for text in texts:
+            given = given_by(self._session, text)
+            if given is not None:
+                self._add(text.name, given, acts=text.acts)
 
 
 def _key(forces: bool, place: bool, goal: float | None) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from operator import attrgetter
 from typing import Any, Final
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from tiago_mj.gap.report import words
 from tiago_mj.models.names import SIDES
-from tiago_mj.view import colours
+from tiago_mj.view import colours, layout
 from tiago_mj.view.charts import Chart, Curve, thin
 from tiago_mj.view.overlay import Overlay
 from tiago_mj.view.session import Row, Session
@@ -36,8 +36,7 @@ class LiveCurves:
         panel.set_width(LEFT)
         self._charts: dict[str, Chart] = {}
         blank, none = np.array([0.0, 1e-3]), np.full(2, np.nan)
-        looks = colours.LOOKS
-        ink, red = (looks[role].colour for role in ("measured", "nominal"))
+        ink, red = colours.CURVE, colours.LOOKS["nominal"].colour
         with panel.add_tab("curves"):
             if watched.pad_forces():
                 force = [Curve("right", colours.RIGHT, none), Curve("left", colours.LEFT, none)]
@@ -80,6 +79,19 @@ class LiveCurves:
         if len(rows) < 2:
             return np.array([0.0, 1e-3]), np.full(2, np.nan)
         return np.array([row.time for row in rows]), np.array([self._channels[label](row) for row in rows])
+
+    @property
+    def layout(self) -> dict[str, str]:
+        """What is drawn, as an address has it."""
+        joint = layout.slug(str(self._joint.value), list(self._labels))
+        return {"over": self._overlay.layout, "joint": joint}
+
+    def give(self, parts: Mapping[str, str]) -> None:
+        """Draw what an address asks for."""
+        joint = layout.slugs(list(self._labels)).get(parts.get("joint", ""))
+        if joint is not None:
+            self._joint.value = joint
+        self._overlay.give(parts.get("over", ""))
 
     def draw(self) -> None:
         """Draw what happened in the last seconds."""

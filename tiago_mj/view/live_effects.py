@@ -12,6 +12,7 @@ from tiago_mj.effects.transmission.gear import Backlash
 from tiago_mj.gap.report import words
 from tiago_mj.gap.report.tables import STAGE_NAMES
 from tiago_mj.io.quantities import scaled
+from tiago_mj.view import colours, layout
 from tiago_mj.view.session import Session, entry, knobs, offered, whom
 
 #: Positions that a slider has.
@@ -61,7 +62,7 @@ class EffectPanel:
         if given is not None:
             first = next((label for label, them in self._choices.items() if them == given.target), first)
         with self._folder:
-            style = "font-size:12px;line-height:1.35;color:#5b6470;padding:2px 12px"
+            style = f"font-size:12px;line-height:1.35;color:{colours.SOFT};padding:2px 12px"
             gui.add_html(f'<div style="{style}">{html.escape(words.meaning(name))}</div>')
             self._on = gui.add_checkbox("acts", True)
             self._target = None
@@ -80,6 +81,17 @@ class EffectPanel:
             return None
         values = {name: float(slider.value) / factor for name, (slider, factor) in self._sliders.items()}
         return entry(self._name, self._chosen(), values)
+
+    @property
+    def text(self) -> layout.EffectText:
+        """The effect as an address has it."""
+        target = next(iter(self._choices)) if self._target is None else str(self._target.value)
+        values = {name: float(slider.value) / factor for name, (slider, factor) in self._sliders.items()}
+        return layout.EffectText(self._name, layout.slug(target, list(self._choices)), values, bool(self._on.value))
+
+    def switch(self, *, acts: bool) -> None:
+        """Switch the effect on or off."""
+        self._on.value = acts
 
     def remove(self) -> None:
         """Take the controls away."""
@@ -109,6 +121,21 @@ class EffectPanel:
                 )
                 slider.on_update(lambda _: self._touched())
                 self._sliders[knob.name] = slider, factor
+
+
+def given_by(watched: Session, text: layout.EffectText) -> Entry | None:
+    """Effect of an address on a robot, its values within what the sliders have; None where the robot has no such."""
+    if text.name not in offered(watched):
+        return None
+    choices = whom(watched, text.name)
+    label = layout.slugs(list(choices)).get(text.target)
+    if label is None:
+        return None
+    values = {
+        knob.name: float(np.clip(text.values.get(knob.name, knob.default), knob.low, knob.high))
+        for knob in knobs(watched, text.name, choices[label])
+    }
+    return entry(text.name, choices[label], values)
 
 
 def round_step(size: float) -> float:

@@ -8,12 +8,12 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from tiago_mj.view import colours
+from tiago_mj.view import colours, layout
 
 Array = NDArray[np.float64]
 
 #: Colours of the first and the second channel, and of their axes.
-COLOURS: Final = (colours.LOOKS["measured"].colour, colours.GOAL)
+COLOURS: Final = (colours.CURVE, colours.GOAL)
 #: Height of the chart [pixel], and the choice that draws no second channel.
 HEIGHT: Final = 200
 NOTHING: Final = "nothing"
@@ -42,8 +42,9 @@ class Overlay:
         kept: Callable[[Any], Any] = lambda control: control,
     ) -> None:
         self._read = read
-        first = kept(gui.add_dropdown("channel", tuple(channels), initial_value=chosen[0]))
-        second = kept(gui.add_dropdown("over it", (NOTHING, *channels), initial_value=chosen[1]))
+        self._names = tuple(channels), (NOTHING, *channels)
+        first = kept(gui.add_dropdown("channel", self._names[0], initial_value=chosen[0]))
+        second = kept(gui.add_dropdown("over it", self._names[1], initial_value=chosen[1]))
         self._choices = first, second
         self._chart = kept(
             gui.add_uplot(
@@ -63,6 +64,18 @@ class Overlay:
     def chosen(self) -> tuple[str, str]:
         """Labels of the first and the second channel."""
         return str(self._choices[0].value), str(self._choices[1].value)
+
+    @property
+    def layout(self) -> str:
+        """Both channels as an address has them."""
+        return ",".join(layout.slug(one, names) for one, names in zip(self.chosen, self._names, strict=True))
+
+    def give(self, text: str) -> None:
+        """Choose the channels of an address; one that there is not stays as it is."""
+        for control, names, short in zip(self._choices, self._names, text.split(","), strict=False):
+            label = layout.slugs(names).get(short)
+            if label is not None and label != control.value:
+                control.value = label
 
     def draw(self, *, changed: bool = False) -> None:
         """Draw the channels as they are now; ``changed``: other ones than before."""

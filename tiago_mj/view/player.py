@@ -5,14 +5,15 @@ from __future__ import annotations
 import html
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
 
 from tiago_mj.gap.report import words
 from tiago_mj.io.quoting import one_line
-from tiago_mj.view import colours, plots
+from tiago_mj.view import colours, layout, plots
+from tiago_mj.view.address import Address
 from tiago_mj.view.charts import Chart, Curve, thin
 from tiago_mj.view.overlay import Overlay
 from tiago_mj.view.page import slow_motion
@@ -50,6 +51,8 @@ class Player:
     _charts: list[Chart]
     _again: bool
     _charted: int
+    _boxes: dict[str, Any]
+    _overlay: Overlay | None
 
     def __init__(
         self,
@@ -76,6 +79,7 @@ class Player:
             button.on_upload(lambda _: self._add(button.value, add))
             server.on_client_connect(lambda client: in_browser(client, DROPPED))
         self._begin(tell(first))
+        self._address = Address(server, self._layout, self._apply)
 
     def run(self) -> None:
         """Play and draw until the program is told to end."""
@@ -103,6 +107,7 @@ class Player:
                 self._drawn, self._charted = now, row
                 for chart in self._charts:
                     chart.at(self._clock)
+            self._address.tick()
 
     def _add(self, file: Any, add: Callable[[str, bytes], Sequence[str]]) -> None:
         """Take a recording and show it; or say why it cannot be used."""
@@ -110,7 +115,7 @@ class Player:
             try:
                 names = tuple(add(str(file.name), bytes(file.content)))
             except ValueError as fault:
-                style = "margin:2px 12px;color:#b04a00;font-size:13px"
+                style = f"margin:2px 12px;color:{colours.WARNING};font-size:13px"
                 self._said.content = f'<div style="{style}">{html.escape(one_line(fault))}</div>'
                 return
             self._said.content = ""
@@ -129,7 +134,7 @@ class Player:
         self.stage = Stage(self._server, story, beside=self._beside)
         self._span = float(story.time[0]), float(story.time[-1])
         self._clock, self._charted, self._again = self._span[0], -1, True
-        self._controls = []
+        self._controls, self._boxes, self._overlay = [], {}, None
         gui = self._server.gui
         self._keep(gui.add_html(legend(story)))
         self._time_line(gui, story)
@@ -175,12 +180,12 @@ class Player:
             return
         folder = self._keep(gui.add_folder("robots"))
         with folder:
-            place = gui.add_dropdown("where", PLACES, initial_value=PLACES[int(self._beside)])
-            larger = gui.add_dropdown(
+            place = self._place = gui.add_dropdown("where", PLACES, initial_value=PLACES[int(self._beside)])
+            larger = self._larger = gui.add_dropdown(
                 "differences", tuple(f"{k} times" for k in LARGER), initial_value=f"{self.stage.larger} times"
             )
             for motion in story.motions:
-                box = gui.add_checkbox(colours.LOOKS[motion.role].name, True)
+                box = self._boxes[motion.role] = gui.add_checkbox(colours.LOOKS[motion.role].name, True)
                 box.on_update(lambda event, role=motion.role: self._hide(role, not event.target.value))
 
         def arrange(_: Any) -> None:
@@ -200,6 +205,49 @@ class Player:
         with self._lock:
             self.stage.hide(role, hidden)
 
+    def _layout(self) -> dict[str, str]:
+        """The view as an address has it: the time only while it stands still."""
+        parts = {
+            "recording": layout.slug(str(self._choice.value), self._choice.options),
+            "speed": layout.slug(str(self._speed.value), list(SPEEDS)),
+            "paused": "no" if self._playing.value else "yes",
+            "time": "" if self._playing.value else layout.rounded([self._clock]),
+            "over": "" if self._overlay is None else self._overlay.layout,
+        }
+        if self._boxes:
+            parts["where"] = layout.slug(str(self._place.value), PLACES)
+            parts["larger"] = str(self.stage.larger)
+            parts["hidden"] = ",".join(role for role, box in self._boxes.items() if not box.value) or "none"
+        return parts
+
+    def _apply(self, parts: Mapping[str, str]) -> None:
+        with self._lock:
+            name = layout.slugs(self._choice.options).get(parts.get("recording", ""))
+            if name is not None and name != self._choice.value:
+                self._choice.value = name
+                self._begin(self._tell(name))
+                self._wanted = None
+            speed = layout.slugs(list(SPEEDS)).get(parts.get("speed", ""))
+            self._speed.value = speed or self._speed.value
+            if "paused" in parts:
+                self._playing.value = parts["paused"] != "yes"
+            moment = layout.numbers(parts.get("time", ""), 1)
+            if moment is not None:
+                self._go(float(np.clip(moment[0], *self._span)))
+            if self._overlay is not None:
+                self._overlay.give(parts.get("over", ""))
+            if self._boxes:
+                self._apply_drawn(parts)
+
+    def _apply_drawn(self, parts: Mapping[str, str]) -> None:
+        place = layout.slugs(PLACES).get(parts.get("where", ""))
+        self._place.value = place or self._place.value
+        if parts.get("larger", "") in map(str, LARGER):
+            self._larger.value = f"{parts['larger']} times"
+        if "hidden" in parts:
+            for role, box in self._boxes.items():
+                box.value = role not in parts["hidden"].split(",")
+
     def _over_one_another(self, gui: Any, story: Story) -> None:
         """Any two curves of the recording over one another."""
         rows = thin(story.time)
@@ -218,7 +266,8 @@ class Player:
             return story.time[rows], curves(story.signals, name)[role][rows]
 
         with self._keep(gui.add_folder("two curves over one another")):
-            Overlay(gui, tuple(known), read, (measured[0], measured[1] if len(measured) > 1 else list(known)[1]))
+            first = measured[0], measured[1] if len(measured) > 1 else list(known)[1]
+            self._overlay = Overlay(gui, tuple(known), read, first)
 
     def _charts_of(self, gui: Any, story: Story, name: str) -> list[Chart]:
         rows = thin(story.time)
@@ -240,9 +289,7 @@ class Player:
                 f"{what} [{unit}]" if unit else what,
                 moments,
                 [
-                    Curve(
-                        colours.LOOKS[role].name, colours.LOOKS[role].colour, factor * values[rows], role == "nominal"
-                    )
+                    Curve(colours.LOOKS[role].name, colours.in_charts(role), factor * values[rows], role == "nominal")
                     for role, values in of.items()
                 ],
                 shaded=shaded,
@@ -255,10 +302,7 @@ class Player:
 
 def legend(story: Story) -> str:
     """Legend as HTML: what was found, and the colours of the robots."""
-    rows = [
-        _row("#9aa1a9" if m.role == "measured" else colours.LOOKS[m.role].colour, colours.LOOKS[m.role].name)
-        for m in story.motions
-    ]
+    rows = [_row(colours.in_charts(m.role), colours.LOOKS[m.role].name) for m in story.motions]
     if story.lit:
         rows.append(_row(colours.LIT, story.where))
     if story.marks:
@@ -266,9 +310,9 @@ def legend(story: Story) -> str:
     notes = list(story.notes)
     if story.unmeasured and len(story.motions) > 1:
         notes.append("Where the object was is not recorded: only the simulators have one.")
-    said = "".join(f'<p style="margin:4px 0;color:#5b6470">{html.escape(note)}</p>' for note in notes)
+    said = "".join(f'<p style="margin:4px 0;color:{colours.SOFT}">{html.escape(note)}</p>' for note in notes)
     verdict = f'<div style="font-weight:600;margin:0 0 6px">{html.escape(story.verdict)}</div>' if story.verdict else ""
-    head = f'<div style="color:#5b6470">{html.escape(story.robot)}</div>'
+    head = f'<div style="color:{colours.SOFT}">{html.escape(story.robot)}</div>'
     return f'<div style="font-size:13px;line-height:1.4;padding:4px 12px">{head}{verdict}{"".join(rows)}{said}</div>'
 
 

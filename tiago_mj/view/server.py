@@ -42,12 +42,17 @@ def serving(port: int, title: str) -> Iterator[Any]:
     try:
         if port and server.get_port() != port:  # taken between the check and now
             raise ValueError(in_use(port))
-        server.gui.configure_theme(show_logo=False, show_share_button=False, brand_color=(0, 114, 178))
+        theme(server.gui, dark=False)  # until a browser says what it prefers
         server.on_client_connect(lambda client: in_browser(client, opened(title)))
         yield server
     finally:
         with contextlib.redirect_stdout(io.StringIO()):  # it says that it stopped
             server.stop()
+
+
+def theme(gui: Any, *, dark: bool) -> None:
+    """Colours of the panels, of a server's browsers or of one of them."""
+    gui.configure_theme(dark_mode=dark, show_logo=False, show_share_button=False, brand_color=(0, 114, 178))
 
 
 def in_browser(client: Any, script: str) -> None:
@@ -58,18 +63,20 @@ def in_browser(client: Any, script: str) -> None:
 
 def opened(title: str) -> str:
     """Script for a browser that opens the view: the tab is called by what is watched, and on a phone the panel, which
-    would hide the robot, is folded until its head is touched."""
+    would hide the robot, is folded until its head is touched, unless the address asks for it."""
     return f"""(() => {{
   const title = {json.dumps(title)};
   document.title = title;
-  if (innerWidth >= {PHONE} || window.tiagoFolded) return;
-  window.tiagoFolded = true;
+  if (innerWidth >= {PHONE} || window.tiagoFolded || /[?&]panel=open(&|$)/.test(location.search)) return;
+  window.tiagoFolded = window.tiagoFolding = true;
   let left = 100;
   const timer = setInterval(() => {{
     const leaves = [...document.querySelectorAll("div")].filter((one) => !one.children.length);
     const head = leaves.find((one) => one.textContent.trim() === title);
     if (head) head.click();
-    if (head || !--left) clearInterval(timer);
+    if (!head && --left) return;
+    clearInterval(timer);
+    setTimeout(() => {{ window.tiagoFolding = false; }}, 1000);  // while it folds it is seen
   }}, 100);
 }})();"""
 
