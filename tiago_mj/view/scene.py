@@ -144,15 +144,21 @@ def furnish(server: Any, model: mujoco.MjModel, low: Array, high: Array) -> None
 
     def step_back(client: Any) -> None:
         """Where panels leave little width the camera stands farther off, so that all of the box is in view."""
+        # Where it may stand without a hand: where a browser's camera is before it hears of ours, or was told to be.
+        waiting = [] if np.allclose(client.camera.position, centre + away) else [np.array(client.camera.position)]
         for _ in range(LOOKS):
             time.sleep(PAUSE)
-            if not np.allclose(client.camera.position, centre + away, atol=0.01 * size):
-                return  # a hand has moved it
+            at = client.camera.position
+            if any(np.allclose(at, one, atol=0.01 * size) for one in waiting):
+                continue
+            if not np.allclose(at, centre + away, atol=0.01 * size):
+                return  # a hand has moved it, or an address
             narrow = float(client.camera.aspect)
             if 0 < narrow < 1:
-                client.camera.position = tuple(centre + away / max(narrow, NARROWEST))
+                stepped = centre + away / max(narrow, NARROWEST)
+                waiting.append(stepped)
+                client.camera.position = stepped
                 client.camera.look_at = tuple(centre)  # which moves with the position
-                return
 
     server.on_client_connect(step_back)
     camera.fov = FIELD
