@@ -9,7 +9,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from benchmarks.blind import kept, score
 from benchmarks.blind.score import Judged
@@ -17,6 +17,16 @@ from tiago_mj.gap.analysis import promises
 from tiago_mj.gap.analysis.outcome import STRANGE
 from tiago_mj.gap.decision.verdict import Calibration, Option, decide
 from tiago_mj.gap.result import Evidence
+
+#: Notes of kept answers, which are worded as they were then, and what they are now.
+EARLIER: Final = {
+    "What fits the other recordings best closes nothing of the gap on those that were kept aside: it is not "
+    "named.": promises.CLOSES_NOTHING,
+    "What fits the other recordings best closes nothing on those that were kept aside, where the simulator's own "
+    "numbers leave no gap: it is not named.": promises.NOTHING_TO_CLOSE,
+    "The simulator's own numbers, moved within what they are known to, explain the recordings to which they were "
+    "fitted and not those that were kept aside.": promises.NOT_THOSE_ASIDE,
+}
 
 
 @dataclass(frozen=True)
@@ -104,14 +114,13 @@ def read(root: Path) -> tuple[list[Case], dict[str, Any]]:
 def again(one: Case, by: Calibration) -> Judged:
     """A case as it would be answered with other numbers."""
     said = promises.standing(decide(one.options, by, measured_on_readings=one.betrayed), one.options, by)
-    ranking, notes = one.answer["ranking"], one.answer.get("notes", ())
-    if {promises.CLOSES_NOTHING, promises.NOTHING_TO_CLOSE} & set(
-        notes
-    ):  # of the trials kept aside, which are not stored
+    ranking = one.answer["ranking"]
+    notes = {EARLIER.get(note, note) for note in one.answer.get("notes", ())}
+    if {promises.CLOSES_NOTHING, promises.NOTHING_TO_CLOSE} & notes:  # of trials kept aside, which are not stored
         said = replace(
             said, kind="no_gap", rivals=(next(k for k, option in enumerate(one.options) if not option.effects),)
         )
-    gave_way = {promises.CLOSES_NOTHING, promises.NOT_THOSE_ASIDE} & set(notes)
+    gave_way = {promises.CLOSES_NOTHING, promises.NOT_THOSE_ASIDE} & notes
     unknown = bool(gave_way) or any(STRANGE in note for note in notes)
     best = said.rivals[0]
     named = [k for k in said.rivals if ranking[k]["effects"]]

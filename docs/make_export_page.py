@@ -30,20 +30,21 @@ stay, and one joint's friction is one changed line. Files that are included or r
 - `--mujoco 3.11` or `3.17` refuses, in one line, elements of your file that this version does not know, by the
   version's own schema. Delays are written as `delay` and `nsample`, which both versions have. Before 3.15 `dampratio`
   meant another damping, so `kv` is written instead.
-- *Backlash* becomes a second joint in the body, as the manual describes (Modeling, "Backlash"): the actuator turns the first,
-  which keeps its name; the second has a range of the backlash's width; a tendon over both has the friction, damping,
-  armature, range and sensors that the joint had. Keyframes get a value for the second joint. A spring between motor and joint is written
-  in the same way. A motor that is declared without inertia gets the smallest inertia that is stable at the physics step. That is large
-  where the servo's damping is strong: with 10 mrad of backlash in the elbow of Menagerie's UR5e the file leaves 14 % of the
-  mean squared gap at a step of 2 ms, 6 % at 1 ms and 1.6 % at 0.5 ms.
-- The physics step of the file stays as it is. The recordings are replayed with the file, and the share of the gap that it closes is printed.
+- *Backlash* becomes a second joint in the body, as the manual describes (Modeling, "Backlash"): the actuator turns the
+  first, which keeps its name; the second has a range of the backlash's width; a tendon over both has the friction,
+  damping, armature, range and sensors that the joint had. Keyframes get a value for the second joint. A spring between
+  motor and joint is written in the same way. A motor that is declared without inertia gets the smallest inertia that is
+  stable at the physics step. That is large where the servo's damping is strong: with 10 mrad of backlash in the elbow
+  of Menagerie's UR5e the file leaves 14 % of the mean squared gap at a step of 2 ms, 6 % at 1 ms and 1.6 % at 0.5 ms.
+- The physics step of the file stays as it is. The recordings are replayed with the file, and the share of the gap that
+  it closes is printed.
 
-Exported files were replayed in older versions, on an arm of three joints, and compared with this package's own simulation of the
-effects: dry and viscous friction, servo gains and limits, payload and tilt, delay, backlash, elasticity. The share of the
-gap that MuJoCo 3.11 and 3.17 close is within 1 % of that of 4.0: all of it where the table says *exact*, 98 % or
-more for backlash and elasticity. MJX 3.17 closes as much for friction, payload and backlash, and ignores delays; MuJoCo Warp
-3.11, mjlab's engine, closes as much for friction and backlash. Where a spring is written as lower gains, these close 86 to 97 % on
-the same arm, in MuJoCo.
+Exported files were replayed in older versions, on an arm of three joints, and compared with this package's own
+simulation of the effects: dry and viscous friction, servo gains and limits, payload and tilt, delay, backlash,
+elasticity. The share of the gap that MuJoCo 3.11 and 3.17 close is within 1 % of that of 4.0: all of it where the
+table says *exact*, 98 % or more for backlash and elasticity. MJX 3.17 closes as much for friction, payload and
+backlash, and ignores delays; MuJoCo Warp 3.11, mjlab's engine, closes as much for friction and backlash. Where a
+spring is written as lower gains, these close 86 to 97 % on the same arm, in MuJoCo.
 
 ## Which target holds what
 

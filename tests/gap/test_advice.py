@@ -95,7 +95,7 @@ def test_an_effect_is_used_in_the_simulator_and_looked_for_on_the_robot():
     assert use.code.endswith('\n\nenv = gymnasium.make("tiago_mj/GripperTactile-v0", effects="out/calibration.yaml")')
     ((what, where),) = look.places
     assert "2.6 N (2.4–2.9) of Coulomb friction" in what
-    assert "16 % of the most force that its drive gives" in what
+    assert "16 % of the largest force that its drive gives" in what
     assert where.lower() == describe(EFFECTS["coulomb_friction"]).check.lower()
 
 

@@ -282,7 +282,7 @@ def test_an_effect_that_closes_nothing_is_what_is_known_and_has_no_probability()
 def test_an_effect_that_the_simulators_own_numbers_hide_stays_named_without_a_probability() -> None:
     found = consistency.reconciled(closing(accounted_before=31.0, accounted=1.6))
     assert found.kind == "effect"
-    assert "beside those as fitted it takes 95 % off what is left" in verdict.headline(found)
+    assert "with those numbers as fitted it removes 95 % of the rest" in verdict.headline(found)
     assert not consistency.has_probability(found)
     assert "No probability is given" in said_by(found)
 
@@ -293,7 +293,7 @@ def test_what_shows_in_the_readings_alone_keeps_its_probability_and_closes_no_sh
     found = consistency.reconciled(made)
     assert (found.kind, found.shrink.closed) == ("effect", None)
     assert consistency.has_probability(found)
-    assert "shows in the readings themselves" in verdict.headline(found)
+    assert "shows in the readings alone" in verdict.headline(found)
     # The same of an effect that is part of every explanation: it was measured on the readings.
     grid = Named("force_quantization", "all", {"step": Value(0.1, None, None, "-")})
     rows = (Explanation((grid, COULOMB), 0.05, 1.0), Explanation((grid,), 0.9, 0.0))

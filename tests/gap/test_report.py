@@ -249,11 +249,11 @@ def test_each_kind_of_verdict_has_its_sentence():
 def test_what_is_left_looks_like_something_and_sits_somewhere():
     assert residual.sentences(CASES["unknown_with_a_shape"]) == (
         "What is left of the force reading of the left finger swings at one frequency, 52.9 Hz: that explains 93 % of "
-        "it, contact 12 %. The motion has next to nothing of it: the force reading is off, or a force that hardly "
+        "it, contact 12 %. The motion hardly has it: the force reading is off, or a force that hardly "
         "moves the joint. That points to the stage “force sensor”."
     )
     several = residual.sentences(CASES["unknown_that_may_be_several"])
-    assert "rises with speed: that explains 72 % of it, which these recordings hardly tell from" in several
+    assert "rises with speed: that explains 72 % of it, which these recordings can hardly distinguish from" in several
     assert several.endswith("may come from the stages timing, command or actuator.")
     chance = residual.sentences(CASES["effect_and_an_irregular_rest"])
     assert "has none of the shapes that are looked for" in chance
@@ -323,7 +323,7 @@ def test_no_gap_says_what_the_simulators_own_numbers_account_for():
     same = replace(CASES["no_gap"].shrink, before=371.0, after=371.0, accounted=1.02)
     assert verdict.headline(replace(CASES["no_gap"], shrink=same)).endswith(
         "so no effect is named; yet 371 times the noise is left on recordings that were kept aside, 1.02 with its "
-        "numbers moved within what they are known to."
+        "numbers adjusted within their uncertainty."
     )
     assert verdict.headline(CASES["no_gap"]).endswith("so no effect is named.")
 

@@ -75,13 +75,13 @@ def basis(found: Comparison) -> str:
     counts = f"{len(found.before.recordings)} recordings before and {len(found.after.recordings)} after"
     if found.same_commands:
         return (
-            f"{counts}; of {found.same_commands} pairs that repeat the same commands the differences were compared, in "
-            "which what the model gets wrong cancels."
+            f"{counts}; {found.same_commands} pairs repeat the same commands: their differences were compared, where "
+            "the model's errors cancel."
         )
     reference = "earlier" if found.reference == BEFORE else "later"
     return (
         f"{counts}, of other motions or without commands: both sets were fitted with the same numbers of the robot, "
-        f"and what that leaves of the {reference} set is tolerated in both."
+        f"and the residual of the {reference} set was added to the tolerance of both."
     )
 
 

@@ -182,8 +182,8 @@ def notes(
         for tone in tones
     ]
     said += [
-        f"In {trials[k].name} the motion goes another way than in the simulator, which it does not in the others: "
-        "something slipped, tipped or got stuck there. What is said rests on the others."
+        f"In {trials[k].name} the motion departs from the simulator's, unlike in the other trials: something slipped, "
+        "tipped or got stuck there. The answer is based on the others."
         for k in excluded
     ]
     if not complete:
@@ -194,11 +194,11 @@ def notes(
 def early_end(ended: BaseException | None) -> str:
     """A sentence on what ended a search early; None where the time was over."""
     if isinstance(ended, KeyboardInterrupt):
-        return "The search was interrupted: what is said is the best so far."
+        return "The search was interrupted: this is the best answer so far."
     if ended is not None and not isinstance(ended, OutOfTimeError):
         fault = f"{type(ended).__name__}: {' '.join(str(ended).split())[:200]}"
-        return f"A fault of this program ended the search ({fault}): what is said is the best so far."
-    return "The time budget ran out: what is said is the best so far."
+        return f"A fault of this program ended the search ({fault}): this is the best answer so far."
+    return "The time budget ran out: this is the best answer so far."
 
 
 def asides(trials: Sequence[Trial]) -> tuple[str, ...]:

@@ -41,15 +41,16 @@ DRAWS: Final = 400
 LARGER_PART: Final = 0.5
 #: Sentences on the check on the test trials that failed.
 CLOSES_NOTHING: Final = (
-    "What fits the other recordings best closes nothing of the gap on those that were kept aside: it is not named."
+    "The explanation that fits the other recordings best closes nothing of the gap on those that were kept aside, so "
+    "it is not named."
 )
 NOTHING_TO_CLOSE: Final = (
-    "What fits the other recordings best closes nothing on those that were kept aside, where the simulator's own "
-    "numbers leave no gap: it is not named."
+    "The explanation that fits the other recordings best closes nothing on those that were kept aside, where the "
+    "simulator's own numbers leave no gap, so it is not named."
 )
 NOT_THOSE_ASIDE: Final = (
-    "The simulator's own numbers, moved within what they are known to, explain the recordings to which they were "
-    "fitted and not those that were kept aside."
+    "The simulator's own numbers, adjusted within their uncertainty, explain the recordings to which they were "
+    "fitted but not those that were kept aside."
 )
 
 
@@ -221,6 +222,7 @@ def spoiled(
         return ()
     went = f" ({'; '.join(where)})" if where else ""
     return (
-        f"Numbers of the nominal model that were fitted along ({', '.join(numbers)}) spoil the recordings that were "
-        f"kept aside: {after:.3g} times the noise is left there, with the stated numbers {before:.3g}{went}.",
+        f"The fitted numbers of the nominal model ({', '.join(numbers)}) predict the recordings that were kept aside "
+        f"worse than the stated ones: {after:.3g} times the noise is left there, with the stated numbers "
+        f"{before:.3g}{went}.",
     )

@@ -93,12 +93,12 @@ def told(
     if asked is None:
         return diagnosis
     if not diagnosis.complete:
-        note = f"The return of {Path(asked.policy).name} is predicted where a search came to its end."
+        note = f"The return of {Path(asked.policy).name} is not predicted, as the search did not come to its end."
         return replace(diagnosis, notes=(*diagnosis.notes, note))
     kept = set(diagnosis.splits.get("test", ()))
     tested = [trial for trial in asked.trials if trial.name in kept]
     if not tested:
-        note = f"The return of {Path(asked.policy).name} is predicted on test trials, and there is none."
+        note = f"The return of {Path(asked.policy).name} is not predicted: it needs test trials, and there is none."
         return replace(diagnosis, notes=(*diagnosis.notes, note))
     if tick is not None:
         tick("playing the policy", len(tested))

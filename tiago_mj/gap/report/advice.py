@@ -187,8 +187,8 @@ def _share(diagnosis: Diagnosis, effect: Named) -> str:
     what = "force" if first.unit == "N" else "torque"
     low, high = (words.percent(abs(first.value) / limit) for limit in (max(limits), min(limits)))
     if low == high:
-        return f"{low} of the most {what} that {'each drive' if len(limits) > 1 else 'its drive'} gives in the model"
-    return f"{low} to {high} of the most {what} that the drives give in the model"
+        return f"{low} of the largest {what} that {'each drive' if len(limits) > 1 else 'its drive'} gives in the model"
+    return f"{low} to {high} of the largest {what} that the drives give in the model"
 
 
 def _look(diagnosis: Diagnosis, explanations: Sequence[Explanation], title: str) -> tuple[Step, ...]:
@@ -196,7 +196,11 @@ def _look(diagnosis: Diagnosis, explanations: Sequence[Explanation], title: str)
     places = tuple(on_robot(diagnosis, effect) for effect in effects.values())
     if not places:
         return ()
-    mended = "Mended? Record the same motions again: the effect should be gone." if diagnosis.kind == "effect" else ""
+    mended = (
+        "Once it is mended, record the same motions again: the effect should be gone."
+        if diagnosis.kind == "effect"
+        else ""
+    )
     return (Step(title, mended, places=places),)
 
 

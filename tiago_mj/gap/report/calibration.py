@@ -22,8 +22,8 @@ HEADER = """\
 """
 #: Beside those.
 NUMBERS = """\
-# numbers: the model's own, as they were fitted beside the effects and trials that did not fit them confirm. They are
-# loaded with the effects; tiago_mj.effects.read_effects("calibration.yaml", numbers=False) gives the effects alone.
+# numbers: the model's own, fitted together with the effects and confirmed by trials to which they were not fitted. They
+# are loaded with the effects; tiago_mj.effects.read_effects("calibration.yaml", numbers=False) gives the effects alone.
 """
 
 

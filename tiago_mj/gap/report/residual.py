@@ -51,13 +51,13 @@ IRREGULAR: Final = (
 CARRIED: Final = {
     "motion": "Position and velocity readings agree on it: the joint moves differently, or one encoder is off from "
     "which both come",
-    "position": "The velocity reading has next to nothing of it: the position reading is off, not the motion",
-    "velocity": "The position reading has next to nothing of it: the velocity reading is off, not the motion",
+    "position": "The velocity reading hardly has it: the position reading is off, not the motion",
+    "velocity": "The position reading hardly has it: the velocity reading is off, not the motion",
     "apart": "Position and velocity readings both have it, but not as one motion would: a reading or its time stamps "
     "are off, or it changes faster than the recordings are sampled",
-    "force": "The motion has next to nothing of it: the force reading is off, or a force that hardly moves the joint",
+    "force": "The motion hardly has it: the force reading is off, or a force that hardly moves the joint",
     "both": "Motion and force readings both have it",
-    "unclear": "Whether the motion is off or its reading cannot be told here",
+    "unclear": "These recordings do not show whether the motion is off or its reading",
 }
 #: What tells more of a shape.
 NEXT: Final = {
@@ -168,7 +168,7 @@ def _looks(shape: ResidualShape) -> str:
         return f"{said}."
     other, much = ON.get(shape.runner_up, shape.runner_up), words.percent(shape.runner_up_share)
     if shape.runner_up_share > shape.share - CLOSE:
-        return f"{said}, which these recordings hardly tell from {other} ({much})."
+        return f"{said}, which these recordings can hardly distinguish from {other} ({much})."
     return f"{said}, {other} {much}."
 
 

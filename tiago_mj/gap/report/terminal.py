@@ -98,7 +98,7 @@ def _which(d: Diagnosis) -> list[tuple[str, str]]:
     if any(row.tied and not row.chosen for row in tables.ranking(d)[:MOST]):
         shown.append(("dim", "  * best   ~ cannot be told from it"))
     if d.complete and any(row.again for row in tables.ranking(d)[:MOST]):
-        shown.append(("dim", "  same: of a class that is above, and in its probability"))
+        shown.append(("dim", "  same: of a class listed above; the probability there is that of the whole class"))
     return shown
 
 

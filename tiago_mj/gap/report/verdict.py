@@ -82,8 +82,9 @@ def within(diagnosis: Diagnosis) -> str:
         return ""
     if after is not None and accounted is not None and after >= NOISE:
         return (
-            f"What is left, {number(after)} times the noise, is no further effect: with the simulator's own numbers "
-            f"moved within what they are known to, and without the error of its step, {number(accounted)} is left."
+            f"What is left is {number(after)} times the noise, but that needs no further effect: with the simulator's "
+            f"own numbers adjusted within their uncertainty, and without the error of its step, {number(accounted)} "
+            "is left."
         )
     return _loud(diagnosis)
 
@@ -102,10 +103,10 @@ def _loud(diagnosis: Diagnosis) -> str:
         return ""
     gap, accounted = loud[2].after, loud[2].accounted
     if accounted is not None and accounted < gap:
-        left = f"with the simulator's own numbers moved within what they are known to it is {number(accounted)}"
+        left = f"with the simulator's own numbers adjusted within their uncertainty it is {number(accounted)}"
     else:
-        left = "two right simulators may differ by as much there"
-    return f"Most is left in {place}, {number(gap)} times the noise; that is no further effect: {left}."
+        left = "two correct simulators may differ by as much there"
+    return f"Most is left in {place}, {number(gap)} times the noise; that needs no further effect: {left}."
 
 
 def _loud_place(diagnosis: Diagnosis) -> str:
@@ -124,7 +125,7 @@ def closing(diagnosis: Diagnosis, subject: str) -> str:
     if shrink.closed is None or not math.isfinite(shrink.closed):
         if diagnosis.splits.get("test"):
             if diagnosis.best.effects and not can_close(diagnosis):
-                return "; it shows in the readings themselves, of which no share of the gap can tell"
+                return "; it shows in the readings alone, so no share of the gap can be given"
             return "; on the recordings that were kept aside there was no gap to close"
         return "; no recording was kept aside, so how much of the gap this closes is not known"
     whole = shrink.with_numbers
@@ -135,8 +136,8 @@ def closing(diagnosis: Diagnosis, subject: str) -> str:
         if hidden is None or hidden <= CLOSES:
             return said + both
         return (
-            f"{said}, where the simulator's own numbers hide it: beside those as fitted it takes {percent(hidden)} off "
-            f"what is left{both and f'{both} of the gap is closed'}"
+            f"{said}, because the simulator's own numbers hide its effect: with those numbers as fitted it removes "
+            f"{percent(hidden)} of the rest{both and f'{both} of the gap is closed'}"
         )
     closed = percent_within(shrink.closed, shrink.low, shrink.high)
     said = f"; {subject} closes {closed} of the gap on recordings that were kept aside"
@@ -162,7 +163,7 @@ def _without_name(diagnosis: Diagnosis) -> str:
     said = f"; yet {_floors(before)} is left on recordings that were kept aside"
     if accounted is None or not accounted < before:
         return said
-    return f"{said}, {number(accounted)} with its numbers moved within what they are known to"
+    return f"{said}, {number(accounted)} with its numbers adjusted within their uncertainty"
 
 
 def with_numbers(diagnosis: Diagnosis) -> str:
@@ -244,7 +245,7 @@ def sure(diagnosis: Diagnosis) -> str:
     shrink, probability = diagnosis.shrink, diagnosis.best.probability
     if has_probability(diagnosis):
         of = " that this is part of the cause" if part_only(diagnosis) else ""
-        rest = " It says nothing of what is left." if of else ""
+        rest = " It does not concern the rest of the gap." if of else ""
         return (
             f"Probability {percent(probability)}{of}: of a hundred answers given with this probability, about "
             f"{min(100 * probability, 99):.0f} name the true effect or one of its class.{rest}"
@@ -252,15 +253,15 @@ def sure(diagnosis: Diagnosis) -> str:
     if not math.isfinite(probability) or not diagnosis.best.effects:
         return ""
     if diagnosis.kind not in NAMING:
-        return "No probability is given: it would be that of one of the library's effects, and none of them is named."
+        return "No probability is given, because no effect is named."
     if closes(shrink) is False:
         return (
-            "No probability is given: what is named explains the recordings to which it was fitted, and closes nothing "
-            "by itself on those kept aside."
+            "No probability is given: what is named explains the recordings to which it was fitted, but by itself it "
+            "closes nothing of the gap on those kept aside."
         )
     return (
-        "No probability is given: what is named explains the recordings to which it was fitted, and may close nothing "
-        f"on those kept aside ({percent_within(shrink.closed, shrink.low, shrink.high)})."
+        "No probability is given: what is named explains the recordings to which it was fitted, but may close nothing "
+        f"of the gap on those kept aside ({percent_within(shrink.closed, shrink.low, shrink.high)})."
     )
 
 
@@ -285,10 +286,10 @@ def why_ceiling() -> str:
     by, cases = calibration().doubt, int(measured_on("doubt"))
     nothing, one, more = (percent(wrong(effects, Evidence(0.0, 0.0, 1.0, 1.0), by)) for effects in range(3))
     return (
-        f"On {cases} simulated cases, whose effects the diagnosis was not told, answers were wrong however sure the "
-        f"evidence was: about {nothing} of those that named nothing, {one} of those with one effect and {more} of "
-        "those with several; and more where more than noise was left. A cause that the "
-        "library lacks can look exactly like one that it has. So this share is taken off every probability."
+        f"On {cases} simulated cases, whose effects the diagnosis was not told, some answers were wrong even with "
+        f"strong evidence: about {nothing} of those that named nothing, {one} of those with one effect and {more} of "
+        "those with several, and more where more than noise was left. One reason is that a cause which the library "
+        "lacks can look exactly like one that it has. Every probability is therefore reduced by this share."
     )
 
 
@@ -341,7 +342,7 @@ def _unknown(diagnosis: Diagnosis) -> str:
             return begin(f"{_named(diagnosis)}, {_why_not(diagnosis)}.")
         what = f"{_named(diagnosis)}, but that is not all: the rest of the gap is explained by no known effect"
     elif any(STRANGE in note for note in diagnosis.notes):
-        what = "the readings show what no known effect does"
+        what = "the readings show something that no known effect causes"
     else:
         what = "there is a gap that no known effect explains"
     return begin(f"{what}{f'; most of it lies in {place}' if place else ''}.")
@@ -350,5 +351,5 @@ def _unknown(diagnosis: Diagnosis) -> str:
 def _why_not(diagnosis: Diagnosis) -> str:
     """Why what leaves no gap is not named, as the end of a sentence."""
     if any(STRANGE in note for note in diagnosis.notes):
-        return "but the readings show something besides that no known effect does"
-    return "or so it seems: no explanation is likely enough to be named, though this one leaves no gap"
+        return "but the readings also show something that no known effect causes"
+    return "but no explanation is probable enough to be named, although this one leaves no gap"
