@@ -5,7 +5,7 @@ from __future__ import annotations
 import html
 import inspect
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields
 from importlib import import_module
 from typing import Any, Final
@@ -202,6 +202,13 @@ def of_its_own(text: str, joints: int, length: int) -> str:
     return "\n".join(line for line in text.split("\n") if there(line))
 
 
+def in_own_units(text: str, slides: Sequence[bool]) -> str:
+    """A table of observations with the units that the id's joints have: of joints that all slide metres alone."""
+    if not all(slides):
+        return text
+    return text.replace("| m, rad |", "| m |").replace("| m/s, rad/s |", "| m/s |")
+
+
 def flat(text: str) -> str:
     """What a docstring says of the goal form's ``observation``, for an id that is observed as one vector: without what
     is said of dictionaries and their other entries."""
@@ -250,6 +257,7 @@ def page(name: str, picture: bool) -> str:
         if title == "Observation Space":
             lines.append(form(name))
             text = of_its_own(text, len(core.joints), spaces[0].shape[0])
+            text = in_own_units(text, core.wiring().targets.slides)
             text = without_others(text) if isinstance(spaces[1], gymnasium.spaces.Dict) else flat(without_others(text))
         lines.append(text)
     env.close()

@@ -35,6 +35,8 @@ def test_a_page_of_an_environment_speaks_of_its_own_robot_and_observation_alone(
     assert "desired_goal" not in actions
     assert "force right, left" not in blind.partition("## Observation Space")[2].partition("## Rewards")[0]
     assert "| 10 … 19 | joint velocities" in blind
+    assert "rad" not in gripper.partition("## Observation Space")[2].partition("## Rewards")[0], "both joints slide"
+    assert "| m, rad |" in blind
     assert "\n| | |\n" not in gripper + blind, "a table without a heading has no empty one"
 
 
