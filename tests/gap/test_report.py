@@ -211,7 +211,8 @@ def test_small_and_large_values_stay_numbers_in_a_calibration(tmp_path):
 def test_the_headline_says_what_is_different_by_how_much_and_how_far_the_gap_shrinks():
     assert verdict.headline(diagnosis()) == (
         "The gripper's right finger has 2.6 N (2.4–2.9) of Coulomb friction that the simulator lacks; adding it closes "
-        "93 % (88–96 %) of the gap on recordings that were kept aside, part of it: 5.02 times the noise is left there."
+        "93 % (88–96 %) of the gap on recordings that were kept aside; 5.02 times the noise is left there, "
+        "so this is part of the cause."
     )
 
 
@@ -292,16 +293,15 @@ def test_a_name_that_leaves_hundreds_of_floors_is_told_as_part_of_the_cause():
     found = contradiction.checked(replace(diagnosis(), shrink=ARM))
     assert found.verdict.part
     assert report_json.as_data(found)["verdict"]["part"] is True
-    assert (
-        "closes 22 % (15–27 %) of the gap on recordings that were kept aside, part of it: 374 times the noise is"
-        in (verdict.headline(found))
+    assert "closes 22 % (15–27 %) of the gap on recordings that were kept aside; 374 times the noise is" in (
+        verdict.headline(found)
     )
     assert verdict.sure(found).startswith("Probability 93 % that this is part of the cause: ")
     assert "is part of the cause, up to its class" in html.render(found)
     assert "Which, as part of the cause, with its probability" in [line for _, line in terminal.lines(found, {})]
     both = contradiction.checked(replace(CASES["ambiguous"], shrink=replace(ARM, after=322.0, closed=0.327, high=0.4)))
     assert both.verdict.part
-    assert verdict.headline(both).endswith("part of it: 322 times the noise is left there.")
+    assert verdict.headline(both).endswith("322 times the noise is left there, so this is part of the cause.")
 
 
 @pytest.mark.parametrize(
@@ -315,7 +315,7 @@ def test_a_name_that_leaves_hundreds_of_floors_is_told_as_part_of_the_cause():
 def test_what_leaves_noise_or_next_to_nothing_of_the_gap_is_no_part(changes):
     found = contradiction.checked(replace(diagnosis(), shrink=replace(ARM, **changes)))
     assert not found.verdict.part
-    assert "part of it" not in verdict.headline(found)
+    assert "part of the cause" not in verdict.headline(found)
     assert "part of the cause" not in verdict.sure(found)
 
 

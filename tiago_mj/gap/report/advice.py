@@ -108,7 +108,7 @@ def advice(diagnosis: Diagnosis) -> tuple[Step, ...]:
         return (*(repair or (_use_as_it_is(diagnosis),)), *_not_excited(diagnosis))
     if kind == "ambiguous":
         choices = diagnosis.alternatives or (diagnosis.best,)
-        title = "Look on the robot, which may tell sooner"
+        title = "Look on the robot, which may decide it sooner"
         return (_record_next(diagnosis), *_look(diagnosis, choices, title), *_simulate(diagnosis, "Until then, use"))
     if kind == "unknown" or not diagnosis.best.effects:
         known = _look(diagnosis, (diagnosis.best,), "Look at what is known already")
@@ -264,7 +264,7 @@ def _record_next(diagnosis: Diagnosis) -> Step:
             "Record another motion", f"{said} This one shows more: {again}", command=commands.record(diagnosis, other)
         )
     pairs = words.listed([f"{words.title(a)} from {words.title(b)}" for a, b in motion.resolves])
-    tells = f" tells best {pairs}:" if pairs else " is the best:"
+    tells = f" distinguishes {pairs} best:" if pairs else " is the best:"
     chance = words.percent(motion.expected_probability)
     said = (
         f"Of the safe motions `{motion.file}`{tells} one recording of it decides with a chance of {chance}. Record it "

@@ -141,7 +141,7 @@ def closing(diagnosis: Diagnosis, subject: str) -> str:
         )
     closed = percent_within(shrink.closed, shrink.low, shrink.high)
     said = f"; {subject} closes {closed} of the gap on recordings that were kept aside"
-    left = f", part of it: {_floors(shrink.after)} is left there" if part_only(diagnosis) else ""
+    left = f"; {_floors(shrink.after)} is left there, so this is part of the cause" if part_only(diagnosis) else ""
     return f"{said}{left}{both}"
 
 
