@@ -30,7 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     options.add_map(parser)
     options.add_known_effects(parser, "effects that both sets are known to have")
     parser.add_argument(
-        "--dates", metavar="BEFORE,AFTER", default="", help="days of the recordings, as they are to be written"
+        "--dates", metavar="BEFORE,AFTER", default="", help="days of the two sets, written into the answer"
     )
     parser.add_argument(
         "--history",

@@ -37,7 +37,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of the command."""
     parser.add_argument("--data", type=Path, metavar="DIR", help="holds tiago_arm/, a recording of a real arm")
     parser.add_argument("--out", type=outputs.folder, metavar="DIR", default="out", help="where to write (out)")
-    parser.add_argument("--seed", type=int, metavar="N", default=0, help="of what is hidden, and of noise (0)")
+    parser.add_argument(
+        "--seed", type=int, metavar="N", default=0, help="seed of the hidden effect and of the noise (0)"
+    )
     parser.add_argument("--json", action="store_true", help="print demo.json instead of the summary")
 
 

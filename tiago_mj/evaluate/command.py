@@ -31,12 +31,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         required=True,
         action="append",
         metavar="NAME|FILE",
-        help="pi, pi-tuned, random, or a file that rollout takes; give it once a controller",
+        help="pi, pi-tuned, random, or a file that rollout takes; give it once for each controller",
     )
     options.add_episodes(parser, 10)
     parser.add_argument("--out", type=outputs.folder, metavar="FOLDER", help=f"for {DATA}, {PICTURE} and films")
     parser.add_argument("--film", action="store_true", help="film each controller's first episode, into --out")
-    parser.add_argument("--bound", action="store_true", help="the reward that nobody exceeds, and the distance from it")
+    parser.add_argument(
+        "--bound", action="store_true", help="a reward that no controller can exceed, and the distance from it"
+    )
     parser.add_argument("--json", action="store_true", help="print the same as data")
 
 

@@ -40,7 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--gains",
         metavar="kp=50±30%,kv=…|guessed",
-        help="gains of the servos and what they are known to; wide where they were guessed",
+        help="gains of the servos and their uncertainty; guessed: to a factor of ten",
     )
     options.add_known_effects(parser)
     parser.add_argument(
@@ -50,7 +50,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="folder for report.html, diagnosis.json, calibration.yaml, repaired.xml of a model, scene.html ('[view]')",
     )
     parser.add_argument("--policy", metavar="pi|FILE.zip", help="predict this policy's return before and after")
-    parser.add_argument("--trust", action="store_true", help="load FILE.zip although loading runs what it holds")
+    parser.add_argument("--trust", action="store_true", help="load FILE.zip although loading runs code that it holds")
     options.add_seed(parser)
     options.add_threads(parser)
     parser.add_argument("--time-budget", type=float, help="seconds after which the best verdict so far is written")

@@ -31,7 +31,7 @@ class Request:
         threads: of the simulations; the answer does not depend on it.
         deadline: by which there is an answer, what was found until then.
         policy: ``pi`` or a file, whose return the nominal and the repaired simulator predict; None: not asked.
-        trust: load that file although loading runs what it holds.
+        trust: load that file although loading runs code that it holds.
         tick: told how far it is.
         command: the command line that asks, for the page.
         numbers: whether the repair has the nominal model's numbers as fitted, as far as validation trials confirm them.

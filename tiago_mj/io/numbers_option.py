@@ -11,7 +11,7 @@ def add_numbers(parser: argparse.ArgumentParser) -> None:
         "--numbers",
         choices=("yes", "no"),
         default="yes",
-        help="no: leave out the model's own numbers as a diagnosis fitted them, beside its effects (yes)",
+        help="no: use the effects alone, without the model's own numbers as fitted (yes)",
     )
 
 

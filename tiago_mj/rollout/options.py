@@ -31,7 +31,7 @@ def add_episodes(parser: argparse.ArgumentParser, count: int) -> None:
     parser.add_argument(
         "--seed", type=int, default=0, metavar="N", help="of the first episode; each later one adds 1 (0)"
     )
-    parser.add_argument("--trust", action="store_true", help="load a FILE although loading runs what it holds")
+    parser.add_argument("--trust", action="store_true", help="load a FILE although loading runs code that it holds")
 
 
 def check_least(arguments: argparse.Namespace, least: int, *options: str) -> None:

@@ -32,7 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="argument of the environment, value in JSON; as often as needed",
     )
     live.add_argument("--policy", metavar="pi|random|NAME|FILE", help="who commands at first; else your sliders do")
-    live.add_argument("--trust", action="store_true", help="load a FILE.zip although loading runs what it holds")
+    live.add_argument("--trust", action="store_true", help="load a FILE.zip although loading runs code that it holds")
     live.add_argument("--seed", type=int, default=0, metavar="N", help="of the first episode (0)")
     watched = parser.add_argument_group("recordings")
     watched.add_argument("--diagnosis", type=Path, metavar="DIR", help="folder that tiago-mj diagnose wrote of them")
@@ -47,10 +47,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--effects",
         action="append",
         metavar="JSON|FILE.yaml",
-        help="effects to begin with; of recordings: what the repaired robot has, in place of the diagnosis's",
+        help="effects at the start; of recordings: those of the repaired robot, in place of the diagnosis's",
     )
     parser.add_argument(
-        "--port", type=int, default=PORT, metavar="N", help=f"where it is served, on this machine alone ({PORT})"
+        "--port",
+        type=int,
+        default=PORT,
+        metavar="N",
+        help=f"port at which it is served, on this machine alone ({PORT})",
     )
     parser.add_argument("--json", action="store_true", help="print the address, or the file, as data")
 

@@ -43,7 +43,7 @@ class Asked:
 
     Attributes:
         policy: its name or file, as :func:`tiago_mj.rollout.policies.make_policy` takes it.
-        trust: whether a file may be loaded although loading runs what it holds.
+        trust: whether a file may be loaded although loading runs code that it holds.
         plant: the nominal simulator, of an environment.
         trials: recordings of which some will be test trials.
         seed: of what is drawn where a recording has none of its own.

@@ -37,7 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--gains",
         metavar="kp=50±30%,kv=…",
-        help="gains of the servos and what they are known to, of one as JOINT.kp=…; guessed by default",
+        help="gains of the servos and their uncertainty, of one joint as JOINT.kp=…; guessed by default",
     )
     parser.add_argument("--mass-floor", type=float, metavar="KG", help="mass of links that move and have none")
     parser.add_argument("--no-scene", action="store_true", help="no light and no floor: a robot for a scene of yours")

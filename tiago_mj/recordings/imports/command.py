@@ -59,16 +59,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--units",
         metavar="degrees|normalised|radians",
-        help="of lerobot: what the joints' numbers are, where they do not prove it; single ones as ,JOINT=percent",
+        help="of lerobot: unit of the joints' numbers, where these do not decide it; of one joint as ,JOINT=percent",
     )
     parser.add_argument(
-        "--joints", metavar="NAME=JOINT,...", help="of lerobot: the model's joints, where the names do not tell"
+        "--joints", metavar="NAME=JOINT,...", help="of lerobot: the model's joints, where the names do not match"
     )
     parser.add_argument(
         "--commands",
         choices=xl330.COMMANDS,
         default="torque",
-        help="of xl330: what the pendulum is said to be commanded",
+        help="of xl330: which quantity is taken as the command",
     )
     parser.add_argument(
         "--apart",

@@ -56,7 +56,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--minari", metavar="NAME-v0", help="of --env: write the episodes as a Minari dataset of that name, too"
     )
     parser.add_argument("--rate", type=float, metavar="HZ", help="control rate of --model (the motion's, or 100)")
-    parser.add_argument("--trust", action="store_true", help="load FILE.zip although loading runs what it holds")
+    parser.add_argument("--trust", action="store_true", help="load FILE.zip although loading runs code that it holds")
     parser.add_argument("--json", action="store_true", help="print what was written as data")
 
 
