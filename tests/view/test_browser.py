@@ -52,10 +52,16 @@ def test_the_saved_page_opens_without_a_server_and_plays(page, known, tmp_path):
 
     path = tmp_path / "scene.html"
     write(known.story("pi-001"), path)
+    page.emulate_media(color_scheme="dark")
     asked = []
     page.on("request", lambda request: asked.append(request.url))
     page.goto(path.as_uri())
+    assert until(lambda: len(np.unique(seen(page).reshape(-1, 3) // 16, axis=0)) > 20)
+    assert page.locator("html").get_attribute("data-mantine-color-scheme") == "dark"
+    page.emulate_media(color_scheme="light")
+    page.goto(path.as_uri())
     assert until(lambda: drawn(page))
+    assert page.locator("html").get_attribute("data-mantine-color-scheme") == "light"
     assert [url for url in asked if url.startswith(("http", "ws"))] == []
     first = page.locator("#now").inner_text()
     assert until(lambda: page.locator("#now").inner_text() != first)

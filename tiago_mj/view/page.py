@@ -23,6 +23,8 @@ MAX_PICTURES: Final = 360
 #: It plays this long at least, if need be slower than life [s]; and how much slower that may be.
 LONG_ENOUGH: Final = 5.0
 SLOWER: Final = (1, 2, 4, 5, 10, 20)
+#: Whether the browser prefers a dark page, asked when it opens the file.
+DARK: Final = 'matchMedia("(prefers-color-scheme: dark)").matches'
 
 
 def write(story: Story, path: Path, *, beside: bool = False) -> None:
@@ -76,6 +78,7 @@ def with_panel(page: str, story: Story, *, slower: int, larger: int) -> str:
     _, _, after = rest.partition("</title>")
     page = head + title + after if after else page
     page = page.replace("<head>", f"<head>{pages.of_application()}", 1)
+    page = page.replace("{darkMode:false}", f"{{darkMode:{DARK}}}", 1)  # else viser's player is light in a dark page
     end = page.rindex("</body>")
     return page[:end] + panel + page[end:]
 
