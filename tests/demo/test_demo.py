@@ -260,3 +260,14 @@ def test_a_grasp_that_never_touches_is_told_as_it_is(monkeypatch):
 
 def test_the_environment_shown_is_one_that_is_registered():
     assert "tiago_mj/GripperTactile-v0" in gymnasium.registry
+
+
+def test_an_effect_that_was_not_found_in_time_is_told_as_that():
+    hidden = {"effect": "Coulomb friction", "truth": "3.69 N", "right": False, "complete": False, "seconds": 48.8}
+    assert report.headline({"hidden": hidden})[1].endswith(
+        "not found in 49 s; run it again while the machine has less else to do."
+    )
+    assert report.outcome({"hidden": hidden}) == "an effect hidden and not found, "
+    assert report.headline({"hidden": {**hidden, "complete": True}})[1].endswith("alone: not found.")
+    assert report.outcome({"hidden": {**hidden, "right": True}}) == "an effect found, "
+    assert report.outcome({"hidden": None}) == ""

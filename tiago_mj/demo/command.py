@@ -60,7 +60,7 @@ def run(arguments: argparse.Namespace) -> int:
         return 0
     print("\n".join(report.lines(data)))
     compared = "a real force curve" if data["arm"] is None else "a real force curve and a real arm"
-    print(f"Done in {data['made']['seconds']:.0f} s: an effect found, a grasp, compared with {compared}.")
+    print(f"Done in {data['made']['seconds']:.0f} s: {report.outcome(data)}a grasp, compared with {compared}.")
     print(f"Written: {out / 'demo.html'}, for a browser, its numbers in demo.json, its pictures beside it.")
     print("Next: tiago-mj rollout --env TIAGoTactile-v0 --policy pi --film tiago.mp4")
     return 0

@@ -117,10 +117,19 @@ def headline(data: dict[str, Any]) -> tuple[str, str]:
     if hidden is None:
         return what, ""
     found = "found" if hidden["right"] else "not found"
+    if not hidden["right"] and not hidden["complete"]:
+        found = f"not found in {hidden['seconds']:.0f} s; run it again while the machine has less else to do"
     return what, (
         f"In a simulated robot {hidden['effect']} of {hidden['truth']} was hidden, and the diagnosis was given its "
         f"recordings alone: {found}."
     )
+
+
+def outcome(data: dict[str, Any]) -> str:
+    """What became of the hidden effect, as the beginning of a list; empty without a diagnosis."""
+    if data["hidden"] is None:
+        return ""
+    return "an effect found, " if data["hidden"]["right"] else "an effect hidden and not found, "
 
 
 def lines(data: dict[str, Any]) -> list[str]:
