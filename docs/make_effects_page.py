@@ -21,10 +21,10 @@ SOURCES = {
 HEAD = """\
 # Effects
 
-What a real robot has and the nominal simulator lacks: {count} effects, from a late command to a drifting load cell. The
+{count} effects that a real robot has and the nominal simulator lacks, from a late command to a drifting load cell. The
 environments simulate them, so that a policy can be trained on a simulator that has the real robot's faults; the
-diagnosis (`tiago-mj diagnose`) tells which of them a recording shows, by the same code. This page is written from their
-declarations by `python docs/make_effects_page.py`: edit those.
+diagnosis (`tiago-mj diagnose`) says which of them a recording shows, with the same code. This page is written from
+their declarations by `python docs/make_effects_page.py`: edit those.
 
 ## How they are used
 
@@ -44,7 +44,7 @@ env = gymnasium.make("tiago_mj/GripperTactile-v0", effects=effects)
 - `target` is a name, a list of names, or `"all"`, which is the default; one entry's values serve all of its targets,
   different values need two entries. A payload's default is the tool.
 - Parameters left out take their defaults: a magnitude that is clearly visible, not a typical one.
-- A value may lie beyond what a fit tries, as large robots have it; ten times beyond is refused, with the likely slip
+- A value may lie beyond what a fit tries, as large robots have it; ten times beyond is refused, with the likely mistake
   (mm for m, ms for s). What a diagnosis found is taken as it is.
 - Two entries of one effect on one target add up, factors multiply, and of two limits the tighter holds.
 
@@ -105,8 +105,8 @@ cannot tell them apart. Every other effect is a class of its own.
 
 ## Sources
 
-Typical magnitudes are from the sources below. *Chosen* means that no measurement stands behind a number: it is what the
-project's authors hold for usual.
+Typical magnitudes are from the sources below. *Chosen* means that a number is not measured: it is what the
+project's authors consider usual.
 
 {sources}
 """

@@ -43,10 +43,10 @@ def principal(quaternion: Array, inertia: Array, mass: float, arm: Array) -> tup
 
 @effect("payload", stage="body", targets="joint")
 class Payload(Effect):
-    """Unmodelled mass at the tool, of which the robot's gravity compensation knows nothing.
+    """Unmodelled mass at the tool, which the robot's gravity compensation does not lift.
 
     The mass is a point at x, y, z from the tool body's centre of mass, along the body's axes; at that centre where no
-    place is given. What a body weighs is never below 0. What compensates gravity lifts the nominal mass at the common
+    place is given. What a body weighs is never below 0. Gravity compensation lifts the nominal mass at the common
     centre.
 
     Formula: joint torque += mass · g · lever arm; inertia += mass · lever arm²
@@ -140,8 +140,8 @@ class GravityTilt(Effect):
 
 @effect("link_mass", stage="body", targets="joint")
 class LinkMass(Effect):
-    """Mass and moments of inertia of what a joint carries up to the next joint, by a factor. What compensates gravity
-    lifts the nominal mass.
+    """Mass and moments of inertia of what a joint carries up to the next joint, by a factor. Gravity
+    compensation lifts the nominal mass.
 
     Formula: mass = factor · nominal mass; inertia = factor · nominal inertia
 

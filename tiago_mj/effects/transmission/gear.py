@@ -102,9 +102,9 @@ class Backlash(Effect):
 
 @effect("joint_elasticity", stage="transmission", targets="joint", gap_class="gain")
 class JointElasticity(Effect):
-    """A spring between motor and joint, in series with the servo, which holds a motor without mass.
+    """A spring between motor and joint, in series with the servo; by default the motor has no inertia.
 
-    Where the motor's inertia is given it has that, and the spring the damping that is given.
+    The motor's inertia and the spring's damping may be given.
 
     Formula: stiffness · (motor - joint) = kp · (set point - motor) - kv · motor velocity; at rest the stiffness felt at
     the joint is 1 / (1 / kp + 1 / stiffness)
