@@ -40,6 +40,8 @@ URDF = """
         ("kp=50±30%,kv=0.5 ± 50 %", {(None, "kp"): Gain(50, 0.3), (None, "kv"): Gain(0.5, 0.5)}),
         ("hinge.kp=+-30%", {("hinge", "kp"): Gain(None, 0.3)}),
         ("kp=1e3 guessed", {(None, "kp"): Gain(1000, GUESSED)}),
+        ("20, 0.5±10%", {(None, "kp"): Gain(20, None), (None, "kv"): Gain(0.5, 0.1)}),
+        ("hinge.kp=3,hinge.kd=1", {("hinge", "kp"): Gain(3, None), ("hinge", "kv"): Gain(1, None)}),
         ("guessed", {(None, "kp"): Gain(None, GUESSED), (None, "kv"): Gain(None, GUESSED)}),
         ({"kp": "50 ± 30 %", "kv": 2}, {(None, "kp"): Gain(50, 0.3), (None, "kv"): Gain(2, None)}),
         ({"hinge": {"kp": "guessed"}}, {("hinge", "kp"): Gain(None, GUESSED)}),

@@ -14,7 +14,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from multiprocessing import current_process
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from tiago_mj.gap.faults import FAULT, FaultError, keeping
 from tiago_mj.io import extra, outputs
@@ -39,8 +39,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     options.add_map(parser)
     parser.add_argument(
         "--gains",
-        metavar="kp=50±30%,kv=…|guessed",
-        help="gains of the servos and their uncertainty; guessed: to a factor of ten",
+        metavar="kp=50±30%,kv=…|KP,KD|guessed",
+        help="gains of the servos, or of the controllers of motors, and their uncertainty; guessed: to a factor of ten",
+    )
+    parser.add_argument(
+        "--fix-base", action="store_true", help="the floating base of the model was held: legs in the air"
+    )
+    parser.add_argument(
+        "--like", metavar="FL,FR,…", help="what the joints of like parts begin with: says which of them differs"
     )
     options.add_known_effects(parser)
     parser.add_argument(
@@ -72,6 +78,14 @@ def considered(without: str) -> tuple[str, ...] | None:
         if name not in EFFECTS:
             raise ValueError(f"--without {name}: there is no such effect: docs/effects.md lists them")
     return tuple(name for name in EFFECTS if name not in left_out) if left_out else None
+
+
+def of_model(arguments: argparse.Namespace) -> dict[str, Any]:
+    """What a command line says of the model beside the file: gains, a base that was held, parts that are alike."""
+    found: dict[str, Any] = {"gains": arguments.gains} if arguments.gains else {}
+    found |= {"base": "fixed"} if arguments.fix_base else {}
+    names = [name.strip() for name in (arguments.like or "").split(",") if name.strip()]
+    return found | ({"like": names} if names else {})
 
 
 #: Stages of a diagnosis, in words.
@@ -166,12 +180,11 @@ def _run(arguments: argparse.Namespace, entered: float) -> int:
 
     loaded = deadline.spent()
     try:
-        defaults = {"robot": arguments.env} if arguments.env else {}
+        defaults: dict[str, Any] = {"robot": arguments.env} if arguments.env else {}
         if arguments.model:
             defaults = {"robot": str(arguments.model)}
         robot = defaults.get("robot")
-        if arguments.gains:
-            defaults["gains"] = arguments.gains
+        defaults |= of_model(arguments)
         read = read_recordings(arguments.recordings, map_file=arguments.map, defaults=defaults, robot=robot)
         # What cannot be used is said before the rest is loaded, which takes a second.
         from tiago_mj.effects import read_effects
@@ -282,14 +295,14 @@ def view(arguments: argparse.Namespace) -> list[str]:
 def words(arguments: argparse.Namespace) -> list[str]:
     """The command line, as it can be run again."""
     out = ["tiago-mj", "diagnose", *(str(path) for path in arguments.recordings)]
-    for name in ("env", "model", "map", "gains", "effects", "policy", "without", "time_budget"):
+    for name in ("env", "model", "map", "gains", "like", "effects", "policy", "without", "time_budget"):
         value = getattr(arguments, name)
         several = value if isinstance(value, list) else [value]
         for one in several:
             if one is not None and one != "":
                 out += [f"--{name.replace('_', '-')}", str(one)]
-    if arguments.trust:
-        out.append("--trust")
+    out += ["--trust"] if arguments.trust else []
+    out += ["--fix-base"] if arguments.fix_base else []
     if not with_numbers(arguments):
         out += ["--numbers", "no"]
     return [*out, "--seed", str(arguments.seed), "--out", str(arguments.out)]

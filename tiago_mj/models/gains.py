@@ -1,4 +1,5 @@
-"""How well the gains of position servos are known: ``kp=50±30%,kv=0.5±50%``, as a command line or a map says it.
+"""How well the gains of position servos are known: ``kp=50±30%,kv=0.5±50%``, as a command line or a map says it; two
+numbers alone, ``50,0.5``, are both, and ``kd`` is another name of ``kv``.
 
 A gain that nobody knows is no gap: a diagnosis fits it along with every explanation, within what it is known to, and
 names neither it nor what would stand in for it (:mod:`tiago_mj.recordings.nominal_priors`).
@@ -22,9 +23,11 @@ GUESSED: Final = math.log(10) / 1.645
 GUESS: Final = "guessed"
 #: Name of the text in which a converted model says which of its gains were guessed.
 TEXT: Final = "servo_gains"
+#: Other names of them.
+ALIASES: Final = {"kd": "kv"}
 MEND: Final = (
-    "write gains as kp=50±30%,kv=0.5±50% (of one actuator as elbow.kp=50±30%), ±30% where the model has the value, or "
-    "guessed"
+    "write gains as kp=50±30%,kv=0.5±50% or 50,0.5 (of one actuator as elbow.kp=50±30%), ±30% where the model has the "
+    "value, or guessed"
 )
 _SAID: Final = re.compile(r"(?P<value>\d[\d.eE+-]*?)?\s*(?:(?:±|\+/?-)\s*(?P<share>\d[\d.]*)\s*%|(?P<guess>guessed))?")
 
@@ -55,8 +58,10 @@ def parsed(said: Any) -> Gains:
     if said == GUESS:
         return {(None, name): Gain(None, GUESSED) for name in GAINS}
     if isinstance(said, str):
-        pairs = [part.partition("=") for part in said.split(",") if part.strip()]
-        items = [(key.strip(), value) for key, _, value in pairs]
+        parts = [part for part in said.split(",") if part.strip()]
+        if len(parts) == len(GAINS) and not any("=" in part for part in parts):
+            parts = [f"{name}={part}" for name, part in zip(GAINS, parts, strict=True)]
+        items = [(key.strip(), value) for key, _, value in (part.partition("=") for part in parts)]
     elif isinstance(said, Mapping):
         items = []
         for key, value in said.items():
@@ -67,6 +72,7 @@ def parsed(said: Any) -> Gains:
     found = {}
     for key, value in items:
         actuator, _, name = key.rpartition(".")
+        name = ALIASES.get(name, name)
         if name not in GAINS:
             raise ValueError(f"gains name {quoted(key)}, which is neither kp nor kv: {MEND}")
         found[actuator or None, name] = _gain(key, value)

@@ -19,6 +19,9 @@ from tiago_mj.recordings.usable import RATE, is_rate
 #: What recorders write as they like.
 _FREE: Final = ("goal", "motion", "source")
 
+#: What a map and the command line may say of the model, too.
+OF_MODEL: Final = ("gains", "base", "like")
+
 _Text = Annotated[str, Field(description="write text")]
 _Mapping = Annotated[dict[str, Any] | None, Field(description="write a mapping, {...}")]
 _Number = Annotated[float | None, Field(description="write a number")]
@@ -89,6 +92,8 @@ class _Written(Open):
         default=None, description='write columns or kinds and numbers, such as {"force": 0.02}'
     )
     gains: str | dict[str, Any] | None = Field(default=None, description="write gains, such as {kp: 50 ± 30 %}")
+    base: Literal["fixed", "free"] | None = Field(default=None, description="write fixed or free")
+    like: list[str] | None = Field(default=None, description="write what like parts begin with, such as [FL, FR]")
     command_reference: Literal["measured"] | None = Field(default=None, description='write "measured", or leave it out')
 
 
@@ -145,10 +150,11 @@ def parse_sidecar(raw: Mapping[str, Any], file: str, defaults: Mapping[str, Any]
 
 
 def _known_to(raw: Mapping[str, Any], merged: Mapping[str, Any], defaults: Mapping[str, Any]) -> dict[str, Any]:
-    """What values and the model's numbers are known to: a map and the command line may say it beside a sidecar."""
+    """What values and the model's numbers are known to, whether its base is held, and which of its parts are alike: a
+    map and the command line may say it beside a sidecar."""
     said = {**(defaults.get("uncertainty") or {}), **(raw.get("uncertainty") or {})}
-    gains = {"gains": merged["gains"]} if merged.get("gains") is not None else {}
-    return {**({"uncertainty": said} if said else {}), **gains}
+    stated = {key: merged[key] for key in OF_MODEL if merged.get(key) is not None}
+    return {**({"uncertainty": said} if said else {}), **stated}
 
 
 def sidecar_mapping(sidecar: Sidecar) -> dict[str, Any]:

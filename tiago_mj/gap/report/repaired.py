@@ -72,6 +72,7 @@ def repaired(found: Diagnosis, plant: Plant) -> Repaired:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of the user's file, which was compiled before
             model = model_file.read(plant.file, timestep).compile()
+            wiring = _of(model, wiring)
             kept = tuple(name for name, own in both.items() if _holds(model, wiring, own, plant.period, substeps))
             spec = model_file.read(plant.file, timestep)
             entries = [one for name in kept for one in both[name]]
@@ -109,6 +110,12 @@ def _wiring(plant: Plant) -> Wiring:
     on_them = [a for a in range(model.nu) if model.actuator_trntype[a] == 0 and model.actuator_trnid[a, 0] in joints]
     names = [model.actuator(a).name for a in on_them]
     return wire(model, joints=plant.joints, actuators=names, interface=plant.wiring.interface)
+
+
+def _of(model: mujoco.MjModel, wiring: Wiring) -> Wiring:
+    """The same joints and actuators in the file's own model, whose base floats where it was held to be diagnosed."""
+    targets = wiring.targets
+    return wire(model, joints=targets.joint, actuators=targets.command, interface=wiring.interface)
 
 
 def _holds(model: mujoco.MjModel, wiring: Wiring, entries: Sequence[Entry], period: float, substeps: int) -> bool:

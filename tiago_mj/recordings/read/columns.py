@@ -15,6 +15,7 @@ from tiago_mj.io.quoting import quoted
 from tiago_mj.recordings.read.clock import check_clock, repair_clock
 from tiago_mj.recordings.read.commands import by_actuator, interface_of_model
 from tiago_mj.recordings.read.mapping import Target
+from tiago_mj.recordings.read.pd_torques import are_goals_of_motors, with_torques
 from tiago_mj.recordings.read.tables import Table
 from tiago_mj.recordings.read.torque import TORQUE, says_torque, without_torque_off
 from tiago_mj.recordings.read.units import ASKED, factor
@@ -70,9 +71,12 @@ def trial_from_table(
     if robot is not None:
         channels["command"], renamed = by_actuator(channels["command"], robot, file)
         findings += renamed
-        if sidecar.interface is None and (said := interface_of_model(channels["command"], robot, file)) is not None:
-            sidecar = replace(sidecar, interface=said[0])
-            findings.append(said[1])
+        goals = are_goals_of_motors(channels["command"], sidecar, robot)
+        sidecar = replace(sidecar, interface="position") if goals else sidecar
+        told = None if sidecar.interface else interface_of_model(channels["command"], robot, file)
+        if told is not None:
+            sidecar = replace(sidecar, interface=told[0])
+            findings.append(told[1])
     _check_enough(channels, sidecar, file, table.sidecar_file, replayed)
     if not channels["command"]:
         _check_efforts(targets, columns, found.stated, file)
@@ -89,8 +93,9 @@ def trial_from_table(
         part_of=(),
         **{KINDS[kind]: by_name for kind, by_name in channels.items()},
     )
+    trial, computed = with_torques(trial, robot)
     trials, cuts = without_torque_off(trial, found.torque)
-    return trials, [*repairs, *findings, *cuts]
+    return trials, [*repairs, *findings, *computed, *cuts]
 
 
 @dataclass

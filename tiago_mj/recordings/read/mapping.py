@@ -13,7 +13,7 @@ YAML, column -> kind and name, optionally unit and scale (``-1`` flips a sign):
       command.wrist: null                                  # nothing commands this actuator, and its joint may move
 
 A file may hold ``columns`` (for CSV and Parquet) and ``topics`` (for bags) at once, and what sidecars lack: ``robot``,
-``interface``, ``rate_hz``, ``servo``, ``sensing``, ``object``, ``uncertainty``, ``gains``.
+``interface``, ``rate_hz``, ``servo``, ``sensing``, ``object``, ``uncertainty``, ``gains``, ``base``, ``like``.
 """
 
 from __future__ import annotations
@@ -31,9 +31,10 @@ from tiago_mj.io.schema import Closed, SchemaError, checked
 from tiago_mj.recordings.read.torque import TORQUE
 from tiago_mj.recordings.read.units import COUNTS, CURRENTS, factor, of_drive
 from tiago_mj.recordings.recording import KINDS, RecordingError
+from tiago_mj.recordings.sidecar import OF_MODEL
 
 #: Of a sidecar, what a map file may say for all its recordings.
-FACTS: Final = ("robot", "rate_hz", "interface", "servo", "sensing", "object", "uncertainty", "gains")
+FACTS: Final = ("robot", "rate_hz", "interface", "servo", "sensing", "object", "uncertainty", *OF_MODEL)
 #: Kinds of which there is no joint, actuator or sensor to be named.
 NAMELESS: Final = ("time", TORQUE)
 #: Factor between what a column holds and its unit, or one over it; nanometres in a column of kilometres have 1e12.
