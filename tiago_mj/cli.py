@@ -32,6 +32,7 @@ COMMANDS: Final[Mapping[str, tuple[str, str]]] = MappingProxyType(
         "train": ("tiago_mj.learn.command", "train agents with stable-baselines3; the same command again goes on"),
         "agents": ("tiago_mj.learn.shipped", "list the agents that come with the package, or export one of your own"),
         "convert": ("tiago_mj.models.convert.command", "turn a robot's URDF into MJCF"),
+        "robots": ("tiago_mj.robots.command", "list the robots that --robot knows: model, joints, gains, motion"),
         "preflight": ("tiago_mj.experiment_design.command", "what recordings can tell, before anything is fitted"),
         "diagnose": ("tiago_mj.gap.command", "say why recordings differ from the simulator, and mend it"),
         "compare": ("tiago_mj.change.command", "say what changed between two sets of recordings of one robot"),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import importlib
 import math
 import shlex
 import signal
@@ -23,8 +24,10 @@ from tiago_mj.io.numbers_option import add_numbers, with_numbers
 from tiago_mj.io.progress import Progress
 from tiago_mj.io.quoting import one_line
 from tiago_mj.recordings import options
-from tiago_mj.recordings.recording import RecordingError, Trial
+from tiago_mj.recordings.recording import ReadResult, RecordingError, Trial
 from tiago_mj.recordings.trials import LONGEST, MOST_ROWS, too_long
+from tiago_mj.robots.known import named
+from tiago_mj.robots.model import model_of
 
 if TYPE_CHECKING:
     from tiago_mj.gap.result import Diagnosis
@@ -35,7 +38,11 @@ if TYPE_CHECKING:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
     parser.add_argument("recordings", nargs="+", type=Path, metavar="RECORDING", help="files or folders of recordings")
-    options.add_simulator(parser)
+    what = options.add_simulator(parser)
+    what.add_argument("--robot", metavar="NAME", help="a robot that tiago-mj robots lists, with its model")
+    parser.add_argument(
+        "--menagerie", type=Path, metavar="FOLDER", help="checkout of MuJoCo Menagerie with the model of --robot"
+    )
     options.add_map(parser)
     parser.add_argument(
         "--gains",
@@ -176,16 +183,10 @@ def _run(arguments: argparse.Namespace, entered: float) -> int:
     deadline = Deadline(math.inf if arguments.time_budget is None else arguments.time_budget, entered)
     extra.load("pandas", "reading recordings")
     threadpool_limits = extra.load("threadpoolctl", "the same answer on every machine").threadpool_limits
-    from tiago_mj.recordings.read import read_recordings
-
+    importlib.import_module("tiago_mj.recordings.read")
     loaded = deadline.spent()
     try:
-        defaults: dict[str, Any] = {"robot": arguments.env} if arguments.env else {}
-        if arguments.model:
-            defaults = {"robot": str(arguments.model)}
-        robot = defaults.get("robot")
-        defaults |= of_model(arguments)
-        read = read_recordings(arguments.recordings, map_file=arguments.map, defaults=defaults, robot=robot)
+        read = _read(arguments)
         # What cannot be used is said before the rest is loaded, which takes a second.
         from tiago_mj.effects import read_effects
         from tiago_mj.gap.simulation.plant import plant_of
@@ -236,6 +237,19 @@ def _run(arguments: argparse.Namespace, entered: float) -> int:
         print(f"tiago-mj diagnose: {unusable}", file=sys.stderr)
         return 2
     return _written(diagnosis, seen, fault, arguments)
+
+
+def _read(arguments: argparse.Namespace) -> ReadResult:
+    """The recordings, with what the command line says of their robot; the model of a named robot becomes ``model``."""
+    from tiago_mj.recordings.read import read_recordings
+
+    owned = named(arguments.robot) if arguments.robot else None
+    if owned is not None:
+        arguments.model = model_of(owned, arguments.menagerie)
+    robot = str(arguments.model) if arguments.model else arguments.env
+    defaults = {**(owned.facts if owned else {}), **({"robot": robot} if robot else {}), **of_model(arguments)}
+    known = owned.map if owned is not None else None
+    return read_recordings(arguments.recordings, map_file=arguments.map, defaults=defaults, robot=robot, known=known)
 
 
 def _written(
@@ -295,7 +309,9 @@ def view(arguments: argparse.Namespace) -> list[str]:
 def words(arguments: argparse.Namespace) -> list[str]:
     """The command line, as it can be run again."""
     out = ["tiago-mj", "diagnose", *(str(path) for path in arguments.recordings)]
-    for name in ("env", "model", "map", "gains", "like", "effects", "policy", "without", "time_budget"):
+    which = "robot" if arguments.robot else "model"
+    rest = ("map", "gains", "like", "effects", "policy", "without", "time_budget")
+    for name in ("env", which, "menagerie", *rest):
         value = getattr(arguments, name)
         several = value if isinstance(value, list) else [value]
         for one in several:

@@ -6,11 +6,12 @@ import argparse
 from pathlib import Path
 
 
-def add_simulator(parser: argparse.ArgumentParser) -> None:
-    """``--env`` or ``--model``: what recordings are compared with."""
+def add_simulator(parser: argparse.ArgumentParser) -> argparse._MutuallyExclusiveGroup:
+    """``--env`` or ``--model``: what recordings are compared with; the group, for what else excludes both."""
     what = parser.add_mutually_exclusive_group()
     what.add_argument("--env", metavar="ID", help="environment that they are compared with, where they do not say")
     what.add_argument("--model", type=Path, metavar="FILE.xml", help="MJCF file that they are compared with")
+    return what
 
 
 def add_map(parser: argparse.ArgumentParser) -> None:

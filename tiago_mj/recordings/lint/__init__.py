@@ -80,10 +80,13 @@ def inspect_all(trials: Sequence[Trial], plant: Plant) -> tuple[Finding, ...]:
 
 
 def _driven(plant: Plant) -> dict[str, str]:
-    """Joint of every actuator whose command is in the joint's own direction, so that columns can be compared."""
-    targets = plant.wiring.targets
-    gear = plant.model.actuator_gear[plant.wiring.actuators, 0]
-    named = {name: targets.joint[targets.actuated[k]] for k, name in enumerate(targets.command) if gear[k] > 0}
+    """Joint of every actuator whose command is in the joint's own direction and unit, so that columns can be compared:
+    a gripper that is sent 0 to 255 is not."""
+    targets, model, actuators = plant.wiring.targets, plant.model, plant.wiring.actuators
+    stiffness = -model.actuator_biasprm[actuators, 1]
+    own = (stiffness <= 0) | np.isclose(model.actuator_gainprm[actuators, 0], stiffness)
+    direct = own & (model.actuator_gear[actuators, 0] > 0)
+    named = {name: targets.joint[targets.actuated[k]] for k, name in enumerate(targets.command) if direct[k]}
     return named if len(set(named.values())) == len(named) else {}
 
 

@@ -31,6 +31,7 @@ def read_recordings(
     defaults: Mapping[str, Any] | None = None,
     replayed: bool = True,
     robot: str | None = None,
+    known: Mapping[str, Any] | None = None,
 ) -> ReadResult:
     """Trials from recording files and folders, and findings on what was repaired or assumed.
 
@@ -43,6 +44,7 @@ def read_recordings(
         replayed: whether a recording without commands and efforts is refused, as nothing can be replayed.
         robot: environment id or model file that is simulated whatever the sidecars say; None: what they say. A model
             file tells which actuator the command of a joint is for, and what commands are where nothing else says it.
+        known: columns that logs of this robot may have, as a map file has them; what the map file says counts more.
 
     Returns:
         Trials in the order of the paths, and what was found and repaired. Two recordings with the same samples are
@@ -53,6 +55,7 @@ def read_recordings(
     """
     content = {} if map_file is None else load_map(Path(map_file))
     columns = column_map(content, "" if map_file is None else Path(map_file).name)
+    usual = column_map({"columns": known or {}}, "")
     trials: list[Trial] = []
     findings: list[Finding] = []
     files: list[Path] = []
@@ -66,7 +69,8 @@ def read_recordings(
         file = robot or _robot(path, table, lacking)
         if file not in robots:
             robots[file] = robot_of(file)
-        parts, found = trial_from_table(table, columns, lacking, replayed, robots[file])
+        here = {column: target for column, target in usual.items() if column in table.columns}
+        parts, found = trial_from_table(table, {**here, **columns}, lacking, replayed, robots[file])
         trials += [_model_found(trial, path) for trial in parts]
         files += [path] * len(parts)
         findings += found
