@@ -89,6 +89,31 @@ class FittedNumber:
 
 
 @dataclass(frozen=True)
+class Likeness:
+    """A magnitude on parts that are built alike, such as legs: each fitted by itself.
+
+    Attributes:
+        name: of the effect.
+        place: which of a part's joints.
+        parameter: of the effect.
+        values: by part.
+        common: of the parts that agree; None where no two do.
+        chi_square: of the differences between all of the parts.
+        probability: that parts with the same magnitude differ so much.
+        differs: parts that do not agree with the rest; empty where all agree.
+    """
+
+    name: str
+    place: str
+    parameter: str
+    values: Mapping[str, Value]
+    common: Value | None
+    chi_square: Number
+    probability: Number
+    differs: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
 class Evidence:
     """What speaks for an explanation and against it.
 

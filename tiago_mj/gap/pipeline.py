@@ -10,7 +10,7 @@ import numpy as np
 
 from tiago_mj.effects import EFFECTS
 from tiago_mj.gap.ahead import Ahead
-from tiago_mj.gap.analysis import locate, task
+from tiago_mj.gap.analysis import likeness, locate, task
 from tiago_mj.gap.compared import Compared
 from tiago_mj.gap.conclusion import concluded, simulations, unanswered
 from tiago_mj.gap.detectors.proposals import Proposals, proposals
@@ -22,17 +22,19 @@ from tiago_mj.gap.report.repaired import with_model
 from tiago_mj.gap.request import Needs, Request, SoFar
 from tiago_mj.gap.result import Diagnosis
 from tiago_mj.gap.search import select
-from tiago_mj.gap.search.state import Question
+from tiago_mj.gap.search.state import Question, Ranked
 from tiago_mj.gap.simulation import phases, replay, sizes
 from tiago_mj.gap.simulation.along_a_motion import along_a_motion, efforts_along
 from tiago_mj.gap.simulation.session import FITTED, Session
 from tiago_mj.gap.simulation.session import session as session_of
+from tiago_mj.gap.torque import by_part
 from tiago_mj.gap.torque.band import most_informative
 from tiago_mj.gap.torque.channels import Wanted
 from tiago_mj.gap.torque.notes import of_method
 from tiago_mj.gap.torque.shown import check_given, shown
 from tiago_mj.io import mujoco_log
 from tiago_mj.io.deadline import OutOfTimeError
+from tiago_mj.recordings import like
 from tiago_mj.recordings.recording import Trial
 
 
@@ -157,19 +159,28 @@ def _explained(compared: Compared, asked: Request, so_far: SoFar) -> Diagnosis:
         so_far.needs = Needs(deadline, predict.tally, question.budget, a_step, steps, compared.reserve)
     tick.measured_in(question.fitted_trials * question.steps, question.budget)
     with mujoco_log.counted(so_far.warned):
-        ranked = select.select(
-            question,
-            so_far=so_far.search,
-            deadline=searching,
-            landing=compared.a_simulation * select.LANDING * question.first_trials,
-            tick=tick,
-        )
+        landing = compared.a_simulation * select.LANDING * question.first_trials
+        said = like.prefixes(session.trials)
+        ranked = by_part.searched(question, said, searching, landing, tick) if said else None
+        if ranked is None:
+            ranked = select.select(question, so_far=so_far.search, deadline=searching, landing=landing, tick=tick)
+        so_far.search.ranked = ranked
         found = concluded(compared, asked, so_far, ranked)
+        if said and found.best.effects and found.complete:
+            found = _compared_with_each_other(found, session, ranked, said)
     return replace(
         found.with_verdict(not_excited=(*found.not_excited, *compared.hidden)),
         findings=(*asked.findings, *compared.findings),
         notes=(*found.notes, *compared.notes),
     )
+
+
+def _compared_with_each_other(found: Diagnosis, session: Session, ranked: Ranked, said: Sequence[str]) -> Diagnosis:
+    """The answer with which of its magnitudes like parts share; with a sentence where there was no time for it."""
+    try:
+        return replace(found, like=likeness.told(session, ranked, ranked.fits[0], said))
+    except OutOfTimeError:
+        return replace(found, notes=(*found.notes, "There was no time to compare the parts that are alike."))
 
 
 def _question(session: Session, asked: Request) -> task.Asked | None:

@@ -24,6 +24,7 @@ from tiago_mj.gap.parts import (
     Evidence,
     Explanation,
     FittedNumber,
+    Likeness,
     Named,
     Number,
     Place,
@@ -232,8 +233,8 @@ class Verdict:
         alternatives: explanations that the data cannot tell from the best, the best among them.
         remains: what is left of the gap.
         not_excited: effects that the motion does not excite: not ruled out.
-        part: whether what is named explains a part of the gap only, of which the probability is then: on trials kept
-            aside it leaves more than noise and a share of the gap that counts.
+        part: whether it explains a part of the gap only, whose probability is told: on trials kept aside more is left
+            than noise and a share of the gap that counts.
     """
 
     kind: Kind
@@ -255,11 +256,11 @@ class Result:
         verdict: what is said.
         where: the gap table of the nominal model; shares sum to 1 where there is an excess.
         stage: of the signal chain that the pattern points to, or None.
-        residual_shape: what the best explanation leaves looks like, where that is a gap; None: nothing is left, or it
-            was not asked.
+        residual_shape: how what the best explanation leaves looks, where that is a gap; None: nothing, or not asked.
         shrink, ranking, next_motion: as named.
         numbers: of the nominal model, as they were fitted beside the best explanation and the validation trials confirm
             them: part of the repair, beside the effects. None where ``--numbers no`` was asked.
+        like: magnitudes on parts that are built alike, and which part differs; empty where no parts were said to be.
         findings: of the lint.
         splits: trial names by ``train``, ``validation``, ``test``.
         robot: what was simulated.
@@ -282,6 +283,7 @@ class Result:
     shrink: Shrink
     ranking: tuple[Explanation, ...]
     numbers: tuple[FittedNumber, ...] = ()
+    like: tuple[Likeness, ...] = ()
     findings: Annotated[tuple[Finding, ...], Field(alias="lint")]
     next_motion: NextMotion | None
     splits: Splits

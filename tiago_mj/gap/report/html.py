@@ -17,7 +17,18 @@ from typing import Any, Final, Protocol
 import jinja2
 from markupsafe import Markup, escape
 
-from tiago_mj.gap.report import advice, commands, overlays, pattern, residual, shrinking, tables, verdict, words
+from tiago_mj.gap.report import (
+    advice,
+    commands,
+    like_parts,
+    overlays,
+    pattern,
+    residual,
+    shrinking,
+    tables,
+    verdict,
+    words,
+)
 from tiago_mj.gap.report.consistency import has_probability
 from tiago_mj.gap.report.contradiction import checked
 from tiago_mj.gap.result import PHASES, Diagnosis
@@ -86,6 +97,7 @@ def render(diagnosis: Diagnosis, seen: Seen | None = None) -> str:
         between=words.interval_percent(diagnosis.shrink.low, diagnosis.shrink.high),
         ranking=tables.ranking(diagnosis),
         numbers=tables.numbers(diagnosis),
+        like_parts=like_parts.sentences(diagnosis),
         three_figures=verdict.with_numbers(diagnosis),
         ranked=RANKED,
         not_excited=tables.not_excited(diagnosis),

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from tiago_mj.gap.report import advice, commands, pattern, residual, shrinking, tables, verdict, words
+from tiago_mj.gap.report import advice, commands, like_parts, pattern, residual, shrinking, tables, verdict, words
 from tiago_mj.gap.report.contradiction import checked
 from tiago_mj.gap.result import Diagnosis, Named
 from tiago_mj.io import extra
@@ -47,7 +47,10 @@ def lines(diagnosis: Diagnosis, written: Mapping[str, Path]) -> list[tuple[str, 
         shown.append(("", step.said.replace("`", "")))
         if step.command:
             shown.append(("", f"  {step.command}"))
-    shown += _where(d) + _which(d) + _terms(d) + _how_far(d) + _numbers(d)
+    shown += _where(d) + _which(d) + _terms(d)
+    if d.like:
+        shown += [("bold", "Parts that are alike"), *(("", f"  {said}") for said in like_parts.sentences(d))]
+    shown += _how_far(d) + _numbers(d)
     if d.not_excited:
         names = [words.title(name) for name in d.not_excited]
         more = f" and {len(names) - 2 * MOST} more" if len(names) > 2 * MOST else ""

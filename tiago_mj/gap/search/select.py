@@ -138,7 +138,7 @@ def _search(
         if wide is not None:
             shown = sharpen.misfits_by(wide, state.full, agreement.with_agreement(state.full, shown))
         return Ranked(
-            tuple(_with_readings(fit, asked.known, shared) for fit in shown),
+            tuple(with_readings(fit, asked.known, shared) for fit in shown),
             state.unseen,
             len(asked.known),
             count,
@@ -391,7 +391,7 @@ def _decoded(
     return full, []
 
 
-def _with_readings(fit: Fitted, known: Sequence[Known], sensitive: NDArray[np.bool_]) -> Fitted:
+def with_readings(fit: Fitted, known: Sequence[Known], sensitive: NDArray[np.bool_]) -> Fitted:
     """The fit with the effects measured on the readings appended, and the nuisances that were not fitted set to 0."""
     shared, count = np.zeros(len(sensitive)), int(sensitive.sum())
     shared[sensitive] = fit.nuisance[:count]

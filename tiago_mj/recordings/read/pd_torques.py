@@ -11,13 +11,14 @@ from dataclasses import replace
 
 import numpy as np
 
+from tiago_mj.effects.actuator import TorqueConstant
 from tiago_mj.io.quoting import quoted
 from tiago_mj.models import gains
 from tiago_mj.recordings.recording import Array, Finding, RecordingError, Sidecar, Trial
 from tiago_mj.recordings.robot import Robot
 
 #: How well a torque is known whose gain is: an effect of the same kind.
-KNOWN_AS = "torque_constant"
+KNOWN_AS = TorqueConstant.name
 
 
 def are_goals_of_motors(commands: Iterable[str], sidecar: Sidecar, robot: Robot) -> bool:

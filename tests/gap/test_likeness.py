@@ -1,0 +1,134 @@
+"""Parts that are built alike: which magnitudes agree, which part differs, and what is compared one by one."""
+
+from __future__ import annotations
+
+import json
+
+import mujoco
+import numpy as np
+import pytest
+
+from tiago_mj.cli import main
+from tiago_mj.gap.ahead import Ahead
+from tiago_mj.gap.analysis.likeness import compared, mean
+from tiago_mj.gap.parts import Likeness, Value
+from tiago_mj.gap.pipeline import beside_nominal
+from tiago_mj.gap.report.like_parts import sentence
+from tiago_mj.gap.request import Request, SoFar
+from tiago_mj.gap.simulation.session import session as session_of
+from tiago_mj.gap.torque.by_part import apart, of_joints
+from tiago_mj.recordings.like import alike
+from tiago_mj.recordings.read import read_recordings
+from tiago_mj.recordings.recording import RecordingError
+
+LEGS = ("FL", "FR", "RL", "RR")
+KP, KV = 20.0, 0.5
+
+
+def robot(friction=(0.0, 0.0, 0.0, 0.0)):
+    """MJCF of four legs with a hip and a knee below a floating base; the knees rub."""
+    legs = "".join(
+        f'<body pos="{k} 0 0"><joint name="{leg}_hip_joint" axis="0 1 0" armature="0.01" damping="0.1"/>'
+        '<geom type="capsule" size=".02" fromto="0 0 0 0 0 -.2" mass="1" contype="0" conaffinity="0"/>'
+        f'<body pos="0 0 -.2"><joint name="{leg}_knee_joint" axis="0 1 0" armature="0.01" damping="0.1" '
+        f'frictionloss="{rub}"/><geom type="capsule" size=".015" fromto="0 0 0 0 0 -.2" mass=".4" contype="0" '
+        'conaffinity="0"/></body></body>'
+        for k, (leg, rub) in enumerate(zip(LEGS, friction, strict=True))
+    )
+    motors = "".join(
+        f'<motor name="{leg}_{part}" joint="{leg}_{part}_joint"/>' for leg in LEGS for part in ("hip", "knee")
+    )
+    return (
+        '<mujoco><option timestep="0.001" integrator="implicitfast"/><worldbody><body name="base" pos="0 0 1">'
+        f'<freejoint/><geom size=".1" mass="5"/>{legs}</body></worldbody><actuator>{motors}</actuator></mujoco>'
+    )
+
+
+def recorded(folder, friction, seconds=24.0):
+    """Goals and positions of the legs in the air at 200 Hz, each joint at periods of its own, and the model."""
+    model = mujoco.MjModel.from_xml_string(robot(friction).replace("<freejoint/>", ""))
+    data, rng, rows = mujoco.MjData(model), np.random.default_rng(0), []
+    names = [model.joint(j).name for j in range(model.njnt)]
+    for at in np.arange(0, seconds, 0.005):
+        goal = np.array([0.5 * np.sin(2 * np.pi * at / (1.3 + 0.11 * k)) for k in range(model.nq)])
+        rows.append([at, *goal, *(data.qpos + rng.normal(0, 2e-5, model.nq))])
+        for _ in range(5):
+            data.ctrl[:] = KP * (goal - data.qpos) - KV * data.qvel
+            mujoco.mj_step(model, data)
+    header = ["time", *(f"command.{name}" for name in names), *(f"position.{name}" for name in names)]
+    np.savetxt(folder / "log.csv", rows, delimiter=",", header=",".join(header), comments="", fmt="%.8g")
+    (folder / "robot.xml").write_text(robot())
+    facts = {"robot": "robot.xml", "interface": "position", "gains": f"{KP},{KV}", "base": "fixed", "like": LEGS}
+    (folder / "log.json").write_text(json.dumps(facts))
+    return folder / "log.csv"
+
+
+def test_magnitudes_that_agree_and_the_part_that_differs():
+    alike_ones = {"FL": (1.0, 0.1), "FR": (1.1, 0.1), "RL": (0.9, 0.1), "RR": (1.05, 0.1)}
+    chi_square, chance, differs = compared(alike_ones, 0.05)
+    assert chi_square == pytest.approx(((0.0125) ** 2 + 0.0875**2 + 0.1125**2 + 0.0375**2) / 0.01)
+    assert chance > 0.5
+    assert differs == ()
+    assert compared({**alike_ones, "RL": (2.0, 0.1)}, 0.05)[2] == ("RL",)
+    assert compared({"L": (1.0, 0.1), "R": (2.0, 0.1)}, 0.05)[2] == ("L", "R")
+    assert compared({"A": (1.0, 0.1), "B": (3.0, 0.1), "C": (5.0, 0.1)}, 0.05)[2] == ("A", "B", "C")
+    assert mean([(1.0, 0.1), (2.0, 0.2)]) == pytest.approx((1.2, 0.1 / 1.25**0.5))
+
+
+def test_parts_that_are_alike_are_rarely_said_to_differ():
+    rng = np.random.default_rng(3)
+    told = [
+        compared(dict(zip(LEGS, [(float(v), 0.1) for v in rng.normal(1, 0.1, 4)], strict=True)), 0.05)[2]
+        for _ in range(400)
+    ]
+    assert 4 <= sum(bool(one) for one in told) <= 36  # 20 are expected
+
+
+def test_names_of_like_parts_and_what_is_refused():
+    names = ("FL_hip", "FL_knee", "FR_hip", "FR_knee", "base")
+    assert alike(names, ("FL", "FR"))["FR"] == {"hip": "FR_hip", "knee": "FR_knee"}
+    for said, why in ((("FL",), "two parts"), (("FL", "XX"), "begins with XX"), (("FL", "ba"), "the same joints")):
+        with pytest.raises(RecordingError, match=why):
+            alike(names, said)
+
+
+def test_legs_move_each_other_by_nothing_and_an_arm_on_a_leg_does():
+    model = mujoco.MjModel.from_xml_string(robot())
+    legs = alike([model.joint(j).name for j in range(model.njnt)], LEGS)
+    assert apart(model, legs)
+    chain = mujoco.MjModel.from_xml_string(
+        '<mujoco><worldbody><body><joint name="A_x"/><geom size="1"/><body><joint name="B_x"/><geom size="1"/></body>'
+        "</body></worldbody></mujoco>"
+    )
+    assert not apart(chain, alike(("A_x", "B_x"), ("A", "B")))
+
+
+def test_torques_of_a_leg_alone_are_those_of_the_whole(tmp_path):
+    trials = read_recordings([recorded(tmp_path, (0, 0, 0, 0), seconds=8.0)]).trials
+    whole = beside_nominal(session_of(trials), Request(), SoFar(Ahead(lambda stage, done, left: None))).predict
+    joints = ("RL_hip_joint", "RL_knee_joint")
+    leg = of_joints(whole, joints)
+    columns = [whole.data.channels.index(f"effort.{joint}") for joint in joints]
+    trials = range(len(whole.data.value))
+    assert leg.all_trials([()], trials) == pytest.approx(whole.all_trials([()], trials)[..., columns], abs=1e-9)
+    assert leg.plant.wiring.targets.joint == joints
+    assert np.array_equal(leg.data.value, whole.data.value[..., columns], equal_nan=True)
+
+
+def test_a_sentence_says_who_differs():
+    values = {leg: Value(v, v - 0.1, v + 0.1, "N·m") for leg, v in zip(LEGS, (0.2, 0.2, 0.9, 0.2), strict=True)}
+    one = Likeness("coulomb_friction", "knee_joint", "force", values, Value(0.2, 0.1, 0.3, "N·m"), 40.0, 1e-6, ("RL",))
+    assert "RL differs" in sentence(one)
+    assert "FL, FR and RR agree on 0.2 N·m" in sentence(one)
+
+
+def test_the_leg_whose_knee_rubs_is_told_from_the_three_that_are_alike(tmp_path):
+    log = recorded(tmp_path, (0.15, 0.15, 0.6, 0.15))
+    assert main(["diagnose", str(log), "--jobs", "1", "--out", str(tmp_path / "out")]) == 0
+    found = json.loads((tmp_path / "out" / "diagnosis.json").read_text())
+    (knee,) = [one for one in found["like"] if one["name"] == "coulomb_friction" and one["place"] == "knee_joint"]
+    assert knee["differs"] == ["RL"]
+    for leg, true in zip(LEGS, (0.15, 0.15, 0.6, 0.15), strict=True):
+        assert knee["values"][leg]["low"] <= true <= knee["values"][leg]["high"]
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert "Parts that are alike" in page
