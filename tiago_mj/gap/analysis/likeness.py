@@ -85,23 +85,29 @@ def told(session: Session, ranked: Ranked, best: Fitted, said: Sequence[str]) ->
     """
     targets = session.plant.wiring.targets
     names = {kind: alike(targets.names(kind), said) for kind in ("joint", "command") if targets.names(kind)}
-    rows: dict[tuple[str, str, tuple[tuple[str, float], ...], tuple[str, ...]], dict[str, Candidate]] = {}
+    rows: dict[tuple[str, str, tuple[tuple[str, float], ...], str], dict[str, Candidate]] = {}
     begun: dict[Candidate, float] = {}
     others = []
     for part, value in zip(best.parts, best.values, strict=True):
-        by_part = names.get(EFFECTS[part.effect].targets)
-        mine = [one for one in said if by_part and part.target and set(part.target) <= set(by_part[one].values())]
-        if not by_part or not mine:
+        kind = EFFECTS[part.effect].targets
+        mine = [
+            (one, place)
+            for one, by_place in names.get(kind, {}).items()
+            for place, name in by_place.items()
+            if part.target is None or name in part.target
+        ]
+        if not mine or EFFECTS[part.effect].common:
             others.append((part, float(value)))
-            continue
-        places = tuple(place for place, name in by_part[mine[0]].items() if name in (part.target or ()))
-        each = {one: replace(part, target=tuple(by_part[one][p] for p in places)) for one in said}
-        rows.setdefault((part.effect, part.parameter, part.fixed, places), each)
-        begun[each[mine[0]]] = float(value)
+        for one, place in mine if not EFFECTS[part.effect].common else ():
+            each = {leg: replace(part, target=(by_place[place],)) for leg, by_place in names[kind].items()}
+            each = rows.setdefault((part.effect, part.parameter, part.fixed, place), each)
+            more = float(value) - part.identity if np.isfinite(part.identity) else 0.0
+            begun[each[one]] = begun[each[one]] + more if each[one] in begun else float(value)
     if not rows:
         return ()
     parts = [candidate for each in rows.values() for candidate in each.values()]
-    start = np.array([begun.get(one, one.identity) for one in parts] + [value for _, value in others])
+    at = [min(max(begun.get(one, one.identity), one.low), one.high) for one in parts]
+    start = np.array([*at, *(value for _, value in others)])
     fit = _fitted(session, ranked, (*parts, *(part for part, _ in others)), start)
     widens = verdict.calibration(replays=ranked.predict.replays).widens
     found: dict[Candidate, tuple[float, float]] = {
@@ -110,8 +116,8 @@ def told(session: Session, ranked: Ranked, best: Fitted, said: Sequence[str]) ->
     }
     level = FALSE_ALARM / len(rows)
     return tuple(
-        _likeness(effect, parameter, places, {one: found[part] for one, part in each.items()}, level, each)
-        for (effect, parameter, _, places), each in rows.items()
+        _likeness(parameter, place, {one: found[part] for one, part in each.items()}, level, each)
+        for (_, parameter, _, place), each in rows.items()
     )
 
 
@@ -127,19 +133,19 @@ def _fitted(session: Session, ranked: Ranked, parts: tuple[Candidate, ...], star
 
 
 def _likeness(
-    effect: str,
     parameter: str,
-    places: tuple[str, ...],
+    place: str,
     values: Mapping[str, tuple[float, float]],
     level: float,
     each: Mapping[str, Candidate],
 ) -> Likeness:
     chi_square, chance, differs = compared(values, level)
     agreeing = [value for part, value in values.items() if part not in differs]
-    unit = next(iter(each.values())).unit
+    one = next(iter(each.values()))
+    unit = one.unit
     return Likeness(
-        name=effect,
-        place=", ".join(places),
+        name=one.effect,
+        place=place,
         parameter=parameter,
         values={part: _value(*value, unit) for part, value in values.items()},
         common=_value(*mean(agreeing), unit) if agreeing else None,

@@ -24,7 +24,7 @@ def sentence(one: Likeness) -> str:
     agree = [part for part in one.values if part not in one.differs]
     common = words.amount(one.common)
     if not one.differs:
-        return f"{what}: {words.listed(agree)} agree on {common}: {values} {unit}."
+        return f"{what}: {words.listed(agree)} agree, within what they are known to, on {common}: {values} {unit}."
     verb = "differs" if len(one.differs) == 1 else "differ"
     rest = f"{words.listed(agree)} {'agree on' if len(agree) > 1 else 'has'} {common}"
     return f"{what}: {words.listed(one.differs)} {verb}: {values} {unit}; {rest} (chance where alike: {chance})."
