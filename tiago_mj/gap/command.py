@@ -175,11 +175,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _run(arguments: argparse.Namespace, entered: float) -> int:
-    for name, least in (("jobs", 0), ("seed", 0)):
-        if getattr(arguments, name) < least:
-            raise ValueError(f"--{name} is {getattr(arguments, name)}: give {least} or more")
-    if arguments.time_budget is not None and not arguments.time_budget > 0:
-        raise ValueError(f"--time-budget is {arguments.time_budget:g}: give a positive number of seconds")
+    _check_numbers(arguments)
     deadline = Deadline(math.inf if arguments.time_budget is None else arguments.time_budget, entered)
     extra.load("pandas", "reading recordings")
     threadpool_limits = extra.load("threadpoolctl", "the same answer on every machine").threadpool_limits
@@ -237,6 +233,14 @@ def _run(arguments: argparse.Namespace, entered: float) -> int:
         print(f"tiago-mj diagnose: {unusable}", file=sys.stderr)
         return 2
     return _written(diagnosis, seen, fault, arguments)
+
+
+def _check_numbers(arguments: argparse.Namespace) -> None:
+    for name, least in (("jobs", 0), ("seed", 0)):
+        if getattr(arguments, name) < least:
+            raise ValueError(f"--{name} is {getattr(arguments, name)}: give {least} or more")
+    if arguments.time_budget is not None and not arguments.time_budget > 0:
+        raise ValueError(f"--time-budget is {arguments.time_budget:g}: give a positive number of seconds")
 
 
 def _read(arguments: argparse.Namespace) -> ReadResult:

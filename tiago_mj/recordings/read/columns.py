@@ -69,14 +69,8 @@ def trial_from_table(
     check_clock(time, file)
     time, repairs = repair_clock(time, sidecar.rate_hz, file, declared=found.declared)
     if robot is not None:
-        channels["command"], renamed = by_actuator(channels["command"], robot, file)
-        findings += renamed
-        goals = are_goals_of_motors(channels["command"], sidecar, robot)
-        sidecar = replace(sidecar, interface="position") if goals else sidecar
-        told = None if sidecar.interface else interface_of_model(channels["command"], robot, file)
-        if told is not None:
-            sidecar = replace(sidecar, interface=told[0])
-            findings.append(told[1])
+        channels["command"], sidecar, told = _of_robot(channels["command"], sidecar, robot, file)
+        findings += told
     _check_enough(channels, sidecar, file, table.sidecar_file, replayed)
     if not channels["command"]:
         _check_efforts(targets, columns, found.stated, file)
@@ -96,6 +90,19 @@ def trial_from_table(
     trial, computed = with_torques(trial, robot)
     trials, cuts = without_torque_off(trial, found.torque)
     return trials, [*repairs, *findings, *computed, *cuts]
+
+
+def _of_robot(
+    commands: dict[str, Array], sidecar: Sidecar, robot: Robot, file: str
+) -> tuple[dict[str, Array], Sidecar, list[Finding]]:
+    """Commands by the robot's actuators, the sidecar with what they are, and findings on what was taken for what."""
+    commands, findings = by_actuator(commands, robot, file)
+    if are_goals_of_motors(commands, sidecar, robot):
+        return commands, replace(sidecar, interface="position"), findings
+    said = None if sidecar.interface else interface_of_model(commands, robot, file)
+    if said is not None:
+        sidecar, findings = replace(sidecar, interface=said[0]), [*findings, said[1]]
+    return commands, sidecar, findings
 
 
 @dataclass
