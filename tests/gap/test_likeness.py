@@ -122,6 +122,7 @@ def test_a_sentence_says_who_differs():
     assert "FL, FR and RR agree on 0.2 N·m" in sentence(one)
 
 
+@pytest.mark.slow
 def test_the_leg_whose_knee_rubs_is_told_from_the_three_that_are_alike(tmp_path):
     log = recorded(tmp_path, (0.15, 0.15, 0.6, 0.15))
     assert main(["diagnose", str(log), "--jobs", "1", "--out", str(tmp_path / "out")]) == 0
