@@ -13,6 +13,7 @@ from typing import Final
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from tiago_mj.effects import EFFECTS
 from tiago_mj.gap.inference import hypotheses
@@ -21,11 +22,13 @@ from tiago_mj.gap.inference.hypotheses import Candidate
 from tiago_mj.gap.inference.noise_model import Data
 from tiago_mj.gap.search import agreement, beginning, ranking, rounds, select, sharpen
 from tiago_mj.gap.search.state import Question, Ranked, State, Tick
-from tiago_mj.gap.torque.predictor import Array, EffortPredictor
+from tiago_mj.gap.torque.predictor import EffortPredictor
 from tiago_mj.gap.torque.strips import Course
 from tiago_mj.gap.torque.torques import Torques
 from tiago_mj.io.deadline import Deadline
 from tiago_mj.recordings.like import alike
+
+Array = NDArray[np.float64]
 
 #: Effects that are of one joint each.
 OF_JOINTS: Final = ("joint", "command")
