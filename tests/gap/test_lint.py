@@ -303,6 +303,22 @@ def test_a_late_velocity_is_said_and_used():
     assert late.channel in usable(swing, findings)
 
 
+def test_a_damped_servo_that_lags_against_its_effort_has_no_flipped_sign():
+    """A servo of 2000 N·m/rad and 400 N·m·s/rad lags by a fifth of a second, whatever its effort is; a load that drives
+    the joint makes its effort point against the motion, and so against the lag."""
+    trial = recorded("TIAGoReach-v0", "random", episodes=1)[0]
+    joint, time = "arm_1_joint", np.arange(0, 10, 0.01)
+    position, speed = np.sin(time), np.cos(time)
+    effort = -60 * speed + 15 * np.sin(3 * time)
+    command = position + (effort + 400 * speed) / 2000
+    sidecar = replace(trial.sidecar, rate_hz=100.0, interface="position", initial=None)
+
+    measured = {"positions": {joint: position}, "velocities": {}, "efforts": {joint: effort}}
+    swing = replace(trial, time=time, commands={joint: command}, sidecar=sidecar, **measured)
+    assert np.corrcoef(command - position, effort)[0, 1] < -0.9
+    assert not [found for found in inspect([swing]) if found.code == "sign"]
+
+
 def test_a_velocity_behind_a_slow_filter_is_used_as_what_it_is_and_a_reversed_one_is_refused():
     (trial,) = recorded("TIAGoReach-v0", "random", episodes=1)
     joint, time = "arm_1_joint", np.arange(0, 10, 0.01)

@@ -249,9 +249,10 @@ def _close(joint: str, pairs: Sequence[tuple[Trial, Travel]], interface: str) ->
 
 
 def _effort_signs(trials: Sequence[Trial]) -> Iterator[Finding]:
-    """Findings on efforts whose sign is opposite to the servo's position error."""
+    """Findings on efforts whose sign is opposite to the servo's position error, beside what follows the joint's speed:
+    a servo with much damping lags by its speed, whatever its effort is."""
     for joint in dict.fromkeys(joint for trial in trials for joint in trial.efforts):
-        lack, effort = [], []
+        lack, effort, speed = [], [], []
         for trial in trials:
             if joint not in trial.efforts or joint not in trial.positions or joint not in trial.commands:
                 continue
@@ -261,11 +262,15 @@ def _effort_signs(trials: Sequence[Trial]) -> Iterator[Finding]:
             time, values = sampled(trial, f"effort.{joint}")
             lack.append(np.interp(time, *missing))
             effort.append(values)
+            when, position = sampled(trial, f"position.{joint}")
+            speed.append(np.interp(time, when, np.gradient(position, when)) if len(when) > 1 else np.zeros(len(time)))
         if not effort:
             continue
-        a, b = np.concatenate(lack), np.concatenate(effort)
+        a, b, v = np.concatenate(lack), np.concatenate(effort), np.concatenate(speed)
         if len(a) < 20 or not (_varies(a) and _varies(b)) or np.corrcoef(a, b)[0, 1] > -SAME:
             continue
+        if np.corrcoef(_beside(a, v), _beside(b, v))[0, 1] > DIFFERENT:
+            continue  # beside its speed the joint lags to where it is pushed
         one_sided = b.min() >= 0 or b.max() <= 0
         for trial in trials:
             if joint in trial.efforts and one_sided:
@@ -285,6 +290,13 @@ def _effort_signs(trials: Sequence[Trial]) -> Iterator[Finding]:
                     "it pushes away from what is commanded: flip its sign in the log, or map it with scale: -1 (--map)",
                     refuses=True,
                 )
+
+
+def _beside(values: Array, speed: Array) -> Array:
+    """What of values neither their mean nor the speed explains, by least squares."""
+    columns = np.stack([np.ones_like(speed), speed], axis=1)
+    left: Array = values - columns @ np.linalg.lstsq(columns, values, rcond=None)[0]
+    return left
 
 
 def _servo_error(trial: Trial, joint: str) -> tuple[Array, Array] | None:
