@@ -10,7 +10,7 @@ from tiago_mj.gap.analysis import outcome
 from tiago_mj.gap.inference import hypotheses, likelihood, noise_model
 from tiago_mj.gap.inference.fit import Fitted, Fitter, Point, Start
 from tiago_mj.gap.inference.predictor import Predictor
-from tiago_mj.gap.inference.whitening import Whitening
+from tiago_mj.gap.inference.whitening import Normal, Whitening
 from tiago_mj.gap.search import additions, ranking, rounds, select, starts
 from tiago_mj.gap.search.beginning import acting_on_misfit
 from tiago_mj.gap.search.screen import Screened, _with_refined_peak
@@ -382,3 +382,16 @@ def test_the_prior_of_a_magnitude_is_a_density_that_favours_no_order_of_magnitud
         reach = part.high - part.identity
         small, large = (np.exp(part.log_prior(part.identity + share * reach)) * share for share in (0.3, 0.9))
         assert small == pytest.approx(large, rel=0.2)
+
+
+def test_unknowns_that_do_the_same_share_a_step_and_end_nothing():
+    """Two columns alike, so large that their priors of 1 are lost to rounding: a carriage and its payload."""
+    size = 1e20
+    normal = Normal(size * np.ones((2, 2)) + np.eye(2), np.array([size, size]), np.array([1.0, 1.0]))
+    with pytest.raises(np.linalg.LinAlgError):
+        np.linalg.solve(normal.curvature, normal.gradient)
+    assert normal.step() == pytest.approx([0.5, 0.5])
+    assert np.isfinite(normal.variances()).all()
+    alone = Normal(np.diag([4.0, 25.0]), np.array([8.0, 50.0]), np.array([1.0, 2.0]))
+    assert alone.step() == pytest.approx([2.0, 4.0])
+    assert alone.variances() == pytest.approx([0.25, 0.16])

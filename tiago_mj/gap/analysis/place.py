@@ -165,7 +165,8 @@ class _Sought:
                 break
             parameters, predicted = tried[best], seen[best]
         deviations = np.zeros(count)
-        deviations[free[:count]] = (scale[free] * np.sqrt(np.diag(np.linalg.inv(curvature))))[: free[:count].sum()]
+        known = Normal(curvature, np.zeros(len(curvature)), scale[free]).variances()
+        deviations[free[:count]] = np.sqrt(known)[: free[:count].sum()]
         away = (parameters / scale)[1:]
         spread = -0.5 * float(np.linalg.slogdet(curvature)[1])
         cost = self._on.cost(predicted, np.zeros(0))

@@ -83,9 +83,20 @@ class Normal:
     scale: Array
 
     def step(self, damping: float = 0.0) -> Array:
-        """(k,)."""
+        """(k,); where two unknowns do the same, to within rounding, the shortest of the steps that fit alike."""
         damped = self.curvature + damping * np.diag(np.diag(self.curvature))
-        return self.scale * np.linalg.solve(damped, self.gradient)
+        try:
+            return self.scale * np.linalg.solve(damped, self.gradient)
+        except np.linalg.LinAlgError:
+            return self.scale * np.linalg.lstsq(damped, self.gradient, rcond=None)[0]
+
+    def variances(self) -> Array:
+        """Of the unknowns, (k,); where two do the same, of what both determine."""
+        try:
+            inverse = np.linalg.inv(self.curvature)
+        except np.linalg.LinAlgError:
+            inverse = np.linalg.pinv(self.curvature, hermitian=True)
+        return np.square(self.scale) * np.diag(inverse)
 
     def first(self, count: int) -> Normal:
         """Of the first unknowns alone, the others where they are."""
