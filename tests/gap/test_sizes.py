@@ -21,9 +21,10 @@ AXIS = """
 RATE, ACCELERATION, PLACE = 100, 0.5, 0.3
 
 
-def swing(seconds: float) -> logs.Log:
+def swing(seconds: float, friction: float = 0.0) -> logs.Log:
     """The set point accelerates with at most 0.5 m/s² around a place away from zero; the axis follows it."""
     model = mujoco.MjModel.from_xml_string(AXIS)
+    model.dof_frictionloss[0] = friction
     data = mujoco.MjData(model)
     data.qpos[0] = PLACE
     time = np.arange(round(seconds * RATE)) / RATE
@@ -55,3 +56,14 @@ def test_forces_are_those_of_the_motion(tmp_path):
     fastest = ACCELERATION / np.pi
     assert 10 * ACCELERATION < size.force < 1e5 * fastest / RATE
     assert size.speed == pytest.approx(fastest, rel=0.1)
+
+
+def test_friction_that_takes_more_than_the_motion_is_within_bounds(tmp_path):
+    """A light joint under a soft servo: its motion takes little, and the friction of the recording much more."""
+    friction = 2000.0
+    logs.write([swing(2.0, friction), swing(3.0, friction)], tmp_path, AXIS, ())
+    trials = read_recordings([tmp_path / logs.RECORDINGS]).trials
+    plant = plant_of(trials, model=tmp_path / "robot.xml")
+    _, nominal = predictor(plant, trials, threads=1)
+    (size,) = sizes.sizes(plant, trials, nominal)
+    assert friction < size.force < 3 * friction

@@ -37,7 +37,8 @@ class Size:
     """Of one joint.
 
     Attributes:
-        force: the largest of its actuator in the nominal replay, or commanded [N, N·m].
+        force: the largest of its actuator in the nominal replay, or commanded, and what its servo adds where the
+            recording departs from that: friction that stops a light joint takes more than its motion [N, N·m].
         speed: the fastest that was measured [m/s, rad/s].
         inertia: that it moves [kg, kg·m²].
         removable: what of that reality may lack [kg, kg·m²].
@@ -80,6 +81,7 @@ def sizes(plant: Plant, trials: Sequence[Trial], nominal: Signals) -> tuple[Size
     if plant.environment is not None:
         return None
     found = []
+    stiffness = _stiffnesses(plant)
     forces, nominal_speeds = largest(trials, nominal.effort), largest(trials, nominal.velocity)
     removable = removable_inertia(plant.model, plant.wiring.dof)
     for j, (name, dof) in enumerate(zip(plant.joints, plant.wiring.dof, strict=True)):
@@ -88,7 +90,7 @@ def sizes(plant: Plant, trials: Sequence[Trial], nominal: Signals) -> tuple[Size
         body = int(plant.model.dof_bodyid[dof])
         found.append(
             Size(
-                force=float(forces[j]),
+                force=float(forces[j] + stiffness[j] * _departs(trials, nominal, name, j)),
                 speed=max(speeds, default=float(nominal_speeds[j])),
                 inertia=float(plant.model.dof_M0[dof]),
                 removable=float(removable[j]),
@@ -113,3 +115,22 @@ def largest(trials: Sequence[Trial], signals: Array) -> Array:
     ]
     found: Array = np.max(each, axis=0)
     return found
+
+
+def _stiffnesses(plant: Plant) -> Array:
+    """Of the position servos of each joint, (njoints,) [N/m, N·m/rad]; 0 without one."""
+    found, model, wiring = np.zeros(len(plant.joints)), plant.model, plant.wiring
+    for actuator, joint, servo in zip(wiring.ctrl, wiring.targets.actuated, wiring.servo, strict=True):
+        if servo:
+            found[joint] -= model.actuator_biasprm[actuator, 1] * model.actuator_gear[actuator, 0] ** 2
+    return found
+
+
+def _departs(trials: Sequence[Trial], nominal: Signals, name: str, joint: int) -> float:
+    """How far a joint's recorded positions are from the nominal replay at most [m, rad]; 0 where none are."""
+    each = [
+        np.abs(trial.positions[name] - nominal.position[k, : len(trial.time), joint])
+        for k, trial in enumerate(trials)
+        if name in trial.positions
+    ]
+    return max((float(np.nanmax(one)) for one in each if np.isfinite(one).any()), default=0.0)
