@@ -223,6 +223,7 @@ DATA: Final = "needs public recordings that are not committed; tests/gap/test_im
 HOURS_BEFORE: Final = "needs what the lines before it make in hours or days"
 CLUSTER: Final = "needs several machines; tests/scale starts a cluster on one"
 FORM: Final = "a form: its capital letters stand for what the reader has"
+MENAGERIE: Final = "needs MuJoCo Menagerie, which its package downloads; tests/robots has stand-ins"
 ROS: Final = "needs ROS and the robot"
 IN_CI: Final = "run by .ci/run as it stands"
 ENGINE: Final = "needs the extra blind, with another engine"
@@ -253,6 +254,9 @@ LEFT_OUT: Final = (
         "takes the hashes of the public index, not of a mirror; tests/test_supply.py",
     ),
     LeftOut("docs/tutorials/first-grasp.md", r"tiago-mj rollout .* --film grasp\.mp4", "a film, as of environments.md"),
+    LeftOut("docs/tutorials/quadruped-legs.md", r"tiago-mj diagnose logs --robot go2 .*", MENAGERIE),
+    LeftOut("docs/recordings.md", r"tiago-mj diagnose logs --robot so101 .*", MENAGERIE),
+    LeftOut("docs/recordings.md", r"pip install -c constraints\.txt '\.\[robots\]'", MENAGERIE),
     LeftOut("docs/command-line.md", r"tiago-mj COMMAND --help", FORM),
     LeftOut("docs/command-line.md", r"tiago-mj completion zsh .*", "needs zsh"),
     LeftOut("docs/reading-a-report.md", r"tiago-mj diagnose RECORDING\.\.\. .*", FORM),

@@ -17,7 +17,9 @@ from tiago_mj.robots.known import KnownRobot
 VARIABLE: Final = "MENAGERIE_ROOT"
 #: Menagerie's own package, which fetches a model at its first use.
 PACKAGE: Final = "mujoco_menagerie"
-GET: Final = "pip install 'tiago-mj[robots]', or give --menagerie FOLDER, a checkout of MuJoCo Menagerie"
+GET: Final = (
+    "pip install -c constraints.txt '.[robots]' in a clone, or give --menagerie FOLDER, a checkout of MuJoCo Menagerie"
+)
 
 
 def model_of(robot: KnownRobot, folder: Path | None = None, environment: Mapping[str, str] | None = None) -> Path:
