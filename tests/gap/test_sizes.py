@@ -58,12 +58,13 @@ def test_forces_are_those_of_the_motion(tmp_path):
     assert size.speed == pytest.approx(fastest, rel=0.1)
 
 
-def test_friction_that_takes_more_than_the_motion_is_within_bounds(tmp_path):
-    """A light joint under a soft servo: its motion takes little, and the friction of the recording much more."""
+def test_bounds_of_friction_grow_with_what_stops_the_joint(tmp_path):
+    """A joint whose motion takes 5 N and whose friction takes 2 kN, of which MuJoCo's soft friction gives a part at
+    creeping speeds: what the servo gives there bounds it, and not the force of the motion."""
     friction = 2000.0
     logs.write([swing(2.0, friction), swing(3.0, friction)], tmp_path, AXIS, ())
     trials = read_recordings([tmp_path / logs.RECORDINGS]).trials
     plant = plant_of(trials, model=tmp_path / "robot.xml")
     _, nominal = predictor(plant, trials, threads=1)
     (size,) = sizes.sizes(plant, trials, nominal)
-    assert friction < size.force < 3 * friction
+    assert 0.7 * friction < size.force < 1.5 * friction
