@@ -138,7 +138,7 @@ def test_a_robot_or_model_that_is_not_there_ends_in_one_line(tmp_path, monkeypat
     monkeypatch.setitem(sys.modules, "mujoco_menagerie", None)
     with pytest.raises(ValueError, match="no such robot: there are so101"):
         named("so100")
-    with pytest.raises(ValueError, match=r"is not here: pip install 'tiago-mj\[robots\]'"):
+    with pytest.raises(ValueError, match=r"is not here: pip install -c constraints.txt '\.\[robots\]' in a clone"):
         model_of(named("so101"))
     with pytest.raises(ValueError, match=r"has no unitree_go2/go2\.xml"):
         model_of(named("go2"), tmp_path)
