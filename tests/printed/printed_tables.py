@@ -132,7 +132,8 @@ def _agent(name: str, of: str, folder: Path) -> None:
 
 
 def short_training(words: str, out: str, folder: Path) -> None:
-    """A short training in the place of a long one."""
+    """A short training in the place of a long one, and of what the long one left when it was stopped."""
+    shutil.rmtree(folder / out, ignore_errors=True)
     few = "--steps 600 --evaluate-every 600 --evaluation-episodes 1 --checkpoint-every 600 --quiet"
     tiago(f"train {words} {few} --out {out}", folder)
 
@@ -146,12 +147,15 @@ class Fixture:
         name: as they name it.
         why: who has it.
         make: writes it into the folder in which the lines are run.
+        before: found in the first line that needs it, where an earlier line, which is stopped, begins to make it; empty:
+            it is there from the start.
     """
 
     page: str
     name: str
     why: str
     make: Make
+    before: str = ""
 
 
 THEIRS: Final = "the reader's own"
@@ -200,6 +204,7 @@ FIXTURES: Final = (
         "runs/paper",
         EARLIER,
         partial(short_training, "--env GripperTactile-v0 --algo td3 --env-option servo=ideal", "runs/paper"),
+        before="--policy runs/paper",
     ),
 )
 
