@@ -277,11 +277,12 @@ def predictor(
     stability.check_nominal(plant, on, true.thinned(parts))
     finer = true
     # Where a model makes one step for each row, its servo acts as often as the robot is commanded, as a digital control
-    # does: shorter steps are another control.
+    # does: shorter steps are another control, and nothing is put right.
     if not _steps_with_rows(plant):
         fine = _refined(bare, parts)
         finer = replay.simulate(fine, on, everything, threads=threads, seed=seed, deadline=by, parts=parts)
-    if finer.diverged.any():  # a step that is not fine enough tells nothing of another
+    known = finer is not true and not finer.diverged.any()
+    if not known:  # a step that is not fine enough tells nothing of another
         finer = true
     off = noise_model.step_errors(true, finer)
     if bare.given != plant.given:
@@ -298,7 +299,8 @@ def predictor(
     same = likelihood.distance(data, as_simulated) < likelihood.distance(
         data, as_simulated - noise_model.predicted(data, off.thinned(parts))
     )
-    return Predictor(plant, on, data, threads, seed, off, corrected=not same, deadline=by), nominal
+    wrong = off if known else None
+    return Predictor(plant, on, data, threads, seed, wrong, corrected=known and not same, deadline=by), nominal
 
 
 def _steps_with_rows(plant: Plant) -> bool:
