@@ -123,11 +123,17 @@ def test_what_only_the_training_trials_have_is_not_confirmed(twin):
     assert number.nominal == 1.0
 
 
-def test_without_a_validation_trial_nothing_is_confirmed(twin):
+def test_without_a_validation_trial_each_training_trial_confirms_what_the_other_says(twin):
     session, _ = twin
     ranked, fit = searched(session, BOTH)
-    train = {**session.splits, "validation": ()}
-    assert fitted_numbers.confirmed(replace(session, splits=train), ranked, ranked.predict.data, fit) == ()
+    both = {**session.splits, "validation": ()}
+    numbers = fitted_numbers.confirmed(replace(session, splits=both), ranked, ranked.predict.data, fit)
+    assert {(one.name, one.target) for one in numbers} == set(BOTH), "both trials that train have both"
+    unlike = {**both, "train": ("log-1", "log-2")}
+    (number,) = fitted_numbers.confirmed(replace(session, splits=unlike), ranked, ranked.predict.data, fit)
+    assert number.name == "servo_stiffness", "the encoder is off in one of these alone"
+    alone = {**both, "train": ("log-0",)}
+    assert fitted_numbers.confirmed(replace(session, splits=alone), ranked, ranked.predict.data, fit) == ()
 
 
 def test_confirmed_numbers_close_the_gap_on_the_trial_kept_aside(twin):

@@ -62,6 +62,30 @@ class Sized:
         return self.term.entry(self.size)
 
 
+@dataclass(frozen=True)
+class Fold:
+    """Numbers as some trials say, and trials that did not fit them."""
+
+    numbers: Sequence[Sized]
+    trials: Sequence[int]
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """What the trials of a fold say of its numbers, of n values.
+
+    Attributes:
+        white: whitened residual beside all numbers, (n,).
+        change: what each number changes of it, (k, n).
+        plain, moved: the same in units of the noise floor.
+    """
+
+    white: Array
+    change: Array
+    plain: Array
+    moved: Array
+
+
 def confirmed(session: Session, ranked: Ranked, data: Data, best: Fitted) -> tuple[FittedNumber, ...]:
     """Nominal numbers fitted beside an explanation that improve the prediction of trials that did not fit them.
 
@@ -72,7 +96,8 @@ def confirmed(session: Session, ranked: Ranked, data: Data, best: Fitted) -> tup
         best: the explanation.
 
     Returns:
-        The numbers, in the order of the nuisance parameters; none without a validation trial.
+        The numbers, in the order of the nuisance parameters. Where no trial is for validation, each training trial
+        confirms what the others say; none of a single one.
 
     Raises:
         OutOfTimeError: the deadline is over.
@@ -81,16 +106,23 @@ def confirmed(session: Session, ranked: Ranked, data: Data, best: Fitted) -> tup
     shared = [term for term in terms(plant) if not term.per_trial]
     given = [Sized(t, float(size)) for t, size in zip(shared, best.nuisance, strict=False) if size]
     train, validation = (_simulated(session, ranked, name) for name in ("train", "validation"))
-    if not given or not train or not validation:
+    apart = [(train, validation)] if validation else _each_apart(train)
+    if not given or not train or not apart:
         return ()
-    trained = _refitted(plant, ranked, data, train, effects, given)
-    kept = _supported(ranked, data, validation, effects, trained)
+    folds = [Fold(_refitted(plant, ranked, data, some, effects, given), other) for some, other in apart]
+    kept = _supported(ranked, data, folds, effects)
     if not kept:
         return ()
-    beside = [trained[k] for k in kept]
+    beside = [folds[0].numbers[k] for k in kept]
     found = _refitted(plant, ranked, data, [*train, *validation], effects, beside)
-    wide = [replace(one, deviation=max(one.deviation, all_.deviation)) for one, all_ in zip(found, beside, strict=True)]
+    deviations = [max(fold.numbers[k].deviation for fold in folds) for k in kept]
+    wide = [replace(one, deviation=max(one.deviation, other)) for one, other in zip(found, deviations, strict=True)]
     return tuple(_told(plant, one) for one in wide)
+
+
+def _each_apart(trials: Sequence[int]) -> list[tuple[list[int], list[int]]]:
+    """Each trial beside the others, which are fitted without it; of one trial nothing."""
+    return [([other for other in trials if other != one], [one]) for one in trials] if len(trials) > 1 else []
 
 
 def eliminated(worth: Callable[[Sequence[int]], tuple[float, float]], count: int, least: float) -> list[int]:
@@ -159,33 +191,47 @@ def _refitted(
     ]
 
 
-def _supported(
-    ranked: Ranked, data: Data, validation: Sequence[int], effects: tuple[Entry, ...], trained: Sequence[Sized]
-) -> list[int]:
-    """Indices of the numbers without which the repaired simulator predicts the validation trials worse."""
-    simulator, selected = ranked.predict.as_simulated(), noise_model.select_trials(data, validation)
-    numbers = [one.entry for one in trained]
-    left_out = [(*effects, *numbers[:k], *numbers[k + 1 :]) for k in range(len(numbers))]
-    predicted = simulator.all_trials([effects, (*effects, *numbers), *left_out], validation)
-    none, whole, without = predicted[0], predicted[1], predicted[2:]
-    on = Whitening(selected, ranked.weight)
-    white, change = on.white(likelihood.residual(selected, whole)), on.white(whole - without)
-    plain, moved = _in_noise(selected, selected.value - whole), _in_noise(selected, whole - without)
-    temperature = verdict.calibration().temperature
+def _supported(ranked: Ranked, data: Data, folds: Sequence[Fold], effects: tuple[Entry, ...]) -> list[int]:
+    """Indices of the numbers without which the repaired simulator predicts trials worse that did not fit them."""
+    simulator, temperature = ranked.predict.as_simulated(), verdict.calibration().temperature
+    seen = [_seen(ranked, data, fold, effects) for fold in folds]
+    white, plain = (np.concatenate([getattr(one, name) for one in seen]) for name in ("white", "plain"))
+    change, moved = (np.concatenate([getattr(one, name) for one in seen], axis=1) for name in ("change", "moved"))
 
     def worth(out: Sequence[int]) -> tuple[float, float]:
         simulator.deadline.check()
         nats = 0.5 * float(np.square(likelihood.soften(white + change[list(out)].sum(axis=0))).sum())
         return nats / temperature, float(np.square(plain + moved[list(out)].sum(axis=0)).sum())
 
-    kept = eliminated(worth, len(numbers), LEAST_NATS)
+    kept = eliminated(worth, len(folds[0].numbers), LEAST_NATS)
     if not kept:
         return []
-    alone = simulator.all_trials([(*effects, *(numbers[k] for k in kept))], validation)[0]
-    nothing = np.zeros(0)
-    gained = (on.cost(none, nothing) - on.cost(alone, nothing)) / temperature
-    left = [float(np.square(_in_noise(selected, selected.value - one)).sum()) for one in (alone, none)]
+    gained, left = 0.0, [0.0, 0.0]
+    for fold in folds:
+        selected = noise_model.select_trials(data, fold.trials)
+        with_them = (*effects, *(fold.numbers[k].entry for k in kept))
+        both = simulator.all_trials([with_them, effects], fold.trials)
+        on = Whitening(selected, ranked.weight)
+        alone, none = (on.cost(one, np.zeros(0)) for one in both)
+        gained += (none - alone) / temperature
+        for k, one in enumerate(both):
+            left[k] += float(np.square(_in_noise(selected, selected.value - one)).sum())
     return kept if gained > LEAST_NATS and left[0] < left[1] else []
+
+
+def _seen(ranked: Ranked, data: Data, fold: Fold, effects: tuple[Entry, ...]) -> _Seen:
+    """What a fold's trials say of its numbers: those of all, and of all but each."""
+    selected, numbers = noise_model.select_trials(data, fold.trials), [one.entry for one in fold.numbers]
+    left_out = [(*effects, *numbers[:k], *numbers[k + 1 :]) for k in range(len(numbers))]
+    predicted = ranked.predict.as_simulated().all_trials([(*effects, *numbers), *left_out], fold.trials)
+    whole, without = predicted[0], predicted[1:]
+    on = Whitening(selected, ranked.weight)
+    return _Seen(
+        on.white(likelihood.residual(selected, whole)),
+        on.white(whole - without),
+        _in_noise(selected, selected.value - whole),
+        _in_noise(selected, whole - without),
+    )
 
 
 def _in_noise(data: Data, difference: Array) -> Array:
