@@ -138,6 +138,8 @@ class Effect:
     #: adjust it, and the effect is named only where it goes beyond. A model's numbers are known to about 4 % where
     #: nothing says more. None: it has none, or that is known exactly.
     nominal_prior: ClassVar[NominalPrior | None] = None
+    #: The same of a user's own model, whose commands are replayed; None: ``nominal_prior``.
+    own_model_prior: ClassVar[NominalPrior | None] = None
     #: The same where measured efforts are compared with the torques that a motion needs; None: ``nominal_prior``.
     effort_prior: ClassVar[NominalPrior | None] = None
     #: Name of the parameter by which all that is measured of the motion is late, against commands and efforts; empty:

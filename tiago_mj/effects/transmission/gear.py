@@ -202,10 +202,11 @@ class Armature(Effect):
     clause = "{t} {has} {mass} of reflected inertia that the simulator lacks"
     clause_less = "{t} {has} {mass} less reflected inertia than the simulator"
     #: Beside payload and links, which have their own, fits of grasps moved a hinge's inertia by 1 to 2 %. What slides
-    #: is known worse: publications differ by 17 % for a finger with its cell.
+    #: here is a finger, which is known worse: publications differ by 17 % for one with its cell.
     nominal_prior = known_to((0.35, 0.03), share_of="inertia")
-    #: Along a motion links have their own prior on a slide, too, and no finger is published for other robots.
-    effort_prior = known_to(0.03, share_of="inertia")
+    #: Other robots' slides are no such fingers: an axis that lacks a third of its carriage's mass is no nominal one.
+    own_model_prior = known_to(0.03, share_of="inertia")
+    effort_prior = own_model_prior
     takes_from = "inertia"
 
     _least: Array | None = None

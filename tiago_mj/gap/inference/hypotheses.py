@@ -354,6 +354,8 @@ def _default_terms(plant: Plant) -> tuple[Term, ...]:
         names, prior = targets.names(declared.targets), declared.nominal_prior
         if plant.effort_row is not None:
             prior = declared.effort_prior or prior
+        elif plant.environment is None:
+            prior = declared.own_model_prior or prior
         if prior is None or not _possible(plant, declared.name, names):
             continue
         parameter = next(p for p in declared.parameters.values() if p.identity is not None)
