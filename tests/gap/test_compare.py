@@ -11,11 +11,12 @@ from benchmarks.blind import cases, changes, recordings, robots
 from benchmarks.blind.cases import EffectChoice
 from benchmarks.blind.changes import Pair
 from tiago_mj import cli
-from tiago_mj.change import history, report, result, search
+from tiago_mj.change import comparison, history, report, result, search
 from tiago_mj.change.comparison import compare, renamed
 from tiago_mj.change.fitters import DifferenceFitter, JointFitter, differences
+from tiago_mj.gap.decision import verdict
 from tiago_mj.gap.inference import hypotheses, noise_model
-from tiago_mj.gap.inference.fit import Point, Start
+from tiago_mj.gap.inference.fit import Fitted, Point, Start
 from tiago_mj.gap.inference.predictor import predictor
 from tiago_mj.gap.parts import Named, Value
 from tiago_mj.gap.search.state import Ranked
@@ -73,6 +74,23 @@ def test_a_candidate_acts_in_the_changed_set_alone(hinges):
     )
     assert np.array_equal(with_it[0], without[0])
     assert np.abs(with_it[1] - without[1]).max() > 1e-3
+
+
+def test_a_change_that_leaves_more_than_noise_is_named_where_it_explains_the_larger_part(hinges):
+    predict, _ = hinges
+    part, none = friction(predict), np.zeros(0)
+    nothing = Fitted((), none, none, none, -1e5, 1000.0, nuisance_deviations=none)
+
+    def judged(left):
+        found = Fitted((part,), np.array([0.25]), np.array([0.01]), none, -2e3, left, nuisance_deviations=none)
+        ranked = Ranked((found, nothing), (), 0, 1, True, np.ones(2), predict)
+        before = verdict.judge(ranked)
+        assert before.kind == "unknown"
+        return comparison.larger_part(ranked, before)
+
+    assert judged(60.0).kind == "effect"
+    assert judged(60.0).remains
+    assert judged(600.0).kind == "unknown"
 
 
 def test_a_difference_of_recordings_is_predicted_by_the_difference_of_simulations(hinges):

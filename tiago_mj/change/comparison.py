@@ -19,13 +19,14 @@ from tiago_mj.effects import EFFECTS, Entry
 from tiago_mj.effects.spec import arrays
 from tiago_mj.gap import pipeline
 from tiago_mj.gap.ahead import Ahead
-from tiago_mj.gap.analysis import outcome
+from tiago_mj.gap.analysis import outcome, promises
 from tiago_mj.gap.compared import Compared
 from tiago_mj.gap.decision import verdict
 from tiago_mj.gap.detectors.readings import NAMED_DEVIATIONS, Known
 from tiago_mj.gap.parts import Named, Value
 from tiago_mj.gap.request import Request, SoFar
 from tiago_mj.gap.search import ranking
+from tiago_mj.gap.search.state import Ranked
 from tiago_mj.gap.simulation.plant import Plant
 from tiago_mj.gap.simulation.session import Session, session
 from tiago_mj.io import mujoco_log
@@ -40,6 +41,8 @@ KINDS: Final[Mapping[str, Kind]] = {
 }
 #: Trials of each set that the detectors look at before anything is fitted. Chosen by hand; no ablation.
 LOOKED_AT: Final = 2
+#: What is said of a change that leaves more than what recordings scatter by.
+PART: Final = "This is a part of the change: {left:.3g} times what recordings scatter by is left of the difference."
 #: Explanations that are listed.
 LISTED: Final = 12
 
@@ -161,7 +164,9 @@ def _answer(
         in_before: whether effects of the ranking act in the earlier set.
     """
     ranked, plant = found.ranked, compared.session.plant
-    judged = _without_what_both_have(found, verdict.judge(ranked))
+    decided = verdict.judge(ranked)
+    as_part = larger_part(ranked, decided) if plant.environment is None else decided
+    judged = _without_what_both_have(found, as_part)
     nothing = next(fit for fit in ranked.fits if not fit.parts)
     explanations = []
     for fit, probability in zip(ranked.fits, judged.probability, strict=True):
@@ -190,13 +195,28 @@ def _answer(
         same_commands=found.paired,
         robot=plant.name,
         findings=(),
-        notes=(),
+        notes=() if as_part is decided else (PART.format(left=rivals[0].left),),
         complete=ranked.complete,
         physics_steps=ranked.predict.tally["physics_steps"],
         seconds=0.0,
         seed=0,
         version=tiago_mj.__version__,
     )
+
+
+def larger_part(ranked: Ranked, judged: verdict.Judged) -> verdict.Judged:
+    """The verdict of a user's own model, where the best explanation fails and yet leaves less than half of what both
+    sets differ by: it is named, as a diagnosis names it (:data:`tiago_mj.gap.analysis.promises.LARGER_PART`).
+
+    Args:
+        ranked: the search.
+        judged: its verdict.
+    """
+    best, nothing = ranked.fits[judged.rivals[0]], next(fit for fit in ranked.fits if not fit.parts)
+    most = (1 - promises.LARGER_PART) * ranking.discrepancy(nothing)
+    if judged.kind != "unknown" or ranking.discrepancy(best) >= most:
+        return judged
+    return promises.as_part(judged, [verdict.option(fit, ranked) for fit in ranked.fits])
 
 
 def _without_what_both_have(found: search.Found, judged: verdict.Judged) -> verdict.Judged:

@@ -162,7 +162,7 @@ def aside(judged: Judged, seen: Aside, options: Sequence[Option], by: Calibratio
     kind, rivals, said = judged.kind, judged.rivals, []
     nominal = next(k for k, one in enumerate(options) if not one.effects)
     if kind == "unknown" and seen.larger_part:
-        judged = _as_part(judged, options)
+        judged = as_part(judged, options)
         kind, rivals = judged.kind, judged.rivals
     remains = judged.remains or seen.left > LEFT or seen.misfit > by.remains or seen.loud
     named = kind in ("effect", "ambiguous") and bool(options[rivals[0]].effects)
@@ -179,9 +179,14 @@ def aside(judged: Judged, seen: Aside, options: Sequence[Option], by: Calibratio
     return replace(judged, kind=kind, rivals=rivals, remains=remains and kind != "no_gap"), tuple(said)
 
 
-def _as_part(judged: Judged, options: Sequence[Option]) -> Judged:
+def as_part(judged: Judged, options: Sequence[Option]) -> Judged:
     """The verdict where the best explanation fails and yet explains the larger part of the gap: it is named, with what
-    is about as likely, and a gap remains."""
+    is about as likely, and a gap remains.
+
+    Args:
+        judged: as decided: that nothing explains the gap.
+        options: the explanations.
+    """
     best = judged.rivals[0]
     likely = judged.probability[best] >= MIN_NAMED_PROBABILITY * judged.sure
     if not options[best].effects or options[best].evidence.edge or not likely:
