@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from tiago_mj.gap.faults import FAULT, FaultError, keeping
-from tiago_mj.io import extra, outputs
+from tiago_mj.io import atomic, extra, outputs
 from tiago_mj.io.deadline import Deadline, OutOfTimeError
 from tiago_mj.io.numbers_option import add_numbers, with_numbers
 from tiago_mj.io.progress import Progress
@@ -61,6 +61,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=outputs.folder,
         required=True,
         help="folder for report.html, diagnosis.json, calibration.yaml, repaired.xml of a model, scene.html ('[view]')",
+    )
+    parser.add_argument(
+        "--resume",
+        action="store_true",
+        help="go on where a run into the same folder was killed, interrupted or stopped",
     )
     parser.add_argument("--policy", metavar="pi|FILE.zip", help="predict this policy's return before and after")
     parser.add_argument("--trust", action="store_true", help="load FILE.zip although loading runs code that it holds")
@@ -196,6 +201,7 @@ def _run(arguments: argparse.Namespace, entered: float) -> int:
         check_length(read.trials, plant)
         checked = deadline.spent()
         from tiago_mj.gap.pipeline import diagnose
+        from tiago_mj.gap.report import JOURNAL
 
         loaded += deadline.spent() - checked
         deadline = deadline.sooner(max(WRITING[0] * loaded, WRITING[1]))
@@ -223,6 +229,8 @@ def _run(arguments: argparse.Namespace, entered: float) -> int:
                     trust=arguments.trust,
                     tick=Told(progress),
                     command=shlex.join(words(arguments)),
+                    journal=atomic.place(arguments.out) / JOURNAL,
+                    resume=arguments.resume,
                     numbers=numbers,
                 )
             needed = max(DRAWING[0] * loaded, DRAWING[1])

@@ -19,7 +19,7 @@ from tiago_mj.gap.inference import hypotheses, noise_model
 from tiago_mj.gap.inference.predictor import predictor
 from tiago_mj.gap.report.contradiction import checked
 from tiago_mj.gap.report.repaired import with_model
-from tiago_mj.gap.request import Needs, Request, SoFar
+from tiago_mj.gap.request import Needs, Request, SoFar, begun_with
 from tiago_mj.gap.result import Diagnosis
 from tiago_mj.gap.search import select
 from tiago_mj.gap.search.state import Question, Ranked
@@ -34,6 +34,7 @@ from tiago_mj.gap.torque.notes import of_method
 from tiago_mj.gap.torque.shown import check_given, shown
 from tiago_mj.io import mujoco_log
 from tiago_mj.io.deadline import OutOfTimeError
+from tiago_mj.io.journal import digest, kept
 from tiago_mj.recordings import like
 from tiago_mj.recordings.recording import Trial
 
@@ -48,13 +49,17 @@ def diagnose(trials: Sequence[Trial], **asked: Any) -> Diagnosis:
     Raises:
         RecordingError: the recordings hold nothing that can be compared; one line.
         FaultError: of this program; it has the best answer until then.
+        ValueError: the journal to go on with is of another diagnosis; one line.
     """
     request = Request(**asked)
     so_far = SoFar(Ahead(request.tick))
     with mujoco_log.counted() as warned:
         session = session_of(trials, env=request.env, model=request.model, given=request.given)
         question = _question(session, request)
-        with keeping(lambda fault: so_far.answer or so_far.timed(unanswered(session, request, so_far, fault))):
+        with (
+            kept(request.journal, lambda: begun_with(session, request), resume=request.resume) as so_far.journal,
+            keeping(lambda fault: so_far.answer or so_far.timed(unanswered(session, request, so_far, fault))),
+        ):
             try:
                 found = _explained(beside_nominal(session, request, so_far), request, so_far)
             except (OutOfTimeError, KeyboardInterrupt) as end:
@@ -83,7 +88,7 @@ def _replayed(session: Session, asked: Request, so_far: SoFar) -> Compared:
     predict, nominal = predictor(
         plant, session.trials, asked.usable, threads=asked.threads, seed=asked.seed, deadline=deadline
     )
-    predict = replace(predict, simulated=tick.worked)
+    predict = replace(predict, simulated=tick.worked, journal=so_far.journal)
     base = predict.all_trials([()], range(len(session.trials)), keep=True)[0]
     so_far.tally = predict.tally
     simulated = deadline.spent()
@@ -111,7 +116,7 @@ def _along_the_motion(session: Session, asked: Request, so_far: SoFar) -> Compar
     pool = hypotheses.candidates(plant, asked.names, None, sizes.sizes(plant, along.trials, found.motion))
     pool = shown(pool, found.predict.torques)
     begun = deadline.spent()
-    predict = replace(found.predict, simulated=so_far.tick.worked)
+    predict = replace(found.predict, simulated=so_far.tick.worked, journal=so_far.journal)
     base = predict.all_trials([()], range(len(along.trials)), keep=True)[0]
     so_far.tally = predict.tally
     simulated = deadline.spent()

@@ -8,13 +8,19 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from tiago_mj.effects import Entry
+import mujoco
+import numpy as np
+
+import tiago_mj
+from tiago_mj.effects import EFFECTS, Entry
 from tiago_mj.gap.ahead import Ahead, Listener
 from tiago_mj.gap.inference.noise_model import Usable
 from tiago_mj.gap.result import Diagnosis, Place, Stopped, TrialModels
 from tiago_mj.gap.search.select import PartialResult
+from tiago_mj.gap.simulation.session import Session
 from tiago_mj.io.deadline import Deadline
-from tiago_mj.recordings.recording import Finding
+from tiago_mj.io.journal import Journal, digest
+from tiago_mj.recordings.recording import KINDS, Finding
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,6 +40,8 @@ class Request:
         trust: load that file although loading runs code that it holds.
         tick: told how far it is.
         command: the command line that asks, for the page.
+        journal: file in which finished work is kept until the answer is whole; None: nowhere.
+        resume: go on with what is there, as an earlier run that did not come to its end left it.
         numbers: whether the repair has the nominal model's numbers as fitted, as far as validation trials confirm them.
     """
 
@@ -50,7 +58,26 @@ class Request:
     trust: bool = False
     tick: Listener = lambda stage, done, left: None
     command: str = ""
+    journal: Path | None = None
+    resume: bool = False
     numbers: bool = True
+
+
+def begun_with(session: Session, asked: Request) -> dict[str, str]:
+    """What finished work of a diagnosis depends on, by what a user calls it: the version, and digests."""
+    trials, plant = session.trials, session.plant
+    recorded = [
+        (t.name, t.time, *(getattr(t, kind) for kind in KINDS.values()), replace(t.sidecar, robot="", raw={}))
+        for t in trials
+    ]
+    model = np.zeros(mujoco.mj_sizeModel(plant.model), np.uint8)
+    mujoco.mj_saveModel(plant.model, None, model)
+    return {
+        "version": tiago_mj.__version__,
+        "recordings": digest((recorded, asked.usable)),
+        "model": digest((model, plant.max_timestep, plant.period)),
+        "options": digest((tuple(asked.names or EFFECTS), plant.given, asked.seed)),
+    }
 
 
 @dataclass
@@ -95,6 +122,7 @@ class SoFar:
         tally: of simulations (:class:`tiago_mj.gap.inference.predictor.Predictor`).
         warned: MuJoCo's warnings of models that were tried, which are not the user's, by kind.
         answer: the whole, as soon as there is one.
+        journal: of finished work.
         begun: when it began [s, of the clock].
     """
 
@@ -105,6 +133,7 @@ class SoFar:
     tally: Counter[str] = field(default_factory=Counter)
     warned: Counter[str] = field(default_factory=Counter)
     answer: Diagnosis | None = None
+    journal: Journal = field(default_factory=Journal)
     begun: float = field(default_factory=time.monotonic)
 
     def timed(self, found: Diagnosis) -> Diagnosis:

@@ -70,7 +70,7 @@ def replacing_set(folder: Path, *, parts: Collection[str] = ()) -> Iterator[Path
         folder: made where it is missing.
         parts: files in ``folder`` that such a set may have: of those, what the new set does not have is removed.
     """
-    folder = _place(folder)
+    folder = place(folder)
     folder.parent.mkdir(parents=True, exist_ok=True)
     inside = folder.is_dir() and (os.path.ismount(folder) or not os.access(folder.parent, os.W_OK))
     with held.temporary_folder(folder if inside else folder.parent, folder.name or "out") as temporary:
@@ -88,7 +88,8 @@ def gathering(folder: Path, into: Path) -> Iterator[None]:
         _GATHERED.reset(token)
 
 
-def _place(folder: Path) -> Path:
+def place(folder: Path) -> Path:
+    """Where what is meant for a folder comes into: the folder, or what :func:`gathering` has instead."""
     folder, gathered = folder.resolve(), _GATHERED.get()
     if gathered is not None and folder.is_relative_to(gathered[0]):
         return gathered[1] / folder.relative_to(gathered[0])

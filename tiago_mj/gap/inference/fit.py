@@ -21,6 +21,7 @@ from tiago_mj.gap.inference.hypotheses import Candidate, Term
 from tiago_mj.gap.inference.noise_model import Data
 from tiago_mj.gap.inference.points import NUISANCE_STEP, Fitted, Point, Start
 from tiago_mj.gap.inference.predictor import Predictor
+from tiago_mj.gap.inference.remembered import remembered
 from tiago_mj.gap.inference.whitening import Normal, Whitening
 
 __all__ = ["NUISANCE_STEP", "FitTask", "Fitted", "Fitter", "Point", "Start"]
@@ -176,13 +177,29 @@ class Fitter:
     def fit_all(self, starts: Sequence[Start]) -> list[Fitted]:
         """Fit the magnitudes and nuisances of each explanation. The simulations that the fits need next are run in one
         batch; a fit whose cost is far above the lowest is abandoned."""
-        costs: list[float] = []
-        return _run([self._fit(start, costs) for start in starts], self.predictions)
+        return self._fitted([self], starts, together=True)
 
     def fit_each(self, fitters: Sequence[Fitter], starts: Sequence[Start]) -> list[Fitted]:
         """Fit explanations to the same trials, each by a fitter with its own nuisance responses
         (:meth:`linearized_at_each`). Simulations are batched; no fit is abandoned for being far behind."""
-        return _run([fitter._fit(start, []) for fitter, start in zip(fitters, starts, strict=True)], self.predictions)
+        return self._fitted(fitters, starts, together=False)
+
+    def _fitted(self, fitters: Sequence[Fitter], starts: Sequence[Start], *, together: bool) -> list[Fitted]:
+        """A fit of each start, as long as they are finished from the journal."""
+
+        def work() -> list[Fitted]:
+            costs: list[float] = []
+            each = fitters if not together else [self] * len(starts)
+            tasks = [one._fit(start, costs if together else []) for one, start in zip(each, starts, strict=True)]
+            return _run(tasks, self.predictions)
+
+        depends_on = ("fits", together, [one.settings() for one in fitters], list(starts))
+        return remembered(self.predict, work, depends_on, self.out_of_time)
+
+    def settings(self) -> tuple[object, ...]:
+        """What a fit depends on beside its start and the simulations."""
+        numbers = (self.iterations, self.min_cost_drop, self.min_move_share)
+        return (self.trials, self.data, self.weight, self.terms, self.responses, self.given, *numbers)
 
     def _fit(self, start: Start, costs_beside: list[float]) -> FitTask[Fitted]:
         nuisance = np.zeros(self.size) if start.nuisance is None else start.nuisance

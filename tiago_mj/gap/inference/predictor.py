@@ -26,6 +26,7 @@ from tiago_mj.gap.simulation import replay, stability
 from tiago_mj.gap.simulation.plant import Plant, substeps
 from tiago_mj.gap.simulation.replay import Grid, Signals, sensor_only
 from tiago_mj.io.deadline import Deadline
+from tiago_mj.io.journal import Journal
 from tiago_mj.recordings.recording import RecordingError, Trial
 
 Array = NDArray[np.float64]
@@ -61,6 +62,7 @@ class Predictor:
             were made of it.
         simulated: told the physics steps of every batch, once it is done.
         deadline: asked while simulations run, which it ends (:class:`tiago_mj.io.deadline.OutOfTimeError`).
+        journal: of finished work (:mod:`tiago_mj.gap.inference.remembered`).
     """
 
     plant: Plant
@@ -76,6 +78,7 @@ class Predictor:
     tally: Counter[str] = field(default_factory=Counter)
     simulated: Callable[[int], None] = lambda steps: None
     deadline: Deadline = field(default_factory=Deadline)
+    journal: Journal = field(default_factory=Journal)
     _kept: dict[tuple[int, Effects], Run] = field(default_factory=dict)
 
     def __call__(self, wanted: Sequence[tuple[int, Effects]], *, keep: bool = False) -> Array:
@@ -131,6 +134,11 @@ class Predictor:
     def replays(self) -> bool:
         """Whether commands are replayed; else efforts are compared along a motion."""
         return True
+
+    @property
+    def samples_kept(self) -> int:
+        """Samples of the physics that is remembered: it grows whenever more is."""
+        return sum(len(run[0]) for run in self._kept.values())
 
     def all_trials(self, explanations: Sequence[Effects], trials: Sequence[int], *, keep: bool = False) -> Array:
         """(nexplanations, ntrials, T, C): every explanation on every trial."""

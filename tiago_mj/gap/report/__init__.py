@@ -17,13 +17,16 @@ REPAIRED: Final = "repaired.xml"
 SCENE: Final = "scene.html"
 #: Every file that there may be.
 PARTS: Final = ("diagnosis.json", "calibration.yaml", REPAIRED, SCENE, "report.html", faults.FAULT)
+#: Finished work of a diagnosis that has not come to its end: for another run that goes on with it.
+JOURNAL: Final = "journal.jsonl"
 
 
 def write(
     diagnosis: Diagnosis, folder: Path, seen: html.Seen | None = None, fault: Exception | None = None
 ) -> dict[str, Path]:
     """Write all files into ``folder``, which is made where it is missing: all or none; paths by name. A file of an
-    earlier diagnosis that this one does not have is removed. A fault of drawing the page costs the page alone.
+    earlier diagnosis that this one does not have is removed, and its journal once there is nothing to go on with. A
+    fault of drawing the page costs the page alone.
 
     Args:
         diagnosis: the answer.
@@ -38,7 +41,8 @@ def write(
             page = html.render(diagnosis, seen)
     except faults.FaultError as met:
         fault = fault or met.fault
-    with atomic.replacing_set(folder, parts=PARTS) as new:
+    goes_on = diagnosis.stopped is not None and diagnosis.stopped.why != "fault"
+    with atomic.replacing_set(folder, parts=PARTS if goes_on else (*PARTS, JOURNAL)) as new:
         json.write(diagnosis, new / "diagnosis.json")
         calibration.write(diagnosis, new / "calibration.yaml", new / "diagnosis.json")
         if diagnosis.repaired is not None and diagnosis.repaired.xml:

@@ -22,6 +22,7 @@ from tiago_mj.gap.detectors.set_points import MAX_SQUARED_RESIDUAL, ServoMotion
 from tiago_mj.gap.inference.fit import Fitted, Fitter, Point
 from tiago_mj.gap.inference.hypotheses import Candidate, Label
 from tiago_mj.gap.inference.predictor import Effects, Predictor
+from tiago_mj.gap.inference.remembered import remembered
 from tiago_mj.gap.search import impulse_responses, ranking, starts
 from tiago_mj.gap.search.impulse_responses import LOSES, ServoCommands
 
@@ -216,6 +217,18 @@ def decode(
         fitted_on: trials by which the share is chosen.
         counts: what a sample counts for.
     """
+
+    def work() -> tuple[Array, ...]:
+        return _decoded(predict, motion, effects, fitted_on, counts)
+
+    depends_on = ("lost commands", list(effects), list(fitted_on), counts)
+    return DecodedLosses(*remembered(predict, work, depends_on, lambda: False))
+
+
+def _decoded(
+    predict: Predictor, motion: ServoMotion, effects: Sequence[Effects], fitted_on: Sequence[int], counts: float
+) -> tuple[Array, ...]:
+    """Fields of :class:`DecodedLosses`, as of :func:`decode`."""
     plant, on, data = predict.plant, predict.on, predict.data
     base, learned = impulse_responses.learned(predict, effects)
     deviation = np.sqrt(np.maximum(data.sigma**2 - data.common**2, data.noise**2))
@@ -236,7 +249,7 @@ def decode(
         cost[:, :, a], none[:, a] = viterbi.cost, _cost_without_losses(residual, precision, response.shape[1], counts)
         best[a] = k = int(np.argmin(viterbi.cost[:, list(fitted_on)].sum(axis=1)))
         found[:, :, a], chosen[:, a] = viterbi.delivered[k], viterbi.data[k]
-    return DecodedLosses(found, cost, none, chosen, best)
+    return found, cost, none, chosen, best
 
 
 def losing_candidates(

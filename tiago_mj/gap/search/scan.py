@@ -12,6 +12,7 @@ import numpy as np
 
 from tiago_mj.gap.inference import likelihood
 from tiago_mj.gap.inference.fit import Fitter, Point
+from tiago_mj.gap.inference.remembered import remembered
 from tiago_mj.gap.search.state import State
 
 
@@ -23,9 +24,14 @@ def likeliest(fitter: Fitter, points: Sequence[Point], count: int) -> list[int]:
         points: all beside the same nuisances, around which these are integrated out.
         count: how many.
     """
-    on = likelihood.frame(fitter.data, fitter.weight, fitter.responses, fitter.per_trial, points[0].nuisance)
-    found = likelihood.log_likelihood(on, fitter.predictions(points))
-    return [int(k) for k in np.argsort(-found)[:count]]
+
+    def work() -> list[int]:
+        on = likelihood.frame(fitter.data, fitter.weight, fitter.responses, fitter.per_trial, points[0].nuisance)
+        found = likelihood.log_likelihood(on, fitter.predictions(points))
+        return [int(k) for k in np.argsort(-found)[:count]]
+
+    depends_on = ("scan", fitter.settings(), list(points), count)
+    return remembered(fitter.predict, work, depends_on, fitter.out_of_time)
 
 
 def likeliest_on_screening_trials(state: State, points: Sequence[Point], count: int) -> list[int]:

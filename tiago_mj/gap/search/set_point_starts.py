@@ -24,6 +24,7 @@ from tiago_mj.gap.inference import likelihood
 from tiago_mj.gap.inference.fit import Fitted, Fitter, Point, Start
 from tiago_mj.gap.inference.hypotheses import Candidate
 from tiago_mj.gap.inference.noise_model import Data
+from tiago_mj.gap.inference.remembered import remembered
 from tiago_mj.gap.search import impulse_responses, starts
 from tiago_mj.gap.search.driver_period import PERIODS, with_period
 from tiago_mj.gap.search.impulse_responses import Learned
@@ -95,12 +96,17 @@ def _starts(state: State, point: Point, candidates: Sequence[Candidate], least: 
     full, motion = state.full, state.motion
     if motion is None or not candidates or any(part.effect == impulse_responses.LOSES for part in point.parts):
         return []
-    beside = Beside.of(full, motion, point)
-    found: list[tuple[float, Start]] = []
-    for (_, by_driver), group in groupby(sorted(candidates, key=_kind), key=_kind):
-        found += (_with_driver if by_driver else _at_commands)(beside, list(group), least)
-    found.sort(key=lambda item: -item[0])
-    return [start for gain, start in found[:MAX_STARTS] if gain > MIN_SHARE_OF_BEST_GAIN * found[0][0]]
+
+    def work() -> list[Start]:
+        beside = Beside.of(full, motion, point)
+        found: list[tuple[float, Start]] = []
+        for (_, by_driver), group in groupby(sorted(candidates, key=_kind), key=_kind):
+            found += (_with_driver if by_driver else _at_commands)(beside, list(group), least)
+        found.sort(key=lambda item: -item[0])
+        return [start for gain, start in found[:MAX_STARTS] if gain > MIN_SHARE_OF_BEST_GAIN * found[0][0]]
+
+    depends_on = ("set points", full.settings(), point, list(candidates), least)
+    return remembered(full.predict, work, depends_on, full.out_of_time)
 
 
 def _at_commands(beside: Beside, candidates: Sequence[Candidate], least: float) -> list[tuple[float, Start]]:
