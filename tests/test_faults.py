@@ -26,3 +26,16 @@ def test_what_a_killed_command_leaves_is_old_or_new_and_going_on_gives_the_same_
         for name in ("full_drive", "read_only"):
             assert found[name].get("skipped") or found[name]["status"] == 2
         assert found["two_at_once"]["left"] == "new"
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform != "linux", reason="commands run in forks, and folders are exchanged by Linux")
+def test_a_diagnosis_killed_ten_times_goes_on_to_the_same_bits(tmp_path):
+    out = tmp_path / "faults.json"
+    words = [sys.executable, str(SCRIPT), "--kills", "10", "--commands", "diagnose", "--out", str(out)]
+    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr[-2000:]
+    found = json.loads(out.read_text())["results"]["diagnose"]["killed"]
+    assert found["kills"] == 10
+    assert found["wrong"] == []
+    assert found["same_bits"] == found["let_through"] > 0

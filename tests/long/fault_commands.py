@@ -34,8 +34,10 @@ TRAINING = """GripperTactile-v0:
 RATE = 25
 #: Keys of JSON that tell how long something took, or by which process.
 TIMES = ("seconds", "steps_per_second", "process")
-#: What is no part of a result: locks, and what is shown while a training runs.
-APART = ("lock", "progress.json")
+#: What a diagnosis goes on with until it is whole.
+JOURNAL = "journal.jsonl"
+#: What is no part of a result: locks, what is shown while a training runs, and what a killed run leaves to go on with.
+APART = ("lock", "progress.json", JOURNAL)
 #: In a stable-baselines3 model: JSON with the time of the start.
 STARTED = "data"
 
@@ -47,11 +49,13 @@ class Command:
     Attributes:
         old, new: command lines for the folder that is named; the old one was there before. None: nothing was.
         together: files that appear together, where the rest grows until the command is over; empty: all of them.
+        goes_on: options of the command after a kill.
     """
 
     old: Callable[[Path], list[str]] | None
     new: Callable[[Path], list[str]]
     together: tuple[str, ...] = ()
+    goes_on: tuple[str, ...] = ()
 
 
 def make_inputs(folder: Path, run: Callable[[list[str]], int]) -> dict[str, Command]:
@@ -113,7 +117,7 @@ def make_inputs(folder: Path, run: Callable[[list[str]], int]) -> dict[str, Comm
         "record": Command(record(50), record(100)),
         "import": Command(curve(300), curve(330)),
         "evaluate": Command(evaluate(5), evaluate(0)),
-        "diagnose": Command(diagnose(1), diagnose(0)),
+        "diagnose": Command(diagnose(1), diagnose(0), goes_on=("--resume",)),
         "diagnose-all": Command(diagnose_all(1), diagnose_all(0)),
         "train": Command(train(1), train(2), ("card.json", "card.md", "curves.json", "curves.png")),
         "blind": Command(None, blind, ("scores.json", "index.html")),

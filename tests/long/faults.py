@@ -36,7 +36,7 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 import fault_commands
-from fault_commands import Command, digests
+from fault_commands import JOURNAL, Command, digests
 
 from benchmarks.blind.__main__ import main as blind_check
 from benchmarks.machine import machine
@@ -123,7 +123,7 @@ class Lab:
     def strays(self) -> list[str]:
         """What is neither the folder nor in it by right."""
         below = [str(path.relative_to(self.work)) for path in self.work.rglob("*")]
-        return [name for name in below if held.MARK in name or (name.split("/")[0] != "out")]
+        return [name for name in below if held.MARK in name or (name.split("/")[0] != "out") or JOURNAL in name]
 
     def clear(self) -> None:
         for path in self.work.iterdir():
@@ -236,11 +236,11 @@ def put(lab: Lab, kept: Path | None) -> None:
         shutil.copytree(kept, lab.out)
 
 
-def kill_once(lab: Lab, of: References, rng: random.Random, *, writing: bool) -> bool:
+def kill_once(lab: Lab, of: References, rng: random.Random, words: list[str], *, writing: bool) -> bool:
     """Run and kill; whether it was killed before it was over."""
     first = LOADING * of.seconds if of.name in FRESH else 0.0
     until, changes = rng.uniform(first, of.seconds), rng.randint(1, max(of.changes, 1))
-    begun, before, process = time.monotonic(), lab.seen(), lab.start(of.command.new(lab.out))
+    begun, before, process = time.monotonic(), lab.seen(), lab.start(words)
     while os.waitpid(process, os.WNOHANG)[0] == 0:
         if writing:
             now = lab.seen()
@@ -263,16 +263,18 @@ def kills(lab: Lab, of: References, count: int, rng: random.Random, until: float
         if of.command.together:  # what was trained before is part of the new folder
             kept = of.kept
         put(lab, kept)
+        words = of.command.new(lab.out)
         try:
             for _ in range(min(rng.randint(1, IN_A_ROW), count - found["kills"])):
                 writing = rng.random() < 0.5
-                if kill_once(lab, of, rng, writing=writing):
+                if kill_once(lab, of, rng, words, writing=writing):
+                    words = [*of.command.new(lab.out), *of.command.goes_on]
                     found["kills"] += 1
                     found["while_writing"] += writing
                     found[f"left_{of.state(lab.out)}"] += 1
                 else:  # the machine is quicker than it was
                     of.seconds, of.changes = of.seconds * QUICKER, max(of.changes - 1, 1)
-            lab.done(of.command.new(lab.out))
+            lab.done(words)
             if of.digests(lab.out) != of.new:
                 odd = [n for n, one in of.digests(lab.out).items() if of.new.get(n) != one]
                 raise WrongError(f"going on gives other bits: {odd}")

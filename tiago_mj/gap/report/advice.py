@@ -140,17 +140,18 @@ def go_on(diagnosis: Diagnosis) -> tuple[Step, ...]:
         return ()
     if stopped.why == "fault":
         said = "The same command ends the same way. Please report it with the sentence on the fault."
-        return (Step("Report the fault", said, command=commands.again(diagnosis, None)),)
+        return (Step("Report the fault", said, command=commands.again(diagnosis)),)
     if stopped.needs is None:
         budget = _rounded_up(2 * stopped.seconds)
         known = "How long the whole search takes is not known yet"
     else:
         budget = _rounded_up(stopped.needs)
         known = f"The whole search takes at most about {seconds(budget)} at the speed of this one"
+    kept = "What is done is kept, and with `--resume` the search goes on from there:"
     if stopped.why == "interrupted":
-        return (Step("Let the search come to its end", f"{known}.", command=commands.again(diagnosis, None)),)
-    said = f"{known}: give `--time-budget {budget}`, or none:"
-    return (Step("Give the search more time", said, command=commands.again(diagnosis, budget)),)
+        return (Step("Let the search come to its end", f"{known}. {kept}", command=commands.go_on(diagnosis, None)),)
+    said = f"{known}: give `--time-budget {budget}`, or none. {kept}"
+    return (Step("Give the search more time", said, command=commands.go_on(diagnosis, budget)),)
 
 
 def _rounded_up(amount: float) -> int:

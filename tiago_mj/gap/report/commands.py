@@ -92,8 +92,8 @@ def said(diagnosis: Diagnosis, option: str) -> str:
     return next((after for before, after in reversed(list(itertools.pairwise(said))) if before == option), "")
 
 
-def again(diagnosis: Diagnosis, budget: int | None) -> str:
-    """The command line with another budget, None: with none; empty where it is not known."""
+def again(diagnosis: Diagnosis, *more: str) -> str:
+    """The command line without a time budget, and with more words; empty where it is not known."""
     try:
         said = shlex.split(diagnosis.command)
     except ValueError:
@@ -103,4 +103,9 @@ def again(diagnosis: Diagnosis, budget: int | None) -> str:
     if "--time-budget" in said:
         at = said.index("--time-budget")
         del said[at : at + 2]
-    return shlex.join([*said, *([] if budget is None else ["--time-budget", str(budget)])])
+    return shlex.join([*said, *more])
+
+
+def go_on(diagnosis: Diagnosis, budget: int | None) -> str:
+    """The command line that goes on with a search that ended early, within another budget [s] or none."""
+    return again(diagnosis, *([] if budget is None else ["--time-budget", str(budget)]), "--resume")
