@@ -108,6 +108,12 @@ OUTPUTS: Final = (
         (lambda f: recordings("recordings", f),),
         files=("calibration.yaml",),
     ),
+    Output(
+        "stopped",
+        "tiago-mj diagnose recordings --time-budget 1 --out 'my answer'",
+        (r"^tiago-mj diagnose recordings .*--out 'my answer' --time-budget \d+ --resume$",),
+        (lambda f: recordings("recordings", f),),
+    ),
     Output("doctor", "tiago-mj doctor", ("-m pip install",)),
     Output(
         "completion",

@@ -34,7 +34,7 @@ from tiago_mj.gap.torque.notes import of_method
 from tiago_mj.gap.torque.shown import check_given, shown
 from tiago_mj.io import mujoco_log
 from tiago_mj.io.deadline import OutOfTimeError
-from tiago_mj.io.journal import digest, kept
+from tiago_mj.io.journal import kept
 from tiago_mj.recordings import like
 from tiago_mj.recordings.recording import Trial
 

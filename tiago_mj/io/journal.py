@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, fields, is_dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 import numpy as np
 
@@ -121,8 +121,8 @@ def _take_up(journal: Journal, path: Path) -> None:
         if whole[0].get(name) != mine:
             told = f" ({whole[0].get(name)}, not {mine})" if name in ("schema", "version") else ""
             raise ValueError(
-                f"--resume: {unquoted(path)} is of another {name}{told}: give what it was begun with, or leave --resume "
-                "out to begin anew"
+                f"--resume: {unquoted(path)} is of another {name}{told}: give what it was begun with, or leave "
+                "--resume out to begin anew"
             )
     os.ftruncate(journal._handle, length)
     os.lseek(journal._handle, 0, os.SEEK_END)
@@ -194,7 +194,7 @@ def packed(value: Any) -> Any:
     """A value as JSON: None, numbers, texts, arrays, and tuples, lists, mappings by texts and dataclasses of these."""
     if isinstance(value, np.ndarray | np.generic):
         of = np.asarray(value)
-        order = "F" if of.flags.fnc else "C"
+        order: Literal["C", "F"] = "F" if of.flags.fnc else "C"
         return {"array": [of.dtype.str, of.shape, order, base64.b64encode(of.tobytes(order)).decode()]} | (
             {} if isinstance(value, np.ndarray) else {"scalar": True}
         )

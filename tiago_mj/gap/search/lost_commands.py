@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -218,7 +218,7 @@ def decode(
         counts: what a sample counts for.
     """
 
-    def work() -> tuple[Array, ...]:
+    def work() -> tuple[Any, ...]:
         return _decoded(predict, motion, effects, fitted_on, counts)
 
     depends_on = ("lost commands", list(effects), list(fitted_on), counts)
@@ -227,7 +227,7 @@ def decode(
 
 def _decoded(
     predict: Predictor, motion: ServoMotion, effects: Sequence[Effects], fitted_on: Sequence[int], counts: float
-) -> tuple[Array, ...]:
+) -> tuple[Any, ...]:
     """Fields of :class:`DecodedLosses`, as of :func:`decode`."""
     plant, on, data = predict.plant, predict.on, predict.data
     base, learned = impulse_responses.learned(predict, effects)
