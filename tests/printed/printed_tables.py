@@ -147,7 +147,7 @@ class Fixture:
         name: as they name it.
         why: who has it.
         make: writes it into the folder in which the lines are run.
-        before: found in the first line that needs it, where an earlier line, which is stopped, begins to make it; empty:
+        before: found in the first line that needs it, where an earlier line, which is stopped, begins it; empty:
             it is there from the start.
     """
 
