@@ -25,6 +25,7 @@ from benchmarks.blind.score import class_of
 from tiago_mj import cli
 from tiago_mj.change import command
 from tiago_mj.change.result import as_data
+from tiago_mj.cli import compare as declared
 from tiago_mj.io import atomic, outputs
 
 PROG: Final = "python -m benchmarks.changed_pairs"
@@ -41,7 +42,7 @@ def make(pair: Pair, folder: Path) -> None:
 def answer(folder: Path) -> dict[str, Any]:
     """What the comparison says of a pair, with processor seconds."""
     parser = argparse.ArgumentParser()
-    command.add_arguments(parser)
+    declared.add_arguments(parser)
     model = folder / robots.PLAIN_FILE
     words = [str(folder / "before"), str(folder / "after"), "--model", str(model), "--jobs", "1"]
     given = parser.parse_args([*words, "--out", str(folder / "out"), "--json"])

@@ -55,6 +55,35 @@ def test_help_and_version_import_nothing_heavy():
     assert all(name in done.stdout for name in cli.COMMANDS)
 
 
+@pytest.mark.parametrize("name", cli.DECLARED)
+def test_the_help_of_a_command_imports_nothing_heavy(name):
+    code = f"import sys; from tiago_mj import cli\ntry: cli.main(['{name}', '--help'])\nexcept SystemExit: pass\n"
+    code += "print([m for m in ('mujoco', 'matplotlib', 'scipy', 'pandas', 'jinja2') if m in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == "[]"
+    assert "--json" in done.stdout
+
+
+def test_arguments_offer_what_their_commands_take():
+    from tiago_mj.models.convert import assembly
+    from tiago_mj.recordings.imports import command, xl330
+    from tiago_mj.rollout import scale
+    from tiago_mj.view import film
+
+    parser = cli.build_parser("convert", "import", "rollout")
+    commands = next(action for action in parser._actions if action.dest == "command").choices
+
+    def action(name: str, option: str):
+        return next(one for one in commands[name]._actions if one.dest == option)
+
+    for option, choices in (("collision", assembly.COLLISIONS), ("visual", assembly.VISUALS), ("base", assembly.BASES)):
+        assert action("convert", option).choices == choices
+    assert action("import", "kind").choices == (*command.PUBLIC, *command.OWN)
+    assert action("import", "commands").choices == xl330.COMMANDS
+    assert action("rollout", "backend").choices == scale.BACKENDS
+    assert action("rollout", "film").help.startswith(", ".join(film.SUFFIXES))
+
+
 def test_a_rollout_prints_returns_contacts_and_forces_of_every_episode(capsys):
     assert cli.main(["rollout", "--env", "GripperTactile-v0", "--policy", "pi", "--episodes", "2", "--seed", "3"]) == 0
     lines = capsys.readouterr().out.splitlines()

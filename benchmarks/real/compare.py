@@ -25,6 +25,7 @@ from benchmarks.real.robots import double_pendulum, xl330
 from tiago_mj import cli
 from tiago_mj.change import command
 from tiago_mj.change.result import as_data
+from tiago_mj.cli import compare as declared
 from tiago_mj.io import atomic, outputs
 
 PROG: Final = "python -m benchmarks.real.compare"
@@ -97,7 +98,7 @@ def compared(sets: Sets, data: Path, folder: Path) -> dict[str, Any]:
     for which, read in (("before", sets.before), ("after", sets.after)):
         logs.write(read(data), folder / which, sets.model())
     parser = argparse.ArgumentParser()
-    command.add_arguments(parser)
+    declared.add_arguments(parser)
     places = [str(folder / which / logs.RECORDINGS) for which in ("before", "after")]
     model = str(folder / "before" / logs.ROBOT)
     given = parser.parse_args([*places, "--model", model, "--jobs", "1", "--json", "--out", str(folder / "out")])

@@ -9,6 +9,7 @@ from typing import Any
 import mujoco
 import yaml
 
+from tiago_mj.cli import export as declared
 from tiago_mj.export import command, found
 
 #: A sliding joint and two hinges, of which no two numbers are alike; with a comment, a class, gears and a keyframe.
@@ -75,7 +76,7 @@ def robot(folder: Path, effects: list[dict[str, Any]], text: str = ARM, **said: 
 def exported(folder: Path, to: str, effects: list[dict[str, Any]], *words: str) -> Path:
     """Folder that the command wrote."""
     parser = argparse.ArgumentParser()
-    command.add_arguments(parser)
+    declared.add_arguments(parser)
     out = folder / "out"
     arguments = [str(diagnosed(folder, effects)), "--to", to, "--out", str(out), *words]
     assert command.run(parser.parse_args(arguments)) == 0

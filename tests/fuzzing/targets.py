@@ -214,6 +214,7 @@ def _models(folder: Path) -> Any:
 
 def _import(kind: str, folder: Path, **options: Any) -> Any:
     """Import, write and lint, as the command does."""
+    from tiago_mj.cli import import_
     from tiago_mj.recordings.imports import command
 
     words = ["import", kind, str(folder / options.pop("source", "")), "--out", str(folder / "out"), "--json"]
@@ -222,7 +223,7 @@ def _import(kind: str, folder: Path, **options: Any) -> Any:
     import argparse
 
     parser = argparse.ArgumentParser()
-    command.add_arguments(parser)
+    import_.add_arguments(parser)
     return command.run(parser.parse_args(words[1:]))
 
 

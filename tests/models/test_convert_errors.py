@@ -6,6 +6,7 @@ import re
 import pytest
 from broken_urdfs import BROKEN, GOOD, joint, link, robot, visual
 
+from tiago_mj.cli import convert as declared
 from tiago_mj.models.convert import ConversionError, Options, command, convert
 
 
@@ -92,7 +93,7 @@ def test_an_unknown_option_is_answered_with_the_known_ones(option, tmp_path):
 def test_the_command_prints_one_line_and_ends_with_2(tmp_path, capsys):
     (tmp_path / "robot.urdf").write_text(BROKEN["zero axis"][0])
     parser = argparse.ArgumentParser()
-    command.add_arguments(parser)
+    declared.add_arguments(parser)
     assert command.run(parser.parse_args([str(tmp_path / "robot.urdf"), "--out", str(tmp_path / "robot.xml")])) == 2
     out, err = capsys.readouterr()
     assert out == ""

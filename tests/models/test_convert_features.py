@@ -9,6 +9,7 @@ import pytest
 import trimesh
 from broken_urdfs import INERTIAL, LIMIT, joint, link, robot
 
+from tiago_mj.cli import convert as declared
 from tiago_mj.models.convert import Options, command, convert
 from tiago_mj.models.limits import joint_limits
 
@@ -240,7 +241,7 @@ keyframes: {bent: {elbow: 0.5}}
 def test_the_command_reports_as_text_and_as_json(tmp_path, capsys):
     path = write(tmp_path, link("base"), link("arm"), joint("elbow", "base", "arm"))
     parser = ArgumentParser()
-    command.add_arguments(parser)
+    declared.add_arguments(parser)
     arguments = [str(path), "--out", str(tmp_path / "out.xml")]
     assert command.run(parser.parse_args(arguments)) == 0
     assert "wrote" in capsys.readouterr().out

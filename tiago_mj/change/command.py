@@ -15,36 +15,11 @@ from tiago_mj.change.result import AFTER, BEFORE, Comparison, text
 from tiago_mj.effects import read_effects
 from tiago_mj.gap.command import Told, check_length, considered, terminated_as_interrupted
 from tiago_mj.gap.simulation.plant import plant_of
-from tiago_mj.io import extra, outputs
+from tiago_mj.io import extra
 from tiago_mj.io.progress import Progress
-from tiago_mj.recordings import lint, options
+from tiago_mj.recordings import lint
 from tiago_mj.recordings.read import read_recordings
 from tiago_mj.recordings.recording import RecordingError
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments."""
-    parser.add_argument("before", type=Path, nargs="?", metavar="BEFORE", help="folder or file of the earlier set")
-    parser.add_argument("after", type=Path, nargs="?", metavar="AFTER", help="folder or file of the later set")
-    options.add_simulator(parser)
-    options.add_map(parser)
-    options.add_known_effects(parser, "effects that both sets are known to have")
-    parser.add_argument(
-        "--dates", metavar="BEFORE,AFTER", default="", help="days of the two sets, written into the answer"
-    )
-    parser.add_argument(
-        "--history",
-        type=Path,
-        metavar="FOLDER",
-        help="instead of two sets: a folder of sets, diagnoses or comparisons in the order of their names",
-    )
-    parser.add_argument(
-        "--out", type=outputs.folder, required=True, help="folder for comparison.json and comparison.html"
-    )
-    options.add_seed(parser)
-    options.add_threads(parser)
-    options.add_without(parser)
-    parser.add_argument("--json", action="store_true", help="print comparison.json instead of the summary")
 
 
 def run(arguments: argparse.Namespace) -> int:

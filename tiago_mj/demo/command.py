@@ -19,7 +19,7 @@ from tiago_mj.demo import arm_torque, hidden, page, report
 from tiago_mj.demo.grasp import Grasp, grasp
 from tiago_mj.demo.whole import whole
 from tiago_mj.gap.command import Told
-from tiago_mj.io import atomic, extra, outputs
+from tiago_mj.io import atomic, extra
 from tiago_mj.io.progress import Progress
 from tiago_mj.sensing import ta11_curve
 from tiago_mj.view import figures
@@ -31,16 +31,6 @@ FILM_LIMIT: Final = 3_000_000
 DIAGNOSIS: Final = "diagnosis"
 #: Files that only some runs write.
 PARTS: Final = ("arm.png", "gap.png", "film.mp4", "nominal.mp4", "repaired.mp4")
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Options of the command."""
-    parser.add_argument("--data", type=Path, metavar="DIR", help="holds tiago_arm/, a recording of a real arm")
-    parser.add_argument("--out", type=outputs.folder, metavar="DIR", default="out", help="where to write (out)")
-    parser.add_argument(
-        "--seed", type=int, metavar="N", default=0, help="seed of the hidden effect and of the noise (0)"
-    )
-    parser.add_argument("--json", action="store_true", help="print demo.json instead of the summary")
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -10,36 +10,18 @@ from typing import Any
 
 import gymnasium
 
+from tiago_mj.cli.evaluate import DATA, PICTURE
 from tiago_mj.envs.flat import core_of
 from tiago_mj.evaluate import bound, plots, report
 from tiago_mj.evaluate.play import Callbacks, play_policy
-from tiago_mj.io import atomic, outputs
+from tiago_mj.io import atomic
 from tiago_mj.io.progress import Progress
 from tiago_mj.rollout import options
 from tiago_mj.view import figures
 from tiago_mj.view.film import Film, check_encoder
 
 #: What the command writes.
-DATA, PICTURE, FILM = "evaluation.json", "episodes.png", ".mp4"
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Options of the command."""
-    options.add_environment(parser)
-    parser.add_argument(
-        "--policy",
-        required=True,
-        action="append",
-        metavar="NAME|FILE",
-        help="pi, pi-tuned, random, or a file that rollout takes; give it once for each controller",
-    )
-    options.add_episodes(parser, 10)
-    parser.add_argument("--out", type=outputs.folder, metavar="FOLDER", help=f"for {DATA}, {PICTURE} and films")
-    parser.add_argument("--film", action="store_true", help="film each controller's first episode, into --out")
-    parser.add_argument(
-        "--bound", action="store_true", help="a reward that no controller can exceed, and the distance from it"
-    )
-    parser.add_argument("--json", action="store_true", help="print the same as data")
+FILM = ".mp4"
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -6,7 +6,6 @@ import argparse
 import json
 import sys
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 from tiago_mj.effects import read_effects
@@ -15,24 +14,13 @@ from tiago_mj.experiment_design.excitation import preflight
 from tiago_mj.gap.simulation.along_a_motion import along_a_motion
 from tiago_mj.gap.simulation.plant import plant_of
 from tiago_mj.gap.simulation.session import session_of
-from tiago_mj.io import atomic, extra, outputs
+from tiago_mj.io import atomic, extra
 from tiago_mj.io.progress import told
 from tiago_mj.io.quantities import quantity
-from tiago_mj.recordings import lint, options
+from tiago_mj.recordings import lint
 from tiago_mj.recordings.lint.summary import summary
 from tiago_mj.recordings.read import read_recordings
 from tiago_mj.recordings.recording import Finding, RecordingError
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments."""
-    parser.add_argument("recordings", nargs="+", type=Path, metavar="RECORDING", help="files or folders of recordings")
-    options.add_simulator(parser)
-    options.add_map(parser)
-    options.add_known_effects(parser)
-    parser.add_argument("--out", type=outputs.file, metavar="FILE.json", help="write the same as JSON")
-    parser.add_argument("--json", action="store_true", help="print the same as data")
-    options.add_threads(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -17,28 +17,14 @@ from tiago_mj.export.drives import numbers_of
 from tiago_mj.export.holding import held
 from tiago_mj.export.targets.registry import TARGETS
 from tiago_mj.export.versions import VERSIONS
-from tiago_mj.io import atomic, outputs
-from tiago_mj.io.numbers_option import add_numbers, with_numbers
+from tiago_mj.io import atomic
+from tiago_mj.io.numbers_option import with_numbers
 from tiago_mj.io.quoting import did_you_mean
 
 #: Folder of a robot's own files, beside the text of a target.
 MODEL: Final = "model"
 CHANGES: Final = "changes.diff"
 TABLE: Final = "export.md"
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of ``export``."""
-    parser.add_argument("diagnosis", type=Path, nargs="?", metavar="DIAGNOSIS", help="folder that diagnose wrote")
-    parser.add_argument("--to", default="mujoco", metavar="TARGET", help="which simulator or format (default: mujoco)")
-    parser.add_argument("--mujoco", metavar="VERSION", help="of MuJoCo that is to load the files: 3.11, 3.17 or 4.0")
-    parser.add_argument("--model", type=Path, metavar="FILE.xml", help="the MJCF that was diagnosed")
-    parser.add_argument("--rate", type=float, metavar="HZ", help="of commands, where the diagnosis does not say")
-    parser.add_argument("--out", type=outputs.folder, metavar="FOLDER", help="where the files go")
-    add_numbers(parser)
-    parser.add_argument("--table", action="store_true", help="print which effects every target holds, and nothing else")
-    parser.add_argument("--json", action="store_true", help="print the result as JSON")
-    parser.epilog = "Targets: mujoco, mjlab, playground, isaaclab, newton, gymnasium, ros2_control, urdf, sdf."
 
 
 @dataclass(frozen=True)

@@ -17,13 +17,13 @@ from multiprocessing import current_process
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+from tiago_mj.cli import options
 from tiago_mj.gap.faults import FAULT, FaultError, keeping
 from tiago_mj.io import atomic, extra, outputs
 from tiago_mj.io.deadline import Deadline, OutOfTimeError
 from tiago_mj.io.numbers_option import add_numbers, with_numbers
 from tiago_mj.io.progress import Progress
 from tiago_mj.io.quoting import one_line
-from tiago_mj.recordings import options
 from tiago_mj.recordings.recording import ReadResult, RecordingError, Trial
 from tiago_mj.recordings.trials import LONGEST, MOST_ROWS, too_long
 from tiago_mj.robots.known import named

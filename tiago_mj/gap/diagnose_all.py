@@ -26,20 +26,18 @@ from pathlib import Path
 from typing import Any, Final
 
 from tiago_mj import __version__, cli
+from tiago_mj.cli.diagnose_all import SUMMARY
 from tiago_mj.effects import EFFECTS
 from tiago_mj.gap import faults
 from tiago_mj.gap.analysis.promises import CLOSES
 from tiago_mj.gap.report import PARTS
 from tiago_mj.gap.report.consistency import NAMING
 from tiago_mj.gap.report.words import percent
-from tiago_mj.io import atomic, held, outputs
-from tiago_mj.io.numbers_option import add_numbers, with_numbers
+from tiago_mj.io import atomic, held
+from tiago_mj.io.numbers_option import with_numbers
 from tiago_mj.io.progress import told
-from tiago_mj.recordings import options
 from tiago_mj.rollout import scale
 
-#: Written into ``--out``: what came of every folder.
-SUMMARY: Final = "diagnoses.json"
 #: Of the hidden folder: what is finished, and the outcomes of it.
 UNFINISHED, OUTCOME = ".{}.unfinished", "outcome.json"
 #: What a model may be made of, and files beside it that are looked at.
@@ -80,26 +78,6 @@ class Outcome:
     complaint: str = ""
     verdict: dict[str, Any] | None = None
     closed: float | None = None
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments."""
-    parser.add_argument("folders", nargs="+", type=Path, metavar="FOLDER", help="one diagnosis is made of each")
-    parser.add_argument(
-        "--out", type=outputs.folder, required=True, metavar="DIR", help=f"for DIR/FOLDER/… and DIR/{SUMMARY}"
-    )
-    options.add_simulator(parser)
-    options.add_map(parser)
-    options.add_seed(parser)
-    parser.add_argument("--time-budget", type=float, help="seconds after which a diagnosis writes its best verdict")
-    options.add_without(parser)
-    parser.add_argument(
-        "--threads", type=int, metavar="N", help="of each diagnosis; 0: all processors (0 where --jobs is 1, else 1)"
-    )
-    add_numbers(parser)
-    scale.add_arguments(parser)
-    parser.set_defaults(jobs=None)
-    parser.add_argument("--json", action="store_true", help=f"print {SUMMARY} instead of the table")
 
 
 def run(arguments: argparse.Namespace) -> int:

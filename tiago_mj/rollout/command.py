@@ -11,34 +11,14 @@ from typing import Any
 import numpy as np
 
 from tiago_mj.io.progress import Progress
-from tiago_mj.rollout import options, scale
+from tiago_mj.rollout import options
 from tiago_mj.rollout.episode import Episode
 from tiago_mj.rollout.policies import RANDOM
 from tiago_mj.rollout.sweep import Batch, play_all, play_in
-from tiago_mj.view.film import STRIP_FRAMES, SUFFIXES, Film, film_file
+from tiago_mj.view.film import STRIP_FRAMES, Film
 
 HEADER = ("episode", "seed", "return", "success", "both contacts", "final right", "final left", "peak")
 UNITS = ("", "", "", "", "s", "sensor u.", "sensor u.", "sensor u.")
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Options of the command."""
-    options.add_environment(parser)
-    parser.add_argument(
-        "--policy",
-        required=True,
-        metavar="pi|random|NAME|FILE",
-        help="PI force control, random, an agent, its npz, or a stable-baselines3 zip",
-    )
-    options.add_episodes(parser, 1)
-    parser.add_argument(
-        "--film",
-        type=film_file,
-        metavar="FILE",
-        help=f"{', '.join(SUFFIXES)}; a png is a filmstrip of the first episode",
-    )
-    parser.add_argument("--json", action="store_true", help="print the same as data")
-    scale.add_arguments(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:

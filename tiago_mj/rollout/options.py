@@ -13,27 +13,6 @@ from tiago_mj.io.quoting import quoted
 from tiago_mj.registration import ENVIRONMENTS, NAMESPACE
 
 
-def add_environment(parser: argparse.ArgumentParser) -> None:
-    """``--env`` and ``--env-option``."""
-    parser.add_argument("--env", required=True, metavar="ID", help="such as GripperTactile-v0")
-    parser.add_argument(
-        "--env-option",
-        action="append",
-        default=[],
-        metavar="KEY=VALUE",
-        help="argument of the environment, value in JSON: servo=ideal, goal='[0.5, 1.5]'; as often as needed",
-    )
-
-
-def add_episodes(parser: argparse.ArgumentParser, count: int) -> None:
-    """``--episodes``, ``count`` unless told, ``--seed``, and ``--trust`` for the policy that plays them."""
-    parser.add_argument("--episodes", type=int, default=count, metavar="N", help=f"of each policy ({count})")
-    parser.add_argument(
-        "--seed", type=int, default=0, metavar="N", help="of the first episode; each later one adds 1 (0)"
-    )
-    parser.add_argument("--trust", action="store_true", help="load a FILE although loading runs code that it holds")
-
-
 def check_least(arguments: argparse.Namespace, least: int, *options: str) -> None:
     """Refuse a number below a minimum; None, for an option not given, passes.
 

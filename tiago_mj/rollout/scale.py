@@ -7,7 +7,6 @@ can change it; and it must be allowed to run again, which it does where a node o
 
 from __future__ import annotations
 
-import argparse
 import logging
 import os
 import pickle
@@ -41,17 +40,6 @@ LOOK: Final = 0.5
 #: Hardly any of a processor is reserved: what a lost node did must find room on those that are left, but none on a
 #: head that offers no processor.
 ACTORS: Final = {"max_restarts": 5, "max_task_retries": -1, "num_cpus": 0.01, "scheduling_strategy": "SPREAD"}
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Options of a command that runs many tasks."""
-    parser.add_argument("--jobs", type=int, default=1, metavar="N", help="processes at once (1); 0: one a processor")
-    parser.add_argument(
-        "--backend",
-        choices=BACKENDS,
-        default=BACKENDS[0],
-        help=f"processes of this machine, or of the Ray cluster at {ADDRESS} (local)",
-    )
 
 
 def run_all(

@@ -10,36 +10,13 @@ from pathlib import Path
 import yaml
 
 from tiago_mj.effects import read_effects
-from tiago_mj.io import atomic, extra, outputs
+from tiago_mj.io import atomic, extra
 from tiago_mj.io.progress import told
-from tiago_mj.recordings import lint, options
+from tiago_mj.recordings import lint
 from tiago_mj.recordings.read import read_recordings
 from tiago_mj.recordings.recording import RecordingError
 from tiago_mj.sensor_calibration.rest import FALSE_CONTACTS
 from tiago_mj.sensor_calibration.sheet import UNKNOWN, Calibration, calibrate, text
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments."""
-    parser.add_argument("recordings", nargs="+", type=Path, metavar="RECORDING", help="files or folders of recordings")
-    parser.add_argument(
-        "--out",
-        type=outputs.file,
-        required=True,
-        metavar="FILE.yaml",
-        help='for gymnasium.make(ID, sensing="FILE.yaml")',
-    )
-    parser.add_argument("--env", metavar="ID", help="environment that grasps are compared with, where they do not say")
-    options.add_map(parser)
-    options.add_known_effects(parser)
-    parser.add_argument(
-        "--false-contacts",
-        type=float,
-        metavar="P",
-        help="probability of a reading above the threshold without contact (2.9e-7: 5 standard deviations)",
-    )
-    parser.add_argument("--json", action="store_true", help="print what is written as JSON")
-    options.add_threads(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -1,4 +1,4 @@
-"""Options that commands on recordings share."""
+"""Options that commands share: on recordings, of episodes, of many processes."""
 
 from __future__ import annotations
 
@@ -44,4 +44,36 @@ def add_threads(parser: argparse.ArgumentParser) -> None:
     """``--jobs``: of the simulations."""
     parser.add_argument(
         "--jobs", type=int, default=0, metavar="N", help="threads of the simulations; 0: all processors"
+    )
+
+
+def add_environment(parser: argparse.ArgumentParser) -> None:
+    """``--env`` and ``--env-option``."""
+    parser.add_argument("--env", required=True, metavar="ID", help="such as GripperTactile-v0")
+    parser.add_argument(
+        "--env-option",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        help="argument of the environment, value in JSON: servo=ideal, goal='[0.5, 1.5]'; as often as needed",
+    )
+
+
+def add_episodes(parser: argparse.ArgumentParser, count: int) -> None:
+    """``--episodes``, ``count`` unless told, ``--seed``, and ``--trust`` for the policy that plays them."""
+    parser.add_argument("--episodes", type=int, default=count, metavar="N", help=f"of each policy ({count})")
+    parser.add_argument(
+        "--seed", type=int, default=0, metavar="N", help="of the first episode; each later one adds 1 (0)"
+    )
+    parser.add_argument("--trust", action="store_true", help="load a FILE although loading runs code that it holds")
+
+
+def add_processes(parser: argparse.ArgumentParser) -> None:
+    """Options of a command that runs many tasks."""
+    parser.add_argument("--jobs", type=int, default=1, metavar="N", help="processes at once (1); 0: one a processor")
+    parser.add_argument(
+        "--backend",
+        choices=("local", "ray"),
+        default="local",
+        help="processes of this machine, or of the Ray cluster at RAY_ADDRESS (local)",
     )

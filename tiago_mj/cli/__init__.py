@@ -1,7 +1,8 @@
 """The command line: ``tiago-mj COMMAND``.
 
-A command is a module with ``add_arguments(parser)`` and ``run(arguments) -> exit status``, named in :data:`COMMANDS`.
-It is imported only when it is asked for.
+A command is a module with ``run(arguments) -> exit status``, named in :data:`COMMANDS`, and one with
+``add_arguments(parser)``: the same, or one of this room where the first takes long to import. Both are imported only
+when the command is asked for, and the first only when it is run.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import os
 import select
 import sys
 from collections.abc import Mapping, Sequence
+from functools import partial
 from types import MappingProxyType
 from typing import Final, NoReturn
 
@@ -23,7 +25,7 @@ from tiago_mj import __version__
 from tiago_mj.io.quoting import one_line, unquoted
 from tiago_mj.view import headless
 
-#: Command: module, and what it does.
+#: Command: module that runs it, and what it does.
 COMMANDS: Final[Mapping[str, tuple[str, str]]] = MappingProxyType(
     {
         "demo": ("tiago_mj.demo.command", "grasp, compare with real recordings, write a page with the pictures"),
@@ -50,6 +52,24 @@ COMMANDS: Final[Mapping[str, tuple[str, str]]] = MappingProxyType(
     }
 )
 
+#: Commands whose arguments are declared in a module of this room, which imports nothing heavy: ``--help`` is quick.
+DECLARED: Final[Mapping[str, str]] = MappingProxyType(
+    {
+        "calibrate-sensor": "calibrate_sensor",
+        "compare": "compare",
+        "convert": "convert",
+        "demo": "demo",
+        "diagnose-all": "diagnose_all",
+        "evaluate": "evaluate",
+        "export": "export",
+        "import": "import_",
+        "preflight": "preflight",
+        "record": "record",
+        "rollout": "rollout",
+        "train": "train",
+        "view": "view",
+    }
+)
 #: How a complaint of a drive without room begins, whatever the command.
 FULL: Final = "the drive is full"
 #: Exit status where whoever read the output closed it: 128 and SIGPIPE, as a shell says it of other commands.
@@ -78,10 +98,16 @@ def build_parser(*wanted: str | None) -> argparse.ArgumentParser:
     for name, (module, summary) in COMMANDS.items():
         sub = commands.add_parser(name, help=summary, description=summary[0].upper() + summary[1:] + ".")
         if name in wanted:
-            loaded = importlib.import_module(module)
-            loaded.add_arguments(sub)
-            sub.set_defaults(run=loaded.run)
+            declared = f"{__name__}.{DECLARED[name]}" if name in DECLARED else module
+            importlib.import_module(declared).add_arguments(sub)
+            sub.set_defaults(run=partial(run, module))
     return parser
+
+
+def run(module: str, arguments: argparse.Namespace) -> int:
+    """Import the module of a command and run it; the exit status."""
+    status: int = importlib.import_module(module).run(arguments)
+    return status
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -162,7 +188,3 @@ def _told(fault: Exception, arguments: argparse.Namespace) -> str:
 def _foreseen() -> tuple[type[BaseException], ...]:
     """What a user can mend: bad input, missing files, missing libraries."""
     return (ValueError, OSError, ModuleNotFoundError, DependencyNotInstalled)
-
-
-if __name__ == "__main__":
-    sys.exit(main())
