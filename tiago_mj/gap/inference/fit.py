@@ -7,20 +7,18 @@ its :func:`tiago_mj.gap.inference.evidence.log_evidence`.
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tiago_mj.effects import EFFECTS
-from tiago_mj.effects.spec import Entry
-from tiago_mj.gap.inference import likelihood, noise_model
+from tiago_mj.gap.inference import likelihood
 from tiago_mj.gap.inference.evidence import log_evidence
-from tiago_mj.gap.inference.hypotheses import Candidate, Term
-from tiago_mj.gap.inference.noise_model import Data
+from tiago_mj.gap.inference.hypotheses import Candidate
+from tiago_mj.gap.inference.linearized import Linearized
 from tiago_mj.gap.inference.points import NUISANCE_STEP, Fitted, Point, Start
-from tiago_mj.gap.inference.predictor import Predictor
 from tiago_mj.gap.inference.remembered import remembered
 from tiago_mj.gap.inference.whitening import Normal, Whitening
 
@@ -65,18 +63,10 @@ FitTask = Generator[Sequence[Point], Array, T]
 
 
 @dataclass
-class Fitter:
+class Fitter(Linearized):
     """Fits explanations to one set of trials.
 
     Attributes:
-        predict: simulations.
-        trials: indices of the trials.
-        data: measured, of these trials.
-        weight: square root of what a sample of each channel counts for, (C,).
-        terms: nuisance parameters.
-        responses: change of the predictions per deviation of each term, (nterms, ntrials, T, C): of the nominal
-            model's, or around another point (:meth:`linearized_at`); those that every trial has of its own come last.
-        given: effects that are part of whatever is fitted.
         iterations: Gauss-Newton steps at most.
         min_cost_drop: a drop of the cost below this is no progress [nats].
         min_move_share: smallest move of a magnitude for its finite-difference response, as a share of its range. Where
@@ -85,94 +75,10 @@ class Fitter:
         out_of_time: asked between steps; once it returns True, a fit ends where it is.
     """
 
-    predict: Predictor
-    trials: tuple[int, ...]
-    data: Data
-    weight: Array
-    terms: tuple[Term, ...]
-    responses: Array
-    given: tuple[Entry, ...] = ()
     iterations: int = MAX_ITERATIONS
     min_cost_drop: float = MIN_COST_DROP_NATS
     min_move_share: float = MIN_MOVE_SHARE
     out_of_time: Callable[[], bool] = lambda: False
-
-    def __post_init__(self) -> None:
-        self.shared = [k for k, term in enumerate(self.terms) if not term.per_trial]
-        self._own = [k for k, term in enumerate(self.terms) if term.per_trial]
-        self.per_trial = np.array([term.per_trial for term in self.terms], dtype=bool)
-
-    @property
-    def size(self) -> int:
-        """Number of nuisance parameters."""
-        return len(self.shared) + len(self._own) * len(self.trials)
-
-    @property
-    def motion_counts(self) -> float:
-        """What a sample of the joints' motion counts for."""
-        of_joints = [kind != "force" for kind in self.data.kinds]
-        return float(np.mean(self.weight[of_joints] ** 2)) if any(of_joints) else 0.0
-
-    def selection_penalty(self, part: Candidate) -> float:
-        """What it costs to have chosen what an effect drew at random [nats]: told by the joints' motion, by samples
-        that count for what they do here."""
-        return (
-            self.motion_counts * sum(part.selection_penalty[trial] for trial in self.trials)
-            if part.selection_penalty
-            else 0.0
-        )
-
-    def nuisance_indices(self, term: int) -> list[int]:
-        """Where a nuisance parameter stands among the nuisances: once, or once a trial."""
-        if term in self.shared:
-            return [self.shared.index(term)]
-        return list(range(len(self.shared) + self._own.index(term), self.size, len(self._own)))
-
-    def effects(self, parts: Sequence[Candidate], values: Array, nuisance: Array, trial: int) -> tuple[Entry, ...]:
-        """What is simulated for a trial (by its position among the trials)."""
-        chosen = [*self.given, *(part.entry(float(v)) for part, v in zip(parts, values, strict=True))]
-        for k, term in enumerate(self.shared):
-            if nuisance[k]:
-                chosen.append(self.terms[term].entry(float(nuisance[k])))
-        base = len(self.shared) + trial * len(self._own)
-        for k, term in enumerate(self._own):
-            if nuisance[base + k]:
-                chosen.append(self.terms[term].entry(float(nuisance[base + k])))
-        return tuple(chosen)
-
-    def predictions(self, points: Sequence[Point], *, keep: bool = False) -> Array:
-        """(npoints, ntrials, T, C); ``keep``: remember the physics, for what only measures differently."""
-        wanted = [
-            (t, self.effects(p.parts, p.values, p.nuisance, k)) for p in points for k, t in enumerate(self.trials)
-        ]
-        out = self.predict(wanted, keep=keep)
-        return out.reshape(len(points), len(self.trials), *out.shape[1:])
-
-    def part(self, rows: Sequence[int]) -> Fitter:
-        """Of some of the trials, by their positions among them."""
-        return replace(
-            self,
-            trials=tuple(self.trials[k] for k in rows),
-            data=noise_model.select_trials(self.data, rows),
-            responses=self.responses[:, list(rows)],
-        )
-
-    def of(self, rows: Sequence[int], nuisance: Array) -> Array:
-        """Nuisances of some of the trials, of those of all."""
-        shared = len(self.shared)
-        own = nuisance[shared:].reshape(len(self.trials), len(self._own))
-        return np.concatenate([nuisance[:shared], own[list(rows)].ravel()])
-
-    def linearized_at(self, at: Point) -> Fitter:
-        """This fitter with nuisance responses linearized at a point: contacts make responses depend on the point."""
-        return self.linearized_at_each([at])[0]
-
-    def linearized_at_each(self, points: Sequence[Point]) -> list[Fitter]:
-        """Fitters linearized at each of several points, simulated in one batch."""
-        asked = [[at, *self._nudged(at)] for at in points]
-        predicted = self.predictions([one for some in asked for one in some]) if asked else np.empty(0)
-        each = predicted.reshape(len(points), -1, *predicted.shape[1:])
-        return [replace(self, responses=(some[1:] - some[0]) / NUISANCE_STEP) for some in each]
 
     def fit_all(self, starts: Sequence[Start]) -> list[Fitted]:
         """Fit the magnitudes and nuisances of each explanation. The simulations that the fits need next are run in one
@@ -204,7 +110,7 @@ class Fitter:
     def _fit(self, start: Start, costs_beside: list[float]) -> FitTask[Fitted]:
         nuisance = np.zeros(self.size) if start.nuisance is None else start.nuisance
         points = [
-            self._without_duplicates(Point(start.parts, v, n))
+            self.without_duplicates(Point(start.parts, v, n))
             for v, n in ((start.values, nuisance), *start.alternatives)
         ]
         tried = yield points
@@ -257,26 +163,6 @@ class Fitter:
             jacobian = yield from self._value_columns(on, at, base)
         return self._evaluated(on, at, base, np.concatenate([jacobian, columns], axis=1))
 
-    def _duplicating_nuisances(self, part: Candidate) -> list[int]:
-        """Places of nuisances that are the same number as a magnitude: of the same effect on some of its targets."""
-        terms = [
-            k for k, term in enumerate(self.terms) if (term.effect, term.parameter) == (part.effect, part.parameter)
-        ]
-        mine = [k for k in terms if part.target is None or set(self.terms[k].target or ()) <= set(part.target)]
-        return [place for k in mine if not self.terms[k].per_trial for place in self.nuisance_indices(k)]
-
-    def _without_duplicates(self, point: Point) -> Point:
-        """The point with each nuisance that is the same physical number as a magnitude added to that and set to 0."""
-        values, nuisance = point.values.copy(), point.nuisance.copy()
-        for k, part in enumerate(point.parts):
-            twins = self._duplicating_nuisances(part)
-            if not twins or not nuisance[twins].any():
-                continue
-            move = float(np.mean([nuisance[place] * self.terms[self.shared[place]].deviation for place in twins]))
-            moved = values[k] * np.exp(move) if self.terms[self.shared[twins[0]]].factor else values[k] + move
-            values[k], nuisance[twins] = float(np.clip(moved, part.low, part.high)), 0.0
-        return Point(point.parts, values, nuisance)
-
     def _fit_magnitudes(self, on: Whitening, at: Point, base: Array) -> FitTask[tuple[Point, Array]]:
         """Fit the magnitudes alone, nuisances held: fitted jointly from a far start, nuisances that mimic the effect
         would shorten the common step and end at their bounds."""
@@ -299,12 +185,7 @@ class Fitter:
 
     def _responses(self, at: Point, base: Array) -> FitTask[Array]:
         """Responses of the nuisances around a point, see :attr:`responses`."""
-        return ((yield self._nudged(at)) - base) / NUISANCE_STEP
-
-    def _nudged(self, at: Point) -> list[Point]:
-        """A little further in each nuisance; those that every trial has of its own all at once, and last."""
-        own = [slice(len(self.shared) + k, None, len(self._own)) for k in range(len(self._own))]
-        return [at.nudged(which) for which in (*(slice(k, k + 1) for k in range(len(self.shared))), *own)]
+        return ((yield self.nudged(at)) - base) / NUISANCE_STEP
 
     def _value_columns(self, on: Whitening, at: Point, base: Array) -> FitTask[Array]:
         """Whitened response to each magnitude, per unit of it, (n, k)."""
@@ -329,7 +210,7 @@ class Fitter:
         count = len(at.parts) if alone else None
         known = np.ones(self.size)
         for part in at.parts:
-            known[self._duplicating_nuisances(part)] = FIXED_CURVATURE
+            known[self.duplicating_nuisances(part)] = FIXED_CURVATURE
         prior = np.concatenate([np.zeros(len(at.parts)), known])[:count]
         scale = self._scale(at.parts)[:count]
         r, weighted = on.weighted(base, columns)
