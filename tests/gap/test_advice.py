@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import shlex
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -200,7 +201,10 @@ def test_efforts_that_were_not_compared_are_no_notice_at_the_top(tmp_path):
     logged = replace(quiet, efforts={"elbow": np.zeros(20)})
     (aside,) = outcome.asides([logged])
     assert outcome.asides([quiet]) == ()
-    told = outcome.notes([logged], [], tested=True, complete=True, splits={})
+    plant = SimpleNamespace(joints=(), wiring=SimpleNamespace(targets=SimpleNamespace(slides=())))
+    splits = {"train": ("hinge",), "test": ("hinge",)}
+    session = SimpleNamespace(trials=[logged], recorded=1, plant=plant, splits=splits)
+    told = outcome.notes(session, [], SimpleNamespace(excluded=(), complete=True))
     assert not any("effort" in note for note in told)
     page = said(replace(CASES["effect"], asides=(aside,)))
     assert page.index(aside) > page.index("How these numbers were made")

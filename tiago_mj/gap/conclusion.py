@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, Final, TypeVar
@@ -13,7 +13,9 @@ from numpy.typing import NDArray
 
 import tiago_mj
 from tiago_mj.effects import Entry
+from tiago_mj.gap.ahead import Ahead
 from tiago_mj.gap.analysis import fitted_numbers, held_out, locate, outcome, place, promises, shrink, unexplained
+from tiago_mj.gap.analysis.recorded import Recorded
 from tiago_mj.gap.analysis.remainder import remainder, with_accounted
 from tiago_mj.gap.compared import Compared
 from tiago_mj.gap.decision import verdict
@@ -31,6 +33,7 @@ from tiago_mj.gap.result import (
     Explanation,
     NextMotion,
     Overlay,
+    Place,
     Remains,
     ResidualShape,
     Shrink,
@@ -88,8 +91,9 @@ def concluded(compared: Compared, asked: Request, so_far: SoFar, ranked: Ranked)
         OutOfTimeError: the deadline was over before the answer was.
     """
     seed, tick = asked.seed, so_far.tick
-    session, proposed, nominal, phase = compared.session, compared.proposed, compared.nominal, compared.phase
+    session, proposed, phase = compared.session, compared.proposed, compared.phase
     plant, data = session.plant, proposed.data
+    recorded = Recorded(session, data, phase, seed)
     everything, fitted_on = range(len(session.trials)), session.indices(*FITTED)
     part = noise_model.select_trials(data, fitted_on)
     placed, ranked = _unless_ended(ranked, partial(place.refined, plant, ranked, part, fitted_on), None)
@@ -98,39 +102,20 @@ def concluded(compared: Compared, asked: Request, so_far: SoFar, ranked: Ranked)
     # Before and after are what the simulator itself does: as the environment with these effects, or the repaired model.
     simulator, left_open = ranked.predict.as_simulated(), outcome.left_open(plant, ranked)
     base = simulator.all_trials([left_open.get(outcome.nominal(ranked), ())], everything)[0]
-    judged, gains = _judged(session, proposed, ranked, base, seed)
-    found = _tried(session, proposed, ranked, judged, left_open, base, phase, seed)
-    chosen: tuple[NextMotion | None, str] = (None, "")
-    if judged.kind == "ambiguous" and ranked.complete and ranked.predict.replays:
-        tick("next motion", 1)
-        rivals = [(ranked.fits[k], judged.probability[k]) for k in judged.rivals]
-        how = Run(asked.threads, seed, asked.deadline)
-        choose = partial(next_motion, plant, session.trials[0], part, ranked.weight, rivals, how)
-        chosen, ranked = _unless_ended(ranked, partial(_if_time, choose), chosen)
-    following, late = chosen
+    judged, gains = _judged(recorded, proposed, ranked, base)
+    found = _tried(recorded, proposed, ranked, judged, left_open, base)
+    (following, late), ranked = _chosen(recorded, part, ranked, judged, asked, tick)
     tick("writing", 1)
     judged, best = found.judged, ranked.fits[found.judged.rivals[0]]
     where = locate.locate(data, base, phase, plant.period, seed)
     left = locate.locate(data, found.repaired, phase, plant.period, seed)
     looks: tuple[ResidualShape | None, str] = (None, "")
-    look = partial(unexplained.by_the_best, session, data, ranked, found.judged, nominal)
+    look = partial(unexplained.by_the_best, session, data, ranked, found.judged, compared.nominal)
     (shape, later), ranked = _unless_ended(ranked, look, looks)
     explanations = outcome.explanations(plant, ranked, judged.probability, gains)
-    shown = [k for k in judged.rivals if ranked.fits[k].parts or judged.kind == "no_gap"]
-    likeliest = explanations[judged.rivals[0]]
     answer = Diagnosis(
         **_known(session, asked),
-        verdict=Verdict(
-            judged.kind,
-            () if judged.kind == "no_gap" else likeliest.effects,
-            likeliest.probability,
-            tuple(explanations[k] for k in (shown[:1] if judged.kind == "no_gap" else shown)),
-            Remains(
-                judged.remains and judged.kind != "no_gap",
-                tuple(place for place in left[:5] if place.share > 0) if judged.remains else (),
-            ),
-            ranked.not_excited,
-        ),
+        verdict=_verdict(judged, explanations, left, ranked),
         where=where,
         stage=outcome.stage(best) if best.parts and judged.kind != "unknown" else unexplained.stage(shape, where),
         shrink=found.closing,
@@ -138,24 +123,56 @@ def concluded(compared: Compared, asked: Request, so_far: SoFar, ranked: Ranked)
         next_motion=following if judged.kind == "ambiguous" else None,
         complete=ranked.complete,
         physics_steps=ranked.predict.tally["physics_steps"],
-        overlays=_overlays(compared, base, found.repaired),
-        notes=(*found.said, *(said for said in (late, later) if said), *_notes(session, proposed, ranked)),
+        overlays=_overlays(recorded, base, found.repaired),
+        notes=(*found.said, *(said for said in (late, later) if said), *outcome.notes(session, proposed.tones, ranked)),
         asides=outcome.asides(session.trials) if ranked.predict.replays else (),
         residual_shape=shape,
     )
     if not ranked.complete:
         return provisional(answer, so_far.stopped(ranked.ended, asked.deadline.spent()))
     if asked.numbers:
-        answer = _with_numbers(answer, compared, asked, ranked, best, base)
+        answer = _with_numbers(answer, recorded, ranked, best, base)
     return replace(answer, physics_steps=ranked.predict.tally["physics_steps"])
 
 
-def _with_numbers(
-    answer: Diagnosis, compared: Compared, asked: Request, ranked: Ranked, best: Fitted, base: Array
-) -> Diagnosis:
+def _verdict(
+    judged: verdict.Judged, explanations: Sequence[Explanation], left: Sequence[Place], ranked: Ranked
+) -> Verdict:
+    """What is said: of which explanations, and what remains."""
+    shown = [k for k in judged.rivals if ranked.fits[k].parts or judged.kind == "no_gap"]
+    likeliest = explanations[judged.rivals[0]]
+    return Verdict(
+        judged.kind,
+        () if judged.kind == "no_gap" else likeliest.effects,
+        likeliest.probability,
+        tuple(explanations[k] for k in (shown[:1] if judged.kind == "no_gap" else shown)),
+        Remains(
+            judged.remains and judged.kind != "no_gap",
+            tuple(place for place in left[:5] if place.share > 0) if judged.remains else (),
+        ),
+        ranked.not_excited,
+    )
+
+
+def _chosen(
+    recorded: Recorded, part: Data, ranked: Ranked, judged: verdict.Judged, asked: Request, tick: Ahead
+) -> tuple[tuple[NextMotion | None, str], Ranked]:
+    """The motion to record next where rivals are left, or a sentence on why there is none; and the search, as one that
+    came to no end where something ended the choice."""
+    chosen: tuple[NextMotion | None, str] = (None, "")
+    if judged.kind != "ambiguous" or not ranked.complete or not ranked.predict.replays:
+        return chosen, ranked
+    tick("next motion", 1)
+    rivals = [(ranked.fits[k], judged.probability[k]) for k in judged.rivals]
+    how = Run(asked.threads, asked.seed, asked.deadline)
+    choose = partial(next_motion, recorded.plant, recorded.session.trials[0], part, ranked.weight, rivals, how)
+    return _unless_ended(ranked, partial(_if_time, choose), chosen)
+
+
+def _with_numbers(answer: Diagnosis, recorded: Recorded, ranked: Ranked, best: Fitted, base: Array) -> Diagnosis:
     """The answer with the nominal numbers that the validation trials confirm beside its explanation, and with what the
     simulator with both leaves on the test trials; with a sentence where the time was over before."""
-    session, data = compared.session, compared.proposed.data
+    session, data = recorded.session, recorded.data
     try:
         numbers = fitted_numbers.confirmed(session, ranked, data, best)
         if not numbers:
@@ -166,22 +183,18 @@ def _with_numbers(
         return replace(answer, notes=(*answer.notes, NO_TIME_FOR_NUMBERS))
     except KeyboardInterrupt:
         return replace(answer, notes=(*answer.notes, NO_TIME_FOR_NUMBERS), interrupted=True)
-    answer = replace(answer, numbers=numbers, overlays=_overlays(compared, base, repaired))
-    test, period = session.indices("test"), session.plant.period
-    gap = shrink.shrink(data, base, repaired, phase=compared.phase, test=test, period=period, seed=asked.seed)
+    answer = replace(answer, numbers=numbers, overlays=_overlays(recorded, base, repaired))
+    gap = shrink.shrink(recorded, base, repaired)
     if gap.before is None or gap.after is None:
         return answer
     left = Closing(gap.before, gap.after, gap.closed, gap.low, gap.high)
     return replace(answer, shrink=replace(answer.shrink, with_numbers=left))
 
 
-def _overlays(compared: Compared, base: Array, repaired: Array) -> tuple[Overlay, ...]:
+def _overlays(recorded: Recorded, base: Array, repaired: Array) -> tuple[Overlay, ...]:
     """Curves of a test trial, without and with the repair."""
-    session, data, phase = compared.session, compared.proposed.data, compared.phase
-    return tuple(
-        outcome.overlay(session.plant, session.trials[k], data, base, repaired, phase, k)
-        for k in (session.indices("test") or range(len(session.trials)))[:OVERLAYS]
-    )
+    shown = (recorded.test or range(len(recorded.session.trials)))[:OVERLAYS]
+    return tuple(outcome.overlay(recorded, base, repaired, k) for k in shown)
 
 
 def unanswered(session: Session, asked: Request, so_far: SoFar, ended: BaseException) -> Diagnosis:
@@ -225,22 +238,6 @@ def _known(session: Session, asked: Request) -> dict[str, Any]:
     }
 
 
-def _notes(session: Session, proposed: Proposals, ranked: Ranked) -> tuple[str, ...]:
-    """Sentences on the recordings and on how far the search came."""
-    plant = session.plant
-    return outcome.notes(
-        session.trials,
-        proposed.tones,
-        excluded=ranked.excluded,
-        cut_from=session.recorded if len(session.trials) > session.recorded else 0,
-        tested=bool(session.splits["test"]),
-        complete=ranked.complete,
-        ended=ranked.ended,
-        splits=session.splits,
-        slides=[name for name, slides in zip(plant.joints, plant.wiring.targets.slides, strict=True) if slides],
-    )
-
-
 def provisional(found: Diagnosis, stopped: Stopped) -> Diagnosis:
     """The answer of a search that did not come to its end: it has no probabilities, and where nothing is named it does
     not say that there is no gap."""
@@ -277,49 +274,40 @@ def _if_time(choose: Callable[[], NextMotion | None]) -> tuple[NextMotion | None
         return None, "The time budget left no time to choose the motion to record next."
 
 
-def _judged(
-    session: Session, proposed: Proposals, ranked: Ranked, base: Array, seed: int
-) -> tuple[verdict.Judged, Array]:
+def _judged(recorded: Recorded, proposed: Proposals, ranked: Ranked, base: Array) -> tuple[verdict.Judged, Array]:
     """The verdict before the trials kept aside are looked at, and what each explanation gains on validation trials."""
-    by = verdict.calibration(replays=ranked.predict.replays)
+    by, session = verdict.calibration(replays=ranked.predict.replays), recorded.session
     judging = [k for k in session.indices("validation") if k not in ranked.excluded]
-    gains, beaten = held_out.validated(
-        session.plant,
+    found = held_out.validated(
+        recorded,
         ranked.predict.as_simulated(between=True),  # what is judged is the explanation, not who plays it back
-        proposed.data,
         base,
         ranked.fits,
-        judging or session.indices(*FITTED),
-        by.fails,
-        seed,
         outcome.nominal(ranked),
+        judging or session.indices(*FITTED),
     )
-    judged = verdict.judge(ranked, strange=bool(proposed.tones), refuted=beaten if judging else None)
-    return promises.standing(judged, [verdict.option(fit, ranked) for fit in ranked.fits], by), gains
+    beaten = found.far_worse(by.fails, recorded.seed) if judging else None
+    judged = verdict.judge(ranked, strange=bool(proposed.tones), refuted=beaten)
+    return promises.standing(judged, [verdict.option(fit, ranked) for fit in ranked.fits], by), found.gains
 
 
 def _tried(
-    session: Session,
+    recorded: Recorded,
     proposed: Proposals,
     ranked: Ranked,
     judged: verdict.Judged,
     left_open: Mapping[int, tuple[Entry, ...]],
     base: Array,
-    phase: NDArray[np.int_],
-    seed: int,
 ) -> Tried:
     """The verdict, once the trials kept aside were looked at."""
-    plant, data, test = session.plant, proposed.data, session.indices("test")
     by = verdict.calibration(replays=ranked.predict.replays)
-    repair = partial(_repaired, ranked.predict.as_simulated(), ranked, left_open, data, base)
-    close = partial(shrink.shrink, data, base, phase=phase, test=test, period=plant.period, seed=seed)
-    leave = partial(
-        remainder, plant, ranked.predict, data, weight=ranked.weight, test=test, phase=phase, allowed=by.remains
-    )
+    repair = partial(_repaired, ranked.predict.as_simulated(), ranked, left_open, recorded.data, base)
+    close = partial(shrink.shrink, recorded, base)
+    leave = partial(remainder, recorded, ranked.predict, weight=ranked.weight, allowed=by.remains)
     best = ranked.fits[judged.rivals[0]]
     repaired = repair(judged.rivals[0])
     closing = close(repaired)
-    if not test or not ranked.complete:  # what is provisional needs no more than how far it closes the gap
+    if not recorded.test or not ranked.complete:  # what is provisional needs no more than how far it closes the gap
         return Tried(judged, repaired, closing, ())
     rest = leave(fit=best)
     closed, none = closing.closed, None
@@ -335,7 +323,7 @@ def _tried(
         loud=bool(rest.loud),
         without=None if none is None else none.gap,
         larger_part=not proposed.tones
-        and plant.environment is None
+        and recorded.plant.environment is None
         and ranked.predict.replays
         and (closing.low or 0.0) > promises.LARGER_PART,
     )
@@ -343,7 +331,7 @@ def _tried(
     if kept.rivals[0] != judged.rivals[0]:
         best, repaired = ranked.fits[kept.rivals[0]], repair(kept.rivals[0])
         closing, rest, none = close(repaired), leave(fit=best), None
-    said += held_out.spoiled(plant, ranked.predict, data, best, session.trials, session.splits, seed)
+    said += held_out.spoiled(recorded, ranked.predict, best)
     return Tried(kept, repaired, with_accounted(closing, rest, none), said)
 
 

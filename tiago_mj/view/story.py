@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from tiago_mj.effects import EFFECTS
 from tiago_mj.effects.spec import Entry
 from tiago_mj.gap.analysis import outcome
+from tiago_mj.gap.analysis.recorded import Recorded
 from tiago_mj.gap.inference import noise_model
 from tiago_mj.gap.report import pattern, verdict, words
 from tiago_mj.gap.report.overlays import stretches
@@ -26,6 +27,7 @@ from tiago_mj.gap.result import PHASES, Diagnosis, Overlay
 from tiago_mj.gap.simulation import phases, replay
 from tiago_mj.gap.simulation.along_a_motion import along_a_motion
 from tiago_mj.gap.simulation.plant import Plant
+from tiago_mj.gap.simulation.session import session_of
 from tiago_mj.io.deadline import Deadline
 from tiago_mj.models import names, scene
 from tiago_mj.recordings.recording import Trial
@@ -174,7 +176,7 @@ def _overlay(plant: Plant, trial: Trial, on: replay.Grid, data: noise_model.Data
     predicted = np.where(measured, noise_model.predicted(data, simulated), np.nan)
     nominal = replay.Signals(*(getattr(simulated, f)[:1] for f in replay.Signals.__dataclass_fields__))
     phase = phases.phases(plant, on, nominal)
-    signals = outcome.overlay(plant, trial, data, predicted[:1], predicted[-1:], phase, 0)
+    signals = outcome.overlay(Recorded(session_of(plant, [trial]), data, phase), predicted[:1], predicted[-1:], 0)
     return signals if len(predicted) > 1 else replace(signals, repaired={})
 
 

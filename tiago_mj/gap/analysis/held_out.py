@@ -6,7 +6,8 @@ that needs them is judged with them. The pose of an object in one trial says not
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 
 from tiago_mj.effects import EFFECTS
 from tiago_mj.gap.analysis import promises, shrink
+from tiago_mj.gap.analysis.recorded import Recorded
 from tiago_mj.gap.analysis.remainder import own_numbers
 from tiago_mj.gap.inference import likelihood, noise_model
 from tiago_mj.gap.inference.fit import Fitted
@@ -22,7 +24,6 @@ from tiago_mj.gap.inference.noise_model import Data
 from tiago_mj.gap.inference.predictor import Predictor
 from tiago_mj.gap.simulation.plant import Plant
 from tiago_mj.recordings import travel
-from tiago_mj.recordings.recording import Trial
 
 Array = NDArray[np.float64]
 
@@ -30,82 +31,82 @@ Array = NDArray[np.float64]
 MAX_LISTED_NUMBERS: Final = 3
 
 
+@dataclass(frozen=True)
+class Validated:
+    """Explanations on the validation trials.
+
+    Attributes:
+        gains: drop of the mean squared residual in units of the floor, (n,).
+        energy, samples: sums of squared residuals, (n, B), and their numbers, (B,), over blocks of rows.
+        misfit: mean square of the worst channel, in units of floor and tolerance, (n,).
+    """
+
+    gains: Array
+    energy: Array
+    samples: Array
+    misfit: Array
+
+    def far_worse(self, fails: float, seed: int) -> NDArray[np.bool_]:
+        """Explanations that predict the trials far worse than the best, (n,).
+
+        Args:
+            fails: ``misfit`` above which an explanation fails.
+            seed: of the bootstrap.
+        """
+        return promises.beaten(self.energy, self.samples, self.misfit, fails, seed)
+
+
 def validated(
-    plant: Plant,
-    predict: Predictor,
-    data: Data,
-    base: Array,
-    fits: Sequence[Fitted],
-    trials: Sequence[int],
-    fails: float,
-    seed: int,
-    nominal: int,
-) -> tuple[Array, NDArray[np.bool_]]:
-    """Drop of the mean squared residual on the validation trials under each explanation, and the explanations that
-    predict them far worse than the best.
+    recorded: Recorded, predict: Predictor, base: Array, fits: Sequence[Fitted], nominal: int, trials: Sequence[int]
+) -> Validated:
+    """Drop of the mean squared residual on the validation trials under each explanation, and what it leaves there.
 
     The drop is relative to the nominal model with its own fitted numbers, so that it measures the effects alone.
 
     Args:
-        plant: the nominal simulator.
+        recorded: recordings.
         predict: simulates.
-        data: measured, in every trial.
         base: nominal prediction, (ntrials, T, C).
         fits: explanations.
-        trials: validation trials, not those that were fitted.
-        fails: mean square of the worst channel, in units of floor and tolerance, above which an explanation fails.
-        seed: of the bootstrap.
         nominal: index of the explanation without effects, apart from those measured on the readings.
-
-    Returns:
-        Drop of the mean squared residual in units of the floor, (n,), and a mask of those far worse, (n,).
+        trials: validation trials, not those that were fitted.
     """
+    plant = recorded.plant
     known = [(*fit.effects(), *own_numbers(plant, fit)) for fit in fits]
     nothing = own_numbers(plant, fits[nominal])
     simulated = known if nothing in known else [*known, nothing]
     every = predict.all_trials(simulated, trials)
     predicted = every[: len(fits)]
-    selected = noise_model.select_trials(data, trials)
+    selected = noise_model.select_trials(recorded.data, trials)
     length = shrink.block_rows(selected, base[list(trials)], predicted[0])
     energy, samples = _blocks(selected, predicted, length)
     before, _ = _blocks(selected, every[[simulated.index(nothing)]], length)
     gains: Array = (before.sum() - energy.sum(axis=1)) / samples.sum()
     misfit = [_misfit(selected, one) for one in predicted]
-    return gains, promises.beaten(energy, samples, np.array(misfit), fails, seed)
+    return Validated(gains, energy, samples, np.array(misfit))
 
 
-def spoiled(
-    plant: Plant,
-    predict: Predictor,
-    data: Data,
-    fit: Fitted,
-    recordings: Sequence[Trial],
-    splits: Mapping[str, Sequence[str]],
-    seed: int,
-) -> tuple[str, ...]:
+def spoiled(recorded: Recorded, predict: Predictor, fit: Fitted) -> tuple[str, ...]:
     """A sentence where the nominal numbers fitted beside an explanation make the prediction of the test trials worse.
 
     Args:
-        plant: the nominal simulator.
+        recorded: recordings.
         predict: simulates.
-        data: measured, in every trial.
         fit: the explanation.
-        recordings: all trials.
-        splits: their names, by ``train``, ``validation`` and ``test``.
-        seed: of the bootstrap.
     """
+    plant, session, trials = recorded.plant, recorded.session, recorded.test
     own = own_numbers(plant, fit)
-    trials = [k for k, trial in enumerate(recordings) if trial.name in splits["test"]]
     if not own or not trials:
         return ()
     shared = [term for term in terms(plant) if not term.per_trial]
     far = sorted(zip(shared, fit.nuisance, strict=False), key=lambda one: -abs(float(one[1])))[:MAX_LISTED_NUMBERS]
     fitted, stated = predict.all_trials([(*fit.effects(), *own), tuple(fit.effects())], trials)
-    selected = noise_model.select_trials(data, trials)
+    selected = noise_model.select_trials(recorded.data, trials)
     energy, samples = _blocks(selected, np.stack([fitted, stated]), shrink.block_rows(selected, stated, fitted))
     slides = [name for name, slides in zip(plant.joints, plant.wiring.targets.slides, strict=True) if slides]
     told = [_number(plant, term, float(size)) for term, size in far if size]
-    return promises.spoiled(energy[0], energy[1], samples, told, travel.farther(recordings, splits, slides), seed)
+    farther = travel.farther(session.trials, session.splits, slides)
+    return promises.spoiled(energy[0], energy[1], samples, told, farther, recorded.seed)
 
 
 def can_close(fit: Fitted) -> bool:

@@ -10,14 +10,15 @@ from numpy.typing import NDArray
 
 from tiago_mj.effects import EFFECTS
 from tiago_mj.effects.spec import Entry
+from tiago_mj.gap.analysis.recorded import Recorded
 from tiago_mj.gap.analysis.remainder import own_numbers
 from tiago_mj.gap.decision import verdict
 from tiago_mj.gap.detectors.readings import Tone
 from tiago_mj.gap.inference.fit import Fitted
-from tiago_mj.gap.inference.noise_model import Data
 from tiago_mj.gap.result import Explanation, Named, Overlay, Value
 from tiago_mj.gap.search.state import Ranked
 from tiago_mj.gap.simulation.plant import Plant
+from tiago_mj.gap.simulation.session import Session
 from tiago_mj.io.deadline import OutOfTimeError
 from tiago_mj.recordings import travel
 from tiago_mj.recordings.recording import Trial
@@ -114,10 +115,9 @@ def named(plant: Plant, fit: Fitted, k: int) -> Named:
 # Pictures and notes ---------------------------------------------------------------------------------------------------
 
 
-def overlay(
-    plant: Plant, trial: Trial, data: Data, base: Array, repaired: Array, phase: NDArray[np.int_], k: int
-) -> Overlay:
+def overlay(recorded: Recorded, base: Array, repaired: Array, k: int) -> Overlay:
     """Curves of the ``k``-th trial: measured, and predicted without and with the explanation."""
+    plant, data, trial = recorded.plant, recorded.data, recorded.session.trials[k]
     rows = len(trial.time)
     units: Mapping[str, Callable[[int], str]] = {
         "position": lambda j: "m" if plant.wiring.targets.slides[j] else "rad",
@@ -132,7 +132,7 @@ def overlay(
     return Overlay(
         trial=trial.name,
         time=trial.time,
-        phases=phase[k, :rows],
+        phases=recorded.phase[k, :rows],
         measured=signals(data.value),
         nominal=signals(base),
         repaired=signals(repaired),
@@ -141,40 +141,25 @@ def overlay(
     )
 
 
-def notes(
-    trials: Sequence[Trial],
-    tones: Sequence[Tone],
-    *,
-    excluded: Sequence[int] = (),
-    cut_from: int = 0,
-    tested: bool,
-    complete: bool,
-    splits: Mapping[str, Sequence[str]],
-    slides: Sequence[str] = (),
-    ended: BaseException | None = None,
-) -> tuple[str, ...]:
+def notes(session: Session, tones: Sequence[Tone], ranked: Ranked) -> tuple[str, ...]:
     """Notes for the reader of a diagnosis, one sentence each.
 
     Args:
-        trials: that were compared.
+        session: trials that were compared.
         tones: that load cells hum.
-        excluded: indices of trials that were excluded from the fits.
-        cut_from: how many recordings were cut into the trials; 0 where none was.
-        tested: whether a trial was kept for testing.
-        complete: whether the search came to its end.
-        ended: what ended it; None: the time.
-        splits: names of the train, validation and test trials.
-        slides: joints that slide.
+        ranked: what the search found, and how it ended.
     """
+    trials, cut_from, plant = session.trials, session.recorded, session.plant
+    slides = [name for name, slides in zip(plant.joints, plant.wiring.targets.slides, strict=True) if slides]
     said = []
-    if cut_from:
+    if len(trials) > cut_from:
         what = "The recording was" if cut_from == 1 else f"The {cut_from} recordings, of which some are long, were"
         said.append(
             f"{what} cut into {len(trials)} trials: at rests, or where there are too few of them into parts with gaps "
             "between them."
         )
-    said += travel.notes(trials, splits, slides)
-    if not tested:
+    said += travel.notes(trials, session.splits, slides)
+    if not session.splits["test"]:
         said.append("There is no test trial, so no share of the gap can be said to be closed: record more than one.")
     said += [
         f"{tone.channel} swings at about {tone.frequency:.3g} Hz (or faster, seen at this rate) by "
@@ -184,10 +169,10 @@ def notes(
     said += [
         f"In {trials[k].name} the motion departs from the simulator's, unlike in the other trials: something slipped, "
         "tipped or got stuck there. The answer is based on the others."
-        for k in excluded
+        for k in ranked.excluded
     ]
-    if not complete:
-        said.append(early_end(ended))
+    if not ranked.complete:
+        said.append(early_end(ranked.ended))
     return tuple(said)
 
 

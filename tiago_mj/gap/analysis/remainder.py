@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tiago_mj.effects.spec import Entry
+from tiago_mj.gap.analysis.recorded import Recorded
 from tiago_mj.gap.inference import likelihood, noise_model
 from tiago_mj.gap.inference.fit import Fitted, Fitter, Point, Start
 from tiago_mj.gap.inference.hypotheses import terms
-from tiago_mj.gap.inference.noise_model import Data
 from tiago_mj.gap.inference.predictor import Predictor
 from tiago_mj.gap.result import PHASES, Closing, Shrink
 from tiago_mj.gap.search import starts
@@ -49,28 +49,17 @@ class Remainder:
     loud: tuple[str, ...] = ()
 
 
-def remainder(
-    plant: Plant,
-    predict: Predictor,
-    data: Data,
-    fit: Fitted,
-    weight: Array,
-    test: Sequence[int],
-    phase: NDArray[np.int_],
-    allowed: float,
-) -> Remainder:
+def remainder(recorded: Recorded, predict: Predictor, fit: Fitted, weight: Array, allowed: float) -> Remainder:
     """Residual of an explanation on the test trials, poses of objects fitted in each of them.
 
     Args:
-        plant: the nominal simulator.
+        recorded: recordings; at least one trial is kept aside.
         predict: simulations, corrected for integration error where that was decided.
-        data: of all trials.
         fit: the explanation, with the nominal numbers that were fitted beside it.
         weight: square root of what a sample of each channel counts for, (C,).
-        test: indices of the test trials; at least one.
-        phase: of every row of all trials, (ntrials, T), as indices into ``PHASES``.
         allowed: mean square in units of floor and tolerance above which a phase is loud.
     """
+    plant, data, phase, test = recorded.plant, recorded.data, recorded.phase, recorded.test
     selected = noise_model.select_trials(data, test)
     known = (*fit.effects(), *own_numbers(plant, fit))
     own = tuple(term for term in terms(plant) if term.per_trial)

@@ -13,6 +13,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from tiago_mj.gap.analysis.recorded import Recorded
 from tiago_mj.gap.inference import noise_model
 from tiago_mj.gap.inference.noise_model import Data
 from tiago_mj.gap.result import PHASES, Closing, Shrink
@@ -37,32 +38,20 @@ BINS: Final = 1000
 FEWEST: Final = 5
 
 
-def shrink(
-    data: Data,
-    before: Array,
-    after: Array,
-    phase: NDArray[np.int_],
-    test: Sequence[int],
-    *,
-    period: float,
-    seed: int = 0,
-) -> Shrink:
+def shrink(recorded: Recorded, before: Array, after: Array) -> Shrink:
     """Mean squared residual before and after on the test trials, in units of the noise floor, and the share closed.
 
     Args:
-        data: measured, of all trials.
+        recorded: recordings; where no trial is kept aside, nothing is said.
         before, after: predictions, (ntrials, T, C).
-        phase: of every row, (ntrials, T), as indices into ``PHASES``.
-        test: indices of the trials kept aside; none: nothing is said.
-        period: control period [s].
-        seed: of the bootstrap.
     """
-    if not len(test):
+    data, phase, test = recorded.data, recorded.phase, recorded.test
+    if not test:
         return Shrink(None, None, 1.0, None, None, None)
     sums = [_binned(data, before[k], after[k], phase[k], k) for k in test]
     index = list(test)
     length = block_rows(noise_model.select_trials(data, index), before[index], after[index])
-    drawn = _drawn(sums, length, np.random.default_rng(seed))
+    drawn = _drawn(sums, length, np.random.default_rng(recorded.seed))
     total = np.sum([part.sum(axis=0) for part in sums], axis=0)
     whole = _closing(total.sum(axis=(0, 1)), drawn.sum(axis=(1, 2)))
     if whole is None:
@@ -83,7 +72,7 @@ def shrink(
         per_channel,
         per_phase=per_phase,
         per_place={name: places for name, places in per_place.items() if places},
-        resampled=_said(len(test), length * period),
+        resampled=_said(len(test), length * recorded.plant.period),
     )
 
 

@@ -42,6 +42,8 @@ LAG_SHARE: Final = 0.1
 #: Squared residuals are clipped at this, in units of their variance, since other causes may act there: five deviations,
 #: which Gaussian noise exceeds in one of 1.7 million samples.
 MAX_SQUARED_RESIDUAL: Final = 25.0
+#: Longest step at which a driver is followed that looks now and then [s].
+DRIVER_STEP: Final = 2e-3
 
 
 @dataclass(frozen=True)
@@ -177,11 +179,11 @@ def magnitudes(
 
 
 def driven(
-    plant: Plant, on: Grid, motion: ServoMotion, wide: Candidate, pairs: Array, trials: Sequence[int], longest: float
+    plant: Plant, on: Grid, motion: ServoMotion, wide: Candidate, pairs: Array, trials: Sequence[int]
 ) -> Iterator[Array]:
     """Offset of the set points for each pair of magnitude and driver's period, for each of the T - 1 commands (npairs,
-    ntrials, nsteps, nactuators), in steps of at most ``longest`` [s]."""
-    these, parts = list(trials), max(math.ceil(plant.period / longest - 1e-6), 1)
+    ntrials, nsteps, nactuators), in steps of at most :data:`DRIVER_STEP`."""
+    these, parts = list(trials), max(math.ceil(plant.period / DRIVER_STEP - 1e-6), 1)
     shape = (len(pairs), len(these), motion.requested.shape[2])
     size = shape[0] * shape[1]
 

@@ -39,11 +39,10 @@ AT_ONCE: Final = 512
 #: move by this share of a step from one magnitude to the next (on a hinge beside a delay its peak is 0.5 % wide).
 SCANNED_TRIALS: Final = 2
 FINE_GRID_SHIFT: Final = 0.1
-#: Where a driver looks now and then: magnitudes beside each period (1.5 % apart: on a hinge a peak was 2 % wide), those
-#: around each of the best, and the longest step at which a driver is followed [s].
+#: Where a driver looks now and then: magnitudes beside each period (1.5 % apart: on a hinge a peak was 2 % wide), and
+#: those around each of the best.
 DRIVER_WIDTHS: Final = 300
 DRIVER_WIDTHS_AROUND_BEST: Final = 7
-DRIVER_STEP: Final = 2e-3
 #: Starts that are fitted, by what they are expected to gain, and least share of the most. Where nothing explained the
 #: recordings 30 of them took 6 of a search's 8 million steps (seed 941, case 9); expected gains are within 3 % of the
 #: simulated ones on a hinge. The numbers were chosen by hand; no ablation.
@@ -258,7 +257,7 @@ class Beside:
         """Mean offset of the set point over each row for every pair, (npairs, ntrials, T - 1, nactuators)."""
         plant, on, motion = self.fitter.predict.plant, self.fitter.predict.on, self.motion
         if pairs[0, 1]:
-            steps = set_points.driven(plant, on, motion, wide, pairs, self.fitter.trials, DRIVER_STEP)
+            steps = set_points.driven(plant, on, motion, wide, pairs, self.fitter.trials)
             return np.stack([off.mean(axis=2) for off in steps], axis=2)
         passed = [set_points.passed(plant, on, motion, wide, pairs[:, 0], t) for t in self.fitter.trials]
         return np.stack(passed, axis=1) - motion.requested[list(self.fitter.trials)]
