@@ -44,7 +44,7 @@ from tiago_mj.effects import EFFECTS
 from tiago_mj.gap.decision import verdict
 from tiago_mj.gap.decision.verdict import SCHEMA, Calibration, Doubt, probabilities
 from tiago_mj.gap.inference.hypotheses import form_deviation
-from tiago_mj.gap.result import Evidence
+from tiago_mj.gap.result import FitQuality
 from tiago_mj.io import atomic
 
 Array = NDArray[np.float64]
@@ -149,7 +149,7 @@ def _doubt(cases: Sequence[Case], by: Calibration) -> Doubt:
     """What makes answers wrong that the evidence is sure of: by the log loss of what is stated."""
     said = [again(one, replace(by, doubt=CERTAIN)) for one in cases]
     rows = [
-        (len(j.answer["verdict"]["effects"]), Evidence(**j.answer["verdict"]["evidence"]), *row)
+        (len(j.answer["verdict"]["effects"]), FitQuality(**j.answer["verdict"]["evidence"]), *row)
         for j in said
         if j.answer is not None and (row := score.stated(j)) is not None
     ]

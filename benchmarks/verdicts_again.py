@@ -16,7 +16,7 @@ from benchmarks.blind.score import Judged
 from tiago_mj.gap.analysis import promises
 from tiago_mj.gap.analysis.outcome import STRANGE
 from tiago_mj.gap.decision.verdict import Calibration, Option, decide
-from tiago_mj.gap.result import Evidence
+from tiago_mj.gap.result import FitQuality
 
 #: Notes of kept answers, which are worded as they were then, and what they are now.
 EARLIER: Final = {
@@ -70,7 +70,7 @@ def case(label: Mapping[str, Any], answer: Mapping[str, Any]) -> Case | None:
     named = [frozenset(_named(effect) for effect in one["effects"]) for one in ranking]
     known = frozenset.intersection(*named)
     options = tuple(
-        Option(effects - known, frozenset(score.classes(one["effects"])), Evidence(**one["evidence"]))
+        Option(effects - known, frozenset(score.classes(one["effects"])), FitQuality(**one["evidence"]))
         for effects, one in zip(named, ranking, strict=True)
     )
     return Case(label, answer, options, bool(known)) if any(not option.effects for option in options) else None

@@ -12,7 +12,7 @@ from benchmarks.blind import score
 from benchmarks.calibrate import BY_HAND
 from benchmarks.verdicts_again import Case
 from tiago_mj.gap.decision.verdict import Calibration, calibration_of, wrong
-from tiago_mj.gap.result import Evidence
+from tiago_mj.gap.result import FitQuality
 
 TRUE, RIVAL = "coulomb_friction", "force_gain"
 
@@ -199,7 +199,7 @@ def test_what_the_method_had_not_seen_says_how_often_a_sure_answer_is_wrong() ->
 
     developed = [sure(TRUE)] * 50
     alone, told = calibrate.fit(developed), calibrate.fit(developed, unseen=[sure(TRUE)] * 80 + [sure(RIVAL)] * 20)
-    met = Evidence(met=0.0, price=0.0, misfit=1.0, lasting=0.5)
+    met = FitQuality(met=0.0, price=0.0, misfit=1.0, lasting=0.5)
     assert wrong(1, met, alone.doubt) < 0.05
     assert wrong(1, met, told.doubt) == pytest.approx(0.2, rel=0.25)  # a share of 20 of 100, known to 20 %
     assert calibrate.replace(told, doubt=alone.doubt) == alone
@@ -219,7 +219,7 @@ def test_answers_that_leave_more_or_name_more_are_doubted_more_where_they_were_w
     cases = [said(False, 0.5, k >= 6) for k in range(120)]
     cases += [said(second, left, k >= 48) for second, left in ((False, 1.8), (True, 0.5)) for k in range(120)]
     by = calibrate.fit(cases).doubt
-    met, more = (Evidence(met=0.0, price=0.0, misfit=left, lasting=0.5) for left in (1.0, 1.8))
+    met, more = (FitQuality(met=0.0, price=0.0, misfit=left, lasting=0.5) for left in (1.0, 1.8))
     assert wrong(1, met, by) < 0.12
     assert wrong(1, more, by) == pytest.approx(0.4, abs=0.1)  # two deviations of 120
     assert wrong(2, met, by) == pytest.approx(0.4, abs=0.1)

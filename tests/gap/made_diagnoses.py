@@ -13,8 +13,8 @@ from tiago_mj.gap.result import (
     PHASES,
     Closing,
     Diagnosis,
-    Evidence,
     Explanation,
+    FitQuality,
     FittedNumber,
     Named,
     NextMotion,
@@ -252,7 +252,7 @@ CASES = {
     "cut_short": diagnosis(complete=False),
     "nothing_compared": diagnosis("unknown", (), where=(), overlays=(), ranking=(), remains_where=()),
 }
-BOUND = replace(CASES["unknown_with_known"].best, evidence=Evidence(-100.0, -8.0, 0.9, 1.1, edge=True))
+BOUND = replace(CASES["unknown_with_known"].best, evidence=FitQuality(-100.0, -8.0, 0.9, 1.1, edge=True))
 CASES["at_a_bound"] = replace(
     CASES["unknown_with_known"],
     best=BOUND,

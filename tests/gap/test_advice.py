@@ -18,7 +18,7 @@ from tiago_mj.gap.analysis import outcome
 from tiago_mj.gap.decision.verdict import most_probable
 from tiago_mj.gap.report import advice, html, tables, verdict
 from tiago_mj.gap.report.repaired import limits
-from tiago_mj.gap.result import Evidence, Explanation, Named, Repaired, Value
+from tiago_mj.gap.result import Explanation, FitQuality, Named, Repaired, Value
 from tiago_mj.gap.simulation.plant import plant_of
 from tiago_mj.recordings import motions
 from tiago_mj.recordings.recording import Sidecar, Trial
@@ -174,7 +174,7 @@ def test_limits_are_of_the_joint_behind_its_gear(tmp_path):
 
 
 def test_the_highest_probability_is_explained_where_it_is_reached():
-    met = Evidence(met=-100.0, price=-9.0, misfit=1.0, lasting=1.0)
+    met = FitQuality(met=-100.0, price=-9.0, misfit=1.0, lasting=1.0)
     most = most_probable(Explanation((COULOMB,), 1.0, 1.0, met))
     assert re.search(r"never above \d\d %", verdict.ceiling(Explanation((COULOMB,), most, 1.0, met)))
     assert verdict.ceiling(Explanation((COULOMB,), 0.8 * most, 1.0, met)) == ""
@@ -188,7 +188,10 @@ def test_the_highest_probability_is_explained_where_it_is_reached():
 
 def test_why_a_row_of_the_same_class_stands_where_it_does_is_said_only_where_there_is_one():
     again = Explanation(
-        (Named("stribeck_friction", (RIGHT,), {"static": Value(3.0, 2.0, 4.0, "N")}),), 0.93, 1.0, Evidence(1, 1, 1, 1)
+        (Named("stribeck_friction", (RIGHT,), {"static": Value(3.0, 2.0, 4.0, "N")}),),
+        0.93,
+        1.0,
+        FitQuality(1, 1, 1, 1),
     )
     given = replace(CASES["effect"], ranking=(CASES["effect"].ranking[0], again, *CASES["effect"].ranking[1:]))
     assert [row.again for row in tables.ranking(given)][:2] == [False, True]

@@ -23,8 +23,8 @@ from tiago_mj.gap.result import (
     SCHEMA,
     Closing,
     Diagnosis,
-    Evidence,
     Explanation,
+    FitQuality,
     Named,
     NextMotion,
     Place,
@@ -98,7 +98,7 @@ def explanations(draw: st.DrawFn, least: int = 0) -> Explanation:
     named = tuple(
         Named(name, target, {key: draw(values()) for key in EFFECTS[name].parameters}) for name, target in effects
     )
-    evidence = Evidence(0.0, 0.0, 1.0, 1.0, edge=draw(st.booleans())) if draw(st.booleans()) else None
+    evidence = FitQuality(0.0, 0.0, 1.0, 1.0, edge=draw(st.booleans())) if draw(st.booleans()) else None
     return Explanation(named, 0.0, draw(st.floats(-500, 500)), evidence)
 
 

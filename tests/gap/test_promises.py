@@ -11,14 +11,14 @@ from tiago_mj.gap.analysis import promises
 from tiago_mj.gap.analysis.promises import Aside
 from tiago_mj.gap.analysis.remainder import LEFT
 from tiago_mj.gap.decision.verdict import Calibration, Judged, Option, decide, wrong
-from tiago_mj.gap.result import Evidence
+from tiago_mj.gap.result import FitQuality
 
 BY = Calibration(temperature=1.0, stands=0.333, rival=0.05, fails=2.17, remains=2.0)
 FINE = Aside(closed=0.9, left=1.0, misfit=1.0)
 
 
 def option(*names: str, met: float = 0.0, left: float = 1.0, edge: bool = False) -> Option:
-    evidence = Evidence(met=met, price=-3.0 * len(names), misfit=left, lasting=left, edge=edge)
+    evidence = FitQuality(met=met, price=-3.0 * len(names), misfit=left, lasting=left, edge=edge)
     return Option(frozenset((name, None) for name in names), frozenset(names), evidence)
 
 

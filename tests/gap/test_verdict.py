@@ -8,13 +8,13 @@ import pytest
 
 from tiago_mj.gap.decision.verdict import Calibration, Doubt, Option, decide
 from tiago_mj.gap.inference.hypotheses import Candidate
-from tiago_mj.gap.result import Evidence
+from tiago_mj.gap.result import FitQuality
 
 BY = Calibration(temperature=1.0, stands=0.333, rival=0.05, fails=3.0, remains=3.0)
 
 
 def option(*names: str, met: float, left: float, edge: bool = False) -> Option:
-    evidence = Evidence(met=met, price=-4.0 * len(names), misfit=min(left, 2.0), lasting=left, edge=edge)
+    evidence = FitQuality(met=met, price=-4.0 * len(names), misfit=min(left, 2.0), lasting=left, edge=edge)
     return Option(frozenset((name, None) for name in names), frozenset(names), evidence)
 
 

@@ -193,8 +193,7 @@ def _run(arguments: argparse.Namespace, entered: float) -> int:
         from tiago_mj.gap.simulation.plant import plant_of
         from tiago_mj.recordings import lint
 
-        numbers = with_numbers(arguments)
-        given = read_effects(arguments.effects, numbers=numbers)
+        given = read_effects(arguments.effects, numbers=with_numbers(arguments))
         plant = plant_of(read.trials, env=arguments.env, model=arguments.model, given=given)
         findings = (*read.findings, *lint.inspect_all(read.trials, plant))
         lint.refuse(read.trials, findings)
@@ -218,20 +217,12 @@ def _run(arguments: argparse.Namespace, entered: float) -> int:
                     read.trials,
                     findings=findings,
                     usable=usable,
-                    env=arguments.env,
                     model=model,
-                    names=considered(arguments.without),
                     given=given,
-                    seed=arguments.seed,
-                    threads=arguments.jobs,
                     deadline=deadline,
-                    policy=arguments.policy,
-                    trust=arguments.trust,
                     tick=Told(progress),
-                    command=shlex.join(words(arguments)),
                     journal=atomic.place(arguments.out) / JOURNAL,
-                    resume=arguments.resume,
-                    numbers=numbers,
+                    **_asked(arguments),
                 )
             needed = max(DRAWING[0] * loaded, DRAWING[1])
             diagnosis, seen = _pictures(plant, read.trials, diagnosis, deadline, needed)
@@ -241,6 +232,21 @@ def _run(arguments: argparse.Namespace, entered: float) -> int:
         print(f"tiago-mj diagnose: {unusable}", file=sys.stderr)
         return 2
     return _written(diagnosis, seen, fault, arguments)
+
+
+def _asked(arguments: argparse.Namespace) -> dict[str, Any]:
+    """What the command line asks of a diagnosis as it stands there."""
+    return {
+        "env": arguments.env,
+        "names": considered(arguments.without),
+        "seed": arguments.seed,
+        "threads": arguments.jobs,
+        "policy": arguments.policy,
+        "trust": arguments.trust,
+        "command": shlex.join(words(arguments)),
+        "resume": arguments.resume,
+        "numbers": with_numbers(arguments),
+    }
 
 
 def _check_numbers(arguments: argparse.Namespace) -> None:

@@ -114,8 +114,8 @@ class Likeness:
 
 
 @dataclass(frozen=True)
-class Evidence:
-    """What speaks for an explanation and against it.
+class FitQuality:
+    """How well an explanation meets the recordings, and what it costs.
 
     Attributes:
         met: how well it meets the recordings it was fitted to [nats].
@@ -155,7 +155,7 @@ class Explanation:
     effects: tuple[Named, ...]
     probability: Number
     validation_gain: Annotated[Number, Field(json_schema_extra={"default": None})] = math.nan
-    evidence: Evidence | None = None
+    evidence: FitQuality | None = None
     parameters: Mapping[str, Parameters] = field(default_factory=dict, repr=False)
 
     def __post_init__(self) -> None:

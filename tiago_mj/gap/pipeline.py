@@ -22,7 +22,7 @@ from tiago_mj.gap.report.repaired import with_model
 from tiago_mj.gap.request import Needs, Request, SoFar, begun_with
 from tiago_mj.gap.result import Diagnosis
 from tiago_mj.gap.search import select
-from tiago_mj.gap.search.state import Question, Ranked
+from tiago_mj.gap.search.state import Question
 from tiago_mj.gap.simulation import phases, replay, sizes
 from tiago_mj.gap.simulation.along_a_motion import along_a_motion, efforts_along
 from tiago_mj.gap.simulation.session import FITTED, Session
@@ -55,7 +55,8 @@ def diagnose(trials: Sequence[Trial], **asked: Any) -> Diagnosis:
     so_far = SoFar(Ahead(request.tick))
     with mujoco_log.counted() as warned:
         session = session_of(trials, env=request.env, model=request.model, given=request.given)
-        question = _question(session, request)
+        tested = [session.trials[k] for k in session.indices("test")]
+        question = task.ask(session.plant, tested, request.policy, trust=request.trust, seed=request.seed)
         with (
             kept(request.journal, lambda: begun_with(session, request), resume=request.resume) as so_far.journal,
             keeping(lambda fault: so_far.answer or so_far.timed(unanswered(session, request, so_far, fault))),
@@ -172,23 +173,9 @@ def _explained(compared: Compared, asked: Request, so_far: SoFar) -> Diagnosis:
         so_far.search.ranked = ranked
         found = concluded(compared, asked, so_far, ranked)
         if said and found.best.effects and found.complete:
-            found = _compared_with_each_other(found, session, ranked, said)
+            found = likeness.beside(found, session, ranked, said)
     return replace(
         found.with_verdict(not_excited=(*found.not_excited, *compared.hidden)),
         findings=(*asked.findings, *compared.findings),
         notes=(*found.notes, *compared.notes),
     )
-
-
-def _compared_with_each_other(found: Diagnosis, session: Session, ranked: Ranked, said: Sequence[str]) -> Diagnosis:
-    """The answer with which of its magnitudes like parts share; with a sentence where there was no time for it."""
-    try:
-        return replace(found, like=likeness.told(session, ranked, ranked.fits[0], said))
-    except OutOfTimeError:
-        return replace(found, notes=(*found.notes, "There was no time to compare the parts that are alike."))
-
-
-def _question(session: Session, asked: Request) -> task.Asked | None:
-    """A policy whose return is to be predicted; None: not asked."""
-    tested, play = [session.trials[k] for k in session.indices("test")], asked.policy
-    return None if play is None else task.ask(session.plant, tested, play, trust=asked.trust, seed=asked.seed)

@@ -22,8 +22,10 @@ from tiago_mj.gap.inference import noise_model
 from tiago_mj.gap.inference.fit import Fitted, Fitter, Point, Start
 from tiago_mj.gap.inference.hypotheses import Candidate, terms
 from tiago_mj.gap.parts import Likeness, Value
+from tiago_mj.gap.result import Diagnosis
 from tiago_mj.gap.search.state import Ranked
 from tiago_mj.gap.simulation.session import FITTED, Session
+from tiago_mj.io.deadline import OutOfTimeError
 from tiago_mj.recordings.like import alike
 
 Array = NDArray[np.float64]
@@ -67,6 +69,14 @@ def _scatter(values: Sequence[tuple[float, float]]) -> tuple[float, float]:
     middle, _ = mean(values)
     chi_square = sum(((value - middle) / deviation) ** 2 for value, deviation in values)
     return float(chi_square), float(stats.chi2.sf(chi_square, max(len(values) - 1, 1)))
+
+
+def beside(found: Diagnosis, session: Session, ranked: Ranked, said: Sequence[str]) -> Diagnosis:
+    """The answer with which of its magnitudes like parts share; with a sentence where there was no time for it."""
+    try:
+        return replace(found, like=told(session, ranked, ranked.fits[0], said))
+    except OutOfTimeError:
+        return replace(found, notes=(*found.notes, "There was no time to compare the parts that are alike."))
 
 
 def told(session: Session, ranked: Ranked, best: Fitted, said: Sequence[str]) -> tuple[Likeness, ...]:

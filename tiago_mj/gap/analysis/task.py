@@ -56,13 +56,18 @@ class Asked:
     seed: int
 
 
-def ask(plant: Plant, trials: Sequence[Trial], policy: str, *, trust: bool = False, seed: int = 0) -> Asked:
-    """Check that a policy can be played under the conditions of recordings, before longer computations.
+def ask(
+    plant: Plant, trials: Sequence[Trial], policy: str | None, *, trust: bool = False, seed: int = 0
+) -> Asked | None:
+    """Check that a policy can be played under the conditions of recordings, before longer computations; None: no
+    policy is asked for.
 
     Raises:
         RecordingError: the recordings are of no environment, or a sidecar lacks a goal or holds an impossible one.
         ValueError: the policy cannot be loaded or does not fit; says why.
     """
+    if policy is None:
+        return None
     if plant.environment is None:
         raise RecordingError(
             f"{trials[0].source}: --policy needs an environment to play in, and these recordings are of {plant.name}: "

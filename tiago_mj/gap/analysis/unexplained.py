@@ -8,7 +8,8 @@ its noise). A different motion may have any cause upstream in the chain, which t
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -94,7 +95,7 @@ def by_the_best(
     except OutOfTimeError:
         return None, "The time budget left no time to say what the rest looks like."
     trials = [k for k in range(len(session.trials)) if k not in ranked.excluded]
-    return unexplained(session.plant, ranked.predict.on, data, predicted, nominal, trials), ""
+    return unexplained(Replayed(session.plant, ranked.predict.on, nominal, trials), data, predicted), ""
 
 
 def stage(shape: ResidualShape | None, where: tuple[Place, ...]) -> str | None:
@@ -103,27 +104,34 @@ def stage(shape: ResidualShape | None, where: tuple[Place, ...]) -> str | None:
     return locate.stage(where) if shape is None else shape.stage
 
 
-def unexplained(
-    plant: Plant,
-    on: Grid,
-    data: Data,
-    predicted: Array,
-    nominal: Signals,
-    trials: Sequence[int],
-) -> ResidualShape | None:
+@dataclass(frozen=True)
+class Replayed:
+    """Recordings as the nominal model replays them.
+
+    Attributes:
+        plant, on: what was replayed.
+        nominal: of all trials, one row a trial.
+        trials: indices of those that are looked at.
+    """
+
+    plant: Plant
+    on: Grid
+    nominal: Signals
+    trials: list[int]
+
+
+def unexplained(replayed: Replayed, data: Data, predicted: Array) -> ResidualShape | None:
     """Carrier, stages and shape of the residual in the channel with the largest one.
 
     Args:
-        plant, on: what was replayed.
-        data: measured.
+        replayed: by the nominal model.
+        data: measured, in all trials.
         predicted: with the best explanation, (ntrials, T, C).
-        nominal: the nominal replay, one row a trial.
-        trials: to be looked at.
 
     Returns:
         None where nothing was measured in them.
     """
-    index = list(trials)
+    plant, nominal, index = replayed.plant, replayed.nominal, replayed.trials
     selected, predictions = noise_model.select_trials(data, index), predicted[index]
     residual = selected.value - predictions
     loud = loudness(selected, residual)
@@ -133,7 +141,7 @@ def unexplained(
     said = carrier(selected, residual, worst, plant.period)
 
     def shares_of(channel: int) -> list[Share]:
-        trajectory = _trajectory(plant, on, selected, predictions, nominal, channel, index)
+        trajectory = _trajectory(replayed, selected, predictions, channel)
         return residual_shape.shares(residual[:, :, channel], trajectory, selected.sigma[:, :, channel])
 
     if said == "motion":
@@ -247,19 +255,16 @@ def stages(carried: str, shape: str) -> tuple[str, ...]:
     return (*found, "force_sensor") if carried == "both" and found else found
 
 
-def _trajectory(
-    plant: Plant, on: Grid, data: Data, predicted: Array, nominal: Signals, channel: int, trials: list[int]
-) -> Trajectory:
+def _trajectory(replayed: Replayed, data: Data, predicted: Array, channel: int) -> Trajectory:
     """Predicted motion and contact, and commands, belonging to a channel.
 
     Args:
-        plant, on: what was replayed.
-        data: of these trials.
-        predicted: of these trials, (ntrials, T, C).
-        nominal: of all trials.
+        replayed: by the nominal model.
+        data: of the trials that are looked at.
+        predicted: of these, (ntrials, T, C).
         channel: index.
-        trials: indices.
     """
+    plant, on, nominal, trials = replayed.plant, replayed.on, replayed.nominal, replayed.trials
     length = predicted.shape[1]
     joint = _joint(plant, data, nominal, channel)
     name = plant.joints[joint]

@@ -2,7 +2,7 @@
 
     log odds = log likelihood / T + log prior
 
-The log likelihood (``met`` of :class:`tiago_mj.gap.result.Evidence`) is that at the fitted magnitudes and nuisances
+The log likelihood (``met`` of :class:`tiago_mj.gap.result.FitQuality`) is that at the fitted magnitudes and nuisances
 [nats]. The log prior (``price``) holds the prior of the nuisances, the Occam factor of the magnitudes and how rare
 effects are. The log likelihood that a second effect adds counts for less than that of the first. T, this discount, and
 the thresholds are calibrated on simulated recordings whose effect is known: ``verdict.json``, which says how.
@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from tiago_mj.effects import EFFECTS
 from tiago_mj.gap.inference.fit import Fitted
 from tiago_mj.gap.inference.hypotheses import number_of_effects
-from tiago_mj.gap.result import Evidence, Explanation
+from tiago_mj.gap.result import Explanation, FitQuality
 from tiago_mj.gap.search.state import Ranked
 
 Array = NDArray[np.float64]
@@ -131,7 +131,7 @@ class Option:
 
     effects: frozenset[tuple[str, tuple[str, ...] | None]]
     classes: frozenset[str]
-    evidence: Evidence
+    evidence: FitQuality
 
 
 @dataclass(frozen=True)
@@ -170,7 +170,7 @@ def judge(ranked: Ranked, *, strange: bool = False, refuted: NDArray[np.bool_] |
 def option(fit: Fitted, ranked: Ranked) -> Option:
     """Effects, classes and evidence of a fit."""
     count = len(fit.parts) - ranked.known
-    evidence = Evidence(
+    evidence = FitQuality(
         met=fit.evidence - fit.prior,
         price=fit.prior + _log_prior(fit, ranked),
         misfit=fit.misfit,
@@ -224,7 +224,7 @@ def decide(
     return Judged(kind, sure * pooled, tuple(rivals), discrepancy(options[best]) > by.remains, sure)
 
 
-def wrong(effects: int, evidence: Evidence, by: Doubt) -> float:
+def wrong(effects: int, evidence: FitQuality, by: Doubt) -> float:
     """Probability that an answer of this kind is wrong, however strong the evidence.
 
     Args:

@@ -21,7 +21,7 @@ from tiago_mj.gap.report.consistency import (
 from tiago_mj.gap.report.part import explains_part
 from tiago_mj.gap.report.pattern import apart, clauses, joints, labels
 from tiago_mj.gap.report.words import MANY, begin, channel, listed, number, percent, percent_within, title
-from tiago_mj.gap.result import Diagnosis, Evidence, Explanation, Place, Stopped
+from tiago_mj.gap.result import Diagnosis, Explanation, FitQuality, Place, Stopped
 from tiago_mj.io.progress import seconds
 
 #: Alternatives up to this number are spelled out in the first sentence; of more, only the effects' names are given.
@@ -284,7 +284,7 @@ def ceiling(explanation: Explanation) -> str:
 def why_ceiling() -> str:
     """What the highest probability of an answer rests on."""
     by, cases = calibration().doubt, int(measured_on("doubt"))
-    nothing, one, more = (percent(wrong(effects, Evidence(0.0, 0.0, 1.0, 1.0), by)) for effects in range(3))
+    nothing, one, more = (percent(wrong(effects, FitQuality(0.0, 0.0, 1.0, 1.0), by)) for effects in range(3))
     return (
         f"On {cases} simulated cases, whose effects the diagnosis was not told, some answers were wrong even with "
         f"strong evidence: about {nothing} of those that named nothing, {one} of those with one effect and {more} of "

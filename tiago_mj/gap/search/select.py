@@ -8,21 +8,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tiago_mj.gap.detectors.readings import Known, only_read_off
-from tiago_mj.gap.detectors.set_points import ServoMotion
 from tiago_mj.gap.inference.fit import Fitted, Fitter, Start
-from tiago_mj.gap.inference.hypotheses import Candidate
 from tiago_mj.gap.search import (
     additions,
     agreement,
     all_trials,
     beginning,
     driver_period,
+    losing,
     lost_commands,
     on_each,
     ranking,
@@ -33,7 +33,6 @@ from tiago_mj.gap.search import (
     starts,
     step_error,
 )
-from tiago_mj.gap.search.screen import screen
 from tiago_mj.gap.search.state import Question, Ranked, State, Tick
 from tiago_mj.io.deadline import Deadline, OutOfTimeError
 
@@ -128,25 +127,13 @@ def _search(
     tick("fitting the nominal model", beginning.MAX_NOMINAL_ROUNDS)
     full, shared = begin(asked, over)
     state = replace(beginning.with_nominal(full, asked.first_trials), motion=asked.motion)
-
     first = state.full
-    if not over():
-        state = beginning.sharpened(state)
+    state = state if over() else beginning.sharpened(state)
 
     def ranked(state: State, wide: Fitter | None = None) -> Ranked:
-        shown = ranking.reportable(ranking.unique_by_labels(state.fits))
-        if wide is not None:
-            shown = sharpen.misfits_by(wide, state.full, agreement.with_agreement(state.full, shown))
-        return Ranked(
-            tuple(with_readings(fit, asked.known, shared) for fit in shown),
-            state.unseen,
-            len(asked.known),
-            count,
-            not out_of_time(),
-            state.full.weight,
-            state.full.predict,
-            state.excluded,
-        )
+        fits, full, known = _shown(state, asked, shared, wide), state.full, len(asked.known)
+        complete = not out_of_time()
+        return Ranked(fits, state.unseen, known, count, complete, full.weight, full.predict, state.excluded)
 
     def tell(state: State) -> None:
         so_far.ranked = ranked(state)
@@ -157,15 +144,12 @@ def _search(
 
     tell(state)
     tick("screening", len(pool), gap=_leaves_a_gap(state.best))
-    state = beginning.screened(
-        state, pool, asked.motion, lambda *how_far: tick("screening", *how_far), so_far.tried.update
-    )
+    state = beginning.screened(state, pool, asked.motion, partial(tick, "screening"), so_far.tried.update)
     tell(state)
     sought = False
     for size in range(1, (asked.most or MAX_EFFECTS) + 1):
-        if (size > 1 and over()) or not _is_warranted(state, size):
-            break
-        if size > 1 and not asked.beyond and not _leaves_a_gap(state.best):
+        further = size == 1 or (not over() and (asked.beyond or _leaves_a_gap(state.best)))
+        if not further or not _is_warranted(state, size):
             break
         tick(ROUNDS[size], additions.MAX_SINGLES, gap=_leaves_a_gap(state.best))
         found = _with_singles(state, fitted, tick) if size == 1 else _with_further_effect(state, size, fitted)
@@ -175,16 +159,13 @@ def _search(
         tell(state)
         if size == 1 and not over() and _losses_are_likely(state):
             tick("lost commands", 1, gap=_leaves_a_gap(state.best))
-            state, sought = _with_lost_commands(state), True
+            state, sought = losing.with_lost_commands(state), True
             tell(state)
     if not sought and not out_of_time():  # nor by its budget: they may be all that there is
         tick("lost commands", 1, gap=_leaves_a_gap(state.best))
         state = replace(state, full=replace(state.full, out_of_time=out_of_time))
-        losing = _with_lost_commands(state)
-        if losing is not state:
-            state = losing if over() else _with_further_effect(losing, 2, fitted) or losing
-            state = sharpen.sharpened(_departing_left_out(state))
-            tell(state)
+        state = _with_losses_at_last(state, over, fitted)
+        tell(state)
     # Not by the search's budget of physics steps: whatever that found is not told before it was seen on all trials.
     wide = replace(all_trials.wide(asked, first, state.excluded), out_of_time=out_of_time)
     if not out_of_time():
@@ -192,6 +173,23 @@ def _search(
         state, wide = all_trials.fitted(state, wide)
         state = _departing_left_out(state)
     return ranked(state, wide)
+
+
+def _shown(state: State, asked: Question, shared: NDArray[np.bool_], wide: Fitter | None) -> tuple[Fitted, ...]:
+    """Explanations as they are told; ``wide``: the first fitter, for how they do in the noise assumed at first."""
+    shown = ranking.reportable(ranking.unique_by_labels(state.fits))
+    if wide is not None:
+        shown = sharpen.misfits_by(wide, state.full, agreement.with_agreement(state.full, shown))
+    return tuple(with_readings(fit, asked.known, shared) for fit in shown)
+
+
+def _with_losses_at_last(state: State, over: Callable[[], bool], tell: Callable[[State], None]) -> State:
+    """The search with lost commands, and with another effect beside them, where that explains more."""
+    found = losing.with_lost_commands(state)
+    if found is state:
+        return state
+    found = found if over() else _with_further_effect(found, 2, tell) or found
+    return sharpen.sharpened(_departing_left_out(found))
 
 
 def _losses_are_likely(state: State) -> bool:
@@ -335,60 +333,6 @@ def _departing_left_out(state: State) -> State:
     return replace(
         state, full=full, fits=tuple(fits), nominal_nuisance=nominal_nuisance, excluded=(*state.excluded, *excluded)
     )
-
-
-def _with_lost_commands(state: State) -> State:
-    """The search with lost commands decoded and simulated, where that gains evidence."""
-    full, decoded = _decoded(state.full, state.losing, state.fits, state.motion)
-    if not decoded:
-        return state
-    screening = replace(state.screening, predict=full.predict, weight=full.weight)
-    promising = [*state.promising, *screen(screening, decoded, state.linearization_point).on_all]
-    ahead = [f for f in ranking.unique_by_labels(state.fits) if f.parts][: rounds.MAX_ON_ALL_TRIALS]
-    nominal = ranking.best_nominal(state.fits)
-    lost = [Start((c,), np.array(c.grid[:1]), nominal.nuisance) for c in decoded]
-    fits = full.fit_all([*(starts.restart(f) for f in (nominal, *ahead)), *lost])
-    return replace(
-        state,
-        screening=screening,
-        full=full,
-        promising=tuple(sorted(promising, key=lambda s: -s.gain)),
-        pool=(*state.pool, *decoded),
-        fits=tuple(ranking.unique_by_labels(fits)),
-    )
-
-
-def _decoded(
-    full: Fitter, candidates: Sequence[Candidate], fits: Sequence[Fitted], motion: ServoMotion | None
-) -> tuple[Fitter, list[Candidate]]:
-    """The search with decoded lost commands and candidates for them, beside the nominal model or the best explanation;
-    unchanged where that leaves nothing to explain or is more likely without.
-
-    Sample weights are raised where the residuals are less correlated with the losses.
-    """
-    best, nominal = ranking.by_evidence(fits)[0], ranking.best_nominal(fits)
-    if motion is None or not candidates or ranking.is_adequate(best):
-        return full, []
-    for fit in (nominal, best) if best.parts else (nominal,):
-        if full.out_of_time():
-            break
-        decoded = lost_commands.decoded_beside(full, starts.point_of(fit), motion, candidates)
-        if decoded is None:
-            continue
-        losing = replace(full, predict=decoded.predict)
-        prediction = losing.predictions([starts.point_of(decoded.fit)])[0]
-        reweighted = replace(losing, weight=np.maximum(losing.weight, ranking.sample_weight(losing.data, prediction)))
-        for fitter in (reweighted, losing):
-            penalised = lost_commands.penalised(fitter, decoded, motion, candidates)
-            if penalised is None:
-                continue
-            rivals = [starts.restart(f) for f in ([best, fit] if fit is not best else [best])]
-            there, *without = fitter.fit_all([starts.with_replaced_candidates(decoded.fit, penalised), *rivals])
-            if there.evidence > max(f.evidence for f in without) - (
-                ranking.LOCAL_OPTIMUM_NATS if fit is nominal else 0.0
-            ):
-                return fitter, [penalised.get(c.label, c) for c in candidates]
-    return full, []
 
 
 def with_readings(fit: Fitted, known: Sequence[Known], sensitive: NDArray[np.bool_]) -> Fitted:
