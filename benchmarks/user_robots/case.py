@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from benchmarks.user_robots import record
+from benchmarks.user_robots import record, written
 from benchmarks.user_robots.models import USER_ROBOTS
 
 ROOT: Final = Path(__file__).resolve().parents[2]
@@ -92,7 +92,7 @@ def recorded(case: Case, work: Path) -> dict[str, Any]:
     path = robot.write(work)
     asked = {k: v for k in ("logs", "seconds", "rate") if (v := getattr(case, k)) is not None}
     reality, plan = record.make(robot, case.truth, case.seed, path, asked=asked)
-    record.write(reality, plan, case.seed, work / "recordings", f"../{path.name}")
+    written.write(reality, plan, case.seed, work / "recordings", f"../{path.name}")
     facts = {"rate_hz": plan.rate, "logs": plan.logs, "seconds_each": plan.seconds}
     return {**reality.truth.label(), **facts}
 

@@ -8,8 +8,6 @@ imported.
 
 from __future__ import annotations
 
-import csv
-import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -315,7 +313,7 @@ def make(
         return plain, plan
     probe = range(min(3, plan.logs))
     without, exact = session(plain, plan, seed, probe), session(real(Truth("none"), 0.0), plan, seed, probe)
-    noise = _noise(plain, plan)
+    noise = noise_of(plain, plan)
     jitter = _difference(without, exact, noise, plain)
     if truth.kind == "friction":
         pulls = np.concatenate([log.force for log in without])[:, driven.index(str(truth.joint))]
@@ -343,70 +341,6 @@ def _difference(one: list[Log], other: list[Log], noise: Array, reality: Reality
     return float((np.sqrt((far**2).mean(axis=0)) / unit).max())
 
 
-def _noise(reality: Reality, plan: Plan) -> Array:
+def noise_of(reality: Reality, plan: Plan) -> Array:
     slides = reality.nominal.jnt_type == mujoco.mjtJoint.mjJNT_SLIDE
     return plan.noise * np.where(slides, 0.1, 1.0)
-
-
-def measured(reality: Reality, plan: Plan, log: Log, rng: np.random.Generator) -> tuple[Array, Array]:
-    """What encoders give: noise and steps on positions; velocities as a driver estimates them."""
-    slides = reality.nominal.jnt_type == mujoco.mjtJoint.mjJNT_SLIDE
-    quantum = np.where(slides, 0.4, 2 * np.pi) / 2**plan.bits
-    noise = _noise(reality, plan)
-    position = np.round((log.position + noise * rng.standard_normal(log.position.shape)) / quantum) * quantum
-    velocity = log.velocity + 20 * noise * rng.standard_normal(log.velocity.shape)
-    return position, velocity
-
-
-def write(reality: Reality, plan: Plan, seed: int, folder: Path, robot: str) -> None:
-    """Record the session into a folder.
-
-    Args:
-        reality: the robot.
-        plan: of the session.
-        seed: of motions and noise.
-        folder: for ``log-NN.csv`` or ``.parquet`` and the sidecars.
-        robot: what the sidecars say of the model's file, seen from the folder.
-    """
-    folder.mkdir(parents=True, exist_ok=True)
-    for number, log in enumerate(session(reality, plan, seed, range(plan.logs))):
-        position, velocity = measured(reality, plan, log, np.random.default_rng([seed, 5, number]))
-        columns: dict[str, Array] = {"time": log.time}
-        for k, name in enumerate(reality.actuators):
-            columns[f"command.{name}"] = log.command[:, k]
-        for k, name in enumerate(reality.joints):
-            columns[f"position.{name}"] = position[:, k]
-        if plan.velocity:
-            for k, name in enumerate(reality.joints):
-                columns[f"velocity.{name}"] = velocity[:, k]
-        stem = folder / f"log-{number:02d}"
-        _table(stem, columns, plan.parquet)
-        stem.with_suffix(".json").write_text(json.dumps(_sidecar(reality, plan, log, stem.name, robot), indent=1))
-
-
-def _sidecar(reality: Reality, plan: Plan, log: Log, trial: str, robot: str) -> dict[str, Any]:
-    out: dict[str, Any] = {
-        "schema": "tiago_mj.recording/1",
-        "trial": trial,
-        "robot": robot,
-        "rate_hz": plan.rate,
-        "interface": reality.robot.interface,
-    }
-    if reality.model.na:  # a controller that moves set points knows where they are
-        joints = [reality.nominal.joint(int(j)).name for j in reality.driven]
-        points = dict(zip(joints, log.begin.tolist(), strict=True))
-        out["initial"] = {"set_point": points}
-    return out
-
-
-def _table(stem: Path, columns: dict[str, Array], parquet: bool) -> None:
-    if parquet:
-        import pyarrow as pa
-        import pyarrow.parquet as pq
-
-        pq.write_table(pa.table(columns), stem.with_suffix(".parquet"))
-        return
-    with stem.with_suffix(".csv").open("w", newline="") as file:
-        writer = csv.writer(file)
-        writer.writerow(columns)
-        writer.writerows([f"{value:.7g}" for value in row] for row in zip(*columns.values(), strict=True))

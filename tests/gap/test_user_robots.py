@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from benchmarks.user_robots import __main__ as main
-from benchmarks.user_robots import case, record, truths
+from benchmarks.user_robots import case, record, truths, written
 from benchmarks.user_robots.models import USER_ROBOTS, UserRobot
 from tiago_mj.gap.simulation import replay
 from tiago_mj.gap.simulation.plant import Plant, plant_of
@@ -29,7 +29,7 @@ def recorded(
 ) -> tuple[Plant, Sequence[Trial], tuple[Finding, ...], record.Reality, record.Plan]:
     path = robot.write(folder)
     reality, plan = record.make(robot, kind, seed, path, spread=spread, asked=SMALL)
-    record.write(reality, plan, seed, folder / kind, f"../{path.name}")
+    written.write(reality, plan, seed, folder / kind, f"../{path.name}")
     read = read_recordings([folder / kind])
     plant = plant_of(read.trials)
     return plant, read.trials, (*read.findings, *lint.inspect_all(read.trials, plant)), reality, plan
@@ -65,7 +65,7 @@ def test_without_effect_and_jitter_the_users_model_replays_what_was_recorded(nam
     assert np.all(np.abs(error(plant)).max(axis=(0, 1)) < 0.03 * np.ptp(measured, axis=(0, 1)))
     plant.model.opt.timestep, plant.model.opt.integrator = record.STEP, mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     fine = error(replace(plant, max_timestep=record.STEP))
-    noise = record._noise(reality, plan) + 0.4 * np.pi / 2**plan.bits
+    noise = record.noise_of(reality, plan) + 0.4 * np.pi / 2**plan.bits
     assert np.all(np.sqrt((fine**2).mean(axis=(0, 1))) < 2.5 * noise), (
         "at reality's step, encoders are all that differs"
     )
@@ -110,7 +110,7 @@ def test_a_late_command_is_late_by_the_delay_to_a_physics_step() -> None:
 
 def test_reality_imports_nothing_of_the_diagnosis() -> None:
     folder = Path(record.__file__).parent
-    for name in ("models.py", "motions.py", "record.py", "truths.py"):
+    for name in ("models.py", "motions.py", "record.py", "truths.py", "written.py"):
         for node in ast.walk(ast.parse((folder / name).read_text())):
             found = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
             found += [f"{node.module}"] if isinstance(node, ast.ImportFrom) else []

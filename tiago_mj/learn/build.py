@@ -75,19 +75,7 @@ def make_model(settings: Settings, env: Any, seed: int, *, fast: bool = True, fu
     except (TypeError, AssertionError, KeyError) as fault:
         reason = " ".join(str(fault).split())
         raise ValueError(f"{algo} cannot be made of these hyperparameters: {reason}") from fault
-    if algo == "dagger":
-        if settings.steps <= model.learning_starts:
-            raise ValueError(
-                f"steps is {settings.steps} and learning_starts {model.learning_starts}: nothing would be learned; "
-                "give more steps, or a smaller learning_starts"
-            )
-        one = make_one_env(settings)
-        try:
-            model.expert = expert_of(given.get("expert", "scripted"), one)
-        finally:
-            one.close()
-    elif "expert" in given:
-        raise ValueError(f"expert is of dagger: leave it out of the hyperparameters for {algo}")
+    _give_expert(model, settings)
     for key in FAST_KEYS:
         if key in given:
             if not hasattr(model, key):
@@ -101,6 +89,27 @@ def make_model(settings: Settings, env: Any, seed: int, *, fast: bool = True, fu
         if not plain(model):
             raise ValueError(f"{key} is of networks with ReLU that learn with Adam: leave it out, or the activation_fn")
     return model
+
+
+def _give_expert(model: Any, settings: Settings) -> None:
+    """Give DAgger's model the expert that it asks.
+
+    Raises:
+        ValueError: nothing would be learned of it, or the algorithm asks none; one line.
+    """
+    if settings.algo == "dagger":
+        if settings.steps <= model.learning_starts:
+            raise ValueError(
+                f"steps is {settings.steps} and learning_starts {model.learning_starts}: nothing would be learned; "
+                "give more steps, or a smaller learning_starts"
+            )
+        one = make_one_env(settings)
+        try:
+            model.expert = expert_of(settings.hyperparameters.get("expert", "scripted"), one)
+        finally:
+            one.close()
+    elif "expert" in settings.hyperparameters:
+        raise ValueError(f"expert is of dagger: leave it out of the hyperparameters for {settings.algo}")
 
 
 def demonstrate(model: Any, settings: Settings, seed: int, *, stored: bool) -> None:

@@ -34,7 +34,7 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tiago_mj.models.contact_points import inverse_weight, lookup, shared_contact_points
+from tiago_mj.models.contact_points import inverse_weight, pair_contact_points, pair_index, shared_contact_points
 
 Array = NDArray[np.float64]
 
@@ -308,7 +308,7 @@ def set_pair_compliance(
         ValueError: an unknown pair, an option that breaks the law (``diagexact``, ``override``, the integrator
             ``discrete``), or whatever the functions above refuse. The model is unchanged then.
     """
-    index = _pair_index(model, pair)
+    index = pair_index(model, pair)
     _require_options(model, friction_damping)
     geoms = int(model.pair_geom1[index]), int(model.pair_geom2[index])
     points = pair_contact_points(model, index) if contact_points is None else contact_points
@@ -326,25 +326,6 @@ def set_pair_compliance(
     model.pair_solimp[index] = parameters.solimp
     model.pair_solreffriction[index] = parameters.solref_friction
     return parameters
-
-
-def pair_contact_points(model: mujoco.MjModel, pair: str | int, qpos: ArrayLike | None = None) -> int:
-    """How many contact points share the load of an explicit ``<contact><pair>``, by MuJoCo's own collider.
-
-    Args:
-        model: compiled.
-        pair: name or id.
-        qpos: (nq,) pose at which its two geoms face each other; the model's ``qpos0`` if None.
-
-    Raises:
-        ValueError: an unknown pair, or what :func:`shared_contact_points` refuses.
-    """
-    index = _pair_index(model, pair)
-    return shared_contact_points(model, int(model.pair_geom1[index]), int(model.pair_geom2[index]), qpos)
-
-
-def _pair_index(model: mujoco.MjModel, pair: str | int) -> int:
-    return lookup(model, mujoco.mjtObj.mjOBJ_PAIR, pair, model.npair, "contact pair")
 
 
 def _require_options(model: mujoco.MjModel, friction_damping: float | None) -> None:

@@ -125,3 +125,23 @@ def _rotation(vector: Array) -> Array:
     mujoco.mju_axisAngle2Quat(quaternion, vector / angle if angle else np.array([1.0, 0.0, 0.0]), angle)
     mujoco.mju_quat2Mat(matrix, quaternion)
     return matrix.reshape(3, 3)
+
+
+def pair_contact_points(model: mujoco.MjModel, pair: str | int, qpos: ArrayLike | None = None) -> int:
+    """How many contact points share the load of an explicit ``<contact><pair>``, by MuJoCo's own collider.
+
+    Args:
+        model: compiled.
+        pair: name or id.
+        qpos: (nq,) pose at which its two geoms face each other; the model's ``qpos0`` if None.
+
+    Raises:
+        ValueError: an unknown pair, or what :func:`shared_contact_points` refuses.
+    """
+    index = pair_index(model, pair)
+    return shared_contact_points(model, int(model.pair_geom1[index]), int(model.pair_geom2[index]), qpos)
+
+
+def pair_index(model: mujoco.MjModel, pair: str | int) -> int:
+    """Index of an explicit ``<contact><pair>``, by its name or id."""
+    return lookup(model, mujoco.mjtObj.mjOBJ_PAIR, pair, model.npair, "contact pair")
