@@ -2,7 +2,13 @@
 
 from __future__ import annotations
 
+import importlib
+import inspect
+import os
+import re
+import sys
 import zipfile
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final
 
@@ -25,6 +31,8 @@ from tiago_mj.rollout.episode import Policy
 ALGORITHMS: Final = {"clip_range": "PPO", "target_entropy": "SAC", "policy_delay": "TD3", "gae_lambda": "A2C"}
 #: The policy whose actions are drawn.
 RANDOM: Final = "random"
+#: A function of a module.
+_FUNCTION: Final = re.compile(r"[A-Za-z_][\w.]*:[A-Za-z_]\w*")
 #: Replay buffers are not needed to run a policy, and can take gigabytes.
 _NO_BUFFER: Final[dict[str, Any]] = {"buffer_size": 1, "replay_buffer_class": None, "replay_buffer_kwargs": {}}
 
@@ -58,16 +66,65 @@ class LearnedPolicy:
         return self._model.predict(observation, deterministic=True)[0]
 
 
+class FunctionPolicy:
+    """Any callable that acts on an observation; what it remembers, it forgets in a ``reset`` of its own."""
+
+    def __init__(self, function: Callable[[Any], Any]) -> None:
+        self._function = function
+
+    def reset(self) -> None:
+        """Call the callable's own ``reset``, where it has one."""
+        forget = getattr(self._function, "reset", None)
+        if forget is not None:
+            forget()
+
+    def __call__(self, observation: Any, info: dict[str, Any]) -> Any:
+        """The callable's action."""
+        return self._function(observation)
+
+
+def as_policy(given: Any) -> Policy:
+    """Anything that acts, as a policy.
+
+    Args:
+        given: a :class:`Policy`; a model of stable-baselines3, which acts without exploration; or a callable that
+            takes an observation and returns an action.
+
+    Raises:
+        ValueError: it is none of them; one line.
+    """
+    if hasattr(given, "predict"):
+        return LearnedPolicy(given)
+    if not callable(given):
+        raise ValueError(
+            f"policy is {type(given).__name__}: give a callable that takes an observation and returns an action, or a "
+            "model of stable-baselines3"
+        )
+    if hasattr(given, "reset") and _takes_info(given):
+        policy: Policy = given
+        return policy
+    return FunctionPolicy(given)
+
+
+def _takes_info(function: Callable[..., Any]) -> bool:
+    try:
+        inspect.signature(function).bind(None, None)
+    except (TypeError, ValueError):  # it takes another number, or is written in C and says nothing
+        return False
+    return True
+
+
 def make_policy(name: str, env: gymnasium.Env[Any, Any], *, seed: int, trust: bool) -> Policy:
     """A policy for an environment.
 
     Args:
         name: ``pi``, ``pi-tuned``, ``scripted`` (of the reach, push and pick-and-place tasks), ``random``, the name of
             an agent that comes with the package, or a path: of an agent's npz, which only holds numbers, or of a zip
-            file saved by stable-baselines3.
+            file saved by stable-baselines3; or ``module:function``, a callable that takes an observation and returns an
+            action, of a module that Python finds here or where it finds all others.
         env: what it will command.
         seed: of the random policy.
-        trust: whether files may be unpickled.
+        trust: whether files may be unpickled, and modules imported.
 
     Raises:
         ValueError: there is no such policy or file, it is not trusted, or it does not fit the environment.
@@ -89,6 +146,8 @@ def make_policy(name: str, env: gymnasium.Env[Any, Any], *, seed: int, trust: bo
     if (agent := find_agent(name)) is not None:
         agent.check_fits(env, name)
         return agent
+    if _FUNCTION.fullmatch(name) and not Path(name).exists():
+        return as_policy(_imported(name, trust))
     return LearnedPolicy(_load(Path(name), env, trust))
 
 
@@ -103,6 +162,19 @@ def find_agent(name: str) -> Agent | None:
         return load_agent(agents[name], name)
     path = Path(name)
     return load_agent(path) if path.suffix == SUFFIX and path.is_file() else None
+
+
+def _imported(name: str, trust: bool) -> Any:
+    """What ``module:function`` names."""
+    module, _, attribute = name.partition(":")
+    if not trust:
+        raise ValueError(f"policy {name}: importing {module} runs its code; if you know who wrote it, add --trust")
+    if "" not in sys.path and os.getcwd() not in sys.path:
+        sys.path.insert(0, os.getcwd())
+    try:
+        return getattr(importlib.import_module(module), attribute)
+    except (ImportError, AttributeError) as fault:
+        raise ValueError(f"policy {name}: {arrays.reason(fault)}: write it as MODULE:FUNCTION") from fault
 
 
 def _load(path: Path, env: gymnasium.Env[Any, Any], trust: bool) -> Any:
@@ -128,8 +200,8 @@ def _algorithm(path: Path) -> str:
     if not path.is_file():
         named = ", ".join(("pi", "pi-tuned", "scripted", RANDOM, *shipped_agents()))
         raise ValueError(
-            f"policy {quoted(str(path))} is unknown: give {named}, an agent's {SUFFIX} file, or a file saved by "
-            "stable-baselines3"
+            f"policy {quoted(str(path))} is unknown: give {named}, an agent's {SUFFIX} file, a file saved by "
+            "stable-baselines3, or MODULE:FUNCTION"
         )
     try:
         with zipfile.ZipFile(path) as archive, archive.open("data") as data:
