@@ -75,13 +75,13 @@ def ask(
         )
     asked = Asked(policy, trust, plant, tuple(trials), seed)
     for trial in trials:
-        _goal(trial)
+        goal_of(trial)
     if trials:
-        env = _make(asked, trials[0], ())
+        env = make(plant, trials[0], ())
         try:
             _policy(asked, env)
             for trial in trials:
-                _condition(core_of(env), asked, trial)
+                set_conditions(core_of(env), plant, trial)
         finally:
             env.close()
     return asked
@@ -143,7 +143,7 @@ def returns(
     by = deadline or Deadline()
     nominal = _played(asked, trials, (), by)
     repaired = _played(asked, trials, effects, by) if effects else nominal
-    measured = [_measured(asked, trial) for trial in trials]
+    measured = [measured_return(asked.plant, trial) if _made_by(asked, trial) else None for trial in trials]
     by_trial = {
         trial.name: dict(zip(SIMULATORS, values, strict=True))
         for trial, *values in zip(trials, nominal, repaired, measured, strict=True)
@@ -176,13 +176,14 @@ def _played(asked: Asked, trials: Sequence[Trial], effects: Sequence[Named], dea
     try:
         found = []
         for number, trial in enumerate(trials):
-            key = json.dumps(_arguments(trial, asked.plant), sort_keys=True, default=str)
+            key = json.dumps(arguments_of(trial, asked.plant), sort_keys=True, default=str)
             if key not in made:
-                env = _make(asked, trial, effects)
+                env = make(asked.plant, trial, _given(effects))
                 made[key] = env, _policy(asked, env)
             env, policy = made[key]
-            _condition(core_of(env), asked, trial)
-            found.append(_episode(env, policy, trial, _seed(asked, trial, number), _steps(asked, trial), deadline))
+            set_conditions(core_of(env), asked.plant, trial)
+            seed = seed_of(trial, asked.seed + number)
+            found.append(_episode(env, policy, trial, seed, _steps(asked, trial), deadline))
         return found
     finally:
         for env, _ in made.values():
@@ -192,7 +193,7 @@ def _played(asked: Asked, trials: Sequence[Trial], effects: Sequence[Named], dea
 def _episode(
     env: gymnasium.Env[Any, Any], policy: Any, trial: Trial, seed: int, steps: int, deadline: Deadline
 ) -> float:
-    observation, info = env.reset(seed=seed, options={"goal": _goal(trial)})
+    observation, info = env.reset(seed=seed, options={"goal": goal_of(trial)})
     policy.reset()
     total = 0.0
     for _ in range(steps):
@@ -204,11 +205,9 @@ def _episode(
     return total
 
 
-def _make(asked: Asked, trial: Trial, effects: Sequence[Named]) -> gymnasium.Env[Any, Any]:
-    """The environment with effects and no time limit; the recordings set the length of episodes."""
-    assert asked.plant.environment is not None
-    arguments = {**_arguments(trial, asked.plant), **asked.plant.environment}
-    given: list[Any] = [
+def _given(effects: Sequence[Named]) -> list[dict[str, Any]]:
+    """Effects as environments take them."""
+    return [
         {
             "name": effect.name,
             "target": effect.target if isinstance(effect.target, str) else list(effect.target),
@@ -216,14 +215,24 @@ def _make(asked: Asked, trial: Trial, effects: Sequence[Named]) -> gymnasium.Env
         }
         for effect in effects
     ]
+
+
+def make(plant: Plant, trial: Trial, effects: Sequence[Any]) -> gymnasium.Env[Any, Any]:
+    """The environment of a trial with effects and no time limit; the recordings set the length of episodes.
+
+    Raises:
+        RecordingError: it cannot be made; one line.
+    """
+    assert plant.environment is not None
+    arguments = {**arguments_of(trial, plant), **plant.environment}
+    given = [*plant.given, *effects]
     try:
-        given = [*asked.plant.given, *given]
         return gymnasium.make(**arguments, effects=given or None, max_episode_steps=-1, disable_env_checker=True)
     except (TypeError, ValueError) as fault:
-        raise RecordingError(f"{trial.source}: {asked.plant.name} cannot be made for --policy: {fault}") from fault
+        raise RecordingError(f"{trial.source}: {plant.name} cannot be made for --policy: {fault}") from fault
 
 
-def _arguments(trial: Trial, plant: Plant) -> dict[str, Any]:
+def arguments_of(trial: Trial, plant: Plant) -> dict[str, Any]:
     """Arguments that the recorded environment was made with (its reward, for example), if it is the same."""
     said = trial.sidecar.raw.get("arguments")
     if not isinstance(said, Mapping) or trial.sidecar.robot.removeprefix("tiago_mj/") != plant.name:
@@ -237,24 +246,33 @@ def _policy(asked: Asked, env: gymnasium.Env[Any, Any]) -> Any:
     return make_policy(asked.policy, env, seed=asked.seed, trust=asked.trust)
 
 
-def _condition(core: Any, asked: Asked, trial: Trial) -> None:
-    """Set the next episode's object, its pose, and the joints at rest at their set points, as in a trial."""
-    start = asked.plant.starts[trial.name]
+def set_conditions(core: Any, plant: Plant, trial: Trial) -> None:
+    """Set the next episode's object, its pose, and the joints at rest at their set points, as in a trial.
+
+    Raises:
+        RecordingError: the trial's goal is not one of the environment's; one line.
+    """
+    start = plant.starts[trial.name]
     for joint, address in zip(core.joints, core.qpos_address, strict=True):
-        if joint in asked.plant.actuators:
-            core.initial_qpos[address] = start.set_point[asked.plant.actuators.index(joint)]
+        if joint in plant.actuators:
+            core.initial_qpos[address] = start.set_point[plant.actuators.index(joint)]
     if start.item is not None and core.object_choice is not None:
         said = trial.sidecar.object or {}
         offset = grasp_object(said)[1] if said else core.object_choice.offset.low
         place = said.get("position_m")
         core.begin_with(start.item, offset, None if place is None else np.array(place[:2], dtype=np.float64))
     try:
-        core.checked_goal(_goal(trial))
+        core.checked_goal(goal_of(trial))
     except ValueError as fault:
         raise RecordingError(f"{trial.source}: goal in the sidecar: {fault}") from fault
 
 
-def _goal(trial: Trial) -> Any:
+def goal_of(trial: Trial) -> Any:
+    """What was asked in a trial.
+
+    Raises:
+        RecordingError: its sidecar does not say; one line.
+    """
     if trial.sidecar.goal is None:
         raise RecordingError(
             f'{trial.source}: --policy needs the goal of every trial, and its sidecar has none: write "goal": [...]'
@@ -262,11 +280,11 @@ def _goal(trial: Trial) -> Any:
     return trial.sidecar.goal
 
 
-def _seed(asked: Asked, trial: Trial, number: int) -> int:
+def seed_of(trial: Trial, otherwise: int) -> int:
     """Seed of the recording where it has one, so that without effects the episode is the recorded one."""
     source = trial.sidecar.source
     seed = source.get("seed") if isinstance(source, Mapping) else None
-    return seed if isinstance(seed, int) and seed >= 0 else asked.seed + number
+    return seed if isinstance(seed, int) and seed >= 0 else otherwise
 
 
 def _steps(asked: Asked, trial: Trial) -> int:
@@ -295,15 +313,13 @@ def _steps_end(trial: Trial) -> NDArray[np.intp]:
     return np.append(np.flatnonzero(sent)[1:], [] if sent[last] else [last]).astype(np.intp)
 
 
-def _measured(asked: Asked, trial: Trial) -> float | None:
-    """Return of a recorded episode; None where another policy made it, or the reward needs what was not measured."""
-    if not _made_by(asked, trial):
-        return None
-    env = _make(asked, trial, ())
+def measured_return(plant: Plant, trial: Trial) -> float | None:
+    """Return of a recorded episode, by the environment's own reward; None where that needs what was not measured."""
+    env = make(plant, trial, ())
     try:
         core = core_of(env)
         achieved = _achieved(core, trial)[_steps_end(trial)]
-        goal = np.asarray(_goal(trial), dtype=np.float64)
+        goal = np.asarray(goal_of(trial), dtype=np.float64)
         if not np.isfinite(achieved).all() or not len(achieved):
             return None
         return float(np.sum(core.compute_reward(achieved, np.broadcast_to(goal, achieved.shape), {})))
@@ -316,7 +332,7 @@ def _achieved(core: Any, trial: Trial) -> Array:
     rows = len(trial.time)
     position = _columns(trial.positions, core.joints, rows)
     force = _columns(trial.forces, names.SIDES, rows)
-    if isinstance(core, HoldForce):
+    if isinstance(core, HoldForce) and core.observation_space["achieved_goal"].shape == force.shape[1:]:
         return force  # also where the agent does not see it
     state = State(
         position=position,
@@ -328,7 +344,8 @@ def _achieved(core: Any, trial: Trial) -> Array:
         object_pose=np.full((rows, 7), np.nan),
         object_velocity=np.full((rows, 6), np.nan),
     )
-    return np.asarray(core.observed(state, core.goal)["achieved_goal"])
+    goal = np.broadcast_to(core.goal, (rows, len(core.goal)))
+    return np.asarray(core.observed(state, goal)["achieved_goal"])
 
 
 def _grasp_points(core: Any, position: Array) -> Array:
