@@ -38,6 +38,10 @@ COMMANDS: Final[Mapping[str, tuple[str, str]]] = MappingProxyType(
         "preflight": ("tiago_mj.experiment_design.command", "what recordings can tell, before anything is fitted"),
         "diagnose": ("tiago_mj.gap.command", "say why recordings differ from the simulator, and mend it"),
         "compare": ("tiago_mj.change.command", "say what changed between two sets of recordings of one robot"),
+        "cost": (
+            "tiago_mj.policy_cost.command",
+            "say what each effect that was found costs a policy; what to mend first",
+        ),
         "export": ("tiago_mj.export.command", "write what a diagnosis found for MuJoCo 3, mjlab, Isaac Lab, URDF, …"),
         "view": ("tiago_mj.view.command", "watch an environment, or recordings beside simulators, in a browser"),
         "diagnose-all": ("tiago_mj.gap.diagnose_all", "diagnose many folders, each by itself, in many processes"),

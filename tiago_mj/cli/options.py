@@ -47,9 +47,9 @@ def add_threads(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def add_environment(parser: argparse.ArgumentParser) -> None:
-    """``--env`` and ``--env-option``."""
-    parser.add_argument("--env", required=True, metavar="ID", help="such as GripperTactile-v0")
+def add_environment(parser: argparse.ArgumentParser, *, required: bool = True) -> None:
+    """``--env``, which something else may say unless it is ``required``, and ``--env-option``."""
+    parser.add_argument("--env", required=required, metavar="ID", help="such as GripperTactile-v0")
     parser.add_argument(
         "--env-option",
         action="append",
