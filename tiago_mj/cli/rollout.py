@@ -7,6 +7,7 @@ import importlib
 from pathlib import Path
 
 from tiago_mj.cli import options
+from tiago_mj.io import outputs
 
 
 def film_file(text: str) -> Path:
@@ -34,6 +35,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=film_file,
         metavar="FILE",
         help=".mp4, .gif, .png; a png is a filmstrip of the first episode",
+    )
+    parser.add_argument(
+        "--record",
+        type=outputs.folder,
+        metavar="DIR",
+        help="log the episodes as recordings that diagnose and cost read",
     )
     parser.add_argument("--json", action="store_true", help="print the same as data")
     options.add_processes(parser)

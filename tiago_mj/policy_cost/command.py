@@ -103,10 +103,14 @@ def run(arguments: argparse.Namespace) -> int:
 
     found = costs(plan, simulate)
     robot = one.env if logged is None else logged.plant.name
-    notes = [report.MEND if one.policy is not None else report.OPEN_LOOP, *doubts.sentences(result), *_measured(logged)]
+    measured = _measured(logged)
+    notes = [report.MEND if one.policy is not None else report.OPEN_LOOP, *doubts.sentences(result)]
+    if measured is not None:
+        notes.append(f"Measured return of the rollouts: {fixed(measured, report.decimals_of(found))}, their mean.")
     if arguments.json:
         about = {"env": robot, "env_options": json.loads(one.env_options), "policy": arguments.policy}
         about |= {"rollouts": [str(path) for path in arguments.rollouts], "seed": arguments.seed}
+        about["measured_return"] = measured
         print(json.dumps(report.as_data(found, about, notes), indent=1, allow_nan=False))
         return 0
     who = "logged actions" if one.policy is None else f"policy {arguments.policy}"
@@ -184,9 +188,8 @@ def _logged(paths: tuple[str, ...], env: str | None) -> rollouts.Rollouts:
     return rollouts.read([Path(path) for path in paths], env)
 
 
-def _measured(logged: rollouts.Rollouts | None) -> list[str]:
-    """The return of the rollouts as they were measured, to be compared with that of the repaired simulator."""
-    returns = [] if logged is None else [one for one in logged.measured if one is not None]
-    if not returns:
-        return []
-    return [f"Measured return of the rollouts: {fixed(float(np.mean(returns)), 2)}, mean of {len(returns)}."]
+def _measured(logged: rollouts.Rollouts | None) -> float | None:
+    """Mean return of the rollouts as they were measured; None where one is not known."""
+    returns = [] if logged is None else logged.measured
+    known = [one for one in returns if one is not None]
+    return float(np.mean(known)) if known and len(known) == len(returns) else None

@@ -65,3 +65,31 @@ def finish(
 def play_all(env: gymnasium.Env[Any, Any], policy: Policy, seeds: Sequence[int]) -> list[Outcome]:
     """One episode a seed."""
     return [play(env, policy, seed) for seed in seeds]
+
+
+class LoggedActions:
+    """A policy that sends logged actions again, whatever it sees (open loop): of each episode in turn, then anew.
+
+    :func:`tiago_mj.policy_cost.cost` plays as many episodes in each simulator as it is told: tell it as many as there
+    are logged ones, so that each meets its own actions in every simulator.
+    """
+
+    def __init__(self, episodes: Sequence[Sequence[Any]]) -> None:
+        """``episodes``: the actions of each, (T, n).
+
+        Raises:
+            ValueError: there is none, or one without actions; one line.
+        """
+        if not len(episodes) or not all(len(actions) for actions in episodes):
+            raise ValueError("logged actions: give those of one episode or more, and one action or more of each")
+        self._episodes, self._episode, self._step = episodes, -1, 0
+
+    def reset(self) -> None:
+        """The next episode begins."""
+        self._episode, self._step = (self._episode + 1) % len(self._episodes), 0
+
+    def __call__(self, observation: Any, info: dict[str, Any]) -> Any:
+        """The next action; after the last one, that again."""
+        actions = self._episodes[self._episode]
+        self._step += 1
+        return actions[min(self._step, len(actions)) - 1]

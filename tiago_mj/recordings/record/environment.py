@@ -60,6 +60,68 @@ def make(plan: Plan) -> gymnasium.Env[Any, Any]:
     return gymnasium.make(plan.identifier, **arguments, max_episode_steps=plan.motion.steps(rate))
 
 
+class Logged(gymnasium.Wrapper[Any, Any, Any, Any]):
+    """An environment whose episodes are logged while they are played, as a robot's logger would."""
+
+    def __init__(self, env: gymnasium.Env[Any, Any]) -> None:
+        super().__init__(env)
+        core = core_of(env)
+        self._dofs = [int(core.model.joint(name).dofadr[0]) for name in core.joints]
+        self._rows: list[tuple[Array, ...]] = []
+        self._facts: dict[str, Any] = {}
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
+        """As the environment's; the log begins anew."""
+        begun = super().reset(seed=seed, options=options)
+        self._rows, self._facts = [], episode_facts(core_of(self.env))
+        return begun
+
+    def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
+        """As the environment's; what was sent and what was measured before it are logged.
+
+        Raises:
+            ValueError: the simulation diverges.
+        """
+        core, seen = core_of(self.env), self._seen()
+        stepped = super().step(action)
+        self._rows.append((np.array(core.command, dtype=np.float64), *seen))
+        if has_diverged(core.data):
+            raise ValueError(
+                f"the simulation diverges in the episode of seed {core._np_random_seed}, after "
+                f"{len(self._rows) * core.dt:.2g} s, so nothing is recorded: look at the sizes of --effects, and at "
+                "--arguments"
+            )
+        return stepped
+
+    def _seen(self) -> tuple[Array, ...]:
+        core = core_of(self.env)
+        effort = core.data.qfrc_actuator[self._dofs]
+        return tuple(map(np.array, (core.state.position, core.state.velocity, effort, core.state.force_raw)))
+
+    def logged(self) -> tuple[dict[str, dict[str, Array]], Array, dict[str, Any]]:
+        """The episode so far.
+
+        Returns:
+            Channels by kind and name, (T,); time (T,) [s]; the facts of the episode (``object``, ``goal``,
+            ``initial``). The last row's command is NaN: nothing was sent any more.
+        """
+        core = core_of(self.env)
+        rows = [*self._rows, (np.full(len(core.joints), np.nan), *self._seen())]
+        commands, position, velocity, effort, force = (np.array(part) for part in zip(*rows, strict=True))
+        sensors = names.SIDES if force.shape[1] else ()
+        channels = {
+            kind: {name: np.ascontiguousarray(values[:, k]) for k, name in enumerate(labels)}
+            for kind, labels, values in (
+                ("commands", core.joints, commands),
+                ("positions", core.joints, position),
+                ("velocities", core.joints, velocity),
+                ("efforts", core.joints, effort),
+                ("forces", sensors, force),
+            )
+        }
+        return channels, np.arange(len(rows)) * core.dt, self._facts
+
+
 def record_episode(
     env: gymnasium.Env[Any, Any], command: Callable[[Any, dict[str, Any]], Any], seed: int
 ) -> tuple[dict[str, dict[str, Array]], Array, dict[str, Any]]:
@@ -71,44 +133,61 @@ def record_episode(
         seed: of the reset.
 
     Returns:
-        Channels by kind and name, (T,); time (T,) [s]; the facts of the episode (``object``, ``goal``, ``initial``).
-        The last row's command is NaN: nothing was sent any more.
+        As :meth:`Logged.logged`.
 
     Raises:
         ValueError: the simulation diverges.
     """
-    core = core_of(env)
-    observation, info = env.reset(seed=seed)
-    dofs = [int(core.model.joint(name).dofadr[0]) for name in core.joints]
-    facts = episode_facts(core)
-    rows: list[tuple[Array, ...]] = []
+    log = Logged(env)
+    observation, info = log.reset(seed=seed)
     over = False
     while not over:
-        seen = (core.state.position, core.state.velocity, core.data.qfrc_actuator[dofs].copy(), core.state.force_raw)
-        observation, _, terminated, truncated, info = env.step(command(observation, info))
-        rows.append((np.array(core.command, dtype=np.float64), *map(np.array, seen)))
-        if has_diverged(core.data):
-            raise ValueError(
-                f"the simulation diverges in the episode of seed {seed}, after {len(rows) * core.dt:.2g} s, so nothing "
-                "is recorded: look at the sizes of --effects, and at --arguments"
-            )
+        observation, _, terminated, truncated, info = log.step(command(observation, info))
         over = terminated or truncated
-    last = (core.state.position, core.state.velocity, core.data.qfrc_actuator[dofs].copy(), core.state.force_raw)
-    rows.append((np.full(len(core.joints), np.nan), *map(np.array, last)))
-    commands, position, velocity, effort, force = (np.array(part) for part in zip(*rows, strict=True))
-    sensors = names.SIDES if force.shape[1] else ()
-    joints = core.joints
-    channels = {
-        kind: {name: np.ascontiguousarray(values[:, k]) for k, name in enumerate(labels)}
-        for kind, labels, values in (
-            ("commands", joints, commands),
-            ("positions", joints, position),
-            ("velocities", joints, velocity),
-            ("efforts", joints, effort),
-            ("forces", sensors, force),
-        )
-    }
-    return channels, np.arange(len(rows)) * core.dt, facts
+    return log.logged()
+
+
+def trial_of(
+    plan: Plan,
+    core: Any,
+    servo: dict[str, Any],
+    seed: int,
+    logged: tuple[dict[str, dict[str, Array]], Array, dict[str, Any]],
+) -> Trial:
+    """The recording of an episode.
+
+    Args:
+        plan: what was recorded.
+        core: the environment behind its wrappers.
+        servo: of the nominal model, by :func:`servo_facts`.
+        seed: of the episode.
+        logged: by :meth:`Logged.logged`.
+    """
+    channels, time, facts = logged
+    name = f"{plan.label}-{seed:03d}"
+    sidecar = Sidecar(
+        schema=SCHEMA,
+        trial=name,
+        robot=plan.identifier,
+        rate_hz=1 / core.dt,
+        interface=core.control,
+        servo=servo,
+        sensing=sensing_facts(core),
+        motion={"policy": plan.label} if plan.motion is None else {"file": plan.motion.name},
+        source={"tool": "tiago-mj record", "version": __version__, "seed": seed},
+        raw={"arguments": dict(plan.arguments)},
+        **facts,
+    )
+    return Trial(
+        name=name,
+        time=time,
+        sidecar=sidecar,
+        source=f"{name}.parquet",
+        units={},
+        left_out=frozenset(),
+        part_of=(),
+        **channels,
+    )
 
 
 def record(
@@ -139,32 +218,8 @@ def record(
         servo = servo_facts(core_of(nominal))
         for number in range(seed, seed + episodes):
             player.reset()
-            channels, time, facts = record_episode(env, player, number)
-            name = f"{plan.label}-{number:03d}"
-            motion = {"policy": plan.label} if plan.motion is None else {"file": plan.motion.name}
-            sidecar = Sidecar(
-                schema=SCHEMA,
-                trial=name,
-                robot=plan.identifier,
-                rate_hz=1 / core.dt,
-                interface=core.control,
-                servo=servo,
-                sensing=sensing_facts(core),
-                motion=motion,
-                source={"tool": "tiago-mj record", "version": __version__, "seed": number},
-                raw={"arguments": dict(plan.arguments)},
-                **facts,
-            )
-            yield Trial(
-                name=name,
-                time=time,
-                sidecar=sidecar,
-                source=f"{name}.parquet",
-                units={},
-                left_out=frozenset(),
-                part_of=(),
-                **channels,
-            )
+            logged = record_episode(env, player, number)
+            yield trial_of(plan, core, servo, number, logged)
     finally:
         env.close()
         nominal.close()
