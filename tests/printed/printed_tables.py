@@ -147,8 +147,8 @@ class Fixture:
         name: as they name it.
         why: who has it.
         make: writes it into the folder in which the lines are run.
-        before: found in the first line that needs it, where an earlier line, which is stopped, begins it; empty:
-            it is there from the start.
+        before: found in the first line that needs it, where an earlier line, which is stopped, begins to make it;
+            empty: it is there from the start.
     """
 
     page: str
@@ -170,6 +170,7 @@ FIXTURES: Final = (
     Fixture("docs/evaluating.md", "my_agent.npz", THEIRS, partial(_agent, "my_agent.npz", "td3-2021-ideal")),
     Fixture("docs/export.md", "out/pendulum/diagnosis", EARLIER, pendulum),
     Fixture("docs/reading-a-report.md", "recordings", THEIRS, partial(recordings, "recordings", count=3)),
+    Fixture("docs/policy-cost.md", "my_robot.xml", THEIRS, partial(arm, "my_robot.xml")),
     Fixture("docs/reading-a-report.md", "my_robot.xml", THEIRS, partial(arm, "my_robot.xml")),
     Fixture("docs/reading-a-report.md", "diagnosis/calibration.yaml", EARLIER, partial(_elbow, "diagnosis")),
     Fixture("docs/reading-a-report.md", "out/diagnosis.json", EARLIER, partial(_elbow, "out")),

@@ -55,6 +55,11 @@ OUTPUTS: Final = (
         ("diagnose 'my logs'",),
     ),
     Output(
+        "rollout that is recorded",
+        "tiago-mj rollout --env GripperTactile-v0 --policy pi --episodes 2 --record 'my logs'",
+        ("diagnose 'my logs'",),
+    ),
+    Output(
         "record of a model",
         "tiago-mj record --model arm.xml --policy random --episodes 3 --out logs",
         ("diagnose logs",),

@@ -18,8 +18,8 @@ from tiago_mj.gap.simulation.plant import plant_of
 from tiago_mj.io import extra
 from tiago_mj.io.progress import Progress
 from tiago_mj.recordings import lint
-from tiago_mj.recordings.read import read_recordings
 from tiago_mj.recordings.recording import RecordingError
+from tiago_mj.robots import options as robots
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -76,14 +76,13 @@ def compared(arguments: argparse.Namespace, before: Path, after: Path) -> Compar
     """
     extra.load("pandas", "reading recordings")
     threadpool_limits = extra.load("threadpoolctl", "the same answer on every machine").threadpool_limits
-    robot = str(arguments.model) if arguments.model else arguments.env
-    defaults: dict[str, Any] = {"robot": robot} if robot else {}
+    robot = robots.said(arguments)
     given, sets, findings = read_effects(arguments.effects), [], []
     for which, place in ((BEFORE, before), (AFTER, after)):
-        read = read_recordings([place], map_file=arguments.map, defaults=defaults, robot=robot)
+        read = robot.read([place], arguments.map)
         trials = renamed(read.trials, which)
         findings += [replace(one, file=f"{which}/{one.file}") for one in read.findings]
-        plant = plant_of(trials, env=arguments.env, model=arguments.model, given=given)
+        plant = plant_of(trials, env=robot.env, model=robot.model, given=given)
         own = lint.inspect_all(trials, plant)
         lint.refuse(trials, own)
         check_length(trials, plant)
@@ -95,8 +94,8 @@ def compared(arguments: argparse.Namespace, before: Path, after: Path) -> Compar
             *sets,
             findings=tuple(findings),
             usable=lint.believed(whole, findings),
-            env=arguments.env,
-            model=arguments.model,
+            env=robot.env,
+            model=robot.model,
             names=considered(arguments.without),
             given=given,
             seed=arguments.seed,

@@ -13,8 +13,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
     parser.add_argument("before", type=Path, nargs="?", metavar="BEFORE", help="folder or file of the earlier set")
     parser.add_argument("after", type=Path, nargs="?", metavar="AFTER", help="folder or file of the later set")
-    options.add_simulator(parser)
-    options.add_map(parser)
+    options.add_robot(parser)
     options.add_known_effects(parser, "effects that both sets are known to have")
     parser.add_argument(
         "--dates", metavar="BEFORE,AFTER", default="", help="days of the two sets, written into the answer"

@@ -20,8 +20,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--out", type=outputs.folder, required=True, metavar="DIR", help=f"for DIR/FOLDER/… and DIR/{SUMMARY}"
     )
-    options.add_simulator(parser)
-    options.add_map(parser)
+    options.add_robot(parser)
     options.add_seed(parser)
     parser.add_argument("--time-budget", type=float, help="seconds after which a diagnosis writes its best verdict")
     options.add_without(parser)

@@ -19,6 +19,30 @@ def add_map(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--map", type=Path, metavar="FILE.yaml", help="YAML: column to kind and name")
 
 
+def add_robot(parser: argparse.ArgumentParser) -> None:
+    """``--env``, ``--model`` or ``--robot``, ``--map``, and what is known of gains, base and like parts."""
+    what = add_simulator(parser)
+    what.add_argument("--robot", metavar="NAME", help="a robot that tiago-mj robots lists, with its model")
+    parser.add_argument(
+        "--menagerie", type=Path, metavar="FOLDER", help="checkout of MuJoCo Menagerie with the model of --robot"
+    )
+    add_map(parser)
+    parser.add_argument(
+        "--gains",
+        metavar="kp=50±30%,kv=…|KP,KD|guessed",
+        help="gains of the servos, or of the controllers of motors, and their uncertainty; guessed: to a factor of ten",
+    )
+    parser.add_argument(
+        "--fix-base", action="store_true", help="the floating base of the model was held: legs in the air"
+    )
+    parser.add_argument(
+        "--like", metavar="FL,FR,…", help="what the joints of like parts begin with: says which of them differs"
+    )
+    parser.add_argument(
+        "--tie", action="store_true", help="like parts share one magnitude of each effect on the same joint"
+    )
+
+
 def add_known_effects(
     parser: argparse.ArgumentParser, what: str = "effects that are known already, applied first"
 ) -> None:

@@ -19,8 +19,8 @@ from tiago_mj.io.progress import told
 from tiago_mj.io.quantities import quantity
 from tiago_mj.recordings import lint
 from tiago_mj.recordings.lint.summary import summary
-from tiago_mj.recordings.read import read_recordings
 from tiago_mj.recordings.recording import Finding, RecordingError
+from tiago_mj.robots import options as robots
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -30,12 +30,10 @@ def run(arguments: argparse.Namespace) -> int:
         extra.load("rich", "the table")
 
     try:
-        robot = arguments.env or (str(arguments.model) if arguments.model else None)
-        defaults = {"robot": robot} if robot else {}
-        read = read_recordings(arguments.recordings, map_file=arguments.map, defaults=defaults, robot=robot)
-
+        robot = robots.said(arguments)
+        read = robot.read(arguments.recordings, arguments.map)
         given = read_effects(arguments.effects)
-        plant = plant_of(read.trials, env=arguments.env, model=arguments.model, given=given)
+        plant = plant_of(read.trials, env=robot.env, model=robot.model, given=given)
         findings = (*read.findings, *lint.inspect_all(read.trials, plant))
         lint.refuse(read.trials, findings)
 

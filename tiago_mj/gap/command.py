@@ -26,8 +26,7 @@ from tiago_mj.io.progress import Progress
 from tiago_mj.io.quoting import one_line
 from tiago_mj.recordings.recording import ReadResult, RecordingError, Trial
 from tiago_mj.recordings.trials import LONGEST, MOST_ROWS, too_long
-from tiago_mj.robots.known import named
-from tiago_mj.robots.model import model_of
+from tiago_mj.robots import options as robots
 
 if TYPE_CHECKING:
     from tiago_mj.gap.result import Diagnosis
@@ -38,23 +37,7 @@ if TYPE_CHECKING:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
     parser.add_argument("recordings", nargs="+", type=Path, metavar="RECORDING", help="files or folders of recordings")
-    what = options.add_simulator(parser)
-    what.add_argument("--robot", metavar="NAME", help="a robot that tiago-mj robots lists, with its model")
-    parser.add_argument(
-        "--menagerie", type=Path, metavar="FOLDER", help="checkout of MuJoCo Menagerie with the model of --robot"
-    )
-    options.add_map(parser)
-    parser.add_argument(
-        "--gains",
-        metavar="kp=50±30%,kv=…|KP,KD|guessed",
-        help="gains of the servos, or of the controllers of motors, and their uncertainty; guessed: to a factor of ten",
-    )
-    parser.add_argument(
-        "--fix-base", action="store_true", help="the floating base of the model was held: legs in the air"
-    )
-    parser.add_argument(
-        "--like", metavar="FL,FR,…", help="what the joints of like parts begin with: says which of them differs"
-    )
+    options.add_robot(parser)
     options.add_known_effects(parser)
     parser.add_argument(
         "--out",
@@ -90,14 +73,6 @@ def considered(without: str) -> tuple[str, ...] | None:
         if name not in EFFECTS:
             raise ValueError(f"--without {name}: there is no such effect: docs/effects.md lists them")
     return tuple(name for name in EFFECTS if name not in left_out) if left_out else None
-
-
-def of_model(arguments: argparse.Namespace) -> dict[str, Any]:
-    """What a command line says of the model beside the file: gains, a base that was held, parts that are alike."""
-    found: dict[str, Any] = {"gains": arguments.gains} if arguments.gains else {}
-    found |= {"base": "fixed"} if arguments.fix_base else {}
-    names = [name.strip() for name in (arguments.like or "").split(",") if name.strip()]
-    return found | ({"like": names} if names else {})
 
 
 #: Stages of a diagnosis, in words.
@@ -259,15 +234,9 @@ def _check_numbers(arguments: argparse.Namespace) -> None:
 
 def _read(arguments: argparse.Namespace) -> ReadResult:
     """The recordings, with what the command line says of their robot; the model of a named robot becomes ``model``."""
-    from tiago_mj.recordings.read import read_recordings
-
-    owned = named(arguments.robot) if arguments.robot else None
-    if owned is not None:
-        arguments.model = model_of(owned, arguments.menagerie)
-    robot = str(arguments.model) if arguments.model else arguments.env
-    defaults = {**(owned.facts if owned else {}), **({"robot": robot} if robot else {}), **of_model(arguments)}
-    known = owned.map if owned is not None else None
-    return read_recordings(arguments.recordings, map_file=arguments.map, defaults=defaults, robot=robot, known=known)
+    robot = robots.said(arguments)
+    arguments.model = robot.model
+    return robot.read(arguments.recordings, arguments.map)
 
 
 def _written(
@@ -336,7 +305,7 @@ def words(arguments: argparse.Namespace) -> list[str]:
             if one is not None and one != "":
                 out += [f"--{name.replace('_', '-')}", str(one)]
     out += ["--trust"] if arguments.trust else []
-    out += ["--fix-base"] if arguments.fix_base else []
+    out += [f"--{name}" for name in ("fix-base", "tie") if getattr(arguments, name.replace("-", "_"))]
     if not with_numbers(arguments):
         out += ["--numbers", "no"]
     return [*out, "--seed", str(arguments.seed), "--out", str(arguments.out)]

@@ -36,6 +36,7 @@ from tiago_mj.gap.report.words import percent
 from tiago_mj.io import atomic, held
 from tiago_mj.io.numbers_option import with_numbers
 from tiago_mj.io.progress import told
+from tiago_mj.robots import options as robots
 from tiago_mj.rollout import scale
 
 #: Of the hidden folder: what is finished, and the outcomes of it.
@@ -97,12 +98,10 @@ def run(arguments: argparse.Namespace) -> int:
     if threads is None:
         threads = 0 if jobs == 1 and arguments.backend == "local" else 1
     given = ["--json", "--seed", str(arguments.seed), "--jobs", str(threads)]
-    for name in ("model", "map"):
-        if getattr(arguments, name) is not None:
-            given += [f"--{name}", str(getattr(arguments, name).resolve())]
+    given += robots.words(arguments)
     if not with_numbers(arguments):
         given += ["--numbers", "no"]
-    for name in ("env", "without", "time_budget"):
+    for name in ("without", "time_budget"):
         if getattr(arguments, name):
             given += [f"--{name.replace('_', '-')}", str(getattr(arguments, name))]
     place: Path = arguments.out.resolve()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -16,12 +16,13 @@ from tiago_mj.gap.conclusion import concluded, simulations, unanswered
 from tiago_mj.gap.detectors.proposals import Proposals, proposals
 from tiago_mj.gap.faults import keeping
 from tiago_mj.gap.inference import hypotheses, noise_model
+from tiago_mj.gap.inference.hypotheses import Candidate
 from tiago_mj.gap.inference.predictor import predictor
 from tiago_mj.gap.report.contradiction import checked
 from tiago_mj.gap.report.repaired import with_model
 from tiago_mj.gap.request import Needs, Request, SoFar, begun_with
 from tiago_mj.gap.result import Diagnosis
-from tiago_mj.gap.search import select
+from tiago_mj.gap.search import select, shared
 from tiago_mj.gap.search.state import Question
 from tiago_mj.gap.simulation import phases, replay, sizes
 from tiago_mj.gap.simulation.along_a_motion import along_a_motion, efforts_along
@@ -37,6 +38,9 @@ from tiago_mj.io.deadline import OutOfTimeError
 from tiago_mj.io.journal import kept
 from tiago_mj.recordings import like
 from tiago_mj.recordings.recording import Trial
+
+#: A sentence where like parts share their magnitudes.
+TIED: Final = "{} are alike, and were asked to share one magnitude of each effect on the same joint (tie)."
 
 
 def diagnose(trials: Sequence[Trial], **asked: Any) -> Diagnosis:
@@ -78,7 +82,8 @@ def beside_nominal(session: Session, asked: Request, so_far: SoFar) -> Compared:
         RecordingError: the recordings hold nothing that can be compared; one line.
     """
     compare = _along_the_motion if along_a_motion(session.plant, session.trials) else _replayed
-    return compare(session, asked, so_far)
+    found = compare(session, asked, so_far)
+    return replace(found, proposed=replace(found.proposed, pool=_pool(found)))
 
 
 def _replayed(session: Session, asked: Request, so_far: SoFar) -> Compared:
@@ -146,6 +151,7 @@ def _explained(compared: Compared, asked: Request, so_far: SoFar) -> Diagnosis:
     session, predict, proposed = compared.session, compared.predict, compared.proposed
     tick, deadline = so_far.tick, asked.deadline
     fitted_on = session.indices(*FITTED)
+    said, tied = like.prefixes(session.trials), like.tied(session.trials)
     searching = deadline.sooner(compared.reserve)
     steps = replay.physics_steps(session.plant, predict.on) if predict.replays else predict.data.value.shape[1]
     base = predict.all_trials([()], fitted_on)[0]
@@ -166,16 +172,27 @@ def _explained(compared: Compared, asked: Request, so_far: SoFar) -> Diagnosis:
     tick.measured_in(question.fitted_trials * question.steps, question.budget)
     with mujoco_log.counted(so_far.warned):
         landing = compared.a_simulation * select.LANDING * question.first_trials
-        said = like.prefixes(session.trials)
-        ranked = by_part.searched(question, said, searching, landing, tick) if said else None
+        ranked = by_part.searched(question, said, searching, landing, tick) if said and not tied else None
         if ranked is None:
             ranked = select.select(question, so_far=so_far.search, deadline=searching, landing=landing, tick=tick)
         so_far.search.ranked = ranked
         found = concluded(compared, asked, so_far, ranked)
         if said and found.best.effects and found.complete:
             found = likeness.beside(found, session, ranked, said)
+    of_parts = (TIED.format(", ".join(said)),) if tied else ()
     return replace(
         found.with_verdict(not_excited=(*found.not_excited, *compared.hidden)),
         findings=(*asked.findings, *compared.findings),
-        notes=(*found.notes, *compared.notes),
+        notes=(*found.notes, *of_parts, *compared.notes),
     )
+
+
+def _pool(compared: Compared) -> tuple[Candidate, ...]:
+    """What is tried; with what like parts share, where some are said to be alike."""
+    trials, pool = compared.session.trials, tuple(compared.proposed.pool)
+    said, targets = like.prefixes(trials), compared.session.plant.wiring.targets
+    if like.tied(trials):
+        return shared.tied(pool, targets, said)
+    if said and compared.predict.replays:  # of efforts each part is searched by itself
+        return shared.with_shared(pool, targets, said)
+    return pool

@@ -15,6 +15,21 @@ def prefixes(trials: Sequence[Trial]) -> tuple[str, ...]:
     return tuple(trials[0].sidecar.raw.get("like") or ())
 
 
+def tied(trials: Sequence[Trial]) -> bool:
+    """Whether like parts are said to share one magnitude of each effect.
+
+    Raises:
+        RecordingError: nothing says which parts are alike; one line.
+    """
+    said = bool(trials[0].sidecar.raw.get("tie"))
+    if said and not prefixes(trials):
+        raise RecordingError(
+            f"{trials[0].source}: tie (--tie) is of parts that are alike, and nothing says which these are: give "
+            "--like FL,FR,RL,RR, what their joints' names begin with"
+        )
+    return said
+
+
 def alike(names: Sequence[str], said: Sequence[str], where: str = "like") -> dict[str, dict[str, str]]:
     """Names by part, then by what is left of them: of ``FL_hip_joint`` the part ``FL`` and ``hip_joint``.
 

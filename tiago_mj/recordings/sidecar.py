@@ -20,7 +20,7 @@ from tiago_mj.recordings.usable import RATE, is_rate
 _FREE: Final = ("goal", "motion", "source")
 
 #: What a map and the command line may say of the model, too.
-OF_MODEL: Final = ("gains", "base", "like")
+OF_MODEL: Final = ("gains", "base", "like", "tie")
 
 _Text = Annotated[str, Field(description="write text")]
 _Mapping = Annotated[dict[str, Any] | None, Field(description="write a mapping, {...}")]
@@ -94,6 +94,7 @@ class _Written(Open):
     gains: str | dict[str, Any] | None = Field(default=None, description="write gains, such as {kp: 50 ± 30 %}")
     base: Literal["fixed", "free"] | None = Field(default=None, description="write fixed or free")
     like: list[str] | None = Field(default=None, description="write what like parts begin with, such as [FL, FR]")
+    tie: bool | None = Field(default=None, description="write true where like parts share their magnitudes")
     command_reference: Literal["measured"] | None = Field(default=None, description='write "measured", or leave it out')
 
 

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from tiago_mj.envs.flat import core_of
-from tiago_mj.io import atomic, outputs
+from tiago_mj.io import atomic
 from tiago_mj.io.progress import Progress
 from tiago_mj.io.quoting import one_line
 from tiago_mj.recordings.record.environment import Logged, Plan, servo_facts, trial_of

@@ -40,16 +40,16 @@ def _on_each(best: Fitted, effect: str, pool: Sequence[Candidate]) -> Start | No
     """A start with an effect of an explanation on each of its targets; None: there are too few of them."""
     mine = [k for k, part in enumerate(best.parts) if part.effect == effect]
     settings = {part.fixed for part in (best.parts[k] for k in mine)}
-    each: dict[str, Candidate] = {}
+    each: dict[tuple[str, ...], Candidate] = {}
     for candidate in pool:
         if candidate.effect == effect and candidate.target is not None and candidate.fixed in settings:
-            each.setdefault(candidate.target[0], candidate)
+            each.setdefault(candidate.target, candidate)
     if len(each) < GROUP or len(mine) >= len(each):
         return None
     rest = [k for k in range(len(best.parts)) if k not in mine]
     known = {best.parts[k].target: float(best.values[k]) for k in mine}
     values = [
-        min(max(known.get((name,), known.get(None, one.identity)), one.low), one.high) for name, one in each.items()
+        min(max(known.get(target, known.get(None, one.identity)), one.low), one.high) for target, one in each.items()
     ]
     parts = (*(best.parts[k] for k in rest), *each.values())
     return Start(parts, np.array([*best.values[rest], *values]), best.nuisance)

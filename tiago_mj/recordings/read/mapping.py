@@ -13,7 +13,8 @@ YAML, column -> kind and name, optionally unit and scale (``-1`` flips a sign):
       command.wrist: null                                  # nothing commands this actuator, and its joint may move
 
 A file may hold ``columns`` (for CSV and Parquet) and ``topics`` (for bags) at once, and what sidecars lack: ``robot``,
-``interface``, ``rate_hz``, ``servo``, ``sensing``, ``object``, ``uncertainty``, ``gains``, ``base``, ``like``.
+``interface``, ``rate_hz``, ``servo``, ``sensing``, ``object``, ``uncertainty``, ``gains``, ``base``, ``like``,
+``tie``.
 """
 
 from __future__ import annotations
