@@ -9,12 +9,15 @@ import numpy as np
 import pytest
 
 from tiago_mj.cli import main
+from tiago_mj.effects.targets import Targets
 from tiago_mj.gap.ahead import Ahead
 from tiago_mj.gap.analysis.likeness import compared, mean
+from tiago_mj.gap.inference.hypotheses import Candidate
 from tiago_mj.gap.parts import Likeness, Value
 from tiago_mj.gap.pipeline import beside_nominal
 from tiago_mj.gap.report.like_parts import sentence
 from tiago_mj.gap.request import Request, SoFar
+from tiago_mj.gap.search import shared
 from tiago_mj.gap.simulation.session import session as session_of
 from tiago_mj.gap.torque.by_part import apart, of_joints
 from tiago_mj.recordings.like import alike
@@ -115,11 +118,52 @@ def test_torques_of_a_leg_alone_are_those_of_the_whole(tmp_path):
     assert np.array_equal(leg.data.value, whole.data.value[..., columns], equal_nan=True)
 
 
+def one(effect, target, low=-1.0, high=2.0, fixed=()):
+    return Candidate(effect, target, "force", fixed, 0.0, low, high, (0.5, 1.5), "N·m", tolerance=high / 10)
+
+
+def test_tied_parts_share_one_candidate_on_the_same_joint_and_nothing_else_changes():
+    joints = tuple(f"{leg}_{part}_joint" for leg in LEGS for part in ("hip", "knee"))
+    drives = tuple(f"{leg}_{part}" for leg in LEGS for part in ("hip", "knee"))
+    limits = np.full(8, np.inf)
+    targets = Targets(drives, joints, (), (False,) * 8, limits, limits, tuple(range(8)))
+    every = Candidate("coulomb_friction", None, "force", (), 0.0, -1.0, 2.0, (0.5,), "N·m")
+    each = [one("coulomb_friction", (name,), high=2.0 + k) for k, name in enumerate(joints)]
+    read_off = [one("encoder_quantization", (name,)) for name in joints]
+    pool = (every, *each, *read_off)
+    found = shared.tied(pool, targets, LEGS)
+    assert found[:1] == (every,)
+    assert set(read_off) <= set(found)  # each joint's readings say it by themselves
+    tied = [c for c in found if c.effect == "coulomb_friction" and c.target is not None]
+    assert [c.target for c in tied] == [tuple(f"{leg}_{part}_joint" for leg in LEGS) for part in ("hip", "knee")]
+    assert tied[0].high == 2.0  # what is possible on each of them
+    assert tied[0].tolerance == max(c.tolerance for c in each[::2])
+    assert shared.with_shared(pool, targets, LEGS) == (*pool, *tied)
+    assert tied[1].entry(0.4).target == tied[1].target
+
+
+def tied_answer(folder, log, *words):
+    assert main(["diagnose", str(log), *words, "--jobs", "1", "--out", str(folder / "out")]) == 0
+    return json.loads((folder / "out" / "diagnosis.json").read_text())
+
+
+@pytest.mark.slow
+def test_tied_legs_are_given_one_friction_and_the_one_that_differs_is_still_told(tmp_path):
+    log = recorded(tmp_path, (0.15, 0.15, 0.6, 0.15), seconds=12.0)
+    found = tied_answer(tmp_path, log, "--tie")
+    knees = [f"{leg}_knee_joint" for leg in LEGS]
+    (friction,) = [e for e in found["verdict"]["effects"] if e["name"] == "coulomb_friction" and e["target"] == knees]
+    assert 0.15 < friction["parameters"]["force"]["value"] < 0.6
+    assert any("share one magnitude" in note for note in found["notes"])
+    (knee,) = [row for row in found["like"] if row["name"] == "coulomb_friction" and row["place"] == "knee_joint"]
+    assert "RL" in knee["differs"]
+
+
 def test_a_sentence_says_who_differs():
     values = {leg: Value(v, v - 0.1, v + 0.1, "N·m") for leg, v in zip(LEGS, (0.2, 0.2, 0.9, 0.2), strict=True)}
-    one = Likeness("coulomb_friction", "knee_joint", "force", values, Value(0.2, 0.1, 0.3, "N·m"), 40.0, 1e-6, ("RL",))
-    assert "RL differs" in sentence(one)
-    assert "FL, FR and RR agree on 0.2 N·m" in sentence(one)
+    row = Likeness("coulomb_friction", "knee_joint", "force", values, Value(0.2, 0.1, 0.3, "N·m"), 40.0, 1e-6, ("RL",))
+    assert "RL differs" in sentence(row)
+    assert "FL, FR and RR agree on 0.2 N·m" in sentence(row)
 
 
 @pytest.mark.slow
@@ -127,7 +171,7 @@ def test_the_leg_whose_knee_rubs_is_told_from_the_three_that_are_alike(tmp_path)
     log = recorded(tmp_path, (0.15, 0.15, 0.6, 0.15))
     assert main(["diagnose", str(log), "--jobs", "1", "--out", str(tmp_path / "out")]) == 0
     found = json.loads((tmp_path / "out" / "diagnosis.json").read_text())
-    (knee,) = [one for one in found["like"] if one["name"] == "coulomb_friction" and one["place"] == "knee_joint"]
+    (knee,) = [row for row in found["like"] if row["name"] == "coulomb_friction" and row["place"] == "knee_joint"]
     assert knee["differs"] == ["RL"]
     for leg, true in zip(LEGS, (0.15, 0.15, 0.6, 0.15), strict=True):
         assert knee["values"][leg]["low"] <= true <= knee["values"][leg]["high"]

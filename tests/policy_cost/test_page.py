@@ -17,7 +17,7 @@ NUMBER = re.compile(r"−?\d+(?:\.\d+)?")
 
 
 def test_the_page_prints_what_the_benchmark_printed():
-    assert SHOWN == RESULTS["steady"]["ppo-steady"]["printed"]
+    assert RESULTS["steady"]["ppo-steady"]["printed"] == SHOWN
 
 
 @pytest.mark.parametrize(

@@ -21,12 +21,21 @@ def add_map(parser: argparse.ArgumentParser) -> None:
 
 def add_robot(parser: argparse.ArgumentParser) -> None:
     """``--env``, ``--model`` or ``--robot``, ``--map``, and what is known of gains, base and like parts."""
-    what = add_simulator(parser)
+    add_known(add_simulator(parser), parser)
+    add_map(parser)
+    add_facts(parser)
+
+
+def add_known(what: argparse._ActionsContainer, parser: argparse.ArgumentParser) -> None:
+    """``--robot``, into the group of what else names a simulator, and ``--menagerie``."""
     what.add_argument("--robot", metavar="NAME", help="a robot that tiago-mj robots lists, with its model")
     parser.add_argument(
         "--menagerie", type=Path, metavar="FOLDER", help="checkout of MuJoCo Menagerie with the model of --robot"
     )
-    add_map(parser)
+
+
+def add_facts(parser: argparse.ArgumentParser) -> None:
+    """``--gains``, ``--fix-base``, ``--like`` and ``--tie``."""
     parser.add_argument(
         "--gains",
         metavar="kp=50±30%,kv=…|KP,KD|guessed",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from tiago_mj.cli import options
 from tiago_mj.io import outputs
 from tiago_mj.io.numbers_option import add_numbers
 
@@ -14,6 +15,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     robot = parser.add_mutually_exclusive_group(required=True)
     robot.add_argument("--env", metavar="ID", help="such as GripperTactile-v0")
     robot.add_argument("--model", type=Path, metavar="FILE.xml", help="any MJCF")
+    options.add_known(robot, parser)
     what = parser.add_mutually_exclusive_group(required=True)
     what.add_argument("--policy", metavar="pi|random|FILE.zip", help="who commands; --model takes random only")
     what.add_argument(
@@ -39,6 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--minari", metavar="NAME-v0", help="of --env: write the episodes as a Minari dataset of that name, too"
     )
+    options.add_facts(parser)
     parser.add_argument("--rate", type=float, metavar="HZ", help="control rate of --model (the motion's, or 100)")
     parser.add_argument("--trust", action="store_true", help="load FILE.zip although loading runs code that it holds")
     parser.add_argument("--json", action="store_true", help="print what was written as data")

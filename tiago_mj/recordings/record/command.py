@@ -21,6 +21,7 @@ from tiago_mj.recordings.record import minari
 from tiago_mj.recordings.record.environment import Plan, record
 from tiago_mj.recordings.record.plain import ModelPlan, record_model
 from tiago_mj.recordings.write import write_trial
+from tiago_mj.robots import options as robots
 from tiago_mj.rollout.options import environment_id
 from tiago_mj.rollout.policies import make_policy
 
@@ -34,6 +35,10 @@ def run(arguments: argparse.Namespace) -> int:
     for name, least in (("episodes", 1), ("seed", 0)):
         if getattr(arguments, name) < least:
             raise ValueError(f"--{name} is {getattr(arguments, name)}: give {least} or more")
+    known = robots.said(arguments)
+    arguments.model = known.model
+    if arguments.model is None and known.facts:
+        raise ValueError("--gains, --fix-base, --like and --tie are of a model: give --model or --robot, not --env")
     if arguments.minari is not None:
         if arguments.model is not None:
             raise ValueError("--minari is of --env: a plain model has no observations, actions and rewards")
@@ -42,7 +47,7 @@ def run(arguments: argparse.Namespace) -> int:
     effects = parse_effects(arguments.effects, numbers=with_numbers(arguments))
     collected: list[minari.Collector] = []
     if arguments.model is not None:
-        trials = _of_model(arguments, motion, effects)
+        trials = _of_model(arguments, motion, effects, known)
     else:
         trials = _of_environment(arguments, motion, effects, collected)
     paths, written = [], None
@@ -54,7 +59,7 @@ def run(arguments: argparse.Namespace) -> int:
         if collected:
             by = arguments.policy or arguments.motion.name
             written = minari.write(collected[0], arguments.minari, by)
-    robot = arguments.env or arguments.model.name
+    robot = arguments.model.name if arguments.model is not None else arguments.env
     if arguments.json:
         said = {"robot": robot, "recordings": [str(path) for path in paths]}
         print(json.dumps({**said, "minari": None if written is None else str(written)}, indent=1))
@@ -110,12 +115,13 @@ def _of_environment(
     )
 
 
-def _of_model(arguments: argparse.Namespace, motion: Motion | None, effects: Any) -> Any:
+def _of_model(arguments: argparse.Namespace, motion: Motion | None, effects: Any, said: robots.Said) -> Any:
     if motion is None and arguments.policy != "random":
         raise ValueError(f"--policy {arguments.policy} needs an environment: with --model give --motion, or random")
     if arguments.rate is not None and not 1 <= arguments.rate <= 10_000:
         raise ValueError(f"--rate is {arguments.rate}: give 1 to 10000 Hz")
     label = "random" if motion is None else motion.name
     robot = Path(os.path.relpath(arguments.model, arguments.out)).as_posix()
-    plan = ModelPlan(arguments.model, motion, label, effects, arguments.rate, robot)
+    facts = {key: value for key, value in said.facts.items() if key != "gains" or arguments.gains}
+    plan = ModelPlan(arguments.model, motion, label, effects, arguments.rate, robot, facts)
     return record_model(plan, episodes=arguments.episodes, seed=arguments.seed)

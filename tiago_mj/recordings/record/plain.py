@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -15,7 +15,7 @@ from tiago_mj.effects import read_effects
 from tiago_mj.effects.runner import LoadCells, Log, Readings, Runner
 from tiago_mj.effects.wiring import wire
 from tiago_mj.io.quoting import quoted
-from tiago_mj.models import bounded
+from tiago_mj.models import as_driven
 from tiago_mj.models.actuators import actuator_interface
 from tiago_mj.recordings.motions.play import Motion, random_motion
 from tiago_mj.recordings.recording import SCHEMA, Array, Sidecar, Trial
@@ -30,17 +30,6 @@ SECONDS: Final = 12.0
 SHARE: Final = 0.5
 _SCALAR_JOINTS: Final = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
 _TOUCH: Final = mujoco.mjtSensor.mjSENS_TOUCH
-
-
-def load_model(path: Path) -> mujoco.MjModel:
-    """Compile an MJCF file.
-
-    Raises:
-        ValueError: there is no such file, or MuJoCo cannot compile it; one line.
-    """
-    if not path.is_file():
-        raise ValueError(f"model {path}: no such file")
-    return bounded.load_model(path, f"model {path.name}")
 
 
 def interface_of(model: mujoco.MjModel) -> str:
@@ -82,6 +71,7 @@ class ModelPlan:
         effects: that reality is to have; None: none.
         rate_hz: control rate [Hz]; None: the motion's, else :data:`RATE`. It becomes a whole number of physics steps.
         robot: what the sidecar calls it; None: the file's name.
+        facts: what more the sidecar says of the robot; ``base`` (``fixed``) and ``gains`` of its motors are simulated.
     """
 
     path: Path
@@ -90,6 +80,7 @@ class ModelPlan:
     effects: Any = None
     rate_hz: float | None = None
     robot: str | None = None
+    facts: Mapping[str, Any] = field(default_factory=dict)
 
 
 def record_model(plan: ModelPlan, *, episodes: int, seed: int) -> Iterator[Trial]:
@@ -103,7 +94,8 @@ def record_model(plan: ModelPlan, *, episodes: int, seed: int) -> Iterator[Trial
     Raises:
         ValueError: model, motion or effects are unusable, or the simulation diverges.
     """
-    motion, model = plan.motion, load_model(plan.path)
+    motion, facts = plan.motion, plan.facts
+    model = as_driven.load(plan.path, fixed=facts.get("base") == "fixed", stated=facts.get("gains"))
     joints, interface, servo = scalar_joints(model), interface_of(model), _servo_facts(model)
     _check_motion(motion, _actuators(model), interface)
     wanted = plan.rate_hz or (motion.rate_hz if motion else None) or RATE
@@ -134,6 +126,7 @@ def record_model(plan: ModelPlan, *, episodes: int, seed: int) -> Iterator[Trial
                 servo=servo,
                 motion={"file": played.name} if motion else {"policy": "random"},
                 source={"tool": "tiago-mj record", "version": __version__, "seed": number},
+                raw=dict(facts),
             ),
         )
 
