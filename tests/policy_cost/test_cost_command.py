@@ -151,8 +151,8 @@ def test_a_diagnosis_of_a_model_needs_an_environment_of_ones_own(diagnosis, caps
 def test_rollouts_of_a_plain_model_have_no_return(diagnosis, tmp_path, capsys):
     model = tmp_path / "arm.xml"
     model.write_text(
-        '<mujoco><worldbody><body><joint name="j" armature=".1"/><geom type="capsule" size=".02" fromto="0 0 0 0 0 .3"/>'
-        '</body></worldbody><actuator><position name="j" joint="j" kp="20" kv="1" ctrlrange="-1 1"/></actuator></mujoco>'
+        '<mujoco><worldbody><body><joint name="j" armature=".1"/><geom size=".1"/></body></worldbody>'
+        '<actuator><position name="j" joint="j" kp="20" kv="1" ctrlrange="-1 1"/></actuator></mujoco>'
     )
     logs = tmp_path / "logs"
     assert cli.main(["record", "--model", str(model), "--policy", "random", "--out", str(logs)]) == 0
