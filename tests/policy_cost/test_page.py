@@ -13,6 +13,7 @@ ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "policy-cost.md").read_text(encoding="utf-8")
 RESULTS = json.loads((ROOT / "benchmarks" / "results" / "policy_cost.json").read_text(encoding="utf-8"))["results"]
 SHOWN = re.search(r"<!-- figures: policy cost -->\n```text\n(.*?)```", PAGE, re.DOTALL)[1]
+TOGETHER = PAGE.partition("**Together.**")[2].partition("\n\n")[0]
 NUMBER = re.compile(r"−?\d+(?:\.\d+)?")
 
 
@@ -20,9 +21,16 @@ def test_the_page_prints_what_the_benchmark_printed():
     assert RESULTS["steady"]["ppo-steady"]["printed"] == SHOWN
 
 
-@pytest.mark.parametrize(
-    ("case", "policy"), [(case, who) for case in RESULTS for who in RESULTS[case] if "truth" in RESULTS[case][who]]
-)
+#: Cases, and the policies of each.
+PLAYED = [
+    (case, who)
+    for case, found in RESULTS.items()
+    for who, one in found.items()
+    if isinstance(one, dict) and "truth" in one
+]
+
+
+@pytest.mark.parametrize(("case", "policy"), PLAYED)
 def test_the_costs_of_what_was_found_hold_those_of_what_was_hidden(case, policy):
     one = RESULTS[case][policy]
     for row in one["data"]["effects"]:
@@ -37,6 +45,11 @@ def test_the_pages_sentences_have_the_figures_of_the_result_file():
         truth = one["truth"]["costs"]["command_delay"]["episode_return"]["mean"]
         assert f"{row['mended']['episode_return']['mean']:.1f}" in PAGE
         assert f"{truth:.1f}" in PAGE
+    paper = {row["name"]: row for row in RESULTS["paper"]["pi"]["data"]["effects"]}
+    for row, kind in (("force_bias", "mended"), ("command_delay", "mended"), ("command_delay", "alone")):
+        assert f"{paper[row][kind]['episode_return']['mean']:.1f}" in TOGETHER
+    other = RESULTS["paper"]["pi"]["data"]["others"][0]["total"]["episode_return"]["mean"]
+    assert f"{other:.1f}" in TOGETHER
     assert f"took {RESULTS['steady']['ppo-steady']['seconds']:.0f} s of processor time" in PAGE
 
 
