@@ -142,6 +142,66 @@ def test_tied_parts_share_one_candidate_on_the_same_joint_and_nothing_else_chang
     assert tied[1].entry(0.4).target == tied[1].target
 
 
+def test_what_like_parts_share_is_not_tried_twice_where_they_are_the_whole_robot():
+    joints = tuple(f"{leg}_knee_joint" for leg in LEGS)
+    limits = np.full(4, np.inf)
+    targets = Targets(LEGS, joints, (), (False,) * 4, limits, limits, (0, 1, 2, 3))
+    every = Candidate("coulomb_friction", None, "force", (), 0.0, -1.0, 2.0, (0.5,), "N·m")
+    pool = (every, *(one("coulomb_friction", (name,)) for name in joints))
+    assert shared.tied(pool, targets, LEGS) == (every,)
+    assert shared.with_shared(pool, targets, LEGS) == pool
+
+
+def servos(friction):
+    """MJCF of legs of one joint each, with position servos, below a floating base."""
+    legs = "".join(
+        f'<body pos="{k} 0 -.2"><joint name="{leg}_knee_joint" axis="0 1 0" armature="0.01" damping="0.1" '
+        f'frictionloss="{rub}"/><geom type="capsule" size=".015" fromto="0 0 0 0 0 -.2" mass=".4" contype="0" '
+        'conaffinity="0"/></body>'
+        for k, (leg, rub) in enumerate(zip(LEGS, friction, strict=False))
+    )
+    drives = "".join(
+        f'<position name="{leg}_knee" joint="{leg}_knee_joint" kp="20" kv="0.5"/>'
+        for leg, _ in zip(LEGS, friction, strict=False)
+    )
+    return (
+        '<mujoco><option timestep="0.002" integrator="implicitfast"/><worldbody><body name="base" pos="0 0 1">'
+        f'<freejoint/><geom size=".1" mass="5"/>{legs}</body></worldbody><actuator>{drives}</actuator></mujoco>'
+    )
+
+
+def replayed(folder, friction):
+    """Four recordings of 3 s of commands and positions at 100 Hz, and the model without friction."""
+    folder.mkdir()
+    model, rng = mujoco.MjModel.from_xml_string(servos(friction).replace("<freejoint/>", "")), np.random.default_rng(0)
+    (folder / "robot.xml").write_text(servos([0.0] * len(friction)))
+    drives, joints = ([kind(k).name for k in range(model.nu)] for kind in (model.actuator, model.joint))
+    header = ["time", *(f"command.{name}" for name in drives), *(f"position.{name}" for name in joints)]
+    for trial in range(4):
+        data, rows, phase = mujoco.MjData(model), [], rng.uniform(0, 6, model.nq)
+        for at in np.arange(0, 3, 0.01):
+            turn = 2 * np.pi * at / (1.3 + 0.11 * np.arange(model.nq)) + phase
+            goal = 0.5 * (np.sin(turn) - np.sin(phase))
+            rows.append([at, *goal, *(data.qpos + rng.normal(0, 2e-4, model.nq))])
+            for _ in range(5):
+                data.ctrl[:] = goal
+                mujoco.mj_step(model, data)
+        np.savetxt(folder / f"log{trial}.csv", rows, delimiter=",", header=",".join(header), comments="", fmt="%.8g")
+        facts = {"robot": "robot.xml", "interface": "position", "rate_hz": 100, "base": "fixed"}
+        (folder / f"log{trial}.json").write_text(json.dumps(facts))
+    return folder
+
+
+@pytest.mark.slow
+def test_the_leg_whose_knee_rubs_more_is_told_where_commands_are_replayed(tmp_path):
+    logs = replayed(tmp_path / "logs", (0.15, 0.15, 0.6))
+    found = tied_answer(tmp_path, logs, "--like", "FL,FR,RL")
+    (knee,) = [row for row in found["like"] if row["name"] == "coulomb_friction" and row["place"] == "knee_joint"]
+    assert knee["differs"] == ["RL"]
+    assert knee["values"]["RL"]["value"] == pytest.approx(0.6, rel=0.15)
+    assert knee["common"]["low"] <= 0.15 <= knee["common"]["high"]
+
+
 def tied_answer(folder, log, *words):
     assert main(["diagnose", str(log), *words, "--jobs", "1", "--out", str(folder / "out")]) == 0
     return json.loads((folder / "out" / "diagnosis.json").read_text())

@@ -28,12 +28,12 @@ def tied(pool: Sequence[Candidate], targets: Targets, said: Sequence[str]) -> tu
     """
     shared = _by_place(pool, targets, said)
     gone = {id(one) for mine in shared for one in mine}
-    return (*(one for one in pool if id(one) not in gone), *map(_together, shared))
+    return (*(one for one in pool if id(one) not in gone), *_new(shared, targets))
 
 
 def with_shared(pool: Sequence[Candidate], targets: Targets, said: Sequence[str]) -> tuple[Candidate, ...]:
     """The pool, and beside each part's candidates one for all parts; arguments as of :func:`tied`."""
-    return (*pool, *map(_together, _by_place(pool, targets, said)))
+    return (*pool, *_new(_by_place(pool, targets, said), targets))
 
 
 def _by_place(pool: Iterable[Candidate], targets: Targets, said: Sequence[str]) -> list[list[Candidate]]:
@@ -52,6 +52,11 @@ def _by_place(pool: Iterable[Candidate], targets: Targets, said: Sequence[str]) 
         if where is not None:
             found.setdefault((one.effect, one.parameter, one.fixed, kind, where), []).append(one)
     return [mine for mine in found.values() if len(mine) > 1]
+
+
+def _new(shared: Iterable[Sequence[Candidate]], targets: Targets) -> list[Candidate]:
+    """One candidate for those of each place, but where it would be that on all targets, which is in the pool."""
+    return [_together(mine) for mine in shared if len(mine) < len(targets.names(EFFECTS[mine[0].effect].targets))]
 
 
 def _together(mine: Sequence[Candidate]) -> Candidate:
