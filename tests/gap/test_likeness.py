@@ -145,7 +145,7 @@ def test_tied_parts_share_one_candidate_on_the_same_joint_and_nothing_else_chang
 def test_what_like_parts_share_is_not_tried_twice_where_they_are_the_whole_robot():
     joints = tuple(f"{leg}_knee_joint" for leg in LEGS)
     limits = np.full(4, np.inf)
-    targets = Targets(LEGS, joints, (), (False,) * 4, limits, limits, (0, 1, 2, 3))
+    targets = Targets(tuple(f"{leg}_knee" for leg in LEGS), joints, (), (False,) * 4, limits, limits, (0, 1, 2, 3))
     every = Candidate("coulomb_friction", None, "force", (), 0.0, -1.0, 2.0, (0.5,), "N·m")
     pool = (every, *(one("coulomb_friction", (name,)) for name in joints))
     assert shared.tied(pool, targets, LEGS) == (every,)
