@@ -112,8 +112,6 @@ def cost(
     episodes: int = EPISODES,
     draws: int = DRAWS,
     seed: int = 0,
-    numbers: bool = True,
-    done: Callable[[], None] = lambda: None,
 ) -> PolicyCost:
     """The return that each effect of a diagnosis costs a policy, in an environment of anybody's.
 
@@ -128,8 +126,6 @@ def cost(
         episodes: in each simulator.
         draws: of magnitudes that have an interval; each is another simulator.
         seed: of the first episode, each later one adds 1; and of the draws.
-        numbers: whether the model's own numbers as fitted are part of what was found.
-        done: called after each simulator.
 
     Raises:
         ValueError: nothing is named, or an argument is unusable; one line.
@@ -144,13 +140,12 @@ def cost(
                 outcomes.append(play_all(env, commander, range(seed, seed + episodes)))
             finally:
                 env.close()
-            done()
         return outcomes
 
     for name, value in (("episodes", episodes), ("draws", draws)):
         if value < 1:
             raise ValueError(f"{name} is {value}: give 1 or more")
-    items = items_of(diagnosis, numbers=numbers)
+    items = items_of(diagnosis)
     return costs(Plan.of(items, draws, seed, others_of(result_of(diagnosis), items)), simulate)
 
 
