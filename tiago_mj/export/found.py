@@ -92,11 +92,7 @@ def read(path: Path, *, numbers: bool = True) -> Found:
     Raises:
         ValueError: there is no such folder or file, or it is no calibration; one line.
     """
-    if not path.exists():
-        raise ValueError(f"no diagnosis at {path}: give the folder that tiago-mj diagnose --out wrote")
-    file = path / CALIBRATION if path.is_dir() else path
-    if not file.is_file():
-        raise ValueError(f"{path} holds no {CALIBRATION}: give the folder that tiago-mj diagnose --out wrote")
+    file = calibration_file(path)
     said = written.load(file)
     if not isinstance(said, dict) or "schema" not in said:
         raise ValueError(f"{file} is no calibration: give the folder that tiago-mj diagnose --out wrote")
@@ -111,6 +107,20 @@ def read(path: Path, *, numbers: bool = True) -> Found:
         joints=tuple(said.get("joints") or ()),
         actuators=tuple(said.get("actuators") or ()),
     )
+
+
+def calibration_file(path: Path) -> Path:
+    """The ``calibration.yaml`` of a DIAGNOSIS folder, or the file itself.
+
+    Raises:
+        ValueError: there is none; one line.
+    """
+    if not path.exists():
+        raise ValueError(f"no diagnosis at {path}: give the folder that tiago-mj diagnose --out wrote")
+    file = path / CALIBRATION if path.is_dir() else path
+    if not file.is_file():
+        raise ValueError(f"{path} holds no {CALIBRATION}: give the folder that tiago-mj diagnose --out wrote")
+    return file
 
 
 def copy(found: Found, path: Path, *, numbers: bool = True) -> None:

@@ -12,13 +12,14 @@ from pathlib import Path
 import numpy as np
 
 from tiago_mj.effects import Entry, read_effects, written
+from tiago_mj.export.found import calibration_file
 from tiago_mj.io.numbers_option import add_numbers, with_numbers
 from tiago_mj.io.progress import Progress
 from tiago_mj.io.quantities import fixed
 from tiago_mj.io.quoting import quoted
 from tiago_mj.policy_cost import doubts, report, rollouts
 from tiago_mj.policy_cost.cost import DRAWS, EPISODES, Plan, costs
-from tiago_mj.policy_cost.magnitudes import calibration_file, items_of
+from tiago_mj.policy_cost.magnitudes import items_of
 from tiago_mj.policy_cost.play import Outcome, play
 from tiago_mj.recordings.robot import MODELS
 from tiago_mj.rollout import options, scale

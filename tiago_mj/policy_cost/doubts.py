@@ -7,9 +7,10 @@ from pathlib import Path
 from typing import Any, Final
 
 from tiago_mj.effects import written
+from tiago_mj.export.found import calibration_file
 from tiago_mj.gap.report.json import load
 from tiago_mj.gap.result import Result
-from tiago_mj.policy_cost.magnitudes import NUMBERS, Item, calibration_file, items_of
+from tiago_mj.policy_cost.magnitudes import NUMBERS, Item, items_of
 
 #: Beside the calibration: how sure the diagnosis is.
 DIAGNOSIS: Final = "diagnosis.json"

@@ -13,12 +13,11 @@ from scipy import stats
 from scipy.stats import qmc
 
 from tiago_mj.effects import EFFECTS, Entry, read_effects, written
+from tiago_mj.export.found import calibration_file
 from tiago_mj.gap.result import Result
 from tiago_mj.io.quantities import quantity
 from tiago_mj.io.quoting import is_number, quoted
 
-#: The file of a DIAGNOSIS folder that names what was found.
-CALIBRATION: Final = "calibration.yaml"
 #: What the intervals of a calibration hold.
 LEVEL: Final = 0.9
 #: Standard deviations of a normal distribution to either end of such an interval.
@@ -177,20 +176,6 @@ def _loaded(given: str | Path) -> Any:
     if not isinstance(loaded, (Mapping, list)):
         raise ValueError(f"{path} is no calibration: give the folder that tiago-mj diagnose --out wrote")
     return loaded
-
-
-def calibration_file(path: Path) -> Path:
-    """The ``calibration.yaml`` of a DIAGNOSIS folder, or the file itself.
-
-    Raises:
-        ValueError: there is none; one line.
-    """
-    if not path.exists():
-        raise ValueError(f"no diagnosis at {path}: give the folder that tiago-mj diagnose --out wrote")
-    file = path / CALIBRATION if path.is_dir() else path
-    if not file.is_file():
-        raise ValueError(f"{path} holds no {CALIBRATION}: give the folder that tiago-mj diagnose --out wrote")
-    return file
 
 
 def _item(one: Any) -> Item:
