@@ -5,7 +5,7 @@ import pytest
 from toy import BACKLASH, BIAS, PAYLOAD, Toy, follows, knows
 
 from tiago_mj.policy_cost import cost
-from tiago_mj.policy_cost.cost import Plan
+from tiago_mj.policy_cost.effect_costs import Plan
 from tiago_mj.policy_cost.magnitudes import items_of
 from tiago_mj.policy_cost.play import LoggedActions
 from tiago_mj.policy_cost.report import answer, as_data, text

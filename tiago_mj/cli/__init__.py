@@ -62,6 +62,7 @@ DECLARED: Final[Mapping[str, str]] = MappingProxyType(
         "calibrate-sensor": "calibrate_sensor",
         "compare": "compare",
         "convert": "convert",
+        "cost": "cost",
         "demo": "demo",
         "diagnose-all": "diagnose_all",
         "evaluate": "evaluate",

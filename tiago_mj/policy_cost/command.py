@@ -13,12 +13,12 @@ import numpy as np
 
 from tiago_mj.effects import Entry, read_effects, written
 from tiago_mj.export.found import calibration_file
-from tiago_mj.io.numbers_option import add_numbers, with_numbers
+from tiago_mj.io.numbers_option import with_numbers
 from tiago_mj.io.progress import Progress
 from tiago_mj.io.quantities import fixed
 from tiago_mj.io.quoting import quoted
 from tiago_mj.policy_cost import doubts, report, rollouts
-from tiago_mj.policy_cost.cost import DRAWS, EPISODES, Plan, costs
+from tiago_mj.policy_cost.effect_costs import Plan, costs
 from tiago_mj.policy_cost.magnitudes import items_of
 from tiago_mj.policy_cost.play import Outcome, play
 from tiago_mj.recordings.robot import MODELS
@@ -48,31 +48,6 @@ class Simulator:
     seeds: tuple[int, ...]
     logged: tuple[str, ...]
     effects: tuple[Entry, ...]
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Options of the command."""
-    parser.add_argument("diagnosis", type=Path, metavar="DIAGNOSIS", help="folder that diagnose wrote")
-    options.add_environment(parser, required=False)
-    parser.add_argument(
-        "--policy", metavar="NAME|FILE|MODULE:FUNCTION", help="pi, pi-tuned, random, an agent, a file, or a function"
-    )
-    parser.add_argument(
-        "--rollouts",
-        type=Path,
-        action="append",
-        default=[],
-        metavar="DIR",
-        help="logged rollouts: the episodes have their objects, goals and starts; without --policy the logged actions "
-        "are sent again, open loop",
-    )
-    options.add_episodes(parser, EPISODES)
-    parser.add_argument(
-        "--draws", type=int, default=DRAWS, metavar="N", help=f"of the magnitudes from their intervals ({DRAWS})"
-    )
-    add_numbers(parser)
-    scale.add_arguments(parser)
-    parser.add_argument("--json", action="store_true", help="print the same as data")
 
 
 def run(arguments: argparse.Namespace) -> int:

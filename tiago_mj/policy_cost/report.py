@@ -8,7 +8,7 @@ from dataclasses import asdict
 from typing import Any, Final
 
 from tiago_mj.io.quantities import fixed
-from tiago_mj.policy_cost.cost import Difference, EffectCost, Level, PolicyCost
+from tiago_mj.policy_cost.effect_costs import Difference, EffectCost, Level, PolicyCost
 from tiago_mj.policy_cost.intervals import Interval
 
 SCHEMA: Final = "tiago_mj.policy_cost/1"

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any
 
 import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
 from tiago_mj.effects import Entry
+from tiago_mj.policy_cost import DRAWS, EPISODES
 from tiago_mj.policy_cost.doubts import others_of, result_of
 from tiago_mj.policy_cost.intervals import Interval, of_returns, of_successes
 from tiago_mj.policy_cost.magnitudes import Item, draws, items_of
@@ -18,11 +19,6 @@ from tiago_mj.policy_cost.play import Outcome, play_all
 from tiago_mj.rollout.policies import as_policy
 
 Array = NDArray[np.float64]
-
-#: Episodes in each simulator, and draws of the magnitudes, unless told. 20 and 10: with the shipped agents an interval
-#: of a few per cent of the return, in a minute or two (docs/policy-cost.md).
-EPISODES: Final = 20
-DRAWS: Final = 10
 
 #: Plays all episodes in each of many simulators, named by what they have beside the nominal model. The episodes are the
 #: same in each, and in the same order.
