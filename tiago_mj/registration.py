@@ -16,7 +16,9 @@ from tiago_mj.models import names
 
 NAMESPACE: Final = "tiago_mj"
 #: What ``gymnasium.make`` and ``make_vec`` take as well.
-FURTHER: Final = frozenset({"max_episode_steps", "num_envs", "autoreset_mode", "threads", "episode_statistics"})
+FURTHER: Final = frozenset(
+    {"max_episode_steps", "num_envs", "autoreset_mode", "threads", "episode_statistics", "draw_effects"}
+)
 
 
 @dataclass(frozen=True)
@@ -111,6 +113,7 @@ def make_vector(
     autoreset_mode: Any = "NextStep",
     threads: int = 0,
     episode_statistics: bool = False,
+    draw_effects: Any = None,
     **arguments: Any,
 ) -> gymnasium.vector.VectorEnv[Any, Any, Any]:
     """Build many environments of the table in one; see :class:`tiago_mj.vector.env.VectorRobotEnv`."""
@@ -123,6 +126,7 @@ def make_vector(
         autoreset_mode=autoreset_mode,
         threads=threads,
         episode_statistics=episode_statistics,
+        draw_effects=draw_effects,
     )
 
 

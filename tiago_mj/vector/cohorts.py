@@ -4,6 +4,9 @@ What effects remember is an array over the simulations of a chain, made anew at 
 that start together are a cohort: they share one runner, which serves them until the last of them starts again. Where
 every simulation is of one cohort, as it is while episodes have one length, a runner works on the batch itself; else on
 copies of its members' rows, which are written back. Without effects there is nothing to remember, and one cohort lasts.
+
+Effects may be drawn anew for every episode. Simulations in which others act are then of other cohorts, so that what one
+draws at random does not depend on what acts in another.
 """
 
 from __future__ import annotations
@@ -23,6 +26,8 @@ from tiago_mj.effects.spec import Entry
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.intp]
+#: Of a simulation's generator the effects of its next episode.
+DrawEffects = Callable[[np.random.Generator], Sequence[Entry]]
 
 
 class Members:
@@ -144,7 +149,7 @@ class Cohort:
     Args:
         batch: the simulations.
         wiring: their parts.
-        effects: the same for all.
+        sims: effects of each member.
         rows: the members, at the start of their episodes.
         generators: one a simulation of the batch.
     """
@@ -153,13 +158,13 @@ class Cohort:
         self,
         batch: mujoco.batch.Batch,
         wiring: Wiring,
-        effects: tuple[Entry, ...],
+        sims: Sequence[Sequence[Entry]],
         rows: Rows,
         generators: Sequence[np.random.Generator],
     ) -> None:
         self.members = Members(batch, rows)
         self._generators = generators
-        self.runner = Runner(self.members, wiring, [effects] * len(rows), self._uniform)
+        self.runner = Runner(self.members, wiring, sims, self._uniform)
         self.passes_readings = self.runner.chain.passes_readings
 
     def start(self, period: float, substeps: int, contact: Any) -> None:
@@ -209,6 +214,7 @@ class Cohorts:
         wiring: their parts.
         effects: that each of them has.
         generators: one a simulation; may be replaced in place.
+        draw_effects: of a simulation's generator what it has beside these in its next episode; None: nothing.
 
     Attributes:
         now: the cohorts.
@@ -221,11 +227,13 @@ class Cohorts:
         wiring: Wiring,
         effects: tuple[Entry, ...],
         generators: list[np.random.Generator],
+        draw_effects: DrawEffects | None = None,
     ) -> None:
         self._batch, self._wiring, self._effects, self._generators = batch, wiring, effects, generators
+        self._draw_effects = draw_effects
         self.now: list[Cohort] = []
-        self.lasting = not effects
-        for name in ("qfrc_actuator", "qfrc_smooth", "actuator_force") if effects else ():
+        self.lasting = not effects and draw_effects is None
+        for name in ("qfrc_actuator", "qfrc_smooth", "actuator_force") if not self.lasting else ():
             batch.bind(name)  # a batch fills what is asked for at its next call: ask before the first
 
     def leave(self, rows: Rows) -> None:
@@ -259,9 +267,20 @@ class Cohorts:
             self._begin(rows[chosen], period, substeps, None if points is None else (stiffness, damping, points))
 
     def _begin(self, rows: Rows, period: float, substeps: int, contact: Any) -> None:
-        cohort = Cohort(self._batch, self._wiring, self._effects, rows, self._generators)
-        cohort.start(period, substeps, contact)
-        self.now.append(cohort)
+        sims = [self._effects_of(row) for row in rows.tolist()]
+        kinds = [tuple((entry.name, entry.target) for entry in entries) for entries in sims]
+        for kind in dict.fromkeys(kinds):
+            of_kind = [k for k, other in enumerate(kinds) if other == kind]
+            own = [sims[k] for k in of_kind]
+            cohort = Cohort(self._batch, self._wiring, own, rows[of_kind], self._generators)
+            cohort.start(period, substeps, _of_some(contact, of_kind))
+            self.now.append(cohort)
+
+    def _effects_of(self, row: int) -> tuple[Entry, ...]:
+        """What acts in a simulation in its next episode."""
+        if self._draw_effects is None:
+            return self._effects
+        return (*self._effects, *self._draw_effects(self._generators[row]))
 
     def advance(self, command: Array, rows: Rows | None) -> list[int]:
         """Let commands act for one control period.
@@ -283,3 +302,11 @@ class Cohorts:
             cohort.advance(command)
             failed += cohort.members.failed
         return failed
+
+
+def _of_some(contact: Any, rows: Sequence[int]) -> Any:
+    """Contacts of some of the simulations; of none where nothing is touched."""
+    if contact is None:
+        return None
+    stiffness, damping, points = contact
+    return stiffness[rows], damping[rows], points

@@ -17,6 +17,7 @@ from tiago_mj.envs import checks
 from tiago_mj.envs.flat import FlatView
 from tiago_mj.envs.robot_env import RobotEnv
 from tiago_mj.vector import given, report
+from tiago_mj.vector.cohorts import DrawEffects
 from tiago_mj.vector.simulations import Simulations
 
 Array = NDArray[np.float64]
@@ -53,6 +54,8 @@ class VectorRobotEnv(VectorEnv[Any, Any, Any]):
         threads: to step on; 0: one a processor.
         episode_statistics: whether ``info`` has ``episode``, which is otherwise left to gymnasium's
             RecordEpisodeStatistics.
+        draw_effects: of an environment's generator the effects of its next episode, beside those that it always has;
+            None: none are drawn.
 
     Raises:
         ValueError: an argument is unusable, or there is not enough memory; one line.
@@ -67,6 +70,7 @@ class VectorRobotEnv(VectorEnv[Any, Any, Any]):
         autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
         threads: int = 0,
         episode_statistics: bool = False,
+        draw_effects: DrawEffects | None = None,
     ) -> None:
         self.autoreset_mode = given.autoreset(autoreset_mode)
         self._limit = given.time_limit(max_episode_steps)
@@ -83,7 +87,7 @@ class VectorRobotEnv(VectorEnv[Any, Any, Any]):
         self.single_action_space = one.action_space
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
-        self.simulations = Simulations(self.core, self.num_envs, self.threads)
+        self.simulations = Simulations(self.core, self.num_envs, self.threads, draw_effects)
         self._seeds: list[int | None] = [None] * self.num_envs
         self._shape = (self.num_envs, len(self.core.joints))
         self._statistics = episode_statistics

@@ -19,7 +19,7 @@ from tiago_mj.models.objects import GraspObject
 from tiago_mj.sensing.load_cell import MovingAverage
 from tiago_mj.sensing.noise import NOISE_BLOCK, NoiseBlocks
 from tiago_mj.vector.batch import CopiedBatch
-from tiago_mj.vector.cohorts import Cohorts
+from tiago_mj.vector.cohorts import Cohorts, DrawEffects
 from tiago_mj.vector.models import Models
 
 Array = NDArray[np.float64]
@@ -37,6 +37,7 @@ class Simulations:
         core: the scalar environment: it holds the model, the task and what is drawn, and is not stepped.
         count: how many.
         threads: to step them on. The result does not depend on it.
+        draw_effects: of a simulation's generator the effects of its next episode, beside those of the environment.
 
     Attributes:
         state: what was measured last, each (nsim, ...).
@@ -44,14 +45,15 @@ class Simulations:
         generators: one each: what a simulation draws does not depend on the others.
     """
 
-    def __init__(self, core: RobotEnv, count: int, threads: int) -> None:
+    def __init__(self, core: RobotEnv, count: int, threads: int, draw_effects: DrawEffects | None = None) -> None:
         self._core = core
+        self._changed = bool(core.effects) or draw_effects is not None
         core.make_nominal()  # the batch is made of its model
         self.batch = CopiedBatch(core.model, count, threads)
         self._bind()
         self.generators: list[np.random.Generator] = [seeding.np_random()[0] for _ in range(count)]
         self.models = Models(self.batch, core.model, core.item)
-        self._cohorts = Cohorts(self.batch, core.wiring(), core.effects, self.generators)
+        self._cohorts = Cohorts(self.batch, core.wiring(), core.effects, self.generators, draw_effects)
         self._noise = NoiseBlocks(count, core.load_cell.noises)
         self._average = MovingAverage(core.load_cell.average, count)
         self._tare = np.zeros((count, 2))
@@ -102,9 +104,9 @@ class Simulations:
             items.append(None if start is None else start.item)
             self._qpos[row] = core.start_qpos(items[-1], None if start is None else start.place)
         self._act[rows] = core.start_act(self._qpos[rows])
-        self.models.give(rows, items, restore=bool(core.effects))
+        self.models.give(rows, items, restore=self._changed)
         self._cohorts.start(rows, core.dt, core.n_substeps, [contact_of(item) for item in items])
-        if core.effects:
+        if self._changed:
             self.models.note_expanded()
         self.batch.forward(rows)
         self._average.reset(rows)
