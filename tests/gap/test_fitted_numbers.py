@@ -18,6 +18,7 @@ from tiago_mj.effects.spec import Entry
 from tiago_mj.export import found as exported
 from tiago_mj.gap import apply, report
 from tiago_mj.gap.analysis import fitted_numbers
+from tiago_mj.gap.analysis.outcome import NINETY
 from tiago_mj.gap.inference.fit import Fitted
 from tiago_mj.gap.inference.hypotheses import terms
 from tiago_mj.gap.inference.predictor import predictor
@@ -116,30 +117,34 @@ def test_what_only_the_training_trials_have_is_not_confirmed(twin):
     session, _ = twin
     assert session.splits["validation"] == ("log-2",)
     ranked, fit = searched(session, BOTH)
-    (number,) = fitted_numbers.confirmed(session, ranked, ranked.predict.data, fit)
+    (number,), joint = fitted_numbers.confirmed(session, ranked, ranked.predict.data, fit)
     assert (number.name, number.target, number.parameter) == ("servo_stiffness", "shoulder", "factor")
     assert number.low < 1.03 < number.high
     assert number.value == pytest.approx(1.03, abs=0.005)
     assert number.nominal == 1.0
+    # Of one number the joint posterior is its interval, of the logarithm.
+    assert joint.logarithms == (True,)
+    wide = np.log(number.high / number.low) / (2 * NINETY)
+    assert np.sqrt(joint.covariance[0][0]) == pytest.approx(wide, rel=1e-3)
 
 
 def test_without_a_validation_trial_each_training_trial_confirms_what_the_other_says(twin):
     session, _ = twin
     ranked, fit = searched(session, BOTH)
     both = {**session.splits, "validation": ()}
-    numbers = fitted_numbers.confirmed(replace(session, splits=both), ranked, ranked.predict.data, fit)
+    numbers, _ = fitted_numbers.confirmed(replace(session, splits=both), ranked, ranked.predict.data, fit)
     assert {(one.name, one.target) for one in numbers} == set(BOTH), "both trials that train have both"
     unlike = {**both, "train": ("log-1", "log-2")}
-    (number,) = fitted_numbers.confirmed(replace(session, splits=unlike), ranked, ranked.predict.data, fit)
+    (number,), _ = fitted_numbers.confirmed(replace(session, splits=unlike), ranked, ranked.predict.data, fit)
     assert number.name == "servo_stiffness", "the encoder is off in one of these alone"
     alone = {**both, "train": ("log-0",)}
-    assert fitted_numbers.confirmed(replace(session, splits=alone), ranked, ranked.predict.data, fit) == ()
+    assert fitted_numbers.confirmed(replace(session, splits=alone), ranked, ranked.predict.data, fit) == ((), None)
 
 
 def test_confirmed_numbers_close_the_gap_on_the_trial_kept_aside(twin):
     session, _ = twin
     ranked, fit = searched(session, BOTH)
-    numbers = fitted_numbers.confirmed(session, ranked, ranked.predict.data, fit)
+    numbers, _ = fitted_numbers.confirmed(session, ranked, ranked.predict.data, fit)
     entries = tuple(entry(one.effect) for one in numbers)
     test, data = session.indices("test"), ranked.predict.data
     before, after = ranked.predict.as_simulated().all_trials([(), entries], test)

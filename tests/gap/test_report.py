@@ -33,7 +33,7 @@ def test_a_diagnosis_has_exactly_the_keys_of_its_contract_and_only_finite_number
     data = json.loads((tmp_path / "diagnosis.json").read_text(), parse_constant=refuse)
     assert list(data) == [
         *("schema", "headline", "verdict", "where", "stage", "residual_shape"),
-        *("shrink", "ranking", "numbers", "like", "lint", "next_motion", "splits"),
+        *("shrink", "ranking", "numbers", "numbers_joint", "open_numbers", "like", "lint", "next_motion", "splits"),
         *("robot", "notes", "complete", "stopped", "seed", "version", "seconds", "physics_steps", "trial_models"),
     ]
     assert data["schema"] == "tiago_mj.diagnosis/1"
@@ -57,7 +57,7 @@ def test_a_diagnosis_has_exactly_the_keys_of_its_contract_and_only_finite_number
     for row in data["where"]:
         assert list(row) == ["channel", "phase", "band", "gap", "low", "high", "share"]
     for row in data["ranking"]:
-        assert list(row) == ["effects", "validation_gain", "probability", "parameters", "evidence"]
+        assert list(row) == ["effects", "validation_gain", "probability", "parameters", "evidence", "joint"]
         assert len(row["parameters"]) == len(row["effects"])
     for row in data["verdict"]["alternatives"]:
         assert list(row) == ["effects", "probability"]

@@ -174,7 +174,8 @@ def _with_numbers(answer: Diagnosis, recorded: Recorded, ranked: Ranked, best: F
     simulator with both leaves on the test trials; with a sentence where the time was over before."""
     session, data = recorded.session, recorded.data
     try:
-        numbers = fitted_numbers.confirmed(session, ranked, data, best)
+        numbers, joint = fitted_numbers.confirmed(session, ranked, data, best)
+        answer = replace(answer, open_numbers=fitted_numbers.open_numbers(session.plant, best, numbers))
         if not numbers:
             return answer
         simulator, everything = ranked.predict.as_simulated(), range(len(data.value))
@@ -183,7 +184,7 @@ def _with_numbers(answer: Diagnosis, recorded: Recorded, ranked: Ranked, best: F
         return replace(answer, notes=(*answer.notes, NO_TIME_FOR_NUMBERS))
     except KeyboardInterrupt:
         return replace(answer, notes=(*answer.notes, NO_TIME_FOR_NUMBERS), interrupted=True)
-    answer = replace(answer, numbers=numbers, overlays=_overlays(recorded, base, repaired))
+    answer = replace(answer, numbers=numbers, numbers_joint=joint, overlays=_overlays(recorded, base, repaired))
     gap = shrink.shrink(recorded, base, repaired)
     if gap.before is None or gap.after is None:
         return answer

@@ -139,6 +139,46 @@ class FitQuality:
 
 
 @dataclass(frozen=True)
+class Joint:
+    """Joint posterior of numbers that were fitted together: normal about their values, within bounds.
+
+    Attributes:
+        logarithms: of each, whether its coordinate is its logarithm, as of a factor of the nominal model's number.
+        covariance: of the coordinates, (k, k), as wide as the numbers' intervals are.
+        low, high: bounds of the numbers themselves; None: there is none.
+    """
+
+    logarithms: tuple[bool, ...]
+    covariance: tuple[tuple[float, ...], ...]
+    low: tuple[float | None, ...]
+    high: tuple[float | None, ...]
+
+
+@dataclass(frozen=True)
+class OpenNumber:
+    """A number of the nominal model that the repair leaves as it is, with what is known of it.
+
+    Attributes:
+        name, target, parameter, unit: as a :class:`FittedNumber`'s.
+        nominal: the parameter's value where the model is as it was given.
+        low, high: ends of the 90 % interval of its prior, narrowed by what the recordings say.
+        left: share of the prior's standard deviation that the recordings leave; 1: none of them speaks of it.
+        least, most: bounds of the parameter; None: there is none.
+    """
+
+    name: str
+    target: Target
+    parameter: str
+    nominal: Number
+    low: Number
+    high: Number
+    unit: str
+    left: Number
+    least: float | None = None
+    most: float | None = None
+
+
+@dataclass(frozen=True)
 class Explanation:
     """A set of effects that may explain the gap; the empty set is the nominal model.
 
@@ -150,6 +190,7 @@ class Explanation:
             nominal model with its own numbers as they were fitted, nothing added: 0 for the empty set; NaN: not known.
         evidence: for it; None where it was judged otherwise.
         parameters: those of the effects, by :func:`keys`: where the file has them.
+        joint: posterior of its magnitudes, one for each effect, in their order; None: not known.
     """
 
     effects: tuple[Named, ...]
@@ -157,6 +198,7 @@ class Explanation:
     validation_gain: Annotated[Number, Field(json_schema_extra={"default": None})] = math.nan
     evidence: FitQuality | None = None
     parameters: Mapping[str, Parameters] = field(default_factory=dict, repr=False)
+    joint: Joint | None = None
 
     def __post_init__(self) -> None:
         names, given = keys(self.effects), self.parameters
@@ -179,6 +221,15 @@ def keys(effects: Sequence[Named]) -> list[str]:
     names = [effect.name for effect in effects]
     long = [[e.name, *([e.target] if isinstance(e.target, str) else e.target)] for e in effects]
     return [name if names.count(name) == 1 else ":".join(words) for name, words in zip(names, long, strict=True)]
+
+
+@dataclass(frozen=True)
+class NextMotion:
+    """The motion of the menu that best tells the alternatives apart."""
+
+    file: str
+    resolves: tuple[tuple[str, str], ...]
+    expected_probability: Number
 
 
 @dataclass(frozen=True)

@@ -24,9 +24,12 @@ from tiago_mj.gap.parts import (
     Explanation,
     FitQuality,
     FittedNumber,
+    Joint,
     Likeness,
     Named,
+    NextMotion,
     Number,
+    OpenNumber,
     Place,
     Repaired,
     Sorted,
@@ -44,7 +47,10 @@ __all__ = [
     "Explanation",
     "FitQuality",
     "FittedNumber",
+    "Joint",
     "Named",
+    "NextMotion",
+    "OpenNumber",
     "Place",
     "Repaired",
     "Value",
@@ -165,15 +171,6 @@ class ResidualShape:
 
 
 @dataclass(frozen=True)
-class NextMotion:
-    """The motion of the menu that best tells the alternatives apart."""
-
-    file: str
-    resolves: tuple[tuple[str, str], ...]
-    expected_probability: Number
-
-
-@dataclass(frozen=True)
 class Stopped:
     """How far a search was that ended before its end.
 
@@ -260,6 +257,7 @@ class Result:
         shrink, ranking, next_motion: as named.
         numbers: of the nominal model, as they were fitted beside the best explanation and the validation trials confirm
             them: part of the repair, beside the effects. None where ``--numbers no`` was asked.
+        numbers_joint, open_numbers: posterior of these, in their order; the model's other numbers with a prior.
         like: magnitudes on parts that are built alike, and which part differs; empty where no parts were said to be.
         findings: of the lint.
         splits: trial names by ``train``, ``validation``, ``test``.
@@ -283,6 +281,8 @@ class Result:
     shrink: Shrink
     ranking: tuple[Explanation, ...]
     numbers: tuple[FittedNumber, ...] = ()
+    numbers_joint: Joint | None = None
+    open_numbers: tuple[OpenNumber, ...] = ()
     like: tuple[Likeness, ...] = ()
     findings: Annotated[tuple[Finding, ...], Field(alias="lint")]
     next_motion: NextMotion | None

@@ -31,7 +31,7 @@ from tiago_mj.gap.inference.fit import Fitted, Fitter, Point, Start
 from tiago_mj.gap.inference.hypotheses import Term, terms
 from tiago_mj.gap.inference.noise_model import Data
 from tiago_mj.gap.inference.whitening import Whitening
-from tiago_mj.gap.parts import FittedNumber
+from tiago_mj.gap.parts import FittedNumber, Joint, OpenNumber
 from tiago_mj.gap.search.all_trials import MAX_STEPS
 from tiago_mj.gap.search.state import Ranked
 from tiago_mj.gap.simulation import replay
@@ -50,11 +50,13 @@ DIGITS: Final = 6
 
 @dataclass(frozen=True)
 class Sized:
-    """A nuisance parameter with its estimate and one standard deviation of it, in deviations of its prior."""
+    """A nuisance parameter with its estimate and one standard deviation of it, in deviations of its prior, and its
+    correlation with those beside which it was fitted."""
 
     term: Term
     size: float
     deviation: float = 1.0
+    correlation: tuple[float, ...] = ()
 
     @property
     def entry(self) -> Entry:
@@ -86,7 +88,9 @@ class _Seen:
     moved: Array
 
 
-def confirmed(session: Session, ranked: Ranked, data: Data, best: Fitted) -> tuple[FittedNumber, ...]:
+def confirmed(
+    session: Session, ranked: Ranked, data: Data, best: Fitted
+) -> tuple[tuple[FittedNumber, ...], Joint | None]:
     """Nominal numbers fitted beside an explanation that improve the prediction of trials that did not fit them.
 
     Args:
@@ -96,8 +100,8 @@ def confirmed(session: Session, ranked: Ranked, data: Data, best: Fitted) -> tup
         best: the explanation.
 
     Returns:
-        The numbers, in the order of the nuisance parameters. Where no trial is for validation, each training trial
-        confirms what the others say; none of a single one.
+        The numbers, in the order of the nuisance parameters, and their joint posterior. Where no trial is for
+        validation, each training trial confirms what the others say; none of a single one.
 
     Raises:
         OutOfTimeError: the deadline is over.
@@ -108,16 +112,40 @@ def confirmed(session: Session, ranked: Ranked, data: Data, best: Fitted) -> tup
     train, validation = (_simulated(session, ranked, name) for name in ("train", "validation"))
     apart = [(train, validation)] if validation else _each_apart(train)
     if not given or not train or not apart:
-        return ()
+        return (), None
     folds = [Fold(_refitted(plant, ranked, data, some, effects, given), other) for some, other in apart]
     kept = _supported(ranked, data, folds, effects)
     if not kept:
-        return ()
+        return (), None
     beside = [folds[0].numbers[k] for k in kept]
     found = _refitted(plant, ranked, data, [*train, *validation], effects, beside)
     deviations = [max(fold.numbers[k].deviation for fold in folds) for k in kept]
     wide = [replace(one, deviation=max(one.deviation, other)) for one, other in zip(found, deviations, strict=True)]
-    return tuple(_told(plant, one) for one in wide)
+    return tuple(_told(plant, one) for one in wide), _joint(wide)
+
+
+def open_numbers(plant: Plant, best: Fitted, numbers: Sequence[FittedNumber]) -> tuple[OpenNumber, ...]:
+    """Nominal numbers that are known to a prior and are no part of the repair, with what is left of their priors.
+
+    Args:
+        plant: the nominal simulator.
+        best: the explanation; what its magnitudes change is left out.
+        numbers: that are part of the repair.
+    """
+    deviations, out = best.nuisance_deviations, []
+    told = {(one.name, one.target, one.parameter) for one in numbers}
+    for k, term in enumerate(term for term in terms(plant) if not term.per_trial):
+        changed = any(
+            (part.effect, part.parameter) == (term.effect, term.parameter)
+            and (part.target is None or term.target is None or set(part.target) & set(term.target))
+            for part in best.parts
+        )
+        left = 1.0 if deviations is None else min(float(deviations[k]) * verdict.calibration().widens, 1.0)
+        one = _told(plant, Sized(term, 0.0, left / verdict.calibration().widens))
+        if not changed and (one.name, one.target, one.parameter) not in told:
+            said = (one.nominal, one.low, one.high)
+            out.append(OpenNumber(one.name, one.target, one.parameter, *said, one.unit, left, *_bounds(term)))
+    return tuple(out)
 
 
 def _each_apart(trials: Sequence[int]) -> list[tuple[list[int], list[int]]]:
@@ -185,9 +213,11 @@ def _refitted(
     fitter = fitter.linearized_at(Point((), np.zeros(0), begin))
     (fit,) = fitter.fit_all([Start((), np.zeros(0), begin)])
     assert fit.nuisance_deviations is not None
+    assert fit.correlation is not None
+    among = fit.correlation[1][: len(given), : len(given)]
     return [
-        replace(one, size=float(size), deviation=float(deviation))
-        for one, size, deviation in zip(given, fit.nuisance, fit.nuisance_deviations, strict=False)
+        replace(one, size=float(size), deviation=float(deviation), correlation=tuple(map(float, row)))
+        for one, size, deviation, row in zip(given, fit.nuisance, fit.nuisance_deviations, among, strict=False)
     ]
 
 
@@ -238,6 +268,23 @@ def _in_noise(data: Data, difference: Array) -> Array:
     """Differences (..., ntrials, T, C) in units of the noise floor, (..., n); 0 where nothing was measured."""
     scaled = np.where(np.isfinite(data.value), np.nan_to_num(difference / data.noise), 0.0)
     return scaled.reshape(*scaled.shape[:-3], data.value.size)
+
+
+def _joint(numbers: Sequence[Sized]) -> Joint:
+    """Posterior of numbers that were fitted together, as wide as their intervals."""
+    wide = [min(one.deviation * verdict.calibration().widens, 1.0) * one.term.deviation for one in numbers]
+    covariance = np.array([one.correlation for one in numbers]) * np.outer(wide, wide)
+    return Joint(
+        tuple(one.term.factor for one in numbers),
+        tuple(tuple(map(float, row)) for row in covariance),
+        *zip(*(_bounds(one.term) for one in numbers), strict=True),
+    )
+
+
+def _bounds(term: Term) -> tuple[float | None, float | None]:
+    """Of the value, None where it has none."""
+    low, high = (float(end) if np.isfinite(end) else None for end in (term.low, term.high))
+    return low, high
 
 
 def _told(plant: Plant, one: Sized) -> FittedNumber:

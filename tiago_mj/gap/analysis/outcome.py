@@ -15,7 +15,8 @@ from tiago_mj.gap.analysis.remainder import own_numbers
 from tiago_mj.gap.decision import verdict
 from tiago_mj.gap.detectors.readings import Tone
 from tiago_mj.gap.inference.fit import Fitted
-from tiago_mj.gap.result import Explanation, Named, Overlay, Value
+from tiago_mj.gap.inference.hypotheses import Candidate
+from tiago_mj.gap.result import Explanation, Joint, Named, Overlay, Value
 from tiago_mj.gap.search.state import Ranked
 from tiago_mj.gap.simulation.plant import Plant
 from tiago_mj.gap.simulation.session import Session
@@ -74,6 +75,7 @@ def explanations(plant: Plant, ranked: Ranked, probability: Array, gains: Array)
             float(p),
             float(gain),
             verdict.option(fit, ranked).evidence,
+            joint=joint(fit),
         )
         for fit, p, gain in zip(ranked.fits, probability, gains, strict=True)
     ]
@@ -110,6 +112,30 @@ def named(plant: Plant, fit: Fitted, k: int) -> Named:
         side = 0 if plant.wiring.targets.slide(declared.targets, index) else 1
         parameters[name] = Value(fixed, None, None, declared.parameters[name].unit[side])
     return Named(part.effect, target, parameters)
+
+
+def joint(fit: Fitted) -> Joint | None:
+    """Posterior of a fit's magnitudes, as wide as the intervals of :func:`named`, which end at the value without
+    effect."""
+    if not fit.parts or fit.correlation is None:
+        return None
+    widens = verdict.calibration().widens
+    fitted = fit.deviations * [widens if part.spread is None else 1.0 for part in fit.parts]
+    known = [
+        part.known_to(float(value)) if part.spread is None else 0.0
+        for part, value in zip(fit.parts, fit.values, strict=True)
+    ]
+    covariance = fit.correlation[0] * np.outer(fitted, fitted) + np.diag(np.square(known))
+    return Joint(
+        (False,) * len(fit.parts),
+        tuple(tuple(map(float, row)) for row in covariance),
+        tuple(part.identity if part.low < part.identity < v else part.low for part, v in _magnitudes(fit)),
+        tuple(part.identity if v < part.identity < part.high else part.high for part, v in _magnitudes(fit)),
+    )
+
+
+def _magnitudes(fit: Fitted) -> list[tuple[Candidate, float]]:
+    return [(part, float(value)) for part, value in zip(fit.parts, fit.values, strict=True)]
 
 
 # Pictures and notes ---------------------------------------------------------------------------------------------------

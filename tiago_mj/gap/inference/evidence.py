@@ -33,12 +33,14 @@ class LaplaceEvidence:
         prior: of nuisances and magnitudes, with the volume that the recordings leave to these [nats].
         deviations: of the magnitudes, (k,), one standard deviation.
         nuisance_deviations: of the nuisances, (p,), one standard deviation, in units of their prior's.
+        correlation: of the magnitudes, then the nuisances, (k + p, k + p).
     """
 
     log_likelihood: float
     prior: float
     deviations: Array
     nuisance_deviations: Array
+    correlation: Array
 
 
 def log_evidence(on: Whitening, plain: Whitening, at: Point, predicted: Array, columns: Array) -> LaplaceEvidence:
@@ -64,5 +66,7 @@ def log_evidence(on: Whitening, plain: Whitening, at: Point, predicted: Array, c
         prior += 0.5 * np.log(2 * np.pi) + part.log_prior(float(value))
         far = abs(np.log(value) if part.identity == 1 else value - part.identity)
         log_likelihood -= MAX_TOLERANCE_PENALTY_NATS * max(0.0, 1 - far / part.tolerance) if part.tolerance else 0.0
-    deviations = np.sqrt(np.diag(np.linalg.inv(curvature)))
-    return LaplaceEvidence(float(log_likelihood), float(prior), deviations[:count], deviations[count:])
+    covariance = np.linalg.inv(curvature)
+    deviations = np.sqrt(np.diag(covariance))
+    correlation = covariance / np.outer(deviations, deviations)
+    return LaplaceEvidence(float(log_likelihood), float(prior), deviations[:count], deviations[count:], correlation)

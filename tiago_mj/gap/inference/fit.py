@@ -253,6 +253,7 @@ class Fitter(Linearized):
 
     def _evaluated(self, on: Whitening, at: Point, base: Array, columns: Array) -> Fitted:
         found = log_evidence(on, Whitening(self.data, self.weight), at, base, columns)
+        count = len(at.parts)
         spreads = [d if p.spread is None else p.spread for p, d in zip(at.parts, found.deviations, strict=True)]
         return Fitted(
             at.parts,
@@ -264,6 +265,7 @@ class Fitter(Linearized):
             found.prior,
             float(np.nan_to_num(likelihood.lasting(on.data, on.data.value - base)).max(initial=0.0)),
             nuisance_deviations=found.nuisance_deviations,
+            correlation=(found.correlation[:count, :count], found.correlation[count:, count:]),
         )
 
 

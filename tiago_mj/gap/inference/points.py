@@ -39,6 +39,7 @@ class Fitted:
         agreement: what trials gain by its effects over what they gain and lose together [nats]; None: not known.
         spreads: deviations of details that were fitted after it (:mod:`tiago_mj.gap.analysis.place`), by name.
         nuisance_deviations: of ``nuisance``, one standard deviation; None: not known.
+        correlation: of the magnitudes, (k, k), and of the nuisances, (p, p); None: not known.
     """
 
     parts: tuple[Candidate, ...]
@@ -53,6 +54,7 @@ class Fitted:
     agreement: float | None = None
     spreads: Mapping[str, float] = field(default_factory=dict)
     nuisance_deviations: Array | None = None
+    correlation: tuple[Array, Array] | None = None
 
     def effects(self) -> tuple[Entry, ...]:
         """The effects at their magnitudes, without the nuisances."""

@@ -25,12 +25,16 @@ EFFORT: Final = ("seconds", "physics_steps", "trial_models")
 #: What a file leaves out, since it stands there once already or nobody asks for it, by :class:`Result`'s fields.
 _NAMES: Final = {"effects": {"__all__": {"parameters"}}}
 OMITTED: Final[Any] = {
-    "verdict": {"alternatives": {"__all__": {**_NAMES, "validation_gain": True, "evidence": True, "parameters": True}}},
+    "verdict": {
+        "alternatives": {
+            "__all__": {**_NAMES, "validation_gain": True, "evidence": True, "parameters": True, "joint": True}
+        }
+    },
     "ranking": {"__all__": _NAMES},
     "findings": {"__all__": {"refuses", "discredits"}},
 }
 #: Of the ranking's rows.
-ROW: Final = ("effects", "validation_gain", "probability", "parameters", "evidence")
+ROW: Final = ("effects", "validation_gain", "probability", "parameters", "evidence", "joint")
 
 KEPT: Final = ResultFile("diagnosis", "diagnosis.json", "tiago-mj diagnose", SCHEMA, FILE)
 

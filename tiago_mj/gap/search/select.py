@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from tiago_mj.gap.detectors.readings import Known, only_read_off
+from tiago_mj.gap.detectors.readings import only_read_off
 from tiago_mj.gap.inference.fit import Fitted, Fitter, Start
 from tiago_mj.gap.search import (
     additions,
@@ -33,6 +33,7 @@ from tiago_mj.gap.search import (
     starts,
     step_error,
 )
+from tiago_mj.gap.search.beside_readings import with_readings
 from tiago_mj.gap.search.state import Question, Ranked, State, Tick
 from tiago_mj.io.deadline import Deadline, OutOfTimeError
 
@@ -332,17 +333,4 @@ def _departing_left_out(state: State) -> State:
     fits = ranking.unique_by_labels(fits)
     return replace(
         state, full=full, fits=tuple(fits), nominal_nuisance=nominal_nuisance, excluded=(*state.excluded, *excluded)
-    )
-
-
-def with_readings(fit: Fitted, known: Sequence[Known], sensitive: NDArray[np.bool_]) -> Fitted:
-    """The fit with the effects measured on the readings appended, and the nuisances that were not fitted set to 0."""
-    shared, count = np.zeros(len(sensitive)), int(sensitive.sum())
-    shared[sensitive] = fit.nuisance[:count]
-    return replace(
-        fit,
-        nuisance=np.concatenate([shared, fit.nuisance[count:]]),
-        parts=(*fit.parts, *(k.candidate for k in known)),
-        values=np.concatenate([fit.values, [k.value for k in known]]),
-        deviations=np.concatenate([fit.deviations, [k.deviation for k in known]]),
     )

@@ -21,6 +21,7 @@ from tiago_mj.gap.inference.fit import Start
 from tiago_mj.gap.inference.hypotheses import Candidate
 from tiago_mj.gap.inference.noise_model import Data
 from tiago_mj.gap.search import agreement, beginning, ranking, rounds, select, sharpen
+from tiago_mj.gap.search.beside_readings import with_readings
 from tiago_mj.gap.search.state import Question, Ranked, State, Tick
 from tiago_mj.gap.torque.predictor import EffortPredictor
 from tiago_mj.gap.torque.strips import Course
@@ -194,7 +195,7 @@ def _together(
     unseen = [name for name in searches[0].not_excited if all(name in one.not_excited for one in searches)]
     complete, ended = all(one.complete for one in searches), [one.ended for one in searches if one.ended is not None]
     return Ranked(
-        tuple(select.with_readings(fit, asked.known, shared) for fit in shown),
+        tuple(with_readings(fit, asked.known, shared) for fit in shown),
         tuple(unseen),
         len(asked.known),
         len({candidate.effect for candidate in asked.pool}),
