@@ -36,9 +36,9 @@ def played(env, seed, steps=30):
 def test_factors_are_drawn_by_ratio_and_times_evenly():
     rng = np.random.default_rng(0)
     drawn = [draw(RANGES, rng) for _ in range(2000)]
-    times = np.array([one[0]["parameters"]["seconds"] for one in drawn])
-    factors = np.array([one[1]["parameters"]["factor"] for one in drawn])
-    assert [one["name"] for one in drawn[0]] == list(RANGES)
+    times = np.array([one[0].parameters["seconds"] for one in drawn])
+    factors = np.array([one[1].parameters["factor"] for one in drawn])
+    assert [one.name for one in drawn[0]] == list(RANGES)
     assert times.min() >= 0
     assert times.max() <= 0.05
     # Standard errors of the means: 0.0145 / √2000 = 0.0003 s, and 0.80 / √2000 = 0.018.

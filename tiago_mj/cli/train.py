@@ -30,7 +30,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--effects", type=Path, metavar="FILE", help="calibration.yaml whose effects act on it")
     add_numbers(parser)
     parser.add_argument(
-        "--randomise", type=Path, metavar="FILE", help="YAML: ranges of effects; every episode draws its own simulator"
+        "--randomise",
+        type=Path,
+        metavar="FILE",
+        help="every episode draws its own simulator: YAML with ranges of effects, or a folder that diagnose wrote",
     )
     parser.add_argument("--evaluate-every", type=int, default=10_000, metavar="N", help="environment steps (10000)")
     parser.add_argument("--evaluation-episodes", type=int, default=10, metavar="N", help="of each evaluation (10)")

@@ -11,6 +11,7 @@ from pydantic import Field
 
 from tiago_mj.io.loading import load_json
 from tiago_mj.io.schema import Open, checked
+from tiago_mj.learn.randomise import in_short
 from tiago_mj.learn.settings import Parts, Settings
 from tiago_mj.learn.zoo_form import read_hyperparameters
 
@@ -136,7 +137,7 @@ def markdown(data: Mapping[str, Any], name: str | None = None) -> str:
         f"| environment | {settings['env']} |",
         *(f"| {key} | {_cell(value)} |" for key, value in settings["env_options"].items()),
         f"| effects | {'none' if settings['effects'] is None else _cell(settings['effects'])} |",
-        *([f"| randomised | {_cell(settings['randomise'])} |"] if settings.get("randomise") else []),
+        *([f"| randomised | {_cell(in_short(settings['randomise']))} |"] if settings.get("randomise") else []),
         f"| algorithm | {settings['algo']} |",
         f"| updates per step | {_cell(settings['updates_per_step'] or 'as the hyperparameters say')} |",
         f"| steps | {settings['steps']} |",

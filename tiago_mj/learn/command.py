@@ -13,9 +13,8 @@ from typing import Any
 
 from tiago_mj.effects import read_effects, written
 from tiago_mj.io import atomic, extra, held
-from tiago_mj.io.loading import load_yaml
 from tiago_mj.io.numbers_option import with_numbers
-from tiago_mj.learn import card, curves, duration, plots, progress
+from tiago_mj.learn import card, curves, duration, plots, progress, randomise
 from tiago_mj.learn.loop import BEST, Task, train_seed
 from tiago_mj.learn.settings import Settings, claim, provenance
 from tiago_mj.learn.zoo_form import read_hyperparameters
@@ -31,6 +30,9 @@ def run(arguments: argparse.Namespace) -> int:
         ModuleNotFoundError: a library is missing; says how to install it.
     """
     settings = settings_of(arguments)
+    if settings.randomise is not None and not arguments.quiet:
+        for line in randomise.told(settings.randomise):
+            print(line, file=sys.stderr)
     if arguments.tensorboard:
         extra.load("tensorboard", "--tensorboard", "tensorboard")
     out = arguments.out.resolve()
@@ -137,12 +139,10 @@ def _effects(path: Path | None, *, numbers: bool) -> Any:
 
 
 def _ranges(path: Path | None) -> Any:
-    """The contents of a file of ranges, checked."""
+    """What is drawn for every episode, checked."""
     if path is None:
         return None
-    from tiago_mj.learn.randomise import read_ranges  # it takes stable-baselines3, which only a training needs
-
-    return read_ranges(load_yaml(path, f"--randomise {path} cannot be read"), f"--randomise {path}")
+    return randomise.read(path)
 
 
 def _try_out(settings: Settings, *, measure: bool) -> float:

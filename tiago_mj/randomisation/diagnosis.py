@@ -1,0 +1,163 @@
+"""The posterior that a ``diagnosis.json`` holds."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from tiago_mj.effects import EFFECTS
+from tiago_mj.effects.spec import Entry
+from tiago_mj.gap.report import json as diagnoses
+from tiago_mj.gap.result import Diagnosis, Explanation, Joint, Named, OpenNumber, Value
+from tiago_mj.randomisation.posterior import NINETY, Block, Left, Number, Posterior, Weighed, is_factor, switch
+
+FILE: Final = "diagnosis.json"
+#: Said where magnitudes are drawn one by one although they were fitted together.
+APART: Final = "the file holds no joint covariance, as those of earlier versions: magnitudes are drawn one by one"
+PART: Final = "the diagnosis explains a part of the gap only: nothing stands for the rest of it"
+
+
+def is_diagnosis(path: Path) -> bool:
+    """Whether a path is a diagnosis: a folder, or a file of that name."""
+    return path.is_dir() or path.suffix == ".json"
+
+
+def read(path: Path) -> Posterior:
+    """The posterior of a diagnosis.
+
+    Args:
+        path: its folder, or its ``diagnosis.json``.
+
+    Raises:
+        ValueError: there is none, it cannot be read, or there is nothing in it to draw from; one line.
+    """
+    file = path / FILE if path.is_dir() else path
+    if not file.is_file():
+        raise ValueError(f"{path} holds no {FILE}: give the folder that tiago-mj diagnose --out wrote")
+    found = diagnoses.load(file)
+    return posterior(found, f"{file.resolve().parent.name}/{file.name}", diagnoses.fingerprint(file))
+
+
+def posterior(found: Diagnosis, source: str, sha256: str = "") -> Posterior:
+    """What a diagnosis leaves possible.
+
+    Args:
+        found: the diagnosis.
+        source: what to call it.
+        sha256: its fingerprint.
+
+    Raises:
+        ValueError: it has no probabilities, or names nothing although there is a gap; one line.
+    """
+    if not found.complete:
+        raise ValueError(f"{source} has no probabilities, as its search was stopped: run tiago-mj diagnose to its end")
+    reported = found.alternatives or (found.best,)
+    if found.kind == "unknown" and not any(one.effects for one in reported):
+        raise ValueError(f"{source} finds a gap and names nothing that explains it: there is no posterior to draw from")
+    if not sum(one.probability for one in reported) > 0:
+        raise ValueError(f"{source} gives what it reports no probability: there is no posterior to draw from")
+    notes = []
+    if any(one.joint is None and len(one.effects) > 1 for one in reported):
+        notes.append(APART)
+    if found.verdict.part or found.kind == "unknown":
+        notes.append(PART)
+    return Posterior(
+        source,
+        sha256,
+        tuple(Weighed(one.probability, _explanation(one)) for one in reported),
+        _numbers(found),
+        tuple(map(_left, found.open_numbers)),
+        tuple(notes),
+    )
+
+
+def _explanation(one: Explanation) -> Block:
+    """An explanation's magnitudes, and what else of its effects has an interval, such as a place."""
+    effects = tuple(map(_entry, one.effects))
+    first = [
+        Number(k, switch(effect.name), False, *_bounds(one, k), _unit(effect)) for k, effect in enumerate(one.effects)
+    ]
+    joint = one.joint
+    variances = [_deviation(one.effects[n.of].parameters[n.parameter]) ** 2 for n in first]
+    covariance = np.diag(variances) if joint is None else np.array(joint.covariance).reshape(len(first), -1)
+    further = [
+        (Number(k, name, False, *_declared(effect.name, name), value.unit), _deviation(value) ** 2)
+        for k, effect in enumerate(one.effects)
+        for name, value in effect.parameters.items()
+        if name != first[k].parameter and value.low is not None and value.high is not None
+    ]
+    whole = np.zeros((len(first) + len(further),) * 2)
+    whole[: len(first), : len(first)] = covariance
+    np.fill_diagonal(whole[len(first) :, len(first) :], [variance for _, variance in further])
+    return Block(effects, (*first, *(number for number, _ in further)), _rows(whole))
+
+
+def _bounds(one: Explanation, k: int) -> tuple[float | None, float | None]:
+    effect = one.effects[k]
+    if one.joint is not None:
+        return one.joint.low[k], one.joint.high[k]
+    return _declared(effect.name, switch(effect.name))
+
+
+def _declared(effect: str, name: str) -> tuple[float | None, float | None]:
+    """Bounds of a parameter that hold for every robot: those that the effect declares, on slides or hinges."""
+    declared = EFFECTS[effect]
+    if name in declared.details:
+        return declared.details[name].bounds
+    parameter = declared.parameters[name]
+    if parameter.nominal is not None:  # a share of the robot's own limit
+        return 0.0, None
+    return min(low for low, _ in parameter.bounds), max(high for _, high in parameter.bounds)
+
+
+def _deviation(value: Value) -> float:
+    """Of a number with an interval, of which one end may be at a bound."""
+    if value.low is None or value.high is None:
+        return 0.0
+    return max(value.value - value.low, value.high - value.value) / NINETY
+
+
+def _numbers(found: Diagnosis) -> Block:
+    """The nominal model's numbers as fitted."""
+    if not found.numbers:
+        return Block(())
+    effects = tuple(_entry(one.effect) for one in found.numbers)
+    logs = [is_factor(one.name, one.parameter) for one in found.numbers]
+    joint = found.numbers_joint or Joint(tuple(logs), (), (None,) * len(logs), (None,) * len(logs))
+    numbers = tuple(
+        Number(k, one.parameter, joint.logarithms[k], joint.low[k], joint.high[k], one.unit)
+        for k, one in enumerate(found.numbers)
+    )
+    if found.numbers_joint is not None:
+        return Block(effects, numbers, joint.covariance)
+    wide = [
+        (number.coordinate(one.high) - number.coordinate(one.low)) / (2 * NINETY)
+        for number, one in zip(numbers, found.numbers, strict=True)
+    ]
+    return Block(effects, numbers, _rows(np.diag(np.square(wide))))
+
+
+def _left(one: OpenNumber) -> Left:
+    log = is_factor(one.name, one.parameter)
+    effect = _entry(Named(one.name, one.target, {one.parameter: Value(one.nominal, None, None, one.unit)}))
+    free = Number(0, one.parameter, log, None, None, one.unit)
+    sides = [abs(free.coordinate(end) - free.coordinate(one.nominal)) for end in (one.low, one.high)]
+    number = Number(0, one.parameter, log, one.least, one.most, one.unit)
+    return Left(Block((effect,), (number,), ((float((max(sides) / NINETY) ** 2),),)), one.left)
+
+
+def _entry(effect: Named) -> Entry:
+    target = (effect.target,) if isinstance(effect.target, str) else tuple(effect.target)
+    values: Mapping[str, float] = {key: float(value.value) for key, value in effect.parameters.items()}
+    return Entry(effect.name, None if target == ("all",) else target, values, fitted=True)
+
+
+def _unit(effect: Named) -> str:
+    return effect.parameters[switch(effect.name)].unit
+
+
+def _rows(matrix: Sequence[Sequence[float]] | np.ndarray) -> tuple[tuple[float, ...], ...]:
+    return tuple(tuple(float(x) for x in row) for row in matrix)
