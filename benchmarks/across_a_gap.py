@@ -66,7 +66,7 @@ def trained(folder: Path, withheld: Sequence[str], recipe: Sequence[str]) -> dic
     jobs = {}
     for name in withheld:
         effect = WITHHELD[name]
-        jobs[f"D-{name}"] = ["--effects", str(_calibration(folder / name / "true.yaml", effect))]
+        jobs[f"D-{name}"] = ["--effects", str(calibration(folder / name / "true.yaml", effect))]
         jobs[f"B-{name}"] = ["--effects", str(folder / name / "diagnosis" / "calibration.yaml")]
     ranges = folder / "ranges.yaml"
     atomic.write_text(ranges, yaml.safe_dump({k: {p: list(v) for p, v in one.items()} for k, one in RANGES.items()}))
@@ -74,10 +74,10 @@ def trained(folder: Path, withheld: Sequence[str], recipe: Sequence[str]) -> dic
     return {name: [*recipe, *more] for name, more in jobs.items()}
 
 
-def prepare(folder: Path, withheld: Sequence[str], jobs: int) -> None:
-    """Record the real grippers and diagnose them, where that is not done."""
-    for name in withheld:
-        here, effect = folder / name, WITHHELD[name]
+def prepare(folder: Path, withheld: Mapping[str, Mapping[str, Mapping[str, float]]], jobs: int) -> None:
+    """Record the real grippers, by the names of their folders, and diagnose them, where that is not done."""
+    for name, effect in withheld.items():
+        here = folder / name
         if not any((here / "recordings").glob("*.parquet")):
             command = ["record", "--env", "GripperTactile-v0", "--policy", "pi", "--episodes", str(RECORDINGS)]
             trainings.tiago_mj(*command, "--effects", json.dumps(effect), "--out", str(here / "recordings"))
@@ -132,7 +132,8 @@ def verdict(folder: Path) -> dict[str, Any]:
     return {"verdict": said, "calibration": calibration["effects"]}
 
 
-def _calibration(path: Path, effect: Mapping[str, Mapping[str, float]]) -> Path:
+def calibration(path: Path, effect: Mapping[str, Mapping[str, float]]) -> Path:
+    """Write an effect as a calibration, and say where."""
     effects = [{"name": name, "parameters": dict(parameters)} for name, parameters in effect.items()]
     atomic.write_text(path, yaml.safe_dump({"schema": "tiago_mj.calibration/1", "effects": effects}))
     return path
@@ -185,7 +186,7 @@ def main() -> None:
     recipe = ["--evaluate-every", "2000"] if agent == "evaluated" else []
     if arguments.hyperparameters is not None:
         recipe += ["--hyperparameters", str(arguments.hyperparameters)]
-    prepare(folder, withheld, arguments.jobs)
+    prepare(folder, {name: WITHHELD[name] for name in withheld}, arguments.jobs)
     arguments.folder = folder
     trainings.train(ENV, trained(folder, withheld, recipe), arguments)
     results = played(folder, withheld, agent, arguments.episodes, arguments.seeds)

@@ -46,6 +46,34 @@ table says *exact*, 98 % or more for backlash and elasticity. MJX 3.17 closes as
 backlash, and ignores delays; MuJoCo Warp 3.11, mjlab's engine, closes as much for friction and backlash. Where a
 spring is written as lower gains, these close 86 to 97 % on the same arm, in MuJoCo.
 
+## Domain randomisation
+
+`--randomisation` writes, beside the rest, simulators that are drawn from the diagnosis's posterior as
+[`train --randomise`](learning.md#randomisation-from-a-diagnosis) draws them. DIAGNOSIS has to be the folder with
+`diagnosis.json`.
+
+```sh
+tiago-mj export out/pendulum/diagnosis --model out/pendulum/pendulum.xml --to mjlab --randomisation --out exported/mjlab
+```
+
+- `mjlab`: `mjlab_events.py`, whose `EVENTS` has an `EventTermCfg` that gives a world one row of `draws.json` at each
+  reset. `isaaclab`: `isaaclab_events.py`, whose `EventCfg` has an `EventTerm` that does the same.
+- `playground`: `playground_randomisation.py`, whose `randomizer(mj_model)` is a `randomization_fn`: environments get a
+  row each at the start.
+- `gymnasium`: `posterior.json` and `simulators.py`, whose `draw_effects` is the argument of that name of
+  `gymnasium.make_vec`.
+- `mujoco`, `newton`, `ros2_control`, `urdf` and `sdf` have one number for each and no distributions: their table says
+  so.
+
+`draws.json` has 1000 simulators as numbers of the robot's model, not ranges. A row is one draw, so that numbers that
+depend on each other stay together, explanations keep their probabilities, and bounds hold. What a target can only draw
+by itself, such as delays of mjlab and Isaac Lab, gets the ends of its 90 % interval in physics steps; the correlation
+with the others is lost there, and the table says so. Effects on readings, commands and contacts are no numbers of a robot's
+model: they are not drawn there.
+
+The events ran behind stand-ins for mjlab, Isaac Lab and JAX, which check every value that is written; they were not
+run in these packages. The functions that they call are those of mjlab 1.6.0 and Isaac Lab 2.3.
+
 ## Which target holds what
 
 *exact*: the same number in the same law. *approx.*: in another form, or only nearly; the lists below say how. *–*: not

@@ -18,6 +18,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--rate", type=float, metavar="HZ", help="of commands, where the diagnosis does not say")
     parser.add_argument("--out", type=outputs.folder, metavar="FOLDER", help="where the files go")
     add_numbers(parser)
+    parser.add_argument(
+        "--randomisation",
+        action="store_true",
+        help="write the target's domain randomisation, too: simulators drawn from the diagnosis's posterior",
+    )
     parser.add_argument("--table", action="store_true", help="print which effects every target holds, and nothing else")
     parser.add_argument("--json", action="store_true", help="print the result as JSON")
     parser.epilog = "Targets: mujoco, mjlab, playground, isaaclab, newton, gymnasium, ros2_control, urdf, sdf."

@@ -13,13 +13,18 @@ from typing import Any, Final
 
 from tiago_mj.export import found as finding
 from tiago_mj.export import holding, mjcf, replay, versions
+from tiago_mj.export.draws import draws_of
 from tiago_mj.export.drives import numbers_of
 from tiago_mj.export.holding import held
+from tiago_mj.export.targets import gymnasium_simulators
 from tiago_mj.export.targets.registry import TARGETS
+from tiago_mj.export.targets.target import Target
 from tiago_mj.export.versions import VERSIONS
 from tiago_mj.io import atomic
 from tiago_mj.io.numbers_option import with_numbers
 from tiago_mj.io.quoting import did_you_mean
+from tiago_mj.randomisation import diagnosis as reading
+from tiago_mj.randomisation.posterior import Posterior
 
 #: Folder of a robot's own files, beside the text of a target.
 MODEL: Final = "model"
@@ -75,21 +80,46 @@ def export(arguments: argparse.Namespace) -> dict[str, Any]:
     target, found = TARGETS[arguments.to], finding.read(arguments.diagnosis, numbers=with_numbers(arguments))
     if arguments.mujoco is not None and target.mujoco is None:
         raise ValueError(f"--mujoco is for targets with a model: {target.name} has none")
+    posterior = reading.read(_folder(arguments.diagnosis)) if arguments.randomisation else None
     if target.name == "gymnasium":
         rows = [_row(target.holds, entry.name, entry.target) for entry in found.entries]
-        with atomic.replacing_set(arguments.out, parts=(finding.CALIBRATION, TABLE)) as folder:
+        texts = {} if posterior is None else gymnasium_simulators.write(posterior)
+        with atomic.replacing_set(arguments.out, parts=(finding.CALIBRATION, *texts, TABLE)) as folder:
             finding.copy(found, folder / finding.CALIBRATION, numbers=with_numbers(arguments))
-            return _finished(folder, arguments, rows, None, ())
+            for name, text in texts.items():
+                (folder / name).write_text(text, encoding="utf-8")
+            return _finished(folder, arguments, [*rows, *_drawn(target, posterior)], None, ())
     robot = finding.resolve(found, finding.model_path(found, arguments.model), arguments.rate)
-    texts = target.write(numbers_of(robot))
+    numbers = numbers_of(robot)
+    texts = dict(target.write(numbers))
+    if posterior is not None and target.randomise is not None:
+        texts |= target.randomise(draws_of(robot, posterior), numbers)
     rows = [_row(target.holds, entry.name, entry.target) for entry in robot.entries]
     with atomic.replacing_set(arguments.out, parts=(*texts, MODEL, CHANGES, TABLE)) as folder:
         for name, text in texts.items():
             (folder / name).write_text(text, encoding="utf-8")
+        drawn = _drawn(target, posterior)
         if target.mujoco is None:
-            return _finished(folder, arguments, rows, None, ())
+            return _finished(folder, arguments, [*rows, *drawn], None, ())
         rows, closing, told = _model(robot, target, arguments.mujoco or target.mujoco, folder, rows)
-        return _finished(folder, arguments, rows, closing, told)
+        return _finished(folder, arguments, [*rows, *drawn], closing, told)
+
+
+def _folder(path: Path) -> Path:
+    """Of a diagnosis that was given by its folder or its ``calibration.yaml``."""
+    return path if path.is_dir() else path.parent
+
+
+def _drawn(target: Target, posterior: Posterior | None) -> list[Row]:
+    """How the target's domain randomisation has what the posterior draws; nothing where none was asked for."""
+    if posterior is None:
+        return []
+    rows = []
+    for effect, targets in posterior.drawn().items():
+        one = holding.randomised(target.randomised, effect)
+        where = "all" if () in targets else ", ".join(dict.fromkeys(name for names in targets for name in names))
+        rows.append(Row(f"{effect}, drawn", where, one.grade, one.how))
+    return rows
 
 
 def _model(robot: Any, target: Any, version: str, folder: Path, rows: list[Row]) -> tuple[list[Row], Any, Any]:

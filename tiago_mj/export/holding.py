@@ -108,6 +108,22 @@ def held(holds: Mapping[str, Held], effect: str) -> Held:
     return NOWHERE.get(acts_on, lacking("the format has no place for it"))
 
 
+#: Of a target without domain randomisation.
+ONE_NUMBER: Final = lacking("the format has one number for each: it is written as it was fitted")
+
+
+def randomised(drawn: Mapping[str, Held], effect: str) -> Held:
+    """How a target's domain randomisation has an effect.
+
+    Args:
+        drawn: how it has each quantity; empty: it has none.
+        effect: its name.
+    """
+    if not drawn:
+        return ONE_NUMBER
+    return drawn.get(quantity(effect), lacking("no number of the robot's model: it is not drawn there"))
+
+
 def library() -> list[str]:
     """Effects of this package that a diagnosis may name, in the order of the signal chain."""
     own = [name for name, one in EFFECTS.items() if one.nameable and one.__module__.startswith("tiago_mj.effects")]

@@ -13,11 +13,13 @@ from typing import Any
 
 from tiago_mj.effects import read_effects, written
 from tiago_mj.io import atomic, extra, held
+from tiago_mj.io.loading import load_yaml
 from tiago_mj.io.numbers_option import with_numbers
 from tiago_mj.learn import card, curves, duration, plots, progress, randomise
 from tiago_mj.learn.loop import BEST, Task, train_seed
 from tiago_mj.learn.settings import Settings, claim, provenance
 from tiago_mj.learn.zoo_form import read_hyperparameters
+from tiago_mj.randomisation import diagnosis
 from tiago_mj.rollout import options, scale
 from tiago_mj.view import figures
 
@@ -142,7 +144,12 @@ def _ranges(path: Path | None) -> Any:
     """What is drawn for every episode, checked."""
     if path is None:
         return None
-    return randomise.read(path)
+    if not diagnosis.is_diagnosis(path):
+        return randomise.read_ranges(load_yaml(path, f"--randomise {path} cannot be read"), f"--randomise {path}")
+    try:
+        return {randomise.POSTERIOR: diagnosis.read(path).as_data()}
+    except ValueError as fault:
+        raise ValueError(f"--randomise {path}: {fault}") from fault
 
 
 def _try_out(settings: Settings, *, measure: bool) -> float:

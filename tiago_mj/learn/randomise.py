@@ -14,7 +14,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
@@ -22,29 +21,12 @@ import numpy as np
 from tiago_mj.effects import EFFECTS, Entry, read_effects
 from tiago_mj.effects.nominal import check_entries
 from tiago_mj.envs.robot_env import RobotEnv
-from tiago_mj.io.loading import load_yaml
 from tiago_mj.io.quoting import is_number, quoted, unquoted
-from tiago_mj.randomisation import diagnosis
 from tiago_mj.randomisation.posterior import Posterior, described
 
 Ranges = Mapping[str, Mapping[str, Sequence[float]]]
 #: Key of settings under which a posterior stands; no effect has this name.
 POSTERIOR: Final = "posterior"
-
-
-def read(path: Path) -> dict[str, Any]:
-    """What ``--randomise`` names, as a training's settings have it: ranges of a YAML file, or the posterior of a
-    diagnosis, under :data:`POSTERIOR`.
-
-    Raises:
-        ValueError: it can be read as neither; one line.
-    """
-    if not diagnosis.is_diagnosis(path):
-        return read_ranges(load_yaml(path, f"--randomise {path} cannot be read"), f"--randomise {path}")
-    try:
-        return {POSTERIOR: diagnosis.read(path).as_data()}
-    except ValueError as fault:
-        raise ValueError(f"--randomise {path}: {fault}") from fault
 
 
 def read_ranges(given: Any, where: str) -> dict[str, dict[str, list[float]]]:
@@ -104,8 +86,7 @@ def check_fits(given: Mapping[str, Any], core: RobotEnv) -> None:
         for end in (0, 1):
             check_entries(_corner(given, end), model, wiring)
         return
-    for entries in Posterior.of_data(given[POSTERIOR]).extremes():
-        check_entries([Entry(one.name, one.target, one.parameters) for one in entries], model, wiring)
+    Posterior.of_data(given[POSTERIOR]).check_fits(model, wiring)
 
 
 def told(given: Mapping[str, Any]) -> list[str]:

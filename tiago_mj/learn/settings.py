@@ -42,7 +42,7 @@ class Settings:
         checkpoint_every: environment steps between checkpoints. At each, the environments begin new episodes, drawn
             from the seed and the step count; so a run that goes on from a checkpoint is the run that never stopped.
         randomise: ranges of effects, or the posterior of a diagnosis, from which every episode draws its own, as
-            :func:`tiago_mj.learn.randomise.read` gives them; None: nothing is drawn.
+            :func:`tiago_mj.learn.randomise.drawing` takes them; None: nothing is drawn.
     """
 
     env: str

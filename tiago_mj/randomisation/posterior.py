@@ -15,11 +15,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
+import mujoco
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import TypeAdapter, ValidationError
 
 from tiago_mj.effects import EFFECTS
+from tiago_mj.effects.nominal import check_entries
+from tiago_mj.effects.now import Wiring
 from tiago_mj.effects.spec import Entry
 from tiago_mj.io.quantities import scaled
 from tiago_mj.io.schema import first_fault
@@ -185,6 +188,16 @@ class Posterior:
         beside = [one.block.sample(rng) for one in self.open_numbers if not _changed(one.block.effects[0], mine)]
         return (*mine, *self.numbers.sample(rng), *(entry for entries in beside for entry in entries))
 
+    def drawn(self) -> dict[str, list[tuple[str, ...]]]:
+        """Names of all effects that have numbers that are drawn, with their targets; no names: all."""
+        out: dict[str, list[tuple[str, ...]]] = {}
+        blocks = (*(one.block for one in self.explanations), self.numbers, *(one.block for one in self.open_numbers))
+        for block in blocks:
+            for k, effect in enumerate(block.effects):
+                if any(one.of == k for one in block.numbers):
+                    out.setdefault(effect.name, []).append(effect.target or ())
+        return out
+
     def extremes(self) -> list[tuple[Entry, ...]]:
         """For each explanation the simulators with all numbers at the lower and at the upper ends of their bounds, or,
         where there are none, of their 90 % intervals: what must fit a model that is to be drawn for."""
@@ -194,6 +207,15 @@ class Posterior:
             for one in self.explanations
             for end in (0, 1)
         ]
+
+    def check_fits(self, model: mujoco.MjModel, wiring: Wiring) -> None:
+        """Refuse what cannot be drawn for a model.
+
+        Raises:
+            ValueError: it names a part that the model does not have, or takes away more than there is; one line.
+        """
+        for entries in self.extremes():
+            check_entries([Entry(one.name, one.target, one.parameters) for one in entries], model, wiring)
 
     def as_data(self) -> dict[str, Any]:
         """As JSON data."""

@@ -7,6 +7,7 @@ from typing import Final
 
 from tiago_mj.export.drives import Numbers
 from tiago_mj.export.holding import NOWHERE, QUANTITIES, exact
+from tiago_mj.export.targets import gymnasium_simulators
 from tiago_mj.export.targets.target import Target
 
 HOLDS: Final = MappingProxyType(
@@ -21,4 +22,13 @@ def write(_: Numbers) -> dict[str, str]:
     return {}
 
 
-TARGET: Final = Target("gymnasium", "of this package", HOLDS, write, None, (), "tried in the tests of this package")
+TARGET: Final = Target(
+    "gymnasium",
+    "of this package",
+    HOLDS,
+    write,
+    None,
+    (),
+    "tried in the tests of this package",
+    dict.fromkeys(HOLDS, gymnasium_simulators.HELD),
+)

@@ -13,6 +13,7 @@ from typing import Final
 
 from tiago_mj.export.drives import Numbers
 from tiago_mj.export.holding import approximate, exact
+from tiago_mj.export.targets import isaaclab_events
 from tiago_mj.export.targets.python_text import by_name, literal, steps
 from tiago_mj.export.targets.target import Target
 
@@ -90,4 +91,14 @@ def _group(numbers: Numbers, kind: str, lag: int, step: float) -> str:
     return f'    "late_by_{lag}": {kind}(\n{body}    ),\n'
 
 
-TARGET: Final = Target("isaaclab", "2.3", HOLDS, write, "3.17", ELSEWHERE, "not tried, but for the model beside")
+TARGET: Final = Target(
+    "isaaclab",
+    "2.3",
+    HOLDS,
+    write,
+    "3.17",
+    ELSEWHERE,
+    "not tried, but for the model beside",
+    isaaclab_events.RANDOMISED,
+    isaaclab_events.write,
+)

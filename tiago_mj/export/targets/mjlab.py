@@ -13,6 +13,7 @@ from typing import Final
 
 from tiago_mj.export.drives import Drive, Numbers
 from tiago_mj.export.holding import approximate, exact
+from tiago_mj.export.targets import mjlab_events
 from tiago_mj.export.targets.mujoco import HOLDS as IN_MJCF
 from tiago_mj.export.targets.python_text import literal, steps
 from tiago_mj.export.targets.target import Target
@@ -101,4 +102,6 @@ def _entry(drive: Drive, interface: str, step: float) -> str:
 
 
 _TRIED: Final = "loaded by mjlab 1.6, its model replayed by MuJoCo 3.11"
-TARGET: Final = Target("mjlab", "1.6", HOLDS, write, "3.11", ("command_delay",), _TRIED)
+TARGET: Final = Target(
+    "mjlab", "1.6", HOLDS, write, "3.11", ("command_delay",), _TRIED, mjlab_events.RANDOMISED, mjlab_events.write
+)

@@ -17,6 +17,7 @@ from tiago_mj.effects import model_file
 from tiago_mj.export.drives import Numbers
 from tiago_mj.export.holding import approximate, exact, lacking
 from tiago_mj.export.numbers import number
+from tiago_mj.export.targets import playground_randomisation
 from tiago_mj.export.targets.python_text import literal
 from tiago_mj.export.targets.target import Target
 
@@ -130,4 +131,6 @@ TARGET: Final = Target(
     "3.17",
     ("command_delay",),
     "its model replayed by mujoco-mjx 3.17, its patch by MuJoCo 3.17",
+    playground_randomisation.RANDOMISED,
+    playground_randomisation.write,
 )

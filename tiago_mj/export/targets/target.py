@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
+from tiago_mj.export.draws import Draws
 from tiago_mj.export.drives import Numbers
 from tiago_mj.export.holding import Held
 
@@ -21,6 +22,8 @@ class Target:
         mujoco: version of MuJoCo for which the user's MJCF is written beside, into ``model``; None: none is.
         without: effects that this model is written without: the target has them elsewhere, or not at all.
         tried: what its files were tried with.
+        randomised: how its domain randomisation has each quantity; what is not listed it has not.
+        randomise: text of the files of its domain randomisation by name; None: it has none.
     """
 
     name: str
@@ -30,3 +33,5 @@ class Target:
     mujoco: str | None
     without: tuple[str, ...]
     tried: str
+    randomised: Mapping[str, Held] = field(default_factory=dict)
+    randomise: Callable[[Draws, Numbers], Mapping[str, str]] | None = None
