@@ -1,6 +1,6 @@
 """What to train in across a gap: ranges by hand, the posterior of a diagnosis, or the one repaired simulator.
 
-    python benchmarks/across_a_gap_posterior.py DIR [--withheld EFFECT ...] [--steps 400000] [--seeds 5] [--jobs 1]
+    python benchmarks/across_a_gap_posterior.py DIR [--withheld EFFECT ...] [--arms ARM ...] [--steps 400000] [--seeds 5]
 
 A withheld effect acts on the "real" gripper. The diagnosis is given ten recorded grasps of it and nothing else. PPO as
 docs/learning.md prints it trains policies on the steady task, with the same recipe, steps and seeds in every arm:
@@ -68,6 +68,8 @@ WIDE: Final[Mapping[str, Mapping[str, Sequence[float]]]] = {
     "force_drift": {"rate": [-1.0, 1.0]},
 }
 RANGES: Final = {"hand": HAND, "wide": WIDE}
+#: Arms of which one training serves every withheld effect.
+SHARED: Final = ("nominal", "hand", "wide")
 ARMS: Final = ("nominal", "hand", "wide", "posterior", "repaired", "true")
 #: What is told of the posterior arm beside others.
 AGAINST: Final = ("hand", "wide", "repaired", "nominal")
@@ -75,29 +77,36 @@ AGAINST: Final = ("hand", "wide", "repaired", "nominal")
 FIRST_SEED, EPISODES, STEPS_OF_ONE = earlier.FIRST_SEED, 100, 300
 
 
-def arms(folder: Path, name: str) -> dict[str, Path]:
-    """Folder of each arm's training; those that do not depend on the effect serve all."""
-    shared = {arm: folder / arm for arm in ("nominal", "hand", "wide")}
-    return {**shared, **{arm: folder / f"{arm}-{name}" for arm in ("posterior", "repaired", "true")}}
+def folder_of(folder: Path, arm: str, name: str) -> Path:
+    """Of an arm's training; one that does not depend on the effect serves all."""
+    return folder / (arm if arm in SHARED else f"{arm}-{name}")
 
 
 def train(folder: Path, withheld: Sequence[str], arguments: Any) -> None:
     """Train what is not trained yet, arm by arm."""
     rare = str(arguments.steps // 4)
     recipe = ["--algo", "ppo", "--evaluate-every", rare, "--checkpoint-every", rare]
-    jobs: dict[str, list[str]] = {"nominal": recipe}
-    for arm, ranges in RANGES.items():
-        file = folder / f"{arm}.yaml"
-        atomic.write_text(file, yaml.safe_dump({k: {p: list(v) for p, v in r.items()} for k, r in ranges.items()}))
-        jobs[arm] = [*recipe, "--randomise", str(file)]
-    for name in withheld:
-        found = folder / name / "diagnosis"
-        jobs[f"posterior-{name}"] = [*recipe, "--randomise", str(found)]
-        jobs[f"repaired-{name}"] = [*recipe, "--effects", str(found / "calibration.yaml")]
-    for name in withheld:
-        true = earlier.calibration(folder / name / "true.yaml", WITHHELD[name])
-        jobs[f"true-{name}"] = [*recipe, "--effects", str(true)]
+    jobs = {}
+    for arm in arguments.arms:
+        for name in withheld:
+            jobs[folder_of(folder, arm, name).name] = [*recipe, *_simulator(folder, arm, name)]
     trainings.train(ENV, jobs, arguments)
+
+
+def _simulator(folder: Path, arm: str, name: str) -> list[str]:
+    """Options of ``train`` that say what an arm is trained in."""
+    found = folder / name / "diagnosis"
+    if arm == "nominal":
+        return []
+    if arm in RANGES:
+        ranges = {key: {p: list(v) for p, v in one.items()} for key, one in RANGES[arm].items()}
+        atomic.write_text(folder / f"{arm}.yaml", yaml.safe_dump(ranges))
+        return ["--randomise", str(folder / f"{arm}.yaml")]
+    if arm == "posterior":
+        return ["--randomise", str(found)]
+    if arm == "repaired":
+        return ["--effects", str(found / "calibration.yaml")]
+    return ["--effects", str(earlier.calibration(folder / name / "true.yaml", WITHHELD[name]))]
 
 
 def played(path: Path, effect: Mapping[str, Any]) -> dict[str, float]:
@@ -117,12 +126,12 @@ def played(path: Path, effect: Mapping[str, Any]) -> dict[str, float]:
     }
 
 
-def of_one(folder: Path, name: str, seeds: int) -> dict[str, Any]:
+def of_one(folder: Path, name: str, arms: Sequence[str], seeds: int) -> dict[str, Any]:
     """Every arm on the real gripper of one withheld effect, what the diagnosis said, and the differences."""
     effect, found = WITHHELD[name], folder / name / "diagnosis"
     rows = {
-        arm: [played(training / f"seed-{seed}" / "last.npz", effect) for seed in range(seeds)]
-        for arm, training in arms(folder, name).items()
+        arm: [played(folder_of(folder, arm, name) / f"seed-{seed}" / "last.npz", effect) for seed in range(seeds)]
+        for arm in arms
     }
     return {
         "effect": effect,
@@ -135,6 +144,7 @@ def of_one(folder: Path, name: str, seeds: int) -> dict[str, Any]:
                 for key in rows[arm][0]
             }
             for arm in AGAINST
+            if arm in rows and "posterior" in rows
         },
     }
 
@@ -157,7 +167,7 @@ def table(results: Mapping[str, Any]) -> str:
 def picture(results: Mapping[str, Any]) -> Any:
     """Returns of every arm on every real gripper."""
     panels = [
-        Panel(name.replace("_", " "), {arm: [row["reward"] for row in one["arms"][arm]] for arm in ARMS})
+        Panel(name.replace("_", " "), {arm: [row["reward"] for row in rows] for arm, rows in one["arms"].items()})
         for name, one in results.items()
     ]
     source = f"Source: benchmarks/{NAME}.py; {ENV}, a dot a seed."
@@ -169,16 +179,23 @@ def main() -> None:
     parser = trainings.parser(__doc__, steps=400_000, seeds=5)
     parser.set_defaults(jobs=1, episodes=EPISODES)
     parser.add_argument("--withheld", nargs="+", choices=WITHHELD, default=list(WITHHELD), metavar="EFFECT")
+    parser.add_argument("--arms", nargs="+", choices=ARMS, default=list(ARMS), metavar="ARM", help=", ".join(ARMS))
     arguments = parser.parse_args()
     folder, withheld = arguments.folder.resolve(), arguments.withheld
     arguments.folder = folder
     earlier.prepare(folder, {name: WITHHELD[name] for name in withheld}, arguments.jobs)
     train(folder, withheld, arguments)
-    results = {name: of_one(folder, name, arguments.seeds) for name in withheld}
+    results = {name: of_one(folder, name, arguments.arms, arguments.seeds) for name in withheld}
     print(table(results))
     about = {"env": ENV, "steps": arguments.steps, "episodes": EPISODES, "ranges": RANGES}
     command = f"python benchmarks/{NAME}.py DIR --steps {arguments.steps} --seeds {arguments.seeds}"
-    print(save(NAME, {**about, "real": results}, f"{command} --withheld {' '.join(withheld)}").name)
+    print(
+        save(
+            NAME,
+            {**about, "real": results},
+            f"{command} --withheld {' '.join(withheld)} --arms {' '.join(arguments.arms)}",
+        ).name
+    )
     atomic.write_bytes(RESULTS / f"{NAME}.png", figures.png(picture(results)))
 
 

@@ -65,7 +65,7 @@ tiago-mj export out/pendulum/diagnosis --model out/pendulum/pendulum.xml --to mj
 - `mujoco`, `newton`, `ros2_control`, `urdf` and `sdf` have one number for each and no distributions: their table says
   so.
 
-`draws.json` has 1000 simulators as numbers of the robot's model, not ranges. A row is one draw, so that numbers that
+`draws.json` has 500 simulators as numbers of the robot's model, not ranges. A row is one draw, so that numbers that
 depend on each other stay together, explanations keep their probabilities, and bounds hold. What a target can only draw
 by itself, such as delays of mjlab and Isaac Lab, gets the ends of its 90 % interval in physics steps; the correlation
 with the others is lost there, and the table says so. Effects on readings, commands and contacts are no numbers of a robot's

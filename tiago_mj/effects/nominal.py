@@ -7,7 +7,7 @@ try end at the same number.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Container, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Final
@@ -129,7 +129,22 @@ def check_entries(entries: Sequence[Entry], model: mujoco.MjModel, wiring: Wirin
             what the model has.
     """
     check_sizes(entries, wiring.targets)
-    for name in dict.fromkeys(entry.name for entry in entries if not entry.fitted):
+    check_stock(entries, model, wiring, names={entry.name for entry in entries if not entry.fitted})
+
+
+def check_stock(
+    entries: Sequence[Entry], model: mujoco.MjModel, wiring: Wiring, names: Container[str] | None = None
+) -> None:
+    """Refuse what takes more from a model than there is, or is on a part that it does not have, found or given.
+
+    Args:
+        entries, model, wiring: see :func:`check_entries`.
+        names: of the effects that are looked at; None: all.
+
+    Raises:
+        ValueError: as above; one line.
+    """
+    for name in dict.fromkeys(entry.name for entry in entries if names is None or entry.name in names):
         declared = EFFECTS[name]
         first = next(iter(declared.parameters.values()))
         same = [entry for entry in entries if entry.name == name]

@@ -23,9 +23,9 @@ from tiago_mj.randomisation.posterior import Posterior
 
 Array = NDArray[np.float64]
 
-#: Of a table. Quantiles of so many draws are known to √(0.05 · 0.95 / 1000) = 0.7 % of probability at the ends of a
+#: Of a table. Quantiles of so many draws are known to √(0.05 · 0.95 / 500) = 1 % of probability at the ends of a
 #: 90 % interval.
-COUNT: Final = 1000
+COUNT: Final = 500
 SEED: Final = 0
 FILE: Final = "draws.json"
 #: Numbers of a drive that a draw may change.

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from pydantic import TypeAdapter, ValidationError
 
 from tiago_mj.effects import EFFECTS
-from tiago_mj.effects.nominal import check_entries
+from tiago_mj.effects.nominal import check_stock
 from tiago_mj.effects.now import Wiring
 from tiago_mj.effects.spec import Entry
 from tiago_mj.io.quantities import scaled
@@ -215,7 +215,7 @@ class Posterior:
             ValueError: it names a part that the model does not have, or takes away more than there is; one line.
         """
         for entries in self.extremes():
-            check_entries([Entry(one.name, one.target, one.parameters) for one in entries], model, wiring)
+            check_stock(entries, model, wiring)
 
     def as_data(self) -> dict[str, Any]:
         """As JSON data."""
