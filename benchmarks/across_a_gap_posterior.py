@@ -1,6 +1,6 @@
 """What to train in across a gap: ranges by hand, the posterior of a diagnosis, or the one repaired simulator.
 
-    python benchmarks/across_a_gap_posterior.py DIR [--withheld EFFECT ...] [--arms ARM ...] [--steps 400000] [--seeds 5]
+    python benchmarks/across_a_gap_posterior.py DIR [--withheld EFFECT ...] [--arms ARM ...] [--seeds 5] [--jobs 1]
 
 A withheld effect acts on the "real" gripper. The diagnosis is given ten recorded grasps of it and nothing else. PPO as
 docs/learning.md prints it trains policies on the steady task, with the same recipe, steps and seeds in every arm:

@@ -68,8 +68,8 @@ tiago-mj export out/pendulum/diagnosis --model out/pendulum/pendulum.xml --to mj
 `draws.json` has 500 simulators as numbers of the robot's model, not ranges. A row is one draw, so that numbers that
 depend on each other stay together, explanations keep their probabilities, and bounds hold. What a target can only draw
 by itself, such as delays of mjlab and Isaac Lab, gets the ends of its 90 % interval in physics steps; the correlation
-with the others is lost there, and the table says so. Effects on readings, commands and contacts are no numbers of a robot's
-model: they are not drawn there.
+with the others is lost there, and the table says so. Effects on readings, commands and contacts are no numbers of a
+robot's model: they are not drawn there.
 
 The events ran behind stand-ins for mjlab, Isaac Lab and JAX, which check every value that is written; they were not
 run in these packages. The functions that they call are those of mjlab 1.6.0 and Isaac Lab 2.3.

@@ -87,7 +87,10 @@ def test_a_training_is_randomised_and_its_card_says_so(tmp_path):
 
 def diagnosed(folder, effect=STIFFNESS, **changes):
     """A folder with a diagnosis that names one effect, and numbers that are left open."""
-    open_numbers = (OpenNumber("object_mass", "all", "factor", 1.0, 0.95, 1.05, "-", 1.0),)
+    open_numbers = (
+        OpenNumber("object_mass", "all", "factor", 1.0, 0.95, 1.05, "-", 1.0),
+        OpenNumber("command_delay", "all", "seconds", 0.0, -0.0003, 0.0003, "s", 0.2),  # on either side of nominal
+    )
     best = Explanation((effect,), 0.9, 9.0)
     made = replace(diagnosis(best=(effect,)), best=best, alternatives=(best,), open_numbers=open_numbers, **changes)
     folder.mkdir(exist_ok=True)
