@@ -117,7 +117,7 @@ def played(path: Path, effect: Mapping[str, Any]) -> dict[str, float]:
         observation, infos = env.reset(), []
         agent.reset()
         for _ in range(STEPS_OF_ONE):
-            observation, _, _, infos = env.step(np.array([agent(one) for one in observation]))
+            observation, _, _, infos = env.step(agent(observation))
     finally:
         env.close()
     return {
@@ -127,12 +127,13 @@ def played(path: Path, effect: Mapping[str, Any]) -> dict[str, float]:
 
 
 def of_one(folder: Path, name: str, arms: Sequence[str], seeds: int) -> dict[str, Any]:
-    """Every arm on the real gripper of one withheld effect, what the diagnosis said, and the differences."""
+    """Every arm on the real gripper of one withheld effect, what the diagnosis said, and the differences; seeds whose
+    training has not come to its end are left out."""
     effect, found = WITHHELD[name], folder / name / "diagnosis"
-    rows = {
-        arm: [played(folder_of(folder, arm, name) / f"seed-{seed}" / "last.npz", effect) for seed in range(seeds)]
-        for arm in arms
-    }
+    rows = {}
+    for arm in arms:
+        agents = [folder_of(folder, arm, name) / f"seed-{seed}" / "last.npz" for seed in range(seeds)]
+        rows[arm] = [played(path, effect) for path in agents if path.exists()]
     return {
         "effect": effect,
         "diagnosis": earlier.verdict(folder / name),
@@ -140,13 +141,21 @@ def of_one(folder: Path, name: str, arms: Sequence[str], seeds: int) -> dict[str
         "arms": rows,
         "posterior_minus": {
             arm: {
-                key: difference(*([row[key] for row in rows[one]] for one in ("posterior", arm)))
-                for key in rows[arm][0]
+                key: paired([row[key] for row in ours], [row[key] for row in rows[arm]])
+                for key in ("reward", "success")
             }
             for arm in AGAINST
-            if arm in rows and "posterior" in rows
+            if (ours := rows.get("posterior")) and rows.get(arm)
         },
     }
+
+
+def paired(ours: Sequence[float], theirs: Sequence[float]) -> dict[str, Any]:
+    """Mean difference over the seeds that both have, with its interval where there are two at least."""
+    both = min(len(ours), len(theirs))
+    if both < 2:
+        return {"seeds": both, "mean": ours[0] - theirs[0], "low": None, "high": None}
+    return {"seeds": both, **difference(ours[:both], theirs[:both])}
 
 
 def table(results: Mapping[str, Any]) -> str:
@@ -155,13 +164,20 @@ def table(results: Mapping[str, Any]) -> str:
     for name, one in results.items():
         lines.append(name)
         for arm, rows in one["arms"].items():
+            if not rows:
+                continue
             returns, wins = ([row[key] for row in rows] for key in ("reward", "success"))
             each = " ".join(f"{value:7.1f}" for value in returns)
             lines.append(f"  {arm:10} {np.mean(returns):7.1f}  ({each})  success {100 * np.mean(wins):3.0f} %")
         for arm, values in one["posterior_minus"].items():
-            said = "  ".join(f"{key} {d['mean']:.3g} ({d['low']:.3g} to {d['high']:.3g})" for key, d in values.items())
+            said = "  ".join(f"{key} {_with_interval(d)}" for key, d in values.items())
             lines.append(f"  posterior - {arm:9} {said}")
     return "\n".join(lines)
+
+
+def _with_interval(found: Mapping[str, Any]) -> str:
+    ends = "one seed" if found["low"] is None else f"{found['low']:.3g} to {found['high']:.3g}, {found['seeds']} seeds"
+    return f"{found['mean']:.3g} ({ends})"
 
 
 def picture(results: Mapping[str, Any]) -> Any:
@@ -180,11 +196,13 @@ def main() -> None:
     parser.set_defaults(jobs=1, episodes=EPISODES)
     parser.add_argument("--withheld", nargs="+", choices=WITHHELD, default=list(WITHHELD), metavar="EFFECT")
     parser.add_argument("--arms", nargs="+", choices=ARMS, default=list(ARMS), metavar="ARM", help=", ".join(ARMS))
+    parser.add_argument("--only-play", action="store_true", help="what is trained so far, and train nothing")
     arguments = parser.parse_args()
     folder, withheld = arguments.folder.resolve(), arguments.withheld
     arguments.folder = folder
     earlier.prepare(folder, {name: WITHHELD[name] for name in withheld}, arguments.jobs)
-    train(folder, withheld, arguments)
+    if not arguments.only_play:
+        train(folder, withheld, arguments)
     results = {name: of_one(folder, name, arguments.arms, arguments.seeds) for name in withheld}
     print(table(results))
     about = {"env": ENV, "steps": arguments.steps, "episodes": EPISODES, "ranges": RANGES}
