@@ -14,7 +14,8 @@ docs/learning.md prints it trains policies on the steady task, with the same rec
 
 and every last agent plays the same episodes on the real gripper, with the task's own reward. DIR keeps recordings,
 diagnoses and trainings; the same command goes on where it stopped. Writes ``results/across_a_gap_posterior.json`` and
-``.png``. Differences are of a seed's mean return in two arms; their 95 % intervals are Student's over the seeds.
+``.png``. Differences are of a seed's mean return in two arms, with Student's 95 % intervals over the seeds that both
+have, and of the means of all seeds, with Welch's.
 """
 
 from __future__ import annotations
@@ -27,9 +28,10 @@ import across_a_gap as earlier
 import numpy as np
 import trainings
 import yaml
-from differences import difference
+from differences import LEVEL, difference
 from learning_figures import Panel, dots
 from machine import RESULTS, save
+from scipy import stats
 
 from tiago_mj.io import atomic
 from tiago_mj.learn.agent_file import load_agent
@@ -139,15 +141,39 @@ def of_one(folder: Path, name: str, arms: Sequence[str], seeds: int) -> dict[str
         "diagnosis": earlier.verdict(folder / name),
         "posterior": described(diagnosis.read(found)),
         "arms": rows,
-        "posterior_minus": {
-            arm: {
-                key: paired([row[key] for row in ours], [row[key] for row in rows[arm]])
-                for key in ("reward", "success")
-            }
-            for arm in AGAINST
-            if (ours := rows.get("posterior")) and rows.get(arm)
-        },
+        "posterior_minus": differences(rows),
     }
+
+
+def differences(rows: Mapping[str, Sequence[Mapping[str, float]]]) -> dict[str, Any]:
+    """Of the posterior arm from the others: over the seeds that both have, and of the means of all seeds."""
+    ours = rows.get("posterior") or ()
+    return {
+        arm: {
+            key: {
+                "paired": paired([row[key] for row in ours], [row[key] for row in rows[arm]]),
+                "all": unpaired([row[key] for row in ours], [row[key] for row in rows[arm]]),
+            }
+            for key in ("reward", "success")
+        }
+        for arm in AGAINST
+        if ours and rows.get(arm)
+    }
+
+
+def unpaired(ours: Sequence[float], theirs: Sequence[float]) -> dict[str, Any]:
+    """Difference of the means of two arms' seeds, and its 95 % interval by Welch's t; a seed gives two trainings in
+    different simulators no more in common than that."""
+    mean, counts = float(np.mean(ours) - np.mean(theirs)), [len(ours), len(theirs)]
+    if min(counts) < 2:
+        return {"seeds": counts, "mean": mean, "low": None, "high": None}
+    parts = [float(np.var(one, ddof=1)) / len(one) for one in (ours, theirs)]
+    error = sum(parts) ** 0.5
+    if not error:
+        return {"seeds": counts, "mean": mean, "low": mean, "high": mean}
+    freedom = sum(parts) ** 2 / sum(part**2 / (count - 1) for part, count in zip(parts, counts, strict=True))
+    half = float(stats.t.ppf(0.5 + LEVEL / 2, freedom)) * error
+    return {"seeds": counts, "mean": mean, "low": mean - half, "high": mean + half}
 
 
 def paired(ours: Sequence[float], theirs: Sequence[float]) -> dict[str, Any]:
@@ -170,13 +196,14 @@ def table(results: Mapping[str, Any]) -> str:
             each = " ".join(f"{value:7.1f}" for value in returns)
             lines.append(f"  {arm:10} {np.mean(returns):7.1f}  ({each})  success {100 * np.mean(wins):3.0f} %")
         for arm, values in one["posterior_minus"].items():
-            said = "  ".join(f"{key} {_with_interval(d)}" for key, d in values.items())
-            lines.append(f"  posterior - {arm:9} {said}")
+            for how in ("paired", "all"):
+                said = "  ".join(f"{key} {_with_interval(d[how])}" for key, d in values.items())
+                lines.append(f"  posterior - {arm:9} {how:6} {said}")
     return "\n".join(lines)
 
 
 def _with_interval(found: Mapping[str, Any]) -> str:
-    ends = "one seed" if found["low"] is None else f"{found['low']:.3g} to {found['high']:.3g}, {found['seeds']} seeds"
+    ends = "one seed" if found["low"] is None else f"{found['low']:.3g} to {found['high']:.3g}, seeds {found['seeds']}"
     return f"{found['mean']:.3g} ({ends})"
 
 

@@ -43,6 +43,51 @@ def test_what_is_withheld_and_what_is_drawn_are_effects():
     read_ranges({k: {p: list(v) for p, v in one.items()} for k, one in gap.RANGES.items()}, "RANGES")
 
 
+def test_ranges_by_hand_are_effects_and_the_wide_ones_hold_every_withheld_effect():
+    from tiago_mj.effects import read_effects
+    from tiago_mj.learn.randomise import read_ranges
+
+    gap = importlib.import_module("across_a_gap_posterior")
+    for ranges in gap.RANGES.values():
+        read_ranges({k: {p: list(v) for p, v in one.items()} for k, one in ranges.items()}, "RANGES")
+    assert len(gap.WITHHELD) == 3
+    for name, effect in gap.WITHHELD.items():
+        assert [entry.name for entry in read_effects(effect)] == [name]
+        for key, value in effect[name].items():
+            low, high = gap.WIDE[name][key]
+            assert low <= value <= high
+            if name in gap.HAND:
+                low, high = gap.HAND[name][key]
+                assert not low <= value <= high  # as of who does not know of it
+
+
+def test_seeds_are_paired_as_far_as_both_arms_have_them():
+    gap = importlib.import_module("across_a_gap_posterior")
+    one = gap.paired([-200.0, -210.0], [-300.0, -300.0, -500.0])
+    assert (one["seeds"], one["mean"]) == (2, pytest.approx(95.0))
+    assert one["low"] < 95 < one["high"]
+    assert gap.paired([-200.0], [-300.0, -320.0]) == {"seeds": 1, "mean": 100.0, "low": None, "high": None}
+
+
+def test_means_of_all_seeds_differ_by_welch_s_interval():
+    from scipy import stats
+
+    gap = importlib.import_module("across_a_gap_posterior")
+    ours, theirs = [-403.0, -393.0, -398.0], [-437.0, -476.0, -474.0, -499.0, -512.0]
+    found = gap.unpaired(ours, theirs)
+    wanted = stats.ttest_ind(ours, theirs, equal_var=False).confidence_interval(0.95)
+    assert (found["low"], found["high"]) == pytest.approx((wanted.low, wanted.high))
+    assert found["seeds"] == [3, 5]
+    assert gap.unpaired([1.0], theirs)["low"] is None
+    assert gap.unpaired([1.0, 1.0], [0.5, 0.5])["high"] == 0.5
+
+
+def test_an_arm_that_does_not_depend_on_the_withheld_effect_is_trained_once(tmp_path):
+    gap = importlib.import_module("across_a_gap_posterior")
+    folders = [{arm: gap.folder_of(tmp_path, arm, name) for arm in gap.ARMS} for name in ("one", "other")]
+    assert {arm for arm in gap.ARMS if folders[0][arm] == folders[1][arm]} == set(gap.SHARED)
+
+
 def test_a_variant_is_there_when_its_evaluations_stay_near_the_best_of_all():
     claims = importlib.import_module("claims")
     steps = [10, 20, 30, 40]
