@@ -209,7 +209,7 @@ def tied_answer(folder, log, *words):
 
 @pytest.mark.slow
 def test_tied_legs_are_given_one_friction_and_the_one_that_differs_is_still_told(tmp_path):
-    log = recorded(tmp_path, (0.15, 0.15, 0.6, 0.15), seconds=12.0)
+    log = recorded(tmp_path, (0.15, 0.15, 0.6, 0.15), seconds=8.0)
     found = tied_answer(tmp_path, log, "--tie")
     knees = [f"{leg}_knee_joint" for leg in LEGS]
     (friction,) = [e for e in found["verdict"]["effects"] if e["name"] == "coulomb_friction" and e["target"] == knees]
