@@ -240,4 +240,5 @@ def test_the_command_in_the_report_is_the_command_that_was_given():
     given += ["--map", "map.yaml", "--without", "backlash", "--time-budget", "60.0", "--seed", "3", "--out", "out"]
     arguments = cli.build_parser("diagnose").parse_args(given)
     again = cli.build_parser("diagnose").parse_args(command.words(arguments)[1:])
-    assert vars(again) == vars(arguments)
+    said, once_more = ({k: v for k, v in vars(one).items() if k != "run"} for one in (arguments, again))
+    assert once_more == said

@@ -11,6 +11,7 @@ import pytest
 from test_known_robots import GAINS, menagerie
 
 from tiago_mj import cli
+from tiago_mj.cli import options as declared
 from tiago_mj.gap import command as diagnosing
 from tiago_mj.gap import diagnose_all
 from tiago_mj.models import as_driven
@@ -26,7 +27,7 @@ WORDS = ("--robot", "go2", "--gains", "60,3", "--fix-base", "--like", "FL,FR", "
 
 def parsed(*words):
     parser = argparse.ArgumentParser()
-    options.add_robot(parser)
+    declared.add_robot(parser)
     return parser.parse_args(words)
 
 
