@@ -5,10 +5,11 @@ That is read when ``mujoco`` is imported: import ``tiago_mj`` first, or set the 
 """
 
 from tiago_mj.registration import ENVIRONMENTS, register
-from tiago_mj.view.headless import choose_gl
+from tiago_mj.view.headless import choose_gl, load_triton_before_mesa
 
 __version__ = "0.1.0"
 __all__ = ["ENVIRONMENTS", "__version__", "register"]
 
 choose_gl()
+load_triton_before_mesa()
 register()

@@ -68,6 +68,32 @@ def test_without_a_display_egl_is_chosen():
     assert float(done.stdout.splitlines()[-1]) > 1
 
 
+@pytest.mark.usefixtures("opengl")
+def test_an_optimiser_is_made_after_a_frame_was_rendered():
+    """With Mesa and the Triton that torch brings, one process: each has an LLVM of its own."""
+    code = "import tiago_mj, gymnasium; e = gymnasium.make('tiago_mj/GripperTactile-v0', render_mode='rgb_array'); "
+    code += "e.reset(); e.render(); import torch; torch.optim.Adam([torch.zeros(1, requires_grad=True)]).step()"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr[-500:]
+
+
+def test_tritons_library_is_loaded_where_it_is_installed_on_linux(tmp_path, monkeypatch):
+    (tmp_path / "triton").mkdir()
+    (tmp_path / "triton" / "__init__.py").write_text("")
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delitem(sys.modules, "triton", raising=False)
+    loaded = []
+    monkeypatch.setattr(headless.ctypes, "CDLL", loaded.append)
+    headless.load_triton_before_mesa("darwin")
+    assert loaded == []
+    headless.load_triton_before_mesa("linux")
+    assert loaded == [str(tmp_path / "triton" / "_C" / "libtriton.so")]
+    monkeypatch.undo()
+    monkeypatch.syspath_prepend(tmp_path)
+    headless.load_triton_before_mesa("linux")  # a library that is not there is none to load
+    assert "triton" not in sys.modules
+
+
 @pytest.mark.skipif(sys.platform != "linux", reason="about Linux without a display")
 @pytest.mark.parametrize(
     ("mode", "environment", "says"),

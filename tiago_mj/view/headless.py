@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
+import importlib.util
 import os
 import sys
 from collections.abc import Mapping, MutableMapping
@@ -38,6 +40,22 @@ def choose_gl(environment: MutableMapping[str, str] = os.environ, platform: str 
     else:
         complaints.append(f"MUJOCO_GL={given} is set, which MuJoCo does not know")
     environment["MUJOCO_GL"] = "disabled"
+
+
+def load_triton_before_mesa(platform: str = sys.platform) -> None:
+    """Load the library of Triton, where torch brought it, before OpenGL's.
+
+    Mesa and Triton have an LLVM each. Where Mesa's comes first, as whoever renders without a graphics driver has it,
+    the process ends with a segmentation fault as soon as torch imports Triton, which an optimiser does when it is made
+    (pytorch/pytorch#129100). The other way round both work. It takes 0.03 s.
+    """
+    if not platform.startswith("linux") or "triton" in sys.modules:
+        return
+    found = importlib.util.find_spec("triton")
+    if found is None or found.origin is None:
+        return
+    with contextlib.suppress(OSError):  # of another form, or for another machine: then nothing was to be loaded
+        ctypes.CDLL(os.path.join(os.path.dirname(found.origin), "_C", "libtriton.so"))
 
 
 def without_display(environment: Mapping[str, str] = os.environ, platform: str = sys.platform) -> bool:
