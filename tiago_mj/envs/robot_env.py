@@ -6,8 +6,11 @@ where it places things, ``_object_position``.
 
 from __future__ import annotations
 
+import operator
 import warnings
 from abc import abstractmethod
+from collections.abc import Mapping
+from functools import reduce
 from typing import Any, SupportsFloat
 
 import numpy as np
@@ -27,6 +30,14 @@ POSITION_SHARE, POSITION_MARGIN = 1.5, 0.5
 VELOCITY_BOUND, FORCE_BOUND, WORLD_BOUND = 100.0, 2000.0, 10.0
 #: Zero as an array, which NumPy would make of the number at every comparison.
 _NOTHING = np.array(0.0)
+
+
+def added(terms: Mapping[str, Any]) -> Any:
+    """The sum of a reward's terms, in their order and each rounded, of one environment as of many; no view of a term.
+
+    Since Python 3.12 ``sum`` makes up for the rounding of floats, and not of arrays.
+    """
+    return reduce(operator.add, terms.values(), 0.0)
 
 
 class RobotEnv(RobotSimulation):
@@ -148,7 +159,7 @@ class RobotEnv(RobotSimulation):
         info = self._info(achieved)
         return (
             observation,
-            float(sum(info["reward_terms"].values())),
+            float(added(info["reward_terms"])),
             bool(self.compute_terminated(achieved, goal, info)),
             self._gone or bool(self.compute_truncated(achieved, goal, info)),
             info,
@@ -208,7 +219,7 @@ class RobotEnv(RobotSimulation):
         Returns:
             A float for single goals, else (...).
         """
-        total = sum(self._reward_terms(np.asarray(achieved_goal), np.asarray(desired_goal)).values())
+        total = added(self._reward_terms(np.asarray(achieved_goal), np.asarray(desired_goal)))
         return float(total) if np.ndim(total) == 0 else total
 
     # Parts ----------------------------------------------------------------------------------------------------------

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from tiago_mj.envs import checks
 from tiago_mj.envs.flat import FlatView
-from tiago_mj.envs.robot_env import RobotEnv
+from tiago_mj.envs.robot_env import RobotEnv, added
 from tiago_mj.vector import given, report
 from tiago_mj.vector.cohorts import DrawEffects
 from tiago_mj.vector.simulations import Simulations
@@ -162,7 +162,7 @@ class VectorRobotEnv(VectorEnv[Any, Any, Any]):
         if starting is not None:
             self._restart(np.flatnonzero(starting))
         observation, facts = self._seen()
-        reward = np.asarray(sum(facts["reward_terms"].values()), dtype=np.float64)
+        reward = np.asarray(added(facts["reward_terms"]), dtype=np.float64)
         achieved, goal = observation["achieved_goal"], self.simulations.goal
         terminated = self._flags(self.core.compute_terminated(achieved, goal, facts))
         truncated = self._flags(self.core.compute_truncated(achieved, goal, facts))
