@@ -88,9 +88,14 @@ def test_tritons_library_is_loaded_where_it_is_installed_on_linux(tmp_path, monk
     assert loaded == []
     headless.load_triton_before_mesa("linux")
     assert loaded == [str(tmp_path / "triton" / "_C" / "libtriton.so")]
-    monkeypatch.undo()
+
+
+def test_a_library_of_triton_that_cannot_be_loaded_is_left(tmp_path, monkeypatch):
+    (tmp_path / "triton").mkdir()
+    (tmp_path / "triton" / "__init__.py").write_text("")
     monkeypatch.syspath_prepend(tmp_path)
-    headless.load_triton_before_mesa("linux")  # a library that is not there is none to load
+    monkeypatch.delitem(sys.modules, "triton", raising=False)
+    headless.load_triton_before_mesa("linux")
     assert "triton" not in sys.modules
 
 

@@ -16,7 +16,6 @@ from tiago_mj.gap.conclusion import concluded, simulations, unanswered
 from tiago_mj.gap.detectors.proposals import Proposals, proposals
 from tiago_mj.gap.faults import keeping
 from tiago_mj.gap.inference import hypotheses, noise_model
-from tiago_mj.gap.inference.hypotheses import Candidate
 from tiago_mj.gap.inference.predictor import predictor
 from tiago_mj.gap.report.contradiction import checked
 from tiago_mj.gap.report.repaired import with_model
@@ -83,7 +82,9 @@ def beside_nominal(session: Session, asked: Request, so_far: SoFar) -> Compared:
     """
     compare = _along_the_motion if along_a_motion(session.plant, session.trials) else _replayed
     found = compare(session, asked, so_far)
-    return replace(found, proposed=replace(found.proposed, pool=_pool(found)))
+    targets, replays = found.session.plant.wiring.targets, found.predict.replays
+    pool = shared.of_like_parts(found.proposed.pool, targets, found.session.trials, replays=replays)
+    return replace(found, proposed=replace(found.proposed, pool=pool))
 
 
 def _replayed(session: Session, asked: Request, so_far: SoFar) -> Compared:
@@ -185,14 +186,3 @@ def _explained(compared: Compared, asked: Request, so_far: SoFar) -> Diagnosis:
         findings=(*asked.findings, *compared.findings),
         notes=(*found.notes, *of_parts, *compared.notes),
     )
-
-
-def _pool(compared: Compared) -> tuple[Candidate, ...]:
-    """What is tried; with what like parts share, where some are said to be alike."""
-    trials, pool = compared.session.trials, tuple(compared.proposed.pool)
-    said, targets = like.prefixes(trials), compared.session.plant.wiring.targets
-    if like.tied(trials):
-        return shared.tied(pool, targets, said)
-    if said and compared.predict.replays:  # of efforts each part is searched by itself
-        return shared.with_shared(pool, targets, said)
-    return pool

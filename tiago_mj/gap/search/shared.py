@@ -9,10 +9,32 @@ from tiago_mj.effects import EFFECTS
 from tiago_mj.effects.targets import Targets
 from tiago_mj.gap.detectors.readings import MEASURES
 from tiago_mj.gap.inference.hypotheses import Candidate
-from tiago_mj.recordings.like import alike
+from tiago_mj.recordings.like import alike, prefixes
+from tiago_mj.recordings.like import tied as is_tied
+from tiago_mj.recordings.recording import Trial
 
 #: Targets that a part has several of.
 KINDS = ("joint", "command")
+
+
+def of_like_parts(
+    pool: Sequence[Candidate], targets: Targets, trials: Sequence[Trial], *, replays: bool
+) -> tuple[Candidate, ...]:
+    """The pool with what like parts share, where the recordings say that some are alike.
+
+    Args:
+        pool: candidates, on all targets or on one.
+        targets: of the robot.
+        trials: whose sidecars say which parts are alike, and whether they are tied.
+        replays: whether commands are replayed; of efforts along a motion each part is searched by itself.
+
+    Raises:
+        RecordingError: they are no like parts; one line.
+    """
+    said = prefixes(trials)
+    if is_tied(trials):
+        return tied(pool, targets, said)
+    return with_shared(pool, targets, said) if said and replays else tuple(pool)
 
 
 def tied(pool: Sequence[Candidate], targets: Targets, said: Sequence[str]) -> tuple[Candidate, ...]:
