@@ -42,12 +42,36 @@ def test_goals_of_motors_become_the_torques_that_their_gains_ask_for(tmp_path):
     log, time, goal, position = recorded(tmp_path, gains="20±10%,0.5", interface="position")
     read = read_recordings([log])
     (trial,) = read.trials
-    wanted = 20 * (goal - position) - 0.5 * np.gradient(position, time)
+    between = (goal + np.concatenate([goal[:1], goal[:-1]])) / 2  # of the goal that ends at a row and the one that begins
+    wanted = 20 * (between - position) - 0.5 * np.gradient(position, time)
     assert not trial.commands
     assert trial.efforts["L_knee_joint"] == pytest.approx(wanted)
     assert trial.efforts["R_knee_joint"] == pytest.approx(-wanted)
     assert trial.sidecar.raw["uncertainty"] == {"torque_constant.L_knee": 0.1, "torque_constant.R_knee": 0.1}
     assert any("kp=20" in finding.message for finding in read.findings)
+
+
+def test_held_goals_leave_no_viscous_friction_that_the_joint_has_not(tmp_path):
+    """A knee of known inertia and damping under a controller at 1 kHz whose goals are held for 20 ms: what the torques
+    at the rows say of both, by least squares. Half a row of 10 ms would be 0.2 N·m·s/rad, four times the damping."""
+    inertia, damping, kp, kv, row, step = 0.1, 0.05, 20.0, 1.0, 0.02, 0.001
+    angle, rate, rows, time = 0.0, 0.0, [], np.arange(0, 8, row)
+    for at in time:
+        goal = 0.5 * np.sin(3 * at) + 0.2 * np.sin(7 * at)
+        rows.append((at, goal, angle))
+        for _ in range(round(row / step)):
+            rate += step * (kp * (goal - angle) - (kv + damping) * rate) / inertia
+            angle += step * rate
+    table = np.asarray(rows)
+    header = "time,command.L_knee,command.R_knee,position.L_knee_joint,position.R_knee_joint"
+    log = recorded(tmp_path, gains=f"{kp},{kv}", interface="position")[0]
+    np.savetxt(log, table[:, [0, 1, 1, 2, 2]], delimiter=",", header=header, comments="")
+    (trial,) = read_recordings([log]).trials
+    velocity = np.gradient(table[:, 2], time)
+    motion = np.stack([np.gradient(velocity, time), velocity], axis=1)[5:-5]
+    found = np.linalg.lstsq(motion, trial.efforts["L_knee_joint"][5:-5], rcond=None)[0]
+    assert found[0] == pytest.approx(inertia, rel=0.05)
+    assert found[1] == pytest.approx(damping, abs=0.02)
 
 
 def test_gains_without_a_value_and_positions_that_are_missing_end_in_one_line(tmp_path):

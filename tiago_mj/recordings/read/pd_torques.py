@@ -83,6 +83,10 @@ def with_torques(trial: Trial, robot: Robot | None) -> tuple[Trial, list[Finding
 def torque(trial: Trial, joint: str, goals: Array, stiffness: float, damping: float) -> Array:
     """Torque of a proportional-derivative controller, (T,) [N, N·m]; NaN where the joint was not measured.
 
+    A goal is held from its row to the next, so at a row the torque jumps. It is compared with a motion that is smoothed
+    over more than a row, and there the jump counts half: the goal is the mean of the one that ends and the one that
+    begins. The goal that begins alone would be half a row early, viscous friction of ``stiffness`` · half a row.
+
     Args:
         trial: with the joint's position and, perhaps, its velocity.
         joint: name.
@@ -99,4 +103,6 @@ def torque(trial: Trial, joint: str, goals: Array, stiffness: float, damping: fl
     rows = np.where(np.isfinite(goals), np.arange(len(goals)), -1)
     held = np.maximum.accumulate(rows)
     sent = np.where(held >= 0, goals[np.maximum(held, 0)], np.nan)
-    return np.asarray(stiffness * (sent - position) - damping * velocity)
+    ended = np.concatenate([sent[:1], sent[:-1]])
+    goal = np.where(np.isfinite(ended), (ended + sent) / 2, sent)
+    return np.asarray(stiffness * (goal - position) - damping * velocity)
