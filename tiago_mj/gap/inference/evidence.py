@@ -8,6 +8,7 @@ since their prior is the same for all explanations.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -33,17 +34,19 @@ class LaplaceEvidence:
         prior: of nuisances and magnitudes, with the volume that the recordings leave to these [nats].
         deviations: of the magnitudes, (k,), one standard deviation.
         nuisance_deviations: of the nuisances, (p,), one standard deviation, in units of their prior's.
-        correlation: of the magnitudes, then the nuisances, (k + p, k + p).
+        correlation: of the magnitudes, (k, k), and of the nuisances, (p, p).
     """
 
     log_likelihood: float
     prior: float
     deviations: Array
     nuisance_deviations: Array
-    correlation: Array
+    correlation: tuple[Array, Array]
 
 
-def log_evidence(on: Whitening, plain: Whitening, at: Point, predicted: Array, columns: Array) -> LaplaceEvidence:
+def log_evidence(
+    on: Whitening, plain: Whitening, at: Point, predicted: Array, columns: Array, twins: Sequence[int] = ()
+) -> LaplaceEvidence:
     """Evidence at a point that was fitted.
 
     Args:
@@ -52,6 +55,8 @@ def log_evidence(on: Whitening, plain: Whitening, at: Point, predicted: Array, c
         at: candidates, magnitudes (k,) and nuisances (p,).
         predicted: there, (ntrials, T, C).
         columns: whitened response to each magnitude and nuisance, (n, k + p).
+        twins: nuisances that are the same number as a magnitude: what that is uncertain by is known apart
+            (:meth:`tiago_mj.gap.inference.hypotheses.Candidate.known_to`), and is no part of its deviation.
     """
     parts, count = at.parts, len(at.parts)
     _, weighted = on.weighted(predicted, columns)
@@ -66,7 +71,20 @@ def log_evidence(on: Whitening, plain: Whitening, at: Point, predicted: Array, c
         prior += 0.5 * np.log(2 * np.pi) + part.log_prior(float(value))
         far = abs(np.log(value) if part.identity == 1 else value - part.identity)
         log_likelihood -= MAX_TOLERANCE_PENALTY_NATS * max(0.0, 1 - far / part.tolerance) if part.tolerance else 0.0
+    deviations, correlation = _spread(curvature)
+    rest = [k for k in range(len(curvature)) if k - count not in twins]
+    of_magnitudes, among = (one[:count] for one in _spread(curvature[np.ix_(rest, rest)]))
+    return LaplaceEvidence(
+        float(log_likelihood),
+        float(prior),
+        of_magnitudes,
+        deviations[count:],
+        (among[:, :count], correlation[count:, count:]),
+    )
+
+
+def _spread(curvature: Array) -> tuple[Array, Array]:
+    """Deviations (n,) and correlation (n, n) of a curvature."""
     covariance = np.linalg.inv(curvature)
     deviations = np.sqrt(np.diag(covariance))
-    correlation = covariance / np.outer(deviations, deviations)
-    return LaplaceEvidence(float(log_likelihood), float(prior), deviations[:count], deviations[count:], correlation)
+    return deviations, covariance / np.outer(deviations, deviations)

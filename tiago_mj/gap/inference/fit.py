@@ -6,7 +6,7 @@ its :func:`tiago_mj.gap.inference.evidence.log_evidence`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Generator, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Final, TypeVar
 
@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tiago_mj.effects import EFFECTS
-from tiago_mj.gap.inference import likelihood
+from tiago_mj.gap.inference import central, likelihood
 from tiago_mj.gap.inference.evidence import log_evidence
 from tiago_mj.gap.inference.hypotheses import Candidate
 from tiago_mj.gap.inference.linearized import Linearized
@@ -102,6 +102,37 @@ class Fitter(Linearized):
         depends_on = ("fits", together, [one.settings() for one in fitters], list(starts))
         return remembered(self.predict, work, depends_on, self.out_of_time)
 
+    def settled(self, fits: Sequence[Fitted]) -> list[Fitted]:
+        """Fits with a last Gauss-Newton step, evidence and deviations by responses of central differences
+        (:mod:`tiago_mj.gap.inference.central`)."""
+
+        def work() -> list[Fitted]:
+            return _run([self._settled(Point(fit.parts, fit.values, fit.nuisance)) for fit in fits], self.predictions)
+
+        return remembered(self.predict, work, ("settled", self.settings(), list(fits)), self.out_of_time)
+
+    def _settled(self, at: Point) -> FitTask[Fitted]:
+        around = central.around(self, at, [self._move(part, v) for part, v in zip(at.parts, at.values, strict=True)])
+        simulated = yield [at, *(at.without_effect(k) for k in range(len(at.parts))), *around]
+        base, without = simulated[0], simulated[1 : 1 + len(at.parts)]
+        on = self._with_form_tolerance(at, base, without)
+        of_values, of_terms = central.responses(self, around, simulated[1 + len(at.parts) :])
+        columns = np.concatenate([on.white(of_values).T, on.columns(of_terms, self.per_trial)], axis=1)
+        normal, before = self._normal(on, at, base, columns), on.cost(base, at.nuisance)
+        if normal.predicted_drop > self.min_cost_drop:
+            points = self._points(normal, at, [step for steps in STEP_SCHEDULE for step in steps if not step[2]])
+            tried = yield points
+            costs = [on.cost(one, point.nuisance) for one, point in zip(tried, points, strict=True)]
+            if min(costs) < before:
+                at, base = points[int(np.argmin(costs))], tried[int(np.argmin(costs))]
+        return self._evaluated(on, at, base, columns)
+
+    def _with_form_tolerance(self, at: Point, base: Array, without: Iterable[Array]) -> Whitening:
+        """Whitening with a tolerance for the form of each effect: a share of the change that it makes."""
+        on, shares = Whitening(self.data, self.weight), [EFFECTS[part.effect].form_known_to for part in at.parts]
+        missed = [np.square(share * (base - one)) for share, one in zip(shares, without, strict=True)]
+        return on.with_form_tolerance(np.sqrt(sum(missed))) if missed else on
+
     def settings(self) -> tuple[object, ...]:
         """What a fit depends on beside its start and the simulations."""
         numbers = (self.iterations, self.min_cost_drop, self.min_move_share)
@@ -118,10 +149,7 @@ class Fitter(Linearized):
         best = int(np.argmin([on.cost(one, point.nuisance) for one, point in zip(tried, points, strict=True)]))
         at, base = points[best], tried[best]
         if at.parts:
-            without = yield [at.without_effect(k) for k in range(len(at.parts))]
-            shares = [EFFECTS[part.effect].form_known_to for part in at.parts]
-            missed = [np.square(share * (base - one)) for share, one in zip(shares, without, strict=True)]
-            on = on.with_form_tolerance(np.sqrt(sum(missed)))
+            on = self._with_form_tolerance(at, base, (yield [at.without_effect(k) for k in range(len(at.parts))]))
         columns = on.columns(self.responses, self.per_trial)
         if at.parts and not at.nuisance.any():
             at, base = yield from self._fit_magnitudes(on, at, base)
@@ -193,17 +221,17 @@ class Fitter(Linearized):
             return np.zeros((self.data.value.size, 0))
         points, steps = [], []
         for k, part in enumerate(at.parts):
-            step = 0.02 * abs(at.values[k] - (part.identity if np.isfinite(part.identity) else 0.0))
-            if np.isfinite(part.identity):  # else the magnitude itself says how large a move is
-                step = max(step, self.min_move_share * (part.high - part.low))
-            if at.values[k] + step > part.high:
-                step = -step
-            values = at.values.copy()
-            values[k] += step
-            points.append(Point(at.parts, values, at.nuisance))
-            steps.append(step)
+            step = self._move(part, at.values[k])
+            steps.append(-step if at.values[k] + step > part.high else step)
+            points.append(at.with_value(k, at.values[k] + steps[-1]))
         response = ((yield points) - base) / np.array(steps)[:, None, None, None]
         return np.asarray(on.white(response).T)
+
+    def _move(self, part: Candidate, value: float) -> float:
+        """Move of a magnitude for its finite-difference response."""
+        step = 0.02 * abs(value - (part.identity if np.isfinite(part.identity) else 0.0))
+        # Of a limit the magnitude itself says how large a move is.
+        return max(step, self.min_move_share * (part.high - part.low)) if np.isfinite(part.identity) else step
 
     def _normal(self, on: Whitening, at: Point, base: Array, columns: Array, *, alone: bool = False) -> Normal:
         """The normal equations of a step; ``alone``: of the magnitudes."""
@@ -252,8 +280,8 @@ class Fitter(Linearized):
         return np.array([*(part.high - part.low for part in parts), *np.ones(self.size)])
 
     def _evaluated(self, on: Whitening, at: Point, base: Array, columns: Array) -> Fitted:
-        found = log_evidence(on, Whitening(self.data, self.weight), at, base, columns)
-        count = len(at.parts)
+        twins = [place for part in at.parts for place in self.duplicating_nuisances(part)]
+        found = log_evidence(on, Whitening(self.data, self.weight), at, base, columns, twins)
         spreads = [d if p.spread is None else p.spread for p, d in zip(at.parts, found.deviations, strict=True)]
         return Fitted(
             at.parts,
@@ -265,7 +293,7 @@ class Fitter(Linearized):
             found.prior,
             float(np.nan_to_num(likelihood.lasting(on.data, on.data.value - base)).max(initial=0.0)),
             nuisance_deviations=found.nuisance_deviations,
-            correlation=(found.correlation[:count, :count], found.correlation[count:, count:]),
+            correlation=found.correlation,
         )
 
 

@@ -121,8 +121,16 @@ class Linearized:
 
     def nudged(self, at: Point) -> list[Point]:
         """A little further in each nuisance; those that every trial has of its own all at once, and last."""
+        return [at.nudged(which) for which in self.each_nuisance()]
+
+    def each_nuisance(self) -> list[slice]:
+        """Where each term stands among the nuisances, in the order of :meth:`in_order`."""
         own = [slice(len(self.shared) + k, None, len(self._own)) for k in range(len(self._own))]
-        return [at.nudged(which) for which in (*(slice(k, k + 1) for k in range(len(self.shared))), *own)]
+        return [*(slice(k, k + 1) for k in range(len(self.shared))), *own]
+
+    def in_order(self) -> list[int]:
+        """Terms, those that every trial has of its own last."""
+        return [*self.shared, *self._own]
 
     def duplicating_nuisances(self, part: Candidate) -> list[int]:
         """Places of nuisances that are the same number as a magnitude: of the same effect on some of its targets."""

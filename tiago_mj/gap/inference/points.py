@@ -93,8 +93,14 @@ class Point:
         rest = [k for k in range(len(self.parts)) if k != part]
         return Point(tuple(self.parts[k] for k in rest), self.values[rest], self.nuisance)
 
-    def nudged(self, which: slice) -> Point:
+    def with_value(self, part: int, value: float) -> Point:
+        """With another magnitude of one of its candidates, within its bounds."""
+        values = self.values.copy()
+        values[part] = min(max(value, self.parts[part].low), self.parts[part].high)
+        return Point(self.parts, values, self.nuisance)
+
+    def nudged(self, which: slice, step: float = NUISANCE_STEP) -> Point:
         """A little further in some nuisances."""
         nuisance = self.nuisance.copy()
-        nuisance[which] += NUISANCE_STEP
+        nuisance[which] += step
         return Point(self.parts, self.values, nuisance)

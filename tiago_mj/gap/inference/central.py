@@ -1,0 +1,67 @@
+"""Responses around a point by central differences, of magnitudes and nuisances, for the evidence and intervals of what
+is told.
+
+While a fit goes on, responses are forward differences that rank-one updates correct. That is enough to go downhill, and
+not to know how well a magnitude is known: where it and the model's own numbers make up for each other, the difference
+of large responses is what counts, and an error of one per cent in each looks like information. A torque constant beside
+a servo stiffness and damping that are known to 4 % came out known to 0.08 %; it is known to 2.8 %.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tiago_mj.gap.inference.linearized import Linearized
+from tiago_mj.gap.inference.points import NUISANCE_STEP, Point
+
+Array = NDArray[np.float64]
+#: Of a pair of points.
+SIDES: Final = (1, -1)
+
+
+def around(fitter: Linearized, at: Point, steps: Sequence[float]) -> list[Point]:
+    """The points to simulate, in pairs: on both sides in each magnitude, then on both sides in each nuisance.
+
+    Args:
+        fitter: whose nuisances they are.
+        at: the middle.
+        steps: of the magnitudes, (k,), in their units.
+    """
+    of_values = [
+        at.with_value(k, float(at.values[k]) + side * steps[k]) for k in range(len(at.parts)) for side in SIDES
+    ]
+    of_nuisances = [at.nudged(which, side * NUISANCE_STEP) for which in fitter.each_nuisance() for side in SIDES]
+    return [*of_values, *of_nuisances]
+
+
+def responses(fitter: Linearized, points: Sequence[Point], predicted: Array) -> tuple[Array, Array]:
+    """Responses per unit of each magnitude, (k, ntrials, T, C), and per deviation of each term, (p, ntrials, T, C).
+
+    A side that a bound cuts short counts as far as it went; what cannot move has no response.
+
+    Args:
+        fitter: whose nuisances they are.
+        points: of :func:`around`.
+        predicted: (npoints, ntrials, T, C).
+    """
+    parts, trials = points[0].parts, range(len(fitter.trials))
+    pairs = list(zip(points[::2], points[1::2], strict=True))
+    far = [[there.values[k] - back.values[k]] * len(trials) for k, (there, back) in enumerate(pairs[: len(parts)])]
+    for term, (there, back) in zip(fitter.in_order(), pairs[len(parts) :], strict=True):
+        ends = [[_reached(fitter, term, one.nuisance, trial) for trial in trials] for one in (there, back)]
+        far.append([a - b for a, b in zip(*ends, strict=True)])
+    distance = np.asarray(far)[:, :, None, None]
+    change = predicted[::2] - predicted[1::2]
+    each = np.divide(change, distance, out=np.zeros_like(change), where=distance != 0)
+    return each[: len(parts)], each[len(parts) :]
+
+
+def _reached(fitter: Linearized, term: int, nuisance: Array, trial: int) -> float:
+    """Deviations that a nuisance comes to on a trial, within what its number can be."""
+    places = fitter.nuisance_indices(term)
+    one = fitter.terms[term]
+    return one.deviations(one.entry(float(nuisance[places[trial if len(places) > 1 else 0]])).parameters[one.parameter])
