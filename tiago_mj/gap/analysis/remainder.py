@@ -21,7 +21,6 @@ from tiago_mj.gap.inference.fit import Fitted, Fitter, Point, Start
 from tiago_mj.gap.inference.hypotheses import terms
 from tiago_mj.gap.inference.predictor import Predictor
 from tiago_mj.gap.result import PHASES, Closing, Shrink
-from tiago_mj.gap.search import starts
 from tiago_mj.gap.simulation.plant import Plant
 
 Array = NDArray[np.float64]
@@ -69,7 +68,7 @@ def remainder(recorded: Recorded, predict: Predictor, fit: Fitted, weight: Array
         fitter = Fitter(predict, tuple(test), selected, weight, own, flat, known)
         fitter = fitter.linearized_at(Point((), np.zeros(0), np.zeros(fitter.size)))
         (placed,) = fitter.fit_all([Start((), np.zeros(0))])
-        predicted = fitter.predictions([starts.point_of(placed)])[0]
+        predicted = fitter.predictions([Point.of(placed)])[0]
     residual = selected.value - predicted
     scaled = likelihood.scaled(selected, likelihood.residual(selected, predicted)) ** 2
     there = np.isfinite(selected.value)

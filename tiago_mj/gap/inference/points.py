@@ -84,6 +84,12 @@ class Point:
     values: Array
     nuisance: Array
 
+    @classmethod
+    def of(cls, there: Fitted | Start) -> Point:
+        """Of a fit, or of a start that says its nuisances."""
+        assert there.nuisance is not None
+        return cls(there.parts, there.values, there.nuisance)
+
     def with_effect(self, part: Candidate, value: float) -> Point:
         """With another candidate."""
         return Point((*self.parts, part), np.append(self.values, value), self.nuisance)

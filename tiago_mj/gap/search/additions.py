@@ -186,7 +186,7 @@ def of_the_same_class(full: Fitter, best: Fitted, count: int, pool: Sequence[Can
         pool: candidates.
     """
     there = {part.label for part in best.parts}
-    point = starts.point_of(best)
+    point = Point.of(best)
     worst = worst_trials(full.predictions([point])[0], full.data, count)
     worst_fitter, out = full.part(worst), []
     for k, part in enumerate(best.parts):

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from tiago_mj.gap.inference import likelihood
 from tiago_mj.gap.inference.fit import Fitted, Fitter
-from tiago_mj.gap.search import ranking, starts
+from tiago_mj.gap.inference.points import Point
+from tiago_mj.gap.search import ranking
 
 Array = NDArray[np.float64]
 
@@ -24,7 +25,7 @@ def with_agreement(full: Fitter, fits: Sequence[Fitted]) -> list[Fitted]:
     """
     if not fits:
         return []
-    costs = _costs(full, full.predictions([starts.point_of(f) for f in fits]))
+    costs = _costs(full, full.predictions([Point.of(f) for f in fits]))
     out = []
     for k, fit in enumerate(fits):
         fewer = [j for j, other in enumerate(fits) if ranking.labels_of(other) < ranking.labels_of(fit)]

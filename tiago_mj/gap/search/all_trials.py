@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from tiago_mj.gap.inference import noise_model
 from tiago_mj.gap.inference.fit import MAX_ITERATIONS, Fitted, Fitter, Start
+from tiago_mj.gap.inference.points import Point
 from tiago_mj.gap.search import additions, beginning, ranking, rounds, sharpen, starts
 from tiago_mj.gap.search.state import Question, State
 
@@ -73,7 +74,7 @@ def _around_themselves(full: Fitter, fits: Sequence[Fitted]) -> list[Fitted]:
         return []
     begin = [starts.restart(f) for f in near]
     longer = replace(full, iterations=MAX_ITERATIONS)
-    return full.fit_each(longer.linearized_at_each([starts.point_of(s) for s in begin]), begin)
+    return full.fit_each(longer.linearized_at_each([Point.of(s) for s in begin]), begin)
 
 
 def wide(asked: Question, first: Fitter, excluded: Sequence[int]) -> Fitter:
@@ -104,7 +105,7 @@ def _linearized(before: Fitter, wide: Fitter, best: Fitted) -> Fitter:
     new = [k for k in range(len(trials)) if k not in known]
     start = _start(best, before, full)
     some = full.part(new)
-    point = replace(starts.point_of(start), nuisance=full.of(new, starts.point_of(start).nuisance))
+    point = replace(Point.of(start), nuisance=full.of(new, Point.of(start).nuisance))
     responses = empty.copy()
     responses[:, known] = before.responses
     responses[:, new] = some.linearized_at(point).responses
@@ -125,7 +126,7 @@ def _rivals(state: State) -> list[Start]:
 
 def _start(fit: Fitted | Start, before: Fitter, full: Fitter) -> Start:
     """Start on all trials at the end point of a fit to some trials."""
-    point = starts.point_of(fit)
+    point = Point.of(fit)
     return Start(point.parts, point.values, _own(point.nuisance, before, full))
 
 

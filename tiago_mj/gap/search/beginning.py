@@ -125,15 +125,15 @@ def _fit_nominal(fitter: Fitter) -> tuple[Fitter, Fitted]:
     residual stays large an effect is missing, and the nuisances stay at 0.
     """
     (best,) = fitter.fit_all([Start((), np.zeros(0))])
-    prediction = fitter.predictions([starts.point_of(best)])[0]
+    prediction = fitter.predictions([Point.of(best)])[0]
     for _ in range(MAX_NOMINAL_ROUNDS):
         if best.misfit > HOPELESS_NOMINAL_MISFIT or fitter.out_of_time():
             break
         fitter = replace(fitter, weight=np.maximum(ranking.sample_weight(fitter.data, prediction), fitter.weight))
-        fitter = fitter.linearized_at(starts.point_of(best))
+        fitter = fitter.linearized_at(Point.of(best))
         (refitted,) = fitter.fit_all([starts.restart(best)])
         refitted_prediction, on = (
-            fitter.predictions([starts.point_of(refitted)])[0],
+            fitter.predictions([Point.of(refitted)])[0],
             Whitening(fitter.data, fitter.weight),
         )
         gained = on.cost(prediction, best.nuisance) - on.cost(refitted_prediction, refitted.nuisance)
@@ -150,7 +150,7 @@ def with_scatter(fitter: Fitter, fit: Fitted) -> Fitter:
         return fitter
     rng = np.random.default_rng(fitter.predict.seed)
     moved = fit.nuisance + SENSITIVITY_DEVIATION * rng.standard_normal((SENSITIVITY_DRAWS, fitter.size))
-    apart = fitter.predictions([starts.point_of(fit), *(Point(fit.parts, fit.values, one) for one in moved)])
+    apart = fitter.predictions([Point.of(fit), *(Point(fit.parts, fit.values, one) for one in moved)])
     return replace(fitter, data=noise_model.with_scatter(fitter.data, apart))
 
 

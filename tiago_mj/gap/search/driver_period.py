@@ -40,7 +40,7 @@ def tried(state: State) -> State:
     mine = [k for k, part in enumerate(best.parts) if PERIOD in dict(part.fixed)]
     if not mine or full.out_of_time():
         return state
-    which, point = mine[0], starts.point_of(best)
+    which, point = mine[0], Point.of(best)
     point = replace(
         point, nuisance=np.zeros_like(point.nuisance)
     )  # above all the delay has absorbed what the period does
@@ -57,7 +57,7 @@ def tried(state: State) -> State:
     )
     found = [near[k] for k in scan.likeliest(full, near, MAX_PAIRS)]
     fits = full.fit_all([starts.start_at(one) for one in found])
-    there = starts.point_of(by_evidence(fits)[0])
+    there = Point.of(by_evidence(fits)[0])
     period = dict(there.parts[which].fixed)[PERIOD]
     fine = beside(there, [(period, there.values[which] * share) for share in FINE_WIDTHS])
     begin = [starts.start_at(fine[k]) for k in scan.likeliest(full, fine, MAX_PAIRS)]

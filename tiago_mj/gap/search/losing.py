@@ -10,6 +10,7 @@ import numpy as np
 from tiago_mj.gap.detectors.set_points import ServoMotion
 from tiago_mj.gap.inference.fit import Fitted, Fitter, Start
 from tiago_mj.gap.inference.hypotheses import Candidate
+from tiago_mj.gap.inference.points import Point
 from tiago_mj.gap.search import lost_commands, ranking, rounds, starts
 from tiago_mj.gap.search.screen import screen
 from tiago_mj.gap.search.state import State
@@ -50,11 +51,11 @@ def _decoded(
     for fit in (nominal, best) if best.parts else (nominal,):
         if full.out_of_time():
             break
-        decoded = lost_commands.decoded_beside(full, starts.point_of(fit), motion, candidates)
+        decoded = lost_commands.decoded_beside(full, Point.of(fit), motion, candidates)
         if decoded is None:
             continue
         losing = replace(full, predict=decoded.predict)
-        prediction = losing.predictions([starts.point_of(decoded.fit)])[0]
+        prediction = losing.predictions([Point.of(decoded.fit)])[0]
         reweighted = replace(losing, weight=np.maximum(losing.weight, ranking.sample_weight(losing.data, prediction)))
         for fitter in (reweighted, losing):
             penalised = lost_commands.penalised(fitter, decoded, motion, candidates)

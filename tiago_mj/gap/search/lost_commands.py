@@ -110,7 +110,7 @@ class ExplanationWithLosses:
 def are_likely(fitter: Fitter, best: Fitted, motion: ServoMotion) -> bool:
     """Whether a first decoding (two simulations of every trial) explains so much of the residual that lost commands are
     fitted before a second effect is sought."""
-    found = decode(fitter.predict, motion, effects_in_every_trial(fitter, starts.point_of(best)), fitter.trials)
+    found = decode(fitter.predict, motion, effects_in_every_trial(fitter, Point.of(best)), fitter.trials)
     return found.cost_with_losses(fitter.trials) < LIKELY_COST_RATIO * found.cost_without_losses(fitter.trials)
 
 

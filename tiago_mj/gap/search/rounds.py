@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from tiago_mj.effects import EFFECTS
 from tiago_mj.gap.inference import likelihood
 from tiago_mj.gap.inference.fit import Fitted, Fitter, Start
+from tiago_mj.gap.inference.points import Point
 from tiago_mj.gap.search import ranking, starts
 from tiago_mj.gap.search.ranking import by_evidence, labels_of
 
@@ -72,7 +73,7 @@ def expected_to_add(on_screening: Sequence[Fitted], seed: Fitted, screening: Fit
         return bool(on_screening)
     rows = [full.trials.index(trial) for trial in screening.trials]
     best = by_evidence(on_screening)[0]
-    prediction = screening.predictions([starts.point_of(best)])[0]
+    prediction = screening.predictions([Point.of(best)])[0]
     screening = replace(
         screening, weight=np.maximum(screening.weight, ranking.sample_weight(screening.data, prediction))
     )
@@ -98,7 +99,7 @@ def around_the_best(full: Fitter, fits: Sequence[Fitted]) -> tuple[Fitter, list[
         none = best.evidence - nominal.evidence < ranking.MIN_EVIDENCE_GAIN_NATS
         if full.out_of_time() or (ranking.is_adequate(nominal) if none else _is_done(fits, k)):
             break
-        full = full.linearized_at(starts.point_of(best))
+        full = full.linearized_at(Point.of(best))
         begin = [starts.restart(f) for f in _near(fits)]
         begin.append(replace(starts.restart(nominal), alternatives=((nominal.values, best.nuisance),)))
         fewer = [f for f in by_evidence(fits) if 0 < len(f.parts) < len(best.parts)][:1]
@@ -134,7 +135,7 @@ def _around_rivals(full: Fitter, fits: Sequence[Fitted]) -> list[Fitted]:
     if not rivals or full.out_of_time():
         return []
     begin = [starts.restart(f) for f in rivals]
-    return full.fit_each(full.linearized_at_each([starts.point_of(s) for s in begin]), begin)
+    return full.fit_each(full.linearized_at_each([Point.of(s) for s in begin]), begin)
 
 
 def variations(fits: Sequence[Fitted], full: Fitter) -> list[Start]:
@@ -190,7 +191,7 @@ def without_departing_trials(
 
     No parameter of the model reproduces such a motion, and it would bias the fits of all explanations.
     """
-    best = full.predictions([starts.point_of(by_evidence(fits)[0])])[0]
+    best = full.predictions([Point.of(by_evidence(fits)[0])])[0]
     departing = likelihood.departing_trials(full.data, full.data.value - best)
     if not departing.any() or full.out_of_time():
         return full, fits, nominal_nuisance

@@ -16,6 +16,7 @@ import numpy as np
 from tiago_mj.effects import EFFECTS
 from tiago_mj.gap.inference.fit import Fitted, Fitter, Start
 from tiago_mj.gap.inference.hypotheses import Candidate
+from tiago_mj.gap.inference.points import Point
 from tiago_mj.gap.search import ranking, scan, starts
 from tiago_mj.gap.search.state import State
 
@@ -62,7 +63,7 @@ def refined(state: State, *, fails: bool) -> list[Fitted]:
 
 def _likeliest_pair(state: State, fit: Fitted, k: int, name: str) -> Fitted:
     """The fit, or one from the best point of a grid of magnitude and second parameter of one of its effects."""
-    part, point = fit.parts[k], starts.point_of(fit)
+    part, point = fit.parts[k], Point.of(fit)
     low, high = _bounds(state.full, part, name)
     origin = part.identity if np.isfinite(part.identity) else 0.0
     points = []

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from tiago_mj.gap.detectors.readings import only_read_off
 from tiago_mj.gap.inference.fit import Fitted, Fitter, Start
+from tiago_mj.gap.inference.points import Point
 from tiago_mj.gap.search import (
     additions,
     agreement,
@@ -236,7 +237,7 @@ def _with_singles(state: State, tell: Callable[[State], None], tick: Tick) -> St
     tick("weighing", 1, gap=_leaves_a_gap(ranking.by_evidence(on_screening)[0]))
     tell(replace(state, fits=tuple(on_screening)))
     # Once something explains the bulk, what is left shows how correlated the residuals really are.
-    reference = screening.predictions([starts.point_of(ranking.by_evidence(on_screening)[0])])[0]
+    reference = screening.predictions([Point.of(ranking.by_evidence(on_screening)[0])])[0]
     state = state.with_weight(np.maximum(ranking.sample_weight(screening.data, reference), screening.weight))
     state = replace(state, fits=tuple(rounds.reweighted(state.full, state.fits)))
     times = len(state.full.trials) / len(screening.trials)
@@ -266,7 +267,7 @@ def _with_further_effect(state: State, size: int, tell: Callable[[State], None])
     if not found:
         return None
     leader = ranking.by_evidence([f for f in found if ranking.size(f) == size] or found)[0]
-    prediction = state.full.predictions([starts.point_of(leader)])[0]
+    prediction = state.full.predictions([Point.of(leader)])[0]
     state = state.with_weight(np.maximum(weight, ranking.sample_weight(state.full.data, prediction)))
     fits = [*state.fits, *found]
     state = replace(state, fits=tuple(rounds.reweighted(state.full, fits)))

@@ -25,7 +25,7 @@ from tiago_mj.gap.inference.fit import Fitted, Fitter, Point, Start
 from tiago_mj.gap.inference.hypotheses import Candidate
 from tiago_mj.gap.inference.noise_model import Data
 from tiago_mj.gap.inference.remembered import remembered
-from tiago_mj.gap.search import impulse_responses, starts
+from tiago_mj.gap.search import impulse_responses
 from tiago_mj.gap.search.driver_period import PERIODS, with_period
 from tiago_mj.gap.search.impulse_responses import Learned
 from tiago_mj.gap.search.lost_commands import effects_in_every_trial
@@ -61,7 +61,7 @@ def beside(state: State, fit: Fitted, least: float, *, drivers: bool = True) -> 
     Beside the nominal model its nuisances are 0: the fitted ones have absorbed part of the effect. Without ``drivers``
     only those that act at every command are sought.
     """
-    there, point = {part.label for part in fit.parts}, starts.point_of(fit)
+    there, point = {part.label for part in fit.parts}, Point.of(fit)
     mine = [c for c in state.pool if _acts_on_set_points(c) and c.label not in there and (drivers or not _kind(c)[1])]
     if not fit.parts:
         point = replace(point, nuisance=np.zeros_like(point.nuisance))
@@ -83,7 +83,7 @@ def looked_for_again(state: State) -> State:
         mine = [k for k, part in enumerate(best.parts) if _acts_on_set_points(part)]
         if not mine or state.full.out_of_time():
             break
-        rest = starts.point_of(best).without_effect(mine[0])
+        rest = Point.of(best).without_effect(mine[0])
         again = _starts(state, rest, [best.parts[mine[0]]], 0.0)
         state = state.with_fits(state.full.fit_all(again))
         if state.best.evidence < best.evidence + MIN_ROUND_GAIN_NATS:

@@ -11,6 +11,7 @@ import numpy as np
 
 from tiago_mj.gap.inference import noise_model
 from tiago_mj.gap.inference.fit import Fitted, Fitter
+from tiago_mj.gap.inference.points import Point
 from tiago_mj.gap.search import ranking, rounds, starts
 from tiago_mj.gap.search.state import State
 
@@ -35,7 +36,7 @@ def sharpened(state: State) -> State:
 
 def beside(full: Fitter, best: Fitted) -> Fitter:
     """The fitter with noise and step error estimated beside an explanation."""
-    point, predict = starts.point_of(best), full.predict
+    point, predict = Point.of(best), full.predict
     if predict.corrected:
         effects = [
             (trial, full.effects(point.parts, point.values, point.nuisance, k)) for k, trial in enumerate(full.trials)

@@ -23,12 +23,6 @@ FAR_NUISANCE_DEVIATIONS: Final = 1.5
 MAX_FAR_NUISANCES: Final = 2
 
 
-def point_of(there: Fitted | Start) -> Point:
-    """Effects, magnitudes and nuisances of a fit or a start."""
-    assert there.nuisance is not None
-    return Point(there.parts, there.values, there.nuisance)
-
-
 def start_at(there: Point) -> Start:
     """Start at a point."""
     return Start(there.parts, there.values, there.nuisance)

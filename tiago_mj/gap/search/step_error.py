@@ -13,6 +13,7 @@ from typing import Final
 import numpy as np
 
 from tiago_mj.gap.inference.fit import Fitted, Fitter
+from tiago_mj.gap.inference.points import Point
 from tiago_mj.gap.inference.predictor import Predictor
 from tiago_mj.gap.inference.whitening import Whitening
 from tiago_mj.gap.search import starts
@@ -37,7 +38,7 @@ def better_step_correction(fitter: Fitter, fits: Sequence[Fitted]) -> Predictor 
     on = Whitening(replace(fitter.data, sigma=noise, common=np.zeros_like(noise)), fitter.weight)
 
     def cost(by: Fitter, fit: Fitted) -> float:
-        point = starts.point_of(fit)
+        point = Point.of(fit)
         return on.cost(by.predictions([point])[0], point.nuisance)
 
     there = replace(fitter, predict=other)
