@@ -211,7 +211,7 @@ def _refitted(
     begin = np.zeros(fitter.size)
     begin[: len(given)] = [one.size for one in given]
     fitter = fitter.linearized_at(Point((), np.zeros(0), begin))
-    (fit,) = fitter.fit_all([Start((), np.zeros(0), begin)])
+    (fit,) = fitter.settled(fitter.fit_all([Start((), np.zeros(0), begin)]))
     assert fit.nuisance_deviations is not None
     assert fit.correlation is not None
     among = fit.correlation[1][: len(given), : len(given)]

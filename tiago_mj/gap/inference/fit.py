@@ -6,8 +6,9 @@ its :func:`tiago_mj.gap.inference.evidence.log_evidence`.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Generator, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, TypeVar
 
 import numpy as np
@@ -107,7 +108,7 @@ class Fitter(Linearized):
         (:mod:`tiago_mj.gap.inference.central`)."""
 
         def work() -> list[Fitted]:
-            return _run([self._settled(Point(fit.parts, fit.values, fit.nuisance)) for fit in fits], self.predictions)
+            return _run([self._settled(Point.of(fit)) for fit in fits], self.predictions)
 
         return remembered(self.predict, work, ("settled", self.settings(), list(fits)), self.out_of_time)
 
@@ -126,6 +127,22 @@ class Fitter(Linearized):
             if min(costs) < before:
                 at, base = points[int(np.argmin(costs))], tried[int(np.argmin(costs))]
         return self._evaluated(on, at, base, columns)
+
+    def evaluated(self, fits: Sequence[Fitted]) -> list[Fitted]:
+        """Fits with the mean squares that their residuals have in the noise of this fitter; all else is as it was."""
+        each = [[at, *(at.without_effect(k) for k in range(len(at.parts)))] for at in map(Point.of, fits)]
+        simulated, out = iter(self.predictions(list(itertools.chain(*each)))), []
+        for fit, points in zip(fits, each, strict=True):
+            base, *without = (next(simulated) for _ in points)
+            on = self._with_form_tolerance(points[0], base, without)
+            misfit, lasting = self._mean_squares(on, base)
+            out.append(replace(fit, misfit=misfit, lasting=lasting))
+        return out
+
+    def _mean_squares(self, on: Whitening, base: Array) -> tuple[float, float]:
+        """Of the residual of the worst channel: sample by sample, and over blocks."""
+        over_blocks = np.nan_to_num(likelihood.lasting(on.data, on.data.value - base))
+        return float(on.misfit(base).max(initial=0.0)), float(over_blocks.max(initial=0.0))
 
     def _with_form_tolerance(self, at: Point, base: Array, without: Iterable[Array]) -> Whitening:
         """Whitening with a tolerance for the form of each effect: a share of the change that it makes."""
@@ -282,6 +299,7 @@ class Fitter(Linearized):
     def _evaluated(self, on: Whitening, at: Point, base: Array, columns: Array) -> Fitted:
         twins = [place for part in at.parts for place in self.duplicating_nuisances(part)]
         found = log_evidence(on, Whitening(self.data, self.weight), at, base, columns, twins)
+        misfit, lasting = self._mean_squares(on, base)
         spreads = [d if p.spread is None else p.spread for p, d in zip(at.parts, found.deviations, strict=True)]
         return Fitted(
             at.parts,
@@ -289,9 +307,9 @@ class Fitter(Linearized):
             np.array(spreads),
             at.nuisance,
             found.log_likelihood + found.prior - sum(self.selection_penalty(part) for part in at.parts),
-            float(on.misfit(base).max(initial=0.0)),
+            misfit,
             found.prior,
-            float(np.nan_to_num(likelihood.lasting(on.data, on.data.value - base)).max(initial=0.0)),
+            lasting,
             nuisance_deviations=found.nuisance_deviations,
             correlation=found.correlation,
         )

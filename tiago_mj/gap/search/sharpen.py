@@ -12,7 +12,7 @@ import numpy as np
 from tiago_mj.gap.inference import noise_model
 from tiago_mj.gap.inference.fit import Fitted, Fitter
 from tiago_mj.gap.inference.points import Point
-from tiago_mj.gap.search import ranking, rounds, starts
+from tiago_mj.gap.search import ranking, rounds
 from tiago_mj.gap.search.state import State
 
 #: Explanations that are fitted anew, the best first: twins are to be told apart by the same effort. Chosen
@@ -72,7 +72,7 @@ def misfits_by(before: Fitter, full: Fitter, fits: Sequence[Fitted]) -> list[Fit
     """
     rows = [before.trials.index(trial) for trial in full.trials]
     data = noise_model.select_trials(before.data, rows)
-    there = replace(full, data=data, iterations=0).fit_all([starts.restart(f) for f in fits])
+    there = replace(full, data=data).evaluated(fits)
     return [
         replace(f, misfit=g.misfit, lasting=g.lasting, sharp=ranking.discrepancy(f))
         for f, g in zip(fits, there, strict=True)
