@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tiago_mj.effects import EFFECTS
 from tiago_mj.gap.analysis import outcome
 from tiago_mj.gap.decision import verdict
 from tiago_mj.gap.detectors.readings import Known
@@ -59,7 +60,7 @@ def test_covariance_is_as_wide_as_the_intervals_and_a_form_that_is_not_known_mak
     widens = verdict.calibration().widens
     fitted = FIT.deviations * widens
     known = [STIFF.known_to(2.0), RUBS.known_to(0.7)]
-    assert known[1] > 0
+    assert known == pytest.approx([0.5 * 0.03 * 1.0, 0.5 * EFFECTS["coulomb_friction"].form_known_to * 0.7])
     covariance = np.array(joint.covariance)
     assert np.sqrt(np.diag(covariance)) == pytest.approx(np.hypot(fitted, known))
     assert covariance[0, 1] == covariance[1, 0] == pytest.approx(-0.6 * fitted[0] * fitted[1])

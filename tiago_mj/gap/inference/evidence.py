@@ -55,8 +55,8 @@ def log_evidence(
         at: candidates, magnitudes (k,) and nuisances (p,).
         predicted: there, (ntrials, T, C).
         columns: whitened response to each magnitude and nuisance, (n, k + p).
-        twins: nuisances that are the same number as a magnitude: what that is uncertain by is known apart
-            (:meth:`tiago_mj.gap.inference.hypotheses.Candidate.known_to`), and is no part of its deviation.
+        twins: nuisances that are the same number as a magnitude. They are held for its deviation: it says how far the
+            sum of both is from the nominal number.
     """
     parts, count = at.parts, len(at.parts)
     _, weighted = on.weighted(predicted, columns)

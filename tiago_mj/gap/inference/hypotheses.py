@@ -110,10 +110,10 @@ class Candidate:
         return -float(np.log(whole * (abs(value - self.identity) + least)) + chosen)
 
     def known_to(self, value: float) -> float:
-        """Systematic standard deviation of a magnitude, in its unit, which recordings cannot reduce: uncertainty of the
-        nominal number that it is added to, and of the form of the effect."""
-        own = self.tolerance / 2 * (abs(value) if self.identity == 1 else 1.0)
-        return float(np.hypot(own, form_deviation(self.effect, self.identity, value)))
+        """Systematic standard deviation of a magnitude, in its unit, which recordings cannot reduce: the uncertainty of
+        the form of the effect. That of the nominal number to which it adds is none: a magnitude is what differs from
+        that number, and the sum is what recordings show."""
+        return form_deviation(self.effect, self.identity, value)
 
     def at_edge(self, value: float) -> bool:
         """Whether a magnitude lies at a bound of what is possible, and not where the effect, or what the nominal model
