@@ -42,9 +42,7 @@ def test_goals_of_motors_become_the_torques_that_their_gains_ask_for(tmp_path):
     log, time, goal, position = recorded(tmp_path, gains="20±10%,0.5", interface="position")
     read = read_recordings([log])
     (trial,) = read.trials
-    between = (
-        goal + np.concatenate([goal[:1], goal[:-1]])
-    ) / 2  # of the goal that ends at a row and the one that begins
+    between = (goal + np.concatenate([goal[:1], goal[:-1]])) / 2  # of the goals that end and begin at a row
     wanted = 20 * (between - position) - 0.5 * np.gradient(position, time)
     assert not trial.commands
     assert trial.efforts["L_knee_joint"] == pytest.approx(wanted)
