@@ -116,7 +116,9 @@ def held(seed: int) -> dict[str, Any]:
                 recordings.write(made, Path(folder))
                 trials = read_recordings([Path(folder)]).trials
                 plant = plant_of(trials)
-                reading = replay.simulate(plant, replay.grid(plant, trials), [(0, ())], threads=1).reading[0]
+                reading = replay.simulate(plant, replay.grid(plant, trials), [(0, ())], replay.Run(threads=1)).reading[
+                    0
+                ]
             out["nominal"] = _after(reading, still)
     return out
 

@@ -54,7 +54,9 @@ def test_the_pendulums_logs_are_those_of_its_urdf_but_for_the_elbow(tmp_path: Pa
     assert {finding.code for finding in findings} <= {"quantum"}
     assert len(trials) == 8
     assert {round(float(trial.time[-1] + 0.01), 6) for trial in trials} == {6.0}
-    simulated = replay.simulate(plant, replay.grid(plant, trials), [(k, ()) for k in range(8)], threads=1).position
+    simulated = replay.simulate(
+        plant, replay.grid(plant, trials), [(k, ()) for k in range(8)], replay.Run(threads=1)
+    ).position
     measured = np.stack([np.stack([trial.positions[j] for j in plant.joints], axis=1) for trial in trials])
     shoulder, elbow = np.sqrt(((simulated - measured) ** 2).mean(axis=(0, 1)))
     assert elbow > 2 * shoulder, "the elbow's friction of 0.25 N·m over 18 N·m/rad is 14 mrad"

@@ -55,9 +55,9 @@ def test_an_effect_beside_all_others_does_what_it_does_alone(plant_at, tmp_path)
     on = replay.grid(plant, trials)
     sims = every_effect(plant)
     assert len(sims) > 0.4 * len(EFFECTS)
-    together = replay.simulate(plant, on, sims, threads=2)
+    together = replay.simulate(plant, on, sims, replay.Run(threads=2))
     for k, one in enumerate(sims):
-        alone = replay.simulate(plant, on, [one], threads=1)
+        alone = replay.simulate(plant, on, [one], replay.Run(threads=1))
         for name in ("position", "velocity", "reading"):
             beside = getattr(together, name)[k]
             np.testing.assert_allclose(beside, getattr(alone, name)[0], rtol=0, atol=1e-12, err_msg=f"{one[1]} {name}")

@@ -97,7 +97,7 @@ def test_what_is_simulated_in_parts_has_the_rows_to_the_last_bit(tmp_path: Path,
     trials = hinge(tmp_path, time)
     plant = plant_of(trials)
     on, sims = replay.grid(plant, trials), [(0, effects) for effects in PHYSICS]
-    rows, parts = (replay.simulate(plant, on, sims, threads=1, parts=n) for n in (1, 10))
+    rows, parts = (replay.simulate(plant, on, sims, replay.Run(threads=1, parts=n)) for n in (1, 10))
     assert parts.position.shape[1] == (len(time) - 1) * 10 + 1
     same(parts.thinned(10), rows)
     inside = parts.position[0, 10:21, 0]
@@ -112,7 +112,7 @@ def test_parts_of_a_grasp_have_the_rows_to_the_last_bit_with_a_driver_that_avera
     on, count = replay.grid(plant, trials), replay.parts_of(plant)
     assert count > 1
     sims = [(0, ()), (0, (Entry("backlash", None, {"width": 0.001}),))]
-    rows, parts = (replay.simulate(plant, on, sims, threads=1, parts=n) for n in (1, count))
+    rows, parts = (replay.simulate(plant, on, sims, replay.Run(threads=1, parts=n)) for n in (1, count))
     assert np.ptp(rows.reading[0]) > 0.1
     same(parts.thinned(count), rows)
 
@@ -123,7 +123,7 @@ def test_a_simulation_that_diverges_in_parts_has_the_same_rows(tmp_path: Path) -
     plant = plant_of(trials)
     wild = (Entry("servo_damping", None, {"damping": 50.0}),)
     on, sims = replay.grid(plant, trials), [(0, ()), (0, wild)]
-    rows, parts = (replay.simulate(plant, on, sims, threads=1, parts=n) for n in (1, 10))
+    rows, parts = (replay.simulate(plant, on, sims, replay.Run(threads=1, parts=n)) for n in (1, 10))
     assert rows.diverged.tolist() == parts.diverged.tolist() == [False, True]
     same(parts.thinned(10), rows)
 
@@ -133,7 +133,7 @@ def test_effects_without_a_memory_do_the_same_in_parts_to_the_last_bit() -> None
     trials = grasp(LoadCell(average=3))
     plant = plant_of(trials)
     on, count = replay.grid(plant, trials), replay.parts_of(plant)
-    true = replay.simulate(plant, on, [(0, ())], parts=count)
+    true = replay.simulate(plant, on, [(0, ())], replay.Run(parts=count))
     static = (
         Entry("force_gain", None, {"factor": 1.2}),
         Entry("force_quantization", None, {"step": 0.05}),
@@ -179,8 +179,8 @@ def test_predictions_with_a_filter_are_measured_in_parts_and_those_as_simulated_
     assert predict.off is not None
     assert predict.off.position.shape[1] == 391
     sims = [(k, effects) for k in range(2) for effects in ((), (FILTERED,), (LATE, *PHYSICS[1]))]
-    fine = replay.simulate(plant, predict.on, [(k, [e for e in es if not replay.sensor_only(e)]) for k, es in sims],
-                           parts=10)  # fmt: skip
+    bare = [(k, [e for e in es if not replay.sensor_only(e)]) for k, es in sims]
+    fine = replay.simulate(plant, predict.on, bare, replay.Run(parts=10))
     expected = replay.measure(plant, predict.on, fine, sims, parts=10)
     np.testing.assert_array_equal(
         replace(predict, corrected=False)(sims), noise_model.predicted(predict.data, expected)
@@ -216,6 +216,6 @@ def test_parts_that_cannot_be_are_refused(tmp_path: Path) -> None:
     trials = hinge(tmp_path, even())
     plant = plant_of(trials)
     with pytest.raises(ValueError, match="20 physics steps of a row in 3 parts"):
-        replay.simulate(plant, replay.grid(plant, trials), [(0, ())], parts=3)
+        replay.simulate(plant, replay.grid(plant, trials), [(0, ())], replay.Run(parts=3))
     with pytest.raises(ValueError, match="then measure"):
-        replay.simulate(plant, replay.grid(plant, trials), [(0, (LATE,))], parts=10)
+        replay.simulate(plant, replay.grid(plant, trials), [(0, (LATE,))], replay.Run(parts=10))

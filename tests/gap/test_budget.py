@@ -432,7 +432,7 @@ def test_a_simulation_ends_where_its_time_does(rubbing) -> None:
     clock.over()
     sims = [(0, read_effects({"coulomb_friction": {"force": 0.6}}))]
     with pytest.raises(OutOfTimeError):
-        replay.simulate(plant, replay.grid(plant, rubbing), sims, deadline=clock.deadline())
+        replay.simulate(plant, replay.grid(plant, rubbing), sims, replay.Run(deadline=clock.deadline()))
 
 
 def test_a_motion_that_there_is_no_time_to_choose_is_said_to_be_missing() -> None:

@@ -178,7 +178,7 @@ def test_simulations_do_not_depend_on_the_number_of_threads(tmp_path):
     plant = plant_of(trials)
     on = replay.grid(plant, trials)
     sims = [(k % 2, read_effects({"coulomb_friction": {"force": float(k)}})) for k in range(8)]
-    one, many = (replay.simulate(plant, on, sims, threads=n) for n in (1, 4))
+    one, many = (replay.simulate(plant, on, sims, replay.Run(threads=n)) for n in (1, 4))
     for name in ("position", "velocity", "effort", "reading", "newtons"):
         np.testing.assert_array_equal(getattr(one, name), getattr(many, name))
 

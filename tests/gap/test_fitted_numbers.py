@@ -86,7 +86,7 @@ def twin(tmp_path_factory) -> tuple[Session, Plant]:
     ]
     plant = plant_of(trials)
     off = [(GAIN, BIAS), (GAIN, BIAS), (GAIN,), (GAIN,)]
-    true = replay.simulate(plant, replay.grid(plant, trials), list(enumerate(off)), threads=1)
+    true = replay.simulate(plant, replay.grid(plant, trials), list(enumerate(off)), replay.Run(threads=1))
     rng = np.random.default_rng(5)
     measured = [_measured(trial, true.position[k], rng) for k, trial in enumerate(trials)]
     return session_of(plant_of(measured), measured), plant

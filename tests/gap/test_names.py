@@ -223,7 +223,7 @@ def test_an_actuator_that_holds_still_on_purpose_needs_no_commands_and_holds(tmp
     assert "holds still" in str(said)
     if measured:
         plant = plant_of(trials, model=arm)
-        simulated = replay.simulate(plant, replay.grid(plant, trials), [(0, ())], threads=1).position
+        simulated = replay.simulate(plant, replay.grid(plant, trials), [(0, ())], replay.Run(threads=1)).position
         assert np.abs(simulated[0, :, plant.joints.index("elbow")] - 0.6).max() < 0.15  # 3 N·m of weight, 200 N·m/rad
 
 

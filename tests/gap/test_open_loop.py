@@ -36,10 +36,10 @@ def test_a_run_in_one_go_is_that_of_single_steps_to_the_last_bit(
     known = Runner.open_loop.fget
     assert known is not None
     monkeypatch.setattr(Runner, "open_loop", property(lambda runner: at_once.append(known(runner)) or at_once[-1]))
-    in_one_go = replay.simulate(plant, on, sims, threads=1)
+    in_one_go = replay.simulate(plant, on, sims, replay.Run(threads=1))
     assert sorted(at_once) == [False, True]
     monkeypatch.setattr(replay, "_in_batches", replay._batch)
     monkeypatch.setattr(Runner, "open_loop", False)
-    stepwise = replay.simulate(plant, on, sims, threads=1)
+    stepwise = replay.simulate(plant, on, sims, replay.Run(threads=1))
     for name in replay.Signals.__dataclass_fields__:
         np.testing.assert_array_equal(getattr(in_one_go, name), getattr(stepwise, name), err_msg=name)

@@ -34,7 +34,9 @@ def measured(plant: Plant, trial: Trial, truth: dict[str, float]) -> tuple[Plant
         trials.append(replace(trial, name=name, commands=commands))
     plant = replace(plant, starts={one.name: plant.starts["one"] for one in trials})
     payload = read_effects({"payload": truth})
-    true = replay.simulate(plant, replay.grid(plant, trials), [(k, payload) for k in range(2)], threads=1).position
+    true = replay.simulate(
+        plant, replay.grid(plant, trials), [(k, payload) for k in range(2)], replay.Run(threads=1)
+    ).position
     for k, one in enumerate(trials):
         seen = true[k] + rng.normal(0, NOISE, true[k].shape)
         trials[k] = replace(one, positions={joint: seen[:, j] for j, joint in enumerate(plant.joints)})

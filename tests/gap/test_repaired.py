@@ -82,7 +82,7 @@ def diagnosis(plant: Plant) -> Diagnosis:
 
 def replayed(plant: Plant, trial: Trial) -> np.ndarray:
     """Measured positions in the diagnosis' own simulation, (rows, 2)."""
-    return replay.simulate(plant, replay.grid(plant, [trial]), [(0, ())], threads=1).position[0]
+    return replay.simulate(plant, replay.grid(plant, [trial]), [(0, ())], replay.Run(threads=1)).position[0]
 
 
 def played(path: Path, plant: Plant, commands: np.ndarray) -> np.ndarray:

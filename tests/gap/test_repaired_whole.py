@@ -57,7 +57,7 @@ def test_what_a_diagnosis_writes_is_the_simulator_that_it_reports(tmp_path, caps
     calibration = tmp_path / "out" / "calibration.yaml"
     trials = read_recordings([tmp_path / "logs"]).trials
     plant = plant_of(trials, model=tmp_path / "servo.xml", given=read_effects(calibration))
-    expected = replay.simulate(plant, replay.grid(plant, trials), [(0, ())], threads=1).position[0]
+    expected = replay.simulate(plant, replay.grid(plant, trials), [(0, ())], replay.Run(threads=1)).position[0]
     robot = apply(mujoco.MjModel.from_xml_path(str(tmp_path / "servo.xml")), calibration)
     robot.reset({"swing": trials[0].positions["swing"][0]})
     seen = [robot.position]

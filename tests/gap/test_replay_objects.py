@@ -20,10 +20,10 @@ def test_a_trial_with_another_object_is_replayed_as_in_a_scene_that_has_it(tmp_p
     other |= {"mass_kg": 3 * other["mass_kg"], "radius_m": 1.2 * other["radius_m"]}
     heavier = replace(usual, name="heavier", sidecar=replace(usual.sidecar, object=other))
     plant = plant_of([usual, heavier])
-    together = replay.simulate(plant, replay.grid(plant, [usual, heavier]), [(0, ()), (1, ())], threads=1)
+    together = replay.simulate(plant, replay.grid(plant, [usual, heavier]), [(0, ()), (1, ())], replay.Run(threads=1))
     alone = plant_of([heavier])
     (start,) = alone.starts.values()
     scene.set_object(alone.model, start.item)
-    apart = replay.simulate(alone, replay.grid(alone, [heavier]), [(0, ())], threads=1)
+    apart = replay.simulate(alone, replay.grid(alone, [heavier]), [(0, ())], replay.Run(threads=1))
     assert np.array_equal(together.position[1], apart.position[0])
     assert np.array_equal(together.newtons[1], apart.newtons[0])

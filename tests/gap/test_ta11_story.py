@@ -27,7 +27,7 @@ def steady(trials, effects=None):
     """Predicted readings at the end, mean of both fingers, (n,)."""
     plant = plant_of(trials)
     sims = [(k, read_effects(effects)) for k in range(len(trials))]
-    return replay.simulate(plant, replay.grid(plant, trials), sims, threads=1).reading[:, -1].mean(axis=1)
+    return replay.simulate(plant, replay.grid(plant, trials), sims, replay.Run(threads=1)).reading[:, -1].mean(axis=1)
 
 
 def held(trials):

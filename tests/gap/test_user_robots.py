@@ -59,7 +59,9 @@ def test_without_effect_and_jitter_the_users_model_replays_what_was_recorded(nam
     measured = np.stack([np.stack([trial.positions[j] for j in plant.joints], axis=1) for trial in trials])
 
     def error(plant: Plant) -> np.ndarray:
-        return replay.simulate(plant, on, [(k, ()) for k in range(len(trials))], threads=1).position - measured
+        return (
+            replay.simulate(plant, on, [(k, ()) for k in range(len(trials))], replay.Run(threads=1)).position - measured
+        )
 
     # At the model's own step of up to 5 ms all is a little early or late: 3 % of a joint's way, where it is fastest.
     assert np.all(np.abs(error(plant)).max(axis=(0, 1)) < 0.03 * np.ptp(measured, axis=(0, 1)))

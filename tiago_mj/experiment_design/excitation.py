@@ -172,7 +172,7 @@ def signatures(
 
 def _nominal(plant: Plant, on: replay.Grid, threads: int) -> replay.Signals:
     """The nominal replay, one row a trial."""
-    nominal = replay.simulate(plant, on, [(k, ()) for k in range(len(on.trials))], threads=threads)
+    nominal = replay.simulate(plant, on, [(k, ()) for k in range(len(on.trials))], replay.Run(threads))
     stability.check_nominal(plant, on, nominal)
     return nominal
 

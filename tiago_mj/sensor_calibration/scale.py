@@ -91,7 +91,7 @@ class Simulated:
 def simulated(plant: Plant, trials: Sequence[Trial], *, threads: int = 0) -> Simulated:
     """Simulate the recorded commands with the nominal model."""
     on = replay.grid(plant, trials)
-    signals = replay.simulate(plant, on, [(k, ()) for k in range(len(trials))], threads=threads)
+    signals = replay.simulate(plant, on, [(k, ()) for k in range(len(trials))], replay.Run(threads))
     stability.check_nominal(plant, on, signals)
     phase = phases.phases(plant, on, signals)
     rows = [len(trial.time) for trial in trials]

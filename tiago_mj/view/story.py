@@ -133,7 +133,7 @@ def tell(
     else:
         on = replay.grid(plant, [trial])
         sims: list[tuple[int, tuple[Entry, ...]]] = [(0, ())] + ([(0, tuple(effects))] if effects else [])
-        simulated, qpos = replay.motions(plant, on, sims, seed=seed, deadline=deadline)
+        simulated, qpos = replay.motions(plant, on, sims, replay.Run(seed=seed, deadline=deadline or Deadline()))
         for k, role in enumerate(("nominal", "repaired")[: len(sims)]):
             poses[role], end = _until_divergence(plant, simulated.position[k], qpos[k], len(trial.time))
             if end is not None:

@@ -110,7 +110,7 @@ def rehearse(plant: Plant, like: Trial, data: Data, explanations: Sequence[Effec
     blank = np.zeros((count, on.commands.shape[1] + 1, len(data.channels)))
     rows = noise_model.collect(plant, [_recorded(t, data, blank[k]) for k, t in enumerate(on.trials)])
     sims = [(k, effects) for effects in ((), *explanations) for k in range(count)]
-    true = replay.simulate(plant, on, sims, threads=how.threads, seed=how.seed, deadline=how.deadline)
+    true = replay.simulate(plant, on, sims, how)
     predicted = noise_model.predicted(rows, true).reshape(len(explanations) + 1, *blank.shape)
     noisy = predicted[0] + data.noise * np.random.default_rng(how.seed).standard_normal(blank.shape)
     rows = noise_model.collect(plant, [_recorded(t, data, noisy[k]) for k, t in enumerate(on.trials)])
@@ -128,8 +128,7 @@ def with_numerics(rehearsal: Rehearsal) -> Rehearsal:
     """With a tolerance of what the nominal simulator itself gets wrong by its physics step."""
     fine = replace(rehearsal.plant, max_timestep=rehearsal.plant.max_timestep / noise_model.STEP_REFINEMENT)
     each: list[tuple[int, Effects]] = [(k, ()) for k in range(len(rehearsal.files))]
-    how = rehearsal.how
-    finer = replay.simulate(fine, rehearsal.on, each, threads=how.threads, seed=how.seed, deadline=how.deadline)
+    finer = replay.simulate(fine, rehearsal.on, each, rehearsal.how)
     rows = noise_model.with_step_tolerance(
         rehearsal.data, rehearsal.nominal, noise_model.predicted(rehearsal.data, finer)
     )

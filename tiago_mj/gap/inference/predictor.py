@@ -173,11 +173,9 @@ class Predictor:
         if self.off is None or not sims or (drawn and some):
             return self
         bare, parts = replay.unmeasured(self.plant), replay.parts_of(self.plant)
-        runs = []
+        how, runs = replay.Run(self.threads, self.seed, self.deadline, parts), []
         for plant in (bare, _refined(bare, parts)):
-            run = replay.simulate(
-                plant, self.on, sims, threads=self.threads, seed=self.seed, deadline=self.deadline, parts=parts
-            )
+            run = replay.simulate(plant, self.on, sims, how)
             steps = len(sims) * replay.physics_steps(plant, self.on)
             self.tally.update(simulations=len(sims), diverged=int(run.diverged.sum()), physics_steps=steps)
             self.simulated(steps)
@@ -229,16 +227,10 @@ class Predictor:
             if not todo:
                 continue
             self.runs += len(todo)
-            seed = self.seed + 7919 * draw
-            signals = replay.simulate(
-                replay.unmeasured(self.plant),
-                self.on,
-                [(t, e) for t, e, _ in todo],
-                threads=self.threads,
-                seed=seed,
-                deadline=self.deadline,
-                parts=max(keys[key] for key in todo),
-            )
+            parts = max(keys[key] for key in todo)
+            how = replay.Run(self.threads, self.seed + 7919 * draw, self.deadline, parts)
+            bare, sims = replay.unmeasured(self.plant), [(t, e) for t, e, _ in todo]
+            signals = replay.simulate(bare, self.on, sims, how)
             steps = len(todo) * replay.physics_steps(self.plant, self.on)
             self.tally.update(simulations=len(todo), diverged=int(signals.diverged.sum()), physics_steps=steps)
             self.simulated(steps)
@@ -281,14 +273,14 @@ def predictor(
         )
     everything: list[tuple[int, Effects]] = [(k, ()) for k in range(len(trials))]
     bare, parts = replay.unmeasured(plant), replay.parts_of(plant)
-    true = replay.simulate(bare, on, everything, threads=threads, seed=seed, deadline=by, parts=parts)
+    how = replay.Run(threads, seed, by, parts)
+    true = replay.simulate(bare, on, everything, how)
     stability.check_nominal(plant, on, true.thinned(parts))
     finer = true
     # Where a model makes one step for each row, its servo acts as often as the robot is commanded, as a digital control
     # does: shorter steps are another control, and nothing is put right.
     if not _steps_with_rows(plant):
-        fine = _refined(bare, parts)
-        finer = replay.simulate(fine, on, everything, threads=threads, seed=seed, deadline=by, parts=parts)
+        finer = replay.simulate(_refined(bare, parts), on, everything, how)
     known = finer is not true and not finer.diverged.any()
     if not known:  # a step that is not fine enough tells nothing of another
         finer = true

@@ -103,13 +103,17 @@ class Run:
         threads: of the batch; 0 is all processors. The result does not depend on it.
         seed: of what effects draw at random: the same for every simulation of a trial.
         deadline: asked from row to row.
-        parts: samples of each row's period.
+        parts: samples of each row's period, equally long; 1: the rows.
     """
 
     threads: int = 0
     seed: int = 0
     deadline: Deadline = field(default_factory=Deadline)
     parts: int = 1
+
+
+#: By all processors, at the rows, without a deadline.
+PLAIN: Final = Run()
 
 
 def physics_steps(plant: Plant, on: Grid) -> int:
@@ -149,60 +153,38 @@ def parts_of(plant: Plant) -> int:
     return next(fitting, steps)
 
 
-def simulate(
-    plant: Plant,
-    on: Grid,
-    sims: Sequence[tuple[int, Effects]],
-    *,
-    threads: int = 0,
-    seed: int = 0,
-    deadline: Deadline | None = None,
-    parts: int = 1,
-) -> Signals:
+def simulate(plant: Plant, on: Grid, sims: Sequence[tuple[int, Effects]], how: Run = PLAIN) -> Signals:
     """Run simulations.
 
     Args:
         plant: the nominal simulator; its given effects are part of every simulation.
         on: commands and times.
         sims: (trial index, effects) of each.
-        threads: of the batch; 0 is all processors. The result does not depend on it.
-        seed: of what effects draw at random: the same for every simulation of a trial.
-        deadline: asked from row to row; None: there is none.
-        parts: samples of each row's period, equally long, of (T - 1) * parts + 1 in all: for :func:`measure`, as the
-            effects here are none of the sensors'. 1: the rows.
+        how: they are run. There are (T - 1) * parts + 1 samples; of more than one part they are for :func:`measure`, as
+            the effects here are none of the sensors'.
 
     Raises:
         OutOfTimeError: the deadline is over.
         ValueError: a part is of no whole physics steps, or a sensor's effect is among the effects of parts.
     """
     sims = [(trial, (*plant.given, *effects)) for trial, effects in sims]
-    if plant.substeps % parts:
-        raise ValueError(f"{plant.substeps} physics steps of a row in {parts} parts: give a divisor")
-    if parts > 1 and any(sensor_only(entry) for _, effects in sims for entry in effects):
+    if plant.substeps % how.parts:
+        raise ValueError(f"{plant.substeps} physics steps of a row in {how.parts} parts: give a divisor")
+    if how.parts > 1 and any(sensor_only(entry) for _, effects in sims for entry in effects):
         raise ValueError("effects of the sensors in parts of rows: simulate without them, then measure")
-    how = Run(threads, seed, deadline or Deadline(), parts)
     runs = [_in_batches(plant, on, sims[k : k + BATCH_SIZE], how) for k in range(0, len(sims), BATCH_SIZE)]
     return Signals(*(np.concatenate([getattr(r, f) for r in runs]) for f in Signals.__dataclass_fields__))
 
 
-def motions(
-    plant: Plant,
-    on: Grid,
-    sims: Sequence[tuple[int, Effects]],
-    *,
-    threads: int = 0,
-    seed: int = 0,
-    deadline: Deadline | None = None,
-) -> tuple[Signals, Array]:
+def motions(plant: Plant, on: Grid, sims: Sequence[tuple[int, Effects]], how: Run = PLAIN) -> tuple[Signals, Array]:
     """The same with all of MuJoCo's positions in every row, (nsim, T, nq) [m, rad]: where the bodies are.
 
     Args:
-        plant, on, sims, threads, seed, deadline: as for :func:`simulate`; few simulations, as all of it is kept.
+        plant, on, sims, how: as for :func:`simulate`, at the rows; few simulations, as all of it is kept.
     """
     whole = [(trial, (*plant.given, *effects)) for trial, effects in sims]
     poses = np.full((len(sims), on.commands.shape[1] + 1, plant.model.nq), np.nan)
     # Each alone: a batch runs as its slowest simulation has to.
-    how = Run(threads, seed, deadline or Deadline())
     runs = [_batch(plant, on, [sim], how, poses[k : k + 1]) for k, sim in enumerate(whole)]
     return Signals(*(np.concatenate([getattr(r, f) for r in runs]) for f in Signals.__dataclass_fields__)), poses
 
