@@ -114,3 +114,11 @@ def test_a_folder_without_a_diagnosis_is_one_line(tmp_path):
     with pytest.raises(ValueError, match=r"holds no diagnosis.json: give the folder that tiago-mj diagnose") as fault:
         reading.read(tmp_path)
     assert "\n" not in str(fault.value)
+
+
+def test_an_effect_of_another_version_is_one_line(tmp_path):
+    file = written(made(), tmp_path / "d") / "diagnosis.json"
+    file.write_text(file.read_text().replace('"coulomb_friction"', '"coulomb_rubbing"'))
+    with pytest.raises(ValueError, match=r"^effect 'coulomb_rubbing' is unknown") as fault:
+        reading.read(tmp_path / "d")
+    assert "\n" not in str(fault.value)

@@ -246,8 +246,7 @@ def _change(plant: Plant, known: Reference, one: Named, acts_in: Which) -> Chang
     """An effect of the ranking as a change from one set to the other."""
     names = list(one.parameters)
     parameter, amount = names[0], one.parameters[names[0]]
-    targets = (one.target,) if isinstance(one.target, str) and one.target != "all" else one.target
-    entry = Entry(one.name, None if targets == "all" else tuple(targets), {parameter: amount.value})
+    entry = Entry(one.name, one.targets, {parameter: amount.value})
     base = _together(plant, one.name, known.found, parameter, entry)
     more = _together(plant, one.name, (*known.found, entry), parameter, entry)
     before, after = (more, base) if acts_in == BEFORE else (base, more)

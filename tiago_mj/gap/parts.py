@@ -9,6 +9,8 @@ from typing import Annotated, Any, Final
 
 from pydantic import BeforeValidator, Field, PlainSerializer, WithJsonSchema, WrapSerializer
 
+from tiago_mj.effects.spec import Entry, read_effects
+
 PHASES: Final = ("rest", "free motion", "reversal", "contact onset", "loading", "hold", "release")
 
 
@@ -57,6 +59,23 @@ class Named:
     name: str
     target: Target
     parameters: Parameters = field(default_factory=dict)
+
+    @property
+    def targets(self) -> tuple[str, ...] | None:
+        """Names of its targets; None: all of them."""
+        if self.target == "all":
+            return None
+        return (self.target,) if isinstance(self.target, str) else tuple(self.target)
+
+    def entry(self) -> Entry:
+        """As simulators take it.
+
+        Raises:
+            ValueError: there is no such effect or parameter, as in a file of another version; one line.
+        """
+        values = {key: {"value": value.value} for key, value in self.parameters.items()}
+        (found,) = read_effects([{"name": self.name, "target": written(self.target), "parameters": values}])
+        return found
 
 
 @dataclass(frozen=True)
@@ -219,7 +238,7 @@ def identity(one: Explanation) -> tuple[tuple[str, str | tuple[str, ...]], ...]:
 def keys(effects: Sequence[Named]) -> list[str]:
     """Of a ranking's ``parameters``: the effect's name, with its target where one effect is there twice."""
     names = [effect.name for effect in effects]
-    long = [[e.name, *([e.target] if isinstance(e.target, str) else e.target)] for e in effects]
+    long = [[e.name, *(e.targets or ("all",))] for e in effects]
     return [name if names.count(name) == 1 else ":".join(words) for name, words in zip(names, long, strict=True)]
 
 

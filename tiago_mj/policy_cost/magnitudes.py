@@ -14,7 +14,7 @@ from scipy.stats import qmc
 
 from tiago_mj.effects import EFFECTS, Entry, read_effects, written
 from tiago_mj.export.found import calibration_file
-from tiago_mj.gap.result import Result
+from tiago_mj.gap.result import Named, Result
 from tiago_mj.io.quantities import quantity
 from tiago_mj.io.quoting import is_number, quoted
 
@@ -179,15 +179,11 @@ def _loaded(given: str | Path) -> Any:
 
 
 def _item(one: Any) -> Item:
-    raw = one
-    if not isinstance(one, (Mapping, Entry)) and hasattr(one, "parameters"):  # of a diagnosis in memory
-        values = {
-            key: {"value": v.value, "low": v.low, "high": v.high, "unit": v.unit} for key, v in one.parameters.items()
-        }
-        raw = {"name": one.name, "target": one.target, "parameters": values}
-        raw["target"] = one.target if isinstance(one.target, str) else list(one.target)
-    (entry,) = read_effects([raw])
-    parameters = {} if isinstance(raw, Entry) else raw.get("parameters") or {}
+    if isinstance(one, Named):  # of a diagnosis in memory
+        entry, parameters = one.entry(), {key: vars(value) for key, value in one.parameters.items()}
+    else:
+        (entry,) = read_effects([one])
+        parameters = {} if isinstance(one, Entry) else one.get("parameters") or {}
     spans = {key: span for key, value in parameters.items() if (span := _span(entry, key, value)) is not None}
     units = {key: value["unit"] for key, value in parameters.items() if isinstance(value, Mapping) and "unit" in value}
     return Item(entry.name, entry.target, (entry,), (spans,), units)

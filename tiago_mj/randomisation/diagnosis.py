@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 
 from tiago_mj.effects import EFFECTS
-from tiago_mj.effects.spec import Entry
 from tiago_mj.gap.report import json as diagnoses
 from tiago_mj.gap.result import Diagnosis, Explanation, Joint, Named, OpenNumber, Value
 from tiago_mj.randomisation.posterior import NINETY, Block, Left, Number, Posterior, Weighed, is_factor, switch
@@ -76,7 +75,7 @@ def posterior(found: Diagnosis, source: str, sha256: str = "") -> Posterior:
 
 def _explanation(one: Explanation) -> Block:
     """An explanation's magnitudes, and what else of its effects has an interval, such as a place."""
-    effects = tuple(map(_entry, one.effects))
+    effects = tuple(effect.entry() for effect in one.effects)
     first = [
         Number(k, switch(effect.name), False, *_bounds(one, k), _unit(effect)) for k, effect in enumerate(one.effects)
     ]
@@ -124,7 +123,7 @@ def _numbers(found: Diagnosis) -> Block:
     """The nominal model's numbers as fitted."""
     if not found.numbers:
         return Block(())
-    effects = tuple(_entry(one.effect) for one in found.numbers)
+    effects = tuple(one.effect.entry() for one in found.numbers)
     logs = [is_factor(one.name, one.parameter) for one in found.numbers]
     joint = found.numbers_joint or Joint(tuple(logs), (), (None,) * len(logs), (None,) * len(logs))
     numbers = tuple(
@@ -142,17 +141,11 @@ def _numbers(found: Diagnosis) -> Block:
 
 def _left(one: OpenNumber) -> Left:
     log = is_factor(one.name, one.parameter)
-    effect = _entry(Named(one.name, one.target, {one.parameter: Value(one.nominal, None, None, one.unit)}))
+    effect = Named(one.name, one.target, {one.parameter: Value(one.nominal, None, None, one.unit)}).entry()
     free = Number(0, one.parameter, log, None, None, one.unit)
     sides = [abs(free.coordinate(end) - free.coordinate(one.nominal)) for end in (one.low, one.high)]
     number = Number(0, one.parameter, log, one.least, one.most, one.unit)
     return Left(Block((effect,), (number,), ((float((max(sides) / NINETY) ** 2),),)), one.left)
-
-
-def _entry(effect: Named) -> Entry:
-    target = (effect.target,) if isinstance(effect.target, str) else tuple(effect.target)
-    values: Mapping[str, float] = {key: float(value.value) for key, value in effect.parameters.items()}
-    return Entry(effect.name, None if target == ("all",) else target, values, fitted=True)
 
 
 def _unit(effect: Named) -> str:

@@ -305,9 +305,7 @@ def _guilty(plant: Plant, diagnosis: Diagnosis | None, channels: Sequence[str]) 
         bodies: set[int] = set()
         for effect in diagnosis.best.effects:
             kind = EFFECTS[effect.name].targets if effect.name in EFFECTS else "joint"
-            there = plant.wiring.targets.names(kind)
-            wanted = there if effect.target == "all" else effect.target
-            for name in (wanted,) if isinstance(wanted, str) else wanted:
+            for name in effect.targets or plant.wiring.targets.names(kind):
                 bodies |= _of_target(plant, kind, name)
         return frozenset(bodies), pattern.labels(diagnosis.best, pattern.joints(diagnosis))
     if not channels:

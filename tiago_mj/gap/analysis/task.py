@@ -178,7 +178,7 @@ def _played(asked: Asked, trials: Sequence[Trial], effects: Sequence[Named], dea
         for number, trial in enumerate(trials):
             key = json.dumps(arguments_of(trial, asked.plant), sort_keys=True, default=str)
             if key not in made:
-                env = make(asked.plant, trial, _given(effects))
+                env = make(asked.plant, trial, [effect.entry() for effect in effects])
                 made[key] = env, _policy(asked, env)
             env, policy = made[key]
             set_conditions(core_of(env), asked.plant, trial)
@@ -203,18 +203,6 @@ def _episode(
         if terminated or truncated:
             break
     return total
-
-
-def _given(effects: Sequence[Named]) -> list[dict[str, Any]]:
-    """Effects as environments take them."""
-    return [
-        {
-            "name": effect.name,
-            "target": effect.target if isinstance(effect.target, str) else list(effect.target),
-            "parameters": {key: value.value for key, value in effect.parameters.items()},
-        }
-        for effect in effects
-    ]
 
 
 def make(plant: Plant, trial: Trial, effects: Sequence[Any]) -> gymnasium.Env[Any, Any]:

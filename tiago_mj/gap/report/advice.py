@@ -175,12 +175,11 @@ def _share(diagnosis: Diagnosis, effect: Named) -> str:
     first = next(iter(effect.parameters.values()), None)
     if first is None or first.unit not in FORCES or not math.isfinite(first.value):
         return ""
-    several = (effect.target,) if isinstance(effect.target, str) else effect.target
     declared = EFFECTS.get(effect.name)
     limits = [
         limit
         for name, limit in diagnosis.limits.get(declared.targets if declared else "", {}).items()
-        if effect.target == "all" or name in several
+        if effect.targets is None or name in effect.targets
         if math.isfinite(limit) and limit > 0
     ]
     if not limits:

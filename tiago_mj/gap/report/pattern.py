@@ -97,7 +97,7 @@ def _place(effect: Named, of: frozenset[str]) -> str:
     declared = EFFECTS.get(effect.name)
     if declared is not None and declared.targets in ("object", "clock"):
         return ""
-    targets = () if isinstance(effect.target, str) else effect.target
+    targets = effect.targets or ()
     if len(targets) > 2:
         if of and set(targets) == of:
             return f"all {counted(len(of))} joints"

@@ -96,9 +96,8 @@ def repaired(found: Diagnosis, plant: Plant) -> Repaired:
 
 def entry(effect: Named) -> Entry:
     """An effect that was found as it is read from ``calibration.yaml``, whose numbers are rounded."""
-    target = (effect.target,) if isinstance(effect.target, str) else tuple(effect.target)
-    values = {key: float(clean(value.value)) for key, value in effect.parameters.items()}
-    return Entry(effect.name, None if target == ("all",) else target, values, fitted=True)
+    found = effect.entry()
+    return replace(found, parameters=clean(found.parameters))
 
 
 def _wiring(plant: Plant) -> Wiring:

@@ -135,11 +135,11 @@ def whom(effect: Named) -> tuple[str, bool]:
     """A reader's name of an effect's targets, and whether they are several."""
     declared = EFFECTS.get(effect.name)
     kind = declared.targets if declared else "joint"
-    if effect.target == "all":
+    several = effect.targets
+    if several is None:
         if declared and declared.subject:
             return declared.subject, False
         return PARTS[kind][1], kind == "sensor"
-    several = (effect.target,) if isinstance(effect.target, str) else effect.target
     if set(several) == set(names.FINGERS):
         return "both fingers of the gripper", True
     if kind == "sensor" and set(several) == set(names.SIDES):
@@ -167,8 +167,7 @@ def together(effects: Sequence[Named]) -> list[Named]:
     """Effects of one name as one, on all their targets."""
     targets: dict[str, list[str]] = {}
     for effect in effects:
-        mine = (effect.target,) if isinstance(effect.target, str) else effect.target
-        targets.setdefault(effect.name, []).extend(mine)
+        targets.setdefault(effect.name, []).extend(effect.targets or ("all",))
     return [Named(name, found[0] if len(found) == 1 else tuple(found)) for name, found in targets.items()]
 
 
