@@ -23,7 +23,7 @@ from tiago_mj.gap.analysis import outcome, promises
 from tiago_mj.gap.compared import Compared
 from tiago_mj.gap.decision import verdict
 from tiago_mj.gap.detectors.readings import NAMED_DEVIATIONS, Known
-from tiago_mj.gap.parts import Named, Value
+from tiago_mj.gap.parts import Named, Value, target_of
 from tiago_mj.gap.request import Request, SoFar
 from tiago_mj.gap.search import ranking
 from tiago_mj.gap.search.state import Ranked
@@ -143,8 +143,9 @@ def _of_reading(one: Known | None, other: Known | None) -> Change:
     error = float(np.hypot(0.0 if one is None else one.deviation, 0.0 if other is None else other.deviation))
     size, reach = abs(values[1] - values[0]), outcome.NINETY * error
     amount = Value(size, max(size - reach, 0.0), size + reach, candidate.unit, error)
-    target = "all" if candidate.target is None else candidate.target
-    return Change(candidate.effect, target, candidate.parameter, more, amount, values[0], values[1], {})
+    return Change(
+        candidate.effect, target_of(candidate.target), candidate.parameter, more, amount, values[0], values[1], {}
+    )
 
 
 def _answer(
@@ -267,12 +268,11 @@ def _together(plant: Plant, name: str, entries: Sequence[Entry], parameter: str,
 def _named(entry: Entry) -> Named:
     """An effect that both sets have, without intervals."""
     declared = EFFECTS[entry.name].parameters
-    target: str | tuple[str, ...] = "all" if entry.target is None else entry.target
     values: Mapping[str, Value] = {
         key: Value(float(value), None, None, declared[key].unit[0] if key in declared else "-")
         for key, value in entry.parameters.items()
     }
-    return Named(entry.name, target, values)
+    return Named(entry.name, target_of(entry.target), values)
 
 
 def _side(sets: Sets, k: int) -> Side:

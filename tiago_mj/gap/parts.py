@@ -21,6 +21,13 @@ def written(target: str | tuple[str, ...]) -> str | list[str]:
     return target[0] if len(target) == 1 else list(target)
 
 
+def target_of(names: tuple[str, ...] | None) -> str | tuple[str, ...]:
+    """A target of names, None for all: ``"all"``, a name, several."""
+    if names is None:
+        return "all"
+    return names[0] if len(names) == 1 else names
+
+
 def _in_order(given: Mapping[str, Any]) -> dict[str, Any]:
     """A mapping in the order of its keys; phases in that of a motion."""
     return dict(sorted(given.items(), key=lambda one: (one[0] in PHASES and PHASES.index(one[0]), one[0])))

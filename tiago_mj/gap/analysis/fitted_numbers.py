@@ -31,7 +31,7 @@ from tiago_mj.gap.inference.fit import Fitted, Fitter, Point, Start
 from tiago_mj.gap.inference.hypotheses import Term, terms
 from tiago_mj.gap.inference.noise_model import Data
 from tiago_mj.gap.inference.whitening import Whitening
-from tiago_mj.gap.parts import FittedNumber, Joint, OpenNumber
+from tiago_mj.gap.parts import FittedNumber, Joint, OpenNumber, target_of
 from tiago_mj.gap.search.all_trials import MAX_STEPS
 from tiago_mj.gap.search.state import Ranked
 from tiago_mj.gap.simulation import replay
@@ -297,7 +297,6 @@ def _told(plant: Plant, one: Sized) -> FittedNumber:
     names = plant.wiring.targets.names(declared.targets)
     index = names.index(term.target[0]) if term.target else 0
     side = 0 if plant.wiring.targets.slide(declared.targets, index) else 1
-    target = "all" if term.target is None else term.target[0] if len(term.target) == 1 else term.target
     unit = declared.parameters[term.parameter].unit[side]
     value, low, high, nominal = (float(f"{x:.{DIGITS}g}") for x in (value, min(ends), max(ends), term.nominal))
-    return FittedNumber(term.effect, target, term.parameter, value, low, high, unit, nominal)
+    return FittedNumber(term.effect, target_of(term.target), term.parameter, value, low, high, unit, nominal)

@@ -16,6 +16,7 @@ from tiago_mj.gap.decision import verdict
 from tiago_mj.gap.detectors.readings import Tone
 from tiago_mj.gap.inference.fit import Fitted
 from tiago_mj.gap.inference.hypotheses import Candidate
+from tiago_mj.gap.parts import target_of
 from tiago_mj.gap.result import Explanation, Joint, Named, Overlay, Value
 from tiago_mj.gap.search.state import Ranked
 from tiago_mj.gap.simulation.plant import Plant
@@ -85,17 +86,10 @@ def named(plant: Plant, fit: Fitted, k: int) -> Named:
     """The ``k``-th effect of a fit with its values and 90 % intervals, which end at the value without effect."""
     part = fit.parts[k]
     declared = EFFECTS[part.effect]
-    target: str | tuple[str, ...] = "all"
-    if part.target is not None:
-        target = part.target[0] if len(part.target) == 1 else part.target
     value, sd = float(fit.values[k]), float(fit.deviations[k])
-    known = part.known_to(value) if part.spread is None else 0.0
-    reach = NINETY * (float(np.hypot(sd * verdict.calibration().widens, known)) if part.spread is None else sd)
-    low, high = max(value - reach, part.low), min(value + reach, part.high)
-    if value > part.identity:
-        low = max(low, part.identity)
-    elif value < part.identity:
-        high = min(high, part.identity)
+    fitted, known = _deviations(part, value, sd)
+    reach, (least, most) = NINETY * float(np.hypot(fitted, known)), _bounds(part, value)
+    low, high = max(value - reach, least), min(value + reach, most)
     parameters: dict[str, Value] = {part.parameter: Value(value, low, high, part.unit, sd, known)}
     for name, fixed in part.fixed:
         if name in declared.forms:
@@ -111,31 +105,31 @@ def named(plant: Plant, fit: Fitted, k: int) -> Named:
         index = 0 if part.target is None else plant.wiring.targets.names(declared.targets).index(part.target[0])
         side = 0 if plant.wiring.targets.slide(declared.targets, index) else 1
         parameters[name] = Value(fixed, None, None, declared.parameters[name].unit[side])
-    return Named(part.effect, target, parameters)
+    return Named(part.effect, target_of(part.target), parameters)
 
 
 def joint(fit: Fitted) -> Joint | None:
-    """Posterior of a fit's magnitudes, as wide as the intervals of :func:`named`, which end at the value without
-    effect."""
+    """Posterior of a fit's magnitudes, as wide as the intervals of :func:`named` and with their bounds."""
     if not fit.parts or fit.correlation is None:
         return None
-    widens = verdict.calibration().widens
-    fitted = fit.deviations * [widens if part.spread is None else 1.0 for part in fit.parts]
-    known = [
-        part.known_to(float(value)) if part.spread is None else 0.0
-        for part, value in zip(fit.parts, fit.values, strict=True)
-    ]
+    values = fit.values.tolist()
+    fitted, known = np.transpose(list(map(_deviations, fit.parts, values, fit.deviations.tolist())))
     covariance = fit.correlation[0] * np.outer(fitted, fitted) + np.diag(np.square(known))
-    return Joint(
-        (False,) * len(fit.parts),
-        tuple(tuple(map(float, row)) for row in covariance),
-        tuple(part.identity if part.low < part.identity < v else part.low for part, v in _magnitudes(fit)),
-        tuple(part.identity if v < part.identity < part.high else part.high for part, v in _magnitudes(fit)),
-    )
+    rows = tuple(tuple(row) for row in covariance.tolist())
+    return Joint((False,) * len(values), rows, *zip(*map(_bounds, fit.parts, values), strict=True))
 
 
-def _magnitudes(fit: Fitted) -> list[tuple[Candidate, float]]:
-    return [(part, float(value)) for part, value in zip(fit.parts, fit.values, strict=True)]
+def _deviations(part: Candidate, value: float, deviation: float) -> tuple[float, float]:
+    """Standard deviations of a magnitude: of its fit, widened as fits are, and of what no recording tells of it."""
+    if part.spread is not None:  # it was measured on the readings, not fitted
+        return deviation, 0.0
+    return deviation * verdict.calibration().widens, part.known_to(value)
+
+
+def _bounds(part: Candidate, value: float) -> tuple[float, float]:
+    """Within which a magnitude is: on its side of the value without effect."""
+    low = max(part.low, part.identity) if value > part.identity else part.low
+    return low, min(part.high, part.identity) if value < part.identity else part.high
 
 
 # Pictures and notes ---------------------------------------------------------------------------------------------------
