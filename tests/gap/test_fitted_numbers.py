@@ -20,7 +20,7 @@ from tiago_mj.gap import apply, report
 from tiago_mj.gap.analysis import fitted_numbers
 from tiago_mj.gap.analysis.outcome import NINETY
 from tiago_mj.gap.inference.fit import Fitted
-from tiago_mj.gap.inference.hypotheses import terms
+from tiago_mj.gap.inference.hypotheses import Candidate, terms
 from tiago_mj.gap.inference.predictor import predictor
 from tiago_mj.gap.report import advice, html, terminal
 from tiago_mj.gap.report.repaired import entry, repaired
@@ -248,3 +248,23 @@ def test_no_gap_beside_a_gap_says_which_numbers_close_it():
     assert "0.8 ms (0.4–1.1)" in text
     steps = advice.advice(CASES["numbers_alone"])
     assert any("repaired" in step.title for step in steps)
+
+
+def test_a_number_is_left_open_as_far_as_the_recordings_say_nothing_of_it(twin):
+    _, plant = twin
+    shared = [term for term in terms(plant) if not term.per_trial]
+    deviations = np.ones(len(shared))
+    spoken = next(k for k, term in enumerate(shared) if (term.effect, term.target) == ("servo_stiffness", ("elbow",)))
+    deviations[spoken] = 0.01
+    none = np.zeros(0)
+    silent = Fitted((), none, none, np.zeros(len(shared)), 0.0, 1.0)
+    known = replace(silent, nuisance_deviations=deviations)
+    left = {(one.name, one.target): one for one in fitted_numbers.open_numbers(plant, known, ())}
+    assert len(left) == len(shared)
+    one, prior = left["servo_stiffness", "elbow"], fitted_numbers.open_numbers(plant, silent, ())[spoken]
+    assert prior.left == left["servo_stiffness", "shoulder"].left == 1
+    assert np.log(one.high / one.low) == pytest.approx(one.left * np.log(prior.high / prior.low), rel=1e-3)
+    part = Candidate("servo_stiffness", None, "factor", (), 1.0, 0.2, 4.0, (), "-")
+    changed = Fitted((part,), np.array([2.0]), np.array([0.1]), np.zeros(len(shared)), 0.0, 1.0)
+    rest = {(one.name, one.target) for one in fitted_numbers.open_numbers(plant, changed, NUMBERS)}
+    assert rest == {key for key in left if key[0] != "servo_stiffness"} - {(one.name, one.target) for one in NUMBERS}

@@ -11,6 +11,11 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 
+def overlap(names: tuple[str, ...] | None, others: tuple[str, ...] | None) -> bool:
+    """Whether two entries act on a target together; None: on all."""
+    return names is None or others is None or not set(names).isdisjoint(others)
+
+
 @dataclass(frozen=True)
 class Targets:
     """What an entry can name, and the nominal limits that relative defaults refer to.

@@ -24,6 +24,7 @@ from tiago_mj.effects import EFFECTS
 from tiago_mj.effects.nominal import check_stock
 from tiago_mj.effects.now import Wiring
 from tiago_mj.effects.spec import Entry
+from tiago_mj.effects.targets import overlap
 from tiago_mj.io.quantities import scaled
 from tiago_mj.io.schema import first_fault
 
@@ -285,11 +286,7 @@ def _interval(low: float, high: float, unit: str) -> str:
 
 def _changed(number: Entry, effects: Sequence[Entry]) -> bool:
     """Whether an explanation changes the same number of the model."""
-    return any(
-        one.name == number.name
-        and (one.target is None or number.target is None or set(one.target) & set(number.target))
-        for one in effects
-    )
+    return any(one.name == number.name and overlap(one.target, number.target) for one in effects)
 
 
 def _root(covariance: Array) -> Array:

@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from tiago_mj.effects import EFFECTS
 from tiago_mj.effects.spec import Entry
+from tiago_mj.effects.targets import overlap
 from tiago_mj.gap.analysis.outcome import NINETY
 from tiago_mj.gap.decision import verdict
 from tiago_mj.gap.inference import likelihood, noise_model
@@ -57,6 +58,11 @@ class Sized:
     size: float
     deviation: float = 1.0
     correlation: tuple[float, ...] = ()
+
+    @property
+    def left(self) -> float:
+        """Share of the prior's deviation that the recordings leave."""
+        return min(self.deviation * verdict.calibration().widens, 1.0)
 
     @property
     def entry(self) -> Entry:
@@ -132,19 +138,18 @@ def open_numbers(plant: Plant, best: Fitted, numbers: Sequence[FittedNumber]) ->
         best: the explanation; what its magnitudes change is left out.
         numbers: that are part of the repair.
     """
-    deviations, out = best.nuisance_deviations, []
-    told = {(one.name, one.target, one.parameter) for one in numbers}
+    out, fitted = [], {(one.name, one.target, one.parameter) for one in numbers}
     for k, term in enumerate(term for term in terms(plant) if not term.per_trial):
         changed = any(
-            (part.effect, part.parameter) == (term.effect, term.parameter)
-            and (part.target is None or term.target is None or set(part.target) & set(term.target))
+            (part.effect, part.parameter) == (term.effect, term.parameter) and overlap(part.target, term.target)
             for part in best.parts
         )
-        left = 1.0 if deviations is None else min(float(deviations[k]) * verdict.calibration().widens, 1.0)
-        one = _told(plant, Sized(term, 0.0, left / verdict.calibration().widens))
-        if not changed and (one.name, one.target, one.parameter) not in told:
-            said = (one.nominal, one.low, one.high)
-            out.append(OpenNumber(one.name, one.target, one.parameter, *said, one.unit, left, *_bounds(term)))
+        if changed or (term.effect, target_of(term.target), term.parameter) in fitted:
+            continue
+        free = Sized(term, 0.0, 1.0 if best.nuisance_deviations is None else float(best.nuisance_deviations[k]))
+        one = _told(plant, free)
+        said = (one.nominal, one.low, one.high, one.unit, free.left, *_bounds(term))
+        out.append(OpenNumber(one.name, one.target, one.parameter, *said))
     return tuple(out)
 
 
@@ -272,7 +277,7 @@ def _in_noise(data: Data, difference: Array) -> Array:
 
 def _joint(numbers: Sequence[Sized]) -> Joint:
     """Posterior of numbers that were fitted together, as wide as their intervals."""
-    wide = [min(one.deviation * verdict.calibration().widens, 1.0) * one.term.deviation for one in numbers]
+    wide = [one.left * one.term.deviation for one in numbers]
     covariance = np.array([one.correlation for one in numbers]) * np.outer(wide, wide)
     return Joint(
         tuple(one.term.factor for one in numbers),
@@ -290,7 +295,7 @@ def _bounds(term: Term) -> tuple[float | None, float | None]:
 def _told(plant: Plant, one: Sized) -> FittedNumber:
     """A number with its 90 % interval, no wider than its prior's."""
     term, declared = one.term, EFFECTS[one.term.effect]
-    reach = NINETY * min(one.deviation * verdict.calibration().widens, 1.0)
+    reach = NINETY * one.left
     value, *ends = (
         float(term.entry(size).parameters[term.parameter]) for size in (one.size, one.size - reach, one.size + reach)
     )
