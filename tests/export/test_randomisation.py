@@ -327,7 +327,16 @@ def test_gymnasium_is_given_the_posterior_itself(exported):
     assert "| encoder_bias, drawn | elbow | exact |" in said
 
 
-@pytest.mark.parametrize("name", [name for name, target in TARGETS.items() if not target.randomised])
+@pytest.mark.parametrize("name", [name for name, target in TARGETS.items() if target.randomisation is not None])
+def test_written_again_without_it_nothing_is_left_of_it(name, exported, tmp_path, capsys):
+    out, _ = exported(name)
+    files = TARGETS[name].randomisation.files
+    assert all((out / file).exists() for file in files)
+    assert cli.main(["export", str(tmp_path / "diagnosis"), "--to", name, "--out", str(out)]) == 0
+    assert not any((out / file).exists() for file in files)
+
+
+@pytest.mark.parametrize("name", [name for name, target in TARGETS.items() if target.randomisation is None])
 def test_a_target_that_cannot_hold_it_says_so(name, exported):
     out, said = exported(name)
     assert "| servo_stiffness, drawn | elbow | not | the format has one number for each" in said

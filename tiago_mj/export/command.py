@@ -81,10 +81,11 @@ def export(arguments: argparse.Namespace) -> dict[str, Any]:
     if arguments.mujoco is not None and target.mujoco is None:
         raise ValueError(f"--mujoco is for targets with a model: {target.name} has none")
     posterior = reading.read(_folder(arguments.diagnosis)) if arguments.randomisation else None
+    drawn_files = () if target.randomisation is None else target.randomisation.files
     if target.name == "gymnasium":
         rows = [_row(target.holds, entry.name, entry.target) for entry in found.entries]
         texts = {} if posterior is None else gymnasium_simulators.write(posterior)
-        with atomic.replacing_set(arguments.out, parts=(finding.CALIBRATION, *texts, TABLE)) as folder:
+        with atomic.replacing_set(arguments.out, parts=(finding.CALIBRATION, *drawn_files, TABLE)) as folder:
             finding.copy(found, folder / finding.CALIBRATION, numbers=with_numbers(arguments))
             for name, text in texts.items():
                 (folder / name).write_text(text, encoding="utf-8")
@@ -92,10 +93,10 @@ def export(arguments: argparse.Namespace) -> dict[str, Any]:
     robot = finding.resolve(found, finding.model_path(found, arguments.model), arguments.rate)
     numbers = numbers_of(robot)
     texts = dict(target.write(numbers))
-    if posterior is not None and target.randomise is not None:
-        texts |= target.randomise(draws_of(robot, posterior), numbers)
+    if posterior is not None and target.randomisation is not None and target.randomisation.write is not None:
+        texts |= target.randomisation.write(draws_of(robot, posterior), numbers)
     rows = [_row(target.holds, entry.name, entry.target) for entry in robot.entries]
-    with atomic.replacing_set(arguments.out, parts=(*texts, MODEL, CHANGES, TABLE)) as folder:
+    with atomic.replacing_set(arguments.out, parts=(*texts, *drawn_files, MODEL, CHANGES, TABLE)) as folder:
         for name, text in texts.items():
             (folder / name).write_text(text, encoding="utf-8")
         drawn = _drawn(target, posterior)
@@ -116,7 +117,7 @@ def _drawn(target: Target, posterior: Posterior | None) -> list[Row]:
         return []
     rows = []
     for effect, targets in posterior.drawn().items():
-        one = holding.randomised(target.randomised, effect)
+        one = holding.randomised({} if target.randomisation is None else target.randomisation.holds, effect)
         where = "all" if () in targets else ", ".join(dict.fromkeys(name for names in targets for name in names))
         rows.append(Row(f"{effect}, drawn", where, one.grade, one.how))
     return rows

@@ -8,7 +8,7 @@ from typing import Final
 from tiago_mj.export.drives import Numbers
 from tiago_mj.export.holding import NOWHERE, QUANTITIES, exact
 from tiago_mj.export.targets import gymnasium_simulators
-from tiago_mj.export.targets.target import Target
+from tiago_mj.export.targets.target import Randomisation, Target
 
 HOLDS: Final = MappingProxyType(
     dict.fromkeys(
@@ -30,5 +30,7 @@ TARGET: Final = Target(
     None,
     (),
     "tried in the tests of this package",
-    dict.fromkeys(HOLDS, gymnasium_simulators.HELD),
+    Randomisation(
+        dict.fromkeys(HOLDS, gymnasium_simulators.HELD), (gymnasium_simulators.MODULE, gymnasium_simulators.FILE), None
+    ),
 )

@@ -8,7 +8,7 @@ from typing import Final
 from tiago_mj.export.holding import exact
 from tiago_mj.randomisation.posterior import Posterior
 
-FILE: Final = "posterior.json"
+MODULE, FILE = "simulators.py", "posterior.json"
 HELD: Final = exact("`posterior.json`: drawn from the posterior itself, as `train --randomise` does")
 TEXT: Final = '''\
 """Simulators drawn from the posterior of {source}, for environments of tiago_mj. Written by tiago-mj export.
@@ -33,4 +33,4 @@ def draw_effects(rng):
 def write(posterior: Posterior) -> dict[str, str]:
     """The module and the posterior."""
     data = json.dumps(posterior.as_data(), indent=1, ensure_ascii=False) + "\n"
-    return {"simulators.py": TEXT.format(source=posterior.source, file=FILE), FILE: data}
+    return {MODULE: TEXT.format(source=posterior.source, file=FILE), FILE: data}

@@ -99,6 +99,5 @@ TARGET: Final = Target(
     "3.17",
     ELSEWHERE,
     "not tried, but for the model beside",
-    isaaclab_events.RANDOMISED,
-    isaaclab_events.write,
+    isaaclab_events.RANDOMISATION,
 )

@@ -14,9 +14,11 @@ from typing import Final
 from tiago_mj.export.draws import FILE, Draws, table
 from tiago_mj.export.drives import Numbers
 from tiago_mj.export.holding import Held, approximate, exact
+from tiago_mj.export.targets.target import Randomisation
 
+MODULE: Final = "isaaclab_events.py"
 _DRAWN: Final = exact("`EventCfg` of isaaclab_events.py: drawn together with all others of its row")
-RANDOMISED: Final[Mapping[str, Held]] = MappingProxyType(
+HOLDS: Final[Mapping[str, Held]] = MappingProxyType(
     {
         **dict.fromkeys(
             ("servo stiffness", "servo damping", "effort limit", "motor constant", "dry friction", "viscous friction"),
@@ -130,4 +132,7 @@ def write(draws: Draws, numbers: Numbers) -> dict[str, str]:
         lags=repr(draws.lags(float(robot.model.opt.timestep))),
     )
     about = "numbers at the joints and masses of bodies, SI units, radians on hinges"
-    return {"isaaclab_events.py": text, FILE: table(draws.source, columns, about)}
+    return {MODULE: text, FILE: table(draws.source, columns, about)}
+
+
+RANDOMISATION: Final = Randomisation(HOLDS, (MODULE, FILE), write)

@@ -102,6 +102,4 @@ def _entry(drive: Drive, interface: str, step: float) -> str:
 
 
 _TRIED: Final = "loaded by mjlab 1.6, its model replayed by MuJoCo 3.11"
-TARGET: Final = Target(
-    "mjlab", "1.6", HOLDS, write, "3.11", ("command_delay",), _TRIED, mjlab_events.RANDOMISED, mjlab_events.write
-)
+TARGET: Final = Target("mjlab", "1.6", HOLDS, write, "3.11", ("command_delay",), _TRIED, mjlab_events.RANDOMISATION)

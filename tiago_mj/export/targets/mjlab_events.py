@@ -13,9 +13,11 @@ from typing import Final
 from tiago_mj.export.draws import FILE, Draws, table
 from tiago_mj.export.drives import Numbers
 from tiago_mj.export.holding import Held, approximate, exact
+from tiago_mj.export.targets.target import Randomisation
 
+MODULE: Final = "mjlab_events.py"
 _DRAWN: Final = exact("`EVENTS` of mjlab_events.py: drawn together with all others of its row")
-RANDOMISED: Final[Mapping[str, Held]] = MappingProxyType(
+HOLDS: Final[Mapping[str, Held]] = MappingProxyType(
     {
         **dict.fromkeys(
             ("servo stiffness", "servo damping", "effort limit", "motor constant", "dry friction", "viscous friction"),
@@ -121,4 +123,7 @@ def write(draws: Draws, numbers: Numbers) -> dict[str, str]:
         velocity=robot.wiring.interface == "velocity",
     )
     about = "dof_* and body_* as MuJoCo's fields; stiffness, damping and effort at the joints, SI units"
-    return {"mjlab_events.py": text, FILE: table(draws.source, columns, about)}
+    return {MODULE: text, FILE: table(draws.source, columns, about)}
+
+
+RANDOMISATION: Final = Randomisation(HOLDS, (MODULE, FILE), write)

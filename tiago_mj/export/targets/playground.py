@@ -131,6 +131,5 @@ TARGET: Final = Target(
     "3.17",
     ("command_delay",),
     "its model replayed by mujoco-mjx 3.17, its patch by MuJoCo 3.17",
-    playground_randomisation.RANDOMISED,
-    playground_randomisation.write,
+    playground_randomisation.RANDOMISATION,
 )

@@ -14,9 +14,11 @@ from tiago_mj.effects import model_file
 from tiago_mj.export.draws import DERIVED, FILE, Draws, table
 from tiago_mj.export.drives import Numbers
 from tiago_mj.export.holding import Held, exact
+from tiago_mj.export.targets.target import Randomisation
 
+MODULE: Final = "playground_randomisation.py"
 _DRAWN: Final = exact("`randomizer` of playground_randomisation.py: drawn together with all others of its row")
-RANDOMISED: Final[Mapping[str, Held]] = MappingProxyType(
+HOLDS: Final[Mapping[str, Held]] = MappingProxyType(
     dict.fromkeys(
         (
             *("servo stiffness", "servo damping", "effort limit", "motor constant", "dry friction"),
@@ -84,4 +86,7 @@ def write(draws: Draws, numbers: Numbers) -> dict[str, str]:
         file=FILE,
         kinds=repr({field: kinds[field] for field in draws.fields}),
     )
-    return {"playground_randomisation.py": text, FILE: table(draws.source, draws.fields, "MuJoCo's fields and units")}
+    return {MODULE: text, FILE: table(draws.source, draws.fields, "MuJoCo's fields and units")}
+
+
+RANDOMISATION: Final = Randomisation(HOLDS, (MODULE, FILE), write)

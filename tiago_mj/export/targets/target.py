@@ -3,11 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from tiago_mj.export.draws import Draws
 from tiago_mj.export.drives import Numbers
 from tiago_mj.export.holding import Held
+
+
+@dataclass(frozen=True)
+class Randomisation:
+    """A target's domain randomisation.
+
+    Attributes:
+        holds: how it has each quantity; what is not listed it has not.
+        files: that it is written into.
+        write: text of these by name; None: they hold the posterior itself, and no robot is needed.
+    """
+
+    holds: Mapping[str, Held]
+    files: tuple[str, ...]
+    write: Callable[[Draws, Numbers], Mapping[str, str]] | None
 
 
 @dataclass(frozen=True)
@@ -22,8 +37,7 @@ class Target:
         mujoco: version of MuJoCo for which the user's MJCF is written beside, into ``model``; None: none is.
         without: effects that this model is written without: the target has them elsewhere, or not at all.
         tried: what its files were tried with.
-        randomised: how its domain randomisation has each quantity; what is not listed it has not.
-        randomise: text of the files of its domain randomisation by name; None: it has none.
+        randomisation: None: it has none.
     """
 
     name: str
@@ -33,5 +47,4 @@ class Target:
     mujoco: str | None
     without: tuple[str, ...]
     tried: str
-    randomised: Mapping[str, Held] = field(default_factory=dict)
-    randomise: Callable[[Draws, Numbers], Mapping[str, str]] | None = None
+    randomisation: Randomisation | None = None
