@@ -95,7 +95,6 @@ def test_a_table_of_draws_keeps_what_goes_together(tmp_path):
     np.testing.assert_array_equal(mass[first], mass[first][0])
     assert mass[~first].std() == pytest.approx(0.05, rel=0.25)
     assert draws.lags(0.002)["rail"] == (8, 12)  # 20 ms ± 1.645 · 2 ms in steps of 2 ms
-    assert "encoder_bias" in draws.effects
 
 
 def test_a_part_that_the_model_does_not_have_is_one_line(tmp_path):

@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import Any, Final
 
 import mujoco
@@ -30,8 +31,16 @@ SEED: Final = 0
 FILE: Final = "draws.json"
 #: Numbers of a drive that a draw may change.
 OF_DRIVES: Final = ("stiffness", "damping", "friction", "joint_damping", "armature", "effort", "velocity", "delay")
-#: Fields of a compiled model that follow from others, and of what their rows are.
-DERIVED: Final = {"dof_invweight0": "dof", "body_invweight0": "body", "body_subtreemass": "body"}
+#: Fields of a compiled model that a draw may change, and of what their rows are; the last ones follow from others.
+KINDS: Final[Mapping[str, str]] = MappingProxyType(
+    {
+        **dict.fromkeys(model_file.OF_JOINTS, "dof"),
+        **dict.fromkeys(model_file.OF_WHOLE_JOINTS, "joint"),
+        **dict.fromkeys(model_file.OF_BODIES, "body"),
+        **dict.fromkeys(model_file.OF_ACTUATORS, "actuator"),
+        **{"dof_invweight0": "dof", "body_invweight0": "body", "body_subtreemass": "body"},
+    }
+)
 
 
 @dataclass(frozen=True)
@@ -43,15 +52,11 @@ class Draws:
         drives: numbers that vary, by drive's field, then joint, (n,) each, as :class:`Drive` has them.
         fields: of the compiled model that vary, by field, then name of joint, body or actuator, (n, ...) each, in
             MuJoCo's units.
-        gravity: (n, 3) [m/s²]; None: it does not vary.
-        effects: names of all that is drawn.
     """
 
     source: str
     drives: Mapping[str, Mapping[str, Array]]
     fields: Mapping[str, Mapping[str, Array]]
-    gravity: Array | None
-    effects: tuple[str, ...]
 
     def lags(self, step: float) -> dict[str, tuple[int, int]]:
         """Ends of the 90 % interval of each joint's delay, in whole physics steps, where they vary."""
@@ -75,14 +80,11 @@ def draws_of(robot: Robot, posterior: Posterior, count: int = COUNT, seed: int =
     rng = np.random.default_rng(seed)
     drives: list[tuple[Drive, ...]] = []
     models: list[mujoco.MjModel] = []
-    effects: dict[str, None] = {}
     for _ in range(count):
-        entries = posterior.sample(rng)
-        effects.update(dict.fromkeys(entry.name for entry in entries))
-        numbers = numbers_of(replace(robot, entries=entries))
+        numbers = numbers_of(replace(robot, entries=posterior.sample(rng)))
         drives.append(numbers.drives)
         models.append(numbers.exact)
-    return Draws(posterior.source, _drives(drives), _fields(models), _gravity(models), tuple(effects))
+    return Draws(posterior.source, _drives(drives), _fields(models))
 
 
 def _drives(rows: Sequence[Sequence[Drive]]) -> dict[str, dict[str, Array]]:
@@ -96,24 +98,12 @@ def _drives(rows: Sequence[Sequence[Drive]]) -> dict[str, dict[str, Array]]:
 
 
 def _fields(models: Sequence[mujoco.MjModel]) -> dict[str, dict[str, Array]]:
-    kinds = {
-        **dict.fromkeys(model_file.OF_JOINTS, "dof"),
-        **dict.fromkeys(model_file.OF_WHOLE_JOINTS, "joint"),
-        **dict.fromkeys(model_file.OF_BODIES, "body"),
-        **dict.fromkeys(model_file.OF_ACTUATORS, "actuator"),
-        **DERIVED,
-    }
     out: dict[str, dict[str, Array]] = {}
-    for field, kind in kinds.items():
+    for field, kind in KINDS.items():
         values = np.array([getattr(model, field) for model in models], dtype=float)
         for row in np.flatnonzero(np.ptp(values, axis=0).reshape(values.shape[1], -1).any(axis=1)).tolist():
             out.setdefault(field, {})[_name(models[0], kind, row)] = values[:, row]
     return out
-
-
-def _gravity(models: Sequence[mujoco.MjModel]) -> Array | None:
-    values = np.array([model.opt.gravity for model in models])
-    return values if np.ptp(values, axis=0).any() else None
 
 
 def _name(model: mujoco.MjModel, kind: str, row: int) -> str:

@@ -10,8 +10,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Final
 
-from tiago_mj.effects import model_file
-from tiago_mj.export.draws import DERIVED, FILE, Draws, table
+from tiago_mj.export.draws import FILE, KINDS, Draws, table
 from tiago_mj.export.drives import Numbers
 from tiago_mj.export.holding import Held, exact
 from tiago_mj.export.targets.target import Randomisation
@@ -74,17 +73,12 @@ def randomizer(mj_model):
 
 def write(draws: Draws, numbers: Numbers) -> dict[str, str]:
     """The module and its table."""
-    kinds = {
-        **dict.fromkeys((*model_file.OF_JOINTS, *model_file.OF_WHOLE_JOINTS), "joint"),
-        **dict.fromkeys(model_file.OF_BODIES, "body"),
-        **dict.fromkeys(model_file.OF_ACTUATORS, "actuator"),
-        **{field: "joint" if kind == "dof" else kind for field, kind in DERIVED.items()},
-    }
+    kinds = {field: KINDS[field].replace("dof", "joint") for field in draws.fields}
     text = TEXT.format(
         robot=numbers.robot.file.stem,
         source=draws.source,
         file=FILE,
-        kinds=repr({field: kinds[field] for field in draws.fields}),
+        kinds=repr(kinds),
     )
     return {MODULE: text, FILE: table(draws.source, draws.fields, "MuJoCo's fields and units")}
 
