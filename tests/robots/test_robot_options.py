@@ -55,7 +55,7 @@ def test_every_command_on_recordings_of_a_model_takes_them(name):
     assert (asked.robot, asked.gains, asked.fix_base, asked.like, asked.tie) == ("go2", "60,3", True, "FL,FR", True)
 
 
-def test_diagnose_all_hands_them_to_each_diagnosis(tmp_path, monkeypatch):
+def test_diagnose_all_hands_them_to_each_diagnosis_with_absolute_paths(tmp_path, monkeypatch):
     folder = menagerie(tmp_path / "menagerie", GO2)
     (tmp_path / "logs").mkdir()
     tasks = []
@@ -65,7 +65,8 @@ def test_diagnose_all_hands_them_to_each_diagnosis(tmp_path, monkeypatch):
         return diagnose_all.Outcome(2, "not run")
 
     monkeypatch.setattr(diagnose_all, "diagnose", diagnosed)
-    words = ["diagnose-all", str(tmp_path / "logs"), *WORDS, "--menagerie", str(folder), "--out", str(tmp_path / "out")]
+    monkeypatch.chdir(tmp_path)
+    words = ["diagnose-all", "logs", *WORDS, "--menagerie", str(folder.relative_to(tmp_path)), "--out", "out"]
     assert cli.main(words) == 2
     again = cli.build_parser("diagnose").parse_args(list(tasks[0].words))
     assert (again.robot, again.gains, again.fix_base, again.like, again.tie) == ("go2", "60,3", True, "FL,FR", True)

@@ -295,17 +295,14 @@ def view(arguments: argparse.Namespace) -> list[str]:
 
 def words(arguments: argparse.Namespace) -> list[str]:
     """The command line, as it can be run again."""
-    out = ["tiago-mj", "diagnose", *(str(path) for path in arguments.recordings)]
-    which = "robot" if arguments.robot else "model"
-    rest = ("map", "gains", "like", "effects", "policy", "without", "time_budget")
-    for name in ("env", which, "menagerie", *rest):
+    out = ["tiago-mj", "diagnose", *(str(path) for path in arguments.recordings), *robots.words(arguments)]
+    for name in ("effects", "policy", "without", "time_budget"):
         value = getattr(arguments, name)
         several = value if isinstance(value, list) else [value]
         for one in several:
             if one is not None and one != "":
                 out += [f"--{name.replace('_', '-')}", str(one)]
     out += ["--trust"] if arguments.trust else []
-    out += [f"--{name}" for name in ("fix-base", "tie") if getattr(arguments, name.replace("-", "_"))]
     if not with_numbers(arguments):
         out += ["--numbers", "no"]
     return [*out, "--seed", str(arguments.seed), "--out", str(arguments.out)]

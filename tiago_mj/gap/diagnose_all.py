@@ -98,7 +98,7 @@ def run(arguments: argparse.Namespace) -> int:
     if threads is None:
         threads = 0 if jobs == 1 and arguments.backend == "local" else 1
     given = ["--json", "--seed", str(arguments.seed), "--jobs", str(threads)]
-    given += robots.words(arguments)
+    given += robots.words(arguments, absolute=True)
     if not with_numbers(arguments):
         given += ["--numbers", "no"]
     for name in ("without", "time_budget"):

@@ -57,11 +57,11 @@ def said(arguments: argparse.Namespace) -> Said:
     return Said(arguments.env, model, facts, None if owned is None else owned.map)
 
 
-def words(arguments: argparse.Namespace) -> list[str]:
-    """The options, as they can be given again; paths are absolute."""
+def words(arguments: argparse.Namespace, *, absolute: bool = False) -> list[str]:
+    """The options, as they can be given again; ``absolute``: from another folder."""
     found = []
-    for name in ("env", "model", "robot", "menagerie", "map", "gains", "like"):
+    for name in ("env", "robot" if arguments.robot else "model", "menagerie", "map", "gains", "like"):
         value = getattr(arguments, name)
         if value:
-            found += [f"--{name}", str(value.resolve()) if isinstance(value, Path) else str(value)]
+            found += [f"--{name}", str(value.resolve() if absolute and isinstance(value, Path) else value)]
     return found + [f"--{name}" for name in ("fix-base", "tie") if getattr(arguments, name.replace("-", "_"))]
