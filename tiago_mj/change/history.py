@@ -22,7 +22,6 @@ from tiago_mj.io import atomic, pages
 
 #: The page.
 PAGE: Final = "history.html"
-DIAGNOSIS: Final = "diagnosis.json"
 #: An effect that is said to have changed with at least this probability is one to look at.
 SURE: Final = 0.5
 #: Size of a drawing [px], and its margin.
@@ -101,8 +100,8 @@ def read(folder: Path, compare: Callable[[Path, Path], Comparison]) -> Life:
     before: Path | None = None
     for number, entry in enumerate(entries):
         earlier = entries[number - 1].name if number else None
-        if (entry / DIAGNOSIS).is_file():
-            for effect in diagnoses.load(entry / DIAGNOSIS).best.effects:
+        if (entry / diagnoses.NAME).is_file():
+            for effect in diagnoses.load(entry / diagnoses.NAME).best.effects:
                 _add(found, _of_diagnosis(effect), entry.name)
             before = None
             continue

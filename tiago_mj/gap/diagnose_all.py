@@ -32,6 +32,7 @@ from tiago_mj.gap import faults
 from tiago_mj.gap.analysis.promises import CLOSES
 from tiago_mj.gap.report import PARTS
 from tiago_mj.gap.report.consistency import NAMING
+from tiago_mj.gap.report.json import NAME
 from tiago_mj.gap.report.words import percent
 from tiago_mj.io import atomic, held
 from tiago_mj.io.numbers_option import with_numbers
@@ -255,7 +256,7 @@ def _diagnosed(task: Task) -> Outcome:
         return Outcome(1, f"{type(fault).__name__}: {' '.join(str(fault).split())}")
     if status:
         return Outcome(status, complained.getvalue().strip().removeprefix("tiago-mj diagnose: "))
-    written = json.loads((Path(task.kept) / "diagnosis.json").read_text(encoding="utf-8"))
+    written = json.loads((Path(task.kept) / NAME).read_text(encoding="utf-8"))
     return Outcome(0, verdict=written["verdict"], closed=written["shrink"]["closed"])
 
 

@@ -4,16 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 from tiago_mj.effects import written
 from tiago_mj.export.found import calibration_file
-from tiago_mj.gap.report.json import load
+from tiago_mj.gap.report.json import NAME, load
 from tiago_mj.gap.result import Result
 from tiago_mj.policy_cost.magnitudes import NUMBERS, Item, items_of
-
-#: Beside the calibration: how sure the diagnosis is.
-DIAGNOSIS: Final = "diagnosis.json"
 
 
 def result_of(given: Any) -> Result | None:
@@ -26,7 +23,7 @@ def result_of(given: Any) -> Result | None:
         return given
     if not isinstance(given, (str, Path)) or written.is_json(given):
         return None
-    path = calibration_file(Path(given)).with_name(DIAGNOSIS)
+    path = calibration_file(Path(given)).with_name(NAME)
     return load(path) if path.is_file() else None
 
 

@@ -13,7 +13,6 @@ from tiago_mj.gap.report import json as diagnoses
 from tiago_mj.gap.result import Diagnosis, Explanation, Joint, Named, OpenNumber, Value
 from tiago_mj.randomisation.posterior import NINETY, Block, Left, Number, Posterior, Weighed, is_factor, switch
 
-FILE: Final = "diagnosis.json"
 #: Said where magnitudes are drawn one by one although they were fitted together.
 APART: Final = "the file holds no joint covariance, as those of earlier versions: magnitudes are drawn one by one"
 PART: Final = "the diagnosis explains a part of the gap only: nothing stands for the rest of it"
@@ -33,9 +32,9 @@ def read(path: Path) -> Posterior:
     Raises:
         ValueError: there is none, it cannot be read, or there is nothing in it to draw from; one line.
     """
-    file = path / FILE if path.is_dir() else path
+    file = path / diagnoses.NAME if path.is_dir() else path
     if not file.is_file():
-        raise ValueError(f"{path} holds no {FILE}: give the folder that tiago-mj diagnose --out wrote")
+        raise ValueError(f"{path} holds no {diagnoses.NAME}: give the folder that tiago-mj diagnose --out wrote")
     found = diagnoses.load(file)
     return posterior(found, f"{file.resolve().parent.name}/{file.name}", diagnoses.fingerprint(file))
 

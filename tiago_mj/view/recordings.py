@@ -10,7 +10,7 @@ from typing import Any, Final
 
 from tiago_mj.effects import read_effects
 from tiago_mj.effects.spec import Entry
-from tiago_mj.gap.report.json import load
+from tiago_mj.gap.report.json import NAME, load
 from tiago_mj.gap.result import Diagnosis
 from tiago_mj.gap.simulation.along_a_motion import torques_along_a_motion
 from tiago_mj.gap.simulation.plant import Plant, plant_of
@@ -20,7 +20,7 @@ from tiago_mj.recordings.recording import RecordingError, Trial
 from tiago_mj.recordings.trials import cut_long
 from tiago_mj.view.story import Story, tell
 
-DIAGNOSIS, CALIBRATION = "diagnosis.json", "calibration.yaml"
+CALIBRATION: Final = "calibration.yaml"
 #: Ends of the names of files that can be added.
 ADDED: Final = (".csv", ".parquet")
 
@@ -135,7 +135,7 @@ def library(
     if folder is not None:
         if not folder.is_dir():
             raise ValueError(f"--diagnosis {folder}: no such folder: give the one that tiago-mj diagnose wrote")
-        diagnosis = load(folder / DIAGNOSIS)
+        diagnosis = load(folder / NAME)
         entries = entries or read_effects(str(folder / CALIBRATION))
     plant = plant_of(read.trials, env=env, model=model, given=entries)  # refuses effects that this robot cannot have
     plant = plant_of(read.trials, env=env, model=model)

@@ -16,7 +16,7 @@ REPAIRED: Final = "repaired.xml"
 #: The robots, to be watched in a browser.
 SCENE: Final = "scene.html"
 #: Every file that there may be.
-PARTS: Final = ("diagnosis.json", "calibration.yaml", REPAIRED, SCENE, "report.html", faults.FAULT)
+PARTS: Final = (json.NAME, "calibration.yaml", REPAIRED, SCENE, "report.html", faults.FAULT)
 #: Finished work of a diagnosis that has not come to its end: for another run that goes on with it.
 JOURNAL: Final = "journal.jsonl"
 
@@ -43,8 +43,8 @@ def write(
         fault = fault or met.fault
     goes_on = diagnosis.stopped is not None and diagnosis.stopped.why != "fault"
     with atomic.replacing_set(folder, parts=PARTS if goes_on else (*PARTS, JOURNAL)) as new:
-        json.write(diagnosis, new / "diagnosis.json")
-        calibration.write(diagnosis, new / "calibration.yaml", new / "diagnosis.json")
+        json.write(diagnosis, new / json.NAME)
+        calibration.write(diagnosis, new / "calibration.yaml", new / json.NAME)
         if diagnosis.repaired is not None and diagnosis.repaired.xml:
             atomic.write_text(new / REPAIRED, diagnosis.repaired.xml)
         if seen is not None and seen.scene:

@@ -36,7 +36,9 @@ OMITTED: Final[Any] = {
 #: Of the ranking's rows.
 ROW: Final = ("effects", "validation_gain", "probability", "parameters", "evidence", "joint")
 
-KEPT: Final = ResultFile("diagnosis", "diagnosis.json", "tiago-mj diagnose", SCHEMA, FILE)
+#: The file, in the folder of a diagnosis.
+NAME: Final = "diagnosis.json"
+KEPT: Final = ResultFile("diagnosis", NAME, "tiago-mj diagnose", SCHEMA, FILE)
 
 
 def as_data(diagnosis: Diagnosis) -> dict[str, Any]:
