@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -65,13 +64,7 @@ def read(paths: Sequence[Path], env: str | None) -> Rollouts:
     return Rollouts(plant, found.trials)
 
 
-def simulate(
-    rollouts: Rollouts,
-    effects: Sequence[Entry],
-    policy: Policy | None,
-    *,
-    seed: int = 0,
-) -> list[Outcome]:
+def simulate(rollouts: Rollouts, effects: Sequence[Entry], policy: Policy | None, *, seed: int = 0) -> list[Outcome]:
     """One episode a rollout, under its conditions: object and place, goal, where the joints stand, seed of the noise.
 
     Args:
@@ -84,24 +77,16 @@ def simulate(
     Raises:
         RecordingError: a command is beyond what the environment takes, or another fault of a recording; one line.
     """
-    made: dict[str, gymnasium.Env[Any, Any]] = {}
-    try:
-        outcomes = []
+    outcomes = []
+    with task.environments(rollouts.plant, effects) as made_for:
         for number, trial in enumerate(rollouts.trials):
-            key = json.dumps(task.arguments_of(trial, rollouts.plant), sort_keys=True, default=str)
-            if key not in made:
-                made[key] = task.make(rollouts.plant, trial, effects)
-            env = made[key]
-            task.set_conditions(core_of(env), rollouts.plant, trial)
-            player, steps = (policy, _limit(rollouts.plant)) if policy is not None else actions_of(env, trial)
+            env = made_for(trial)
+            player, steps = (policy, task.limit(rollouts.plant)) if policy is not None else actions_of(env, trial)
             chosen = task.seed_of(trial, seed + number)
             observation, info = env.reset(seed=chosen, options={"goal": task.goal_of(trial)})
             player.reset()
             outcomes.append(finish(env, player, observation, info, steps))
-        return outcomes
-    finally:
-        for env in made.values():
-            env.close()
+    return outcomes
 
 
 def actions_of(env: gymnasium.Env[Any, Any], trial: Trial) -> tuple[Policy, int]:
@@ -137,11 +122,6 @@ def _held(values: Any) -> Any:
     known = np.flatnonzero(np.isfinite(values))
     row = np.maximum(np.searchsorted(known, np.arange(len(values)), side="right") - 1, 0)
     return np.asarray(values)[known[row]]
-
-
-def _limit(plant: Plant) -> int | None:
-    assert plant.environment is not None
-    return gymnasium.spec(str(plant.environment["id"])).max_episode_steps
 
 
 def nominal_env(rollouts: Rollouts) -> gymnasium.Env[Any, Any]:

@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
@@ -19,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
+from tiago_mj.effects import Entry
 from tiago_mj.envs.flat import core_of
 from tiago_mj.envs.hold_force import HoldForce
 from tiago_mj.envs.state import State
@@ -172,22 +174,16 @@ def _spread(values: Sequence[float]) -> float:
 
 def _played(asked: Asked, trials: Sequence[Trial], effects: Sequence[Named], deadline: Deadline) -> list[float]:
     """Simulated return for each trial; trials with equal arguments share an environment and a policy."""
-    made: dict[str, tuple[gymnasium.Env[Any, Any], Any]] = {}
-    try:
-        found = []
+    policies: dict[gymnasium.Env[Any, Any], Any] = {}
+    found = []
+    with environments(asked.plant, [effect.entry() for effect in effects]) as made_for:
         for number, trial in enumerate(trials):
-            key = json.dumps(arguments_of(trial, asked.plant), sort_keys=True, default=str)
-            if key not in made:
-                env = make(asked.plant, trial, [effect.entry() for effect in effects])
-                made[key] = env, _policy(asked, env)
-            env, policy = made[key]
-            set_conditions(core_of(env), asked.plant, trial)
+            env = made_for(trial)
+            if env not in policies:
+                policies[env] = _policy(asked, env)
             seed = seed_of(trial, asked.seed + number)
-            found.append(_episode(env, policy, trial, seed, _steps(asked, trial), deadline))
-        return found
-    finally:
-        for env, _ in made.values():
-            env.close()
+            found.append(_episode(env, policies[env], trial, seed, _steps(asked, trial), deadline))
+    return found
 
 
 def _episode(
@@ -205,14 +201,34 @@ def _episode(
     return total
 
 
-def make(plant: Plant, trial: Trial, effects: Sequence[Any]) -> gymnasium.Env[Any, Any]:
+@contextmanager
+def environments(plant: Plant, effects: Sequence[Entry]) -> Iterator[Callable[[Trial], gymnasium.Env[Any, Any]]]:
+    """While the block runs, a function that makes the environment of a trial, as :func:`make` does, and sets its next
+    episode's conditions; trials with equal arguments share one."""
+    made: dict[str, gymnasium.Env[Any, Any]] = {}
+
+    def made_for(trial: Trial) -> gymnasium.Env[Any, Any]:
+        key = json.dumps(_arguments(trial, plant), sort_keys=True, default=str)
+        if key not in made:
+            made[key] = make(plant, trial, effects)
+        set_conditions(core_of(made[key]), plant, trial)
+        return made[key]
+
+    try:
+        yield made_for
+    finally:
+        for env in made.values():
+            env.close()
+
+
+def make(plant: Plant, trial: Trial, effects: Sequence[Entry]) -> gymnasium.Env[Any, Any]:
     """The environment of a trial with effects and no time limit; the recordings set the length of episodes.
 
     Raises:
         RecordingError: it cannot be made; one line.
     """
     assert plant.environment is not None
-    arguments = {**arguments_of(trial, plant), **plant.environment}
+    arguments = {**_arguments(trial, plant), **plant.environment}
     given = [*plant.given, *effects]
     try:
         return gymnasium.make(**arguments, effects=given or None, max_episode_steps=-1, disable_env_checker=True)
@@ -220,7 +236,7 @@ def make(plant: Plant, trial: Trial, effects: Sequence[Any]) -> gymnasium.Env[An
         raise RecordingError(f"{trial.source}: {plant.name} cannot be made for --policy: {fault}") from fault
 
 
-def arguments_of(trial: Trial, plant: Plant) -> dict[str, Any]:
+def _arguments(trial: Trial, plant: Plant) -> dict[str, Any]:
     """Arguments that the recorded environment was made with (its reward, for example), if it is the same."""
     said = trial.sidecar.raw.get("arguments")
     if not isinstance(said, Mapping) or trial.sidecar.robot.removeprefix("tiago_mj/") != plant.name:
@@ -279,9 +295,13 @@ def _steps(asked: Asked, trial: Trial) -> int:
     """Control steps of the episode: as recorded with this policy, else as the environment has."""
     if _made_by(asked, trial):
         return len(_steps_end(trial))
-    assert asked.plant.environment is not None
-    limit = gymnasium.spec(str(asked.plant.environment["id"])).max_episode_steps
-    return limit or len(_steps_end(trial))
+    return limit(asked.plant) or len(_steps_end(trial))
+
+
+def limit(plant: Plant) -> int | None:
+    """Control steps of an episode, as the environment is registered."""
+    assert plant.environment is not None
+    return gymnasium.spec(str(plant.environment["id"])).max_episode_steps
 
 
 # Measured ------------------------------------------------------------------------------------------------------------
