@@ -160,6 +160,16 @@ def test_rollouts_of_a_plain_model_have_no_return(diagnosis, tmp_path, capsys):
     assert "needs the reward of an environment" in complaint(capsys, diagnosis, "--rollouts", logs)
 
 
+def test_rollouts_that_say_no_goal_are_one_line_that_names_no_option(diagnosis, tmp_path, capsys):
+    assert cli.main(["record", "--env", ENV, "--policy", "pi", "--out", str(tmp_path / "logs")]) == 0
+    sidecar = tmp_path / "logs" / "pi-000.json"
+    said = json.loads(sidecar.read_text())
+    del said["goal"]
+    sidecar.write_text(json.dumps(said))
+    capsys.readouterr()
+    assert "pi-000.parquet: a return needs the goal" in complaint(capsys, diagnosis, "--rollouts", tmp_path / "logs")
+
+
 def test_other_explanations_are_costed_with_what_was_known_before_and_doubts_are_said():
     value = {"seconds": Value(0.02, 0.018, 0.022, "s")}
     best, other = Named("command_delay", "all", value), Named("clock_offset", "all", value)

@@ -233,7 +233,7 @@ def make(plant: Plant, trial: Trial, effects: Sequence[Entry]) -> gymnasium.Env[
     try:
         return gymnasium.make(**arguments, effects=given or None, max_episode_steps=-1, disable_env_checker=True)
     except (TypeError, ValueError) as fault:
-        raise RecordingError(f"{trial.source}: {plant.name} cannot be made for --policy: {fault}") from fault
+        raise RecordingError(f"{trial.source}: {plant.name} cannot be made as it was recorded: {fault}") from fault
 
 
 def _arguments(trial: Trial, plant: Plant) -> dict[str, Any]:
@@ -279,7 +279,7 @@ def goal_of(trial: Trial) -> Any:
     """
     if trial.sidecar.goal is None:
         raise RecordingError(
-            f'{trial.source}: --policy needs the goal of every trial, and its sidecar has none: write "goal": [...]'
+            f'{trial.source}: a return needs the goal of every trial, and its sidecar has none: write "goal": [...]'
         )
     return trial.sidecar.goal
 
