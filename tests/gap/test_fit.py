@@ -7,7 +7,7 @@ import pytest
 
 from tiago_mj.effects.spec import Entry
 from tiago_mj.gap.analysis import outcome
-from tiago_mj.gap.inference import hypotheses, likelihood, noise_model
+from tiago_mj.gap.inference import hypotheses, likelihood, noise_model, step_tolerance
 from tiago_mj.gap.inference.fit import Fitted, Fitter, Point, Start
 from tiago_mj.gap.inference.predictor import Predictor
 from tiago_mj.gap.inference.whitening import Normal, Whitening
@@ -28,10 +28,10 @@ def shortened(plant, factor):
 def test_predictions_are_nearer_to_those_of_steps_sixteen_times_shorter(grasps, effects):
     plant, on, data = grasps
     sims = [(k, ()) for k in range(2)]
-    runs = [replay.simulate(p, on, sims) for p in (plant, shortened(plant, noise_model.STEP_REFINEMENT))]
+    runs = [replay.simulate(p, on, sims) for p in (plant, shortened(plant, step_tolerance.STEP_REFINEMENT))]
     wanted = noise_model.predicted(data, replay.simulate(shortened(plant, 16), on, [(k, effects) for k in range(2)]))
     left = {}
-    put_right = Predictor(plant, on, data, off=noise_model.step_errors(*runs))
+    put_right = Predictor(plant, on, data, off=step_tolerance.step_errors(*runs))
     several = {"as simulated": put_right.as_simulated(), "put right": put_right}
     for name, predict in several.items():
         predicted = predict.all_trials([effects], range(2))[0]

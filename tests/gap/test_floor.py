@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tiago_mj.gap.inference import likelihood, noise_model, sensor_noise
+from tiago_mj.gap.inference import likelihood, noise_model, sensor_noise, step_tolerance
 from tiago_mj.gap.inference.noise_model import Data
 
 ROWS, NOISE = 60, 0.1
@@ -24,16 +24,16 @@ def cost(data: Data, difference) -> float:
 def test_a_joint_that_chatters_in_the_simulator_alone_may_stand_still_in_another_explanation():
     """Half a deviation would be charged for each sample if the chatter were believed to err alike over a block."""
     chatter = 0.4 * (-1.0) ** np.arange(ROWS)[None, :, None]
-    data = noise_model.with_step_tolerance(flat(), chatter, np.zeros_like(chatter))
-    off = chatter * noise_model.STEP_REFINEMENT / (noise_model.STEP_REFINEMENT - 1)
+    data = step_tolerance.with_step_tolerance(flat(), chatter, np.zeros_like(chatter))
+    off = chatter * step_tolerance.STEP_REFINEMENT / (step_tolerance.STEP_REFINEMENT - 1)
     assert (data.common < 1e-9).all()
     assert cost(data, off) < ROWS
 
 
 def test_what_a_step_shifts_for_good_is_one_error_and_not_many():
     shifted = np.full((1, ROWS, 1), 0.4)
-    data = noise_model.with_step_tolerance(flat(), shifted, np.zeros_like(shifted))
-    off = shifted * noise_model.STEP_REFINEMENT / (noise_model.STEP_REFINEMENT - 1)
+    data = step_tolerance.with_step_tolerance(flat(), shifted, np.zeros_like(shifted))
+    off = shifted * step_tolerance.STEP_REFINEMENT / (step_tolerance.STEP_REFINEMENT - 1)
     assert data.common == pytest.approx(np.abs(off))
     assert cost(data, off) < ROWS / data.block * 1.01  # of each block once
     assert cost(data, off * (-1.0) ** np.arange(ROWS)[None, :, None]) > 20 * ROWS / data.block
@@ -92,7 +92,7 @@ def test_where_the_simulator_itself_cannot_tell_what_happens_little_is_held_agai
     rng = np.random.default_rng(0)
     alike = np.zeros((7, 1, ROWS, 1))
     alike[:, :, ROWS // 2 :] = rng.normal(0, 5 * NOISE, (7, 1, 1, 1))
-    data = noise_model.with_scatter(flat(), alike)
+    data = step_tolerance.with_scatter(flat(), alike)
     assert data.sigma[0, : ROWS // 2] == pytest.approx(NOISE)
     spread = float(alike[:, 0, -1, 0].std(ddof=1))
     assert data.sigma[0, ROWS // 2 :] == pytest.approx(np.hypot(NOISE, spread))
@@ -145,13 +145,13 @@ def test_beside_what_explains_a_motion_the_noise_is_the_sensors_own(rate):
         least=np.array([1e-4]),
         assumed=(np.zeros_like(values), np.full_like(values, (2 * noise) ** 2)),
     )
-    beside = noise_model.beside(data, swing, np.zeros_like(swing))
+    beside = step_tolerance.beside(data, swing, np.zeros_like(swing))
     assert beside.noise[0] == pytest.approx(noise, rel=0.1)
-    assert beside.common == pytest.approx(2 * noise * noise_model.BESIDE)
-    assert beside.sigma == pytest.approx(np.hypot(beside.noise[0], 2 * noise * noise_model.BESIDE))
-    wrong = noise_model.beside(data, swing + 0.1 * np.sin(20 * time)[:, None], np.zeros_like(swing))
+    assert beside.common == pytest.approx(2 * noise * step_tolerance.BESIDE)
+    assert beside.sigma == pytest.approx(np.hypot(beside.noise[0], 2 * noise * step_tolerance.BESIDE))
+    wrong = step_tolerance.beside(data, swing + 0.1 * np.sin(20 * time)[:, None], np.zeros_like(swing))
     assert wrong.noise[0] <= before  # what explains badly makes no noise
-    assert noise_model.beside(beside, swing, np.zeros_like(swing)).sigma == pytest.approx(beside.sigma)
+    assert step_tolerance.beside(beside, swing, np.zeros_like(swing)).sigma == pytest.approx(beside.sigma)
 
 
 def test_noise_beside_an_explanation_is_at_least_what_is_believed():
@@ -164,4 +164,4 @@ def test_noise_beside_an_explanation_is_at_least_what_is_believed():
         np.zeros((2, ROWS, 1)),
         least=np.array([NOISE / 4]),
     )
-    assert noise_model.beside(data, np.zeros_like(data.value), np.zeros_like(data.value)).noise[0] == NOISE / 4
+    assert step_tolerance.beside(data, np.zeros_like(data.value), np.zeros_like(data.value)).noise[0] == NOISE / 4

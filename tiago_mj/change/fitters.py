@@ -14,15 +14,15 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from tiago_mj.effects.spec import Entry
-from tiago_mj.gap.inference import noise_model, sensor_noise
+from tiago_mj.gap.inference import noise_model, sensor_noise, step_tolerance
 from tiago_mj.gap.inference.fit import Array, Fitter, Point
 from tiago_mj.gap.inference.hypotheses import Candidate
 from tiago_mj.gap.inference.noise_model import Data
 
 #: Share of the tolerance of any two simulators that is left in a difference of two recordings of the same commands,
 #: in which what the model gets wrong cancels to first order. Chosen by hand; as beside an explanation
-#: (:data:`tiago_mj.gap.inference.noise_model.BESIDE`).
-LEFT: float = noise_model.BESIDE
+#: (:data:`tiago_mj.gap.inference.step_tolerance.BESIDE`).
+LEFT: float = step_tolerance.BESIDE
 
 
 @dataclass

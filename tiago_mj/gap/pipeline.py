@@ -15,7 +15,7 @@ from tiago_mj.gap.compared import Compared
 from tiago_mj.gap.conclusion import concluded, simulations, unanswered
 from tiago_mj.gap.detectors.proposals import Proposals, proposals
 from tiago_mj.gap.faults import keeping
-from tiago_mj.gap.inference import hypotheses, noise_model
+from tiago_mj.gap.inference import hypotheses, noise_model, step_tolerance
 from tiago_mj.gap.inference.predictor import predictor
 from tiago_mj.gap.report.contradiction import checked
 from tiago_mj.gap.report.repaired import with_model
@@ -100,7 +100,7 @@ def _replayed(session: Session, asked: Request, so_far: SoFar) -> Compared:
     so_far.tally = predict.tally
     simulated = deadline.spent()
     # The nominal model once as it is, once with finer steps, once as it is compared.
-    a_simulation = (simulated - begun) / (len(session.trials) * (2 + noise_model.STEP_REFINEMENT))
+    a_simulation = (simulated - begun) / (len(session.trials) * (2 + step_tolerance.STEP_REFINEMENT))
     phase = phases.phases(plant, predict.on, nominal)[:, : base.shape[1]]
     so_far.where = locate.locate(predict.data, base, phase, plant.period, asked.seed)
     # What follows the search: so many simulations, and three such tables (where, what remains, how far it closes).

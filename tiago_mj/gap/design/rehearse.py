@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from tiago_mj.effects import EFFECTS
 from tiago_mj.effects.declare import is_random
 from tiago_mj.effects.spec import Entry
-from tiago_mj.gap.inference import noise_model
+from tiago_mj.gap.inference import noise_model, step_tolerance
 from tiago_mj.gap.inference.noise_model import Data
 from tiago_mj.gap.inference.predictor import Predictor
 from tiago_mj.gap.simulation import replay
@@ -126,10 +126,10 @@ def rehearse(plant: Plant, like: Trial, data: Data, explanations: Sequence[Effec
 
 def with_numerics(rehearsal: Rehearsal) -> Rehearsal:
     """With a tolerance of what the nominal simulator itself gets wrong by its physics step."""
-    fine = replace(rehearsal.plant, max_timestep=rehearsal.plant.max_timestep / noise_model.STEP_REFINEMENT)
+    fine = replace(rehearsal.plant, max_timestep=rehearsal.plant.max_timestep / step_tolerance.STEP_REFINEMENT)
     each: list[tuple[int, Effects]] = [(k, ()) for k in range(len(rehearsal.files))]
     finer = replay.simulate(fine, rehearsal.on, each, rehearsal.how)
-    rows = noise_model.with_step_tolerance(
+    rows = step_tolerance.with_step_tolerance(
         rehearsal.data, rehearsal.nominal, noise_model.predicted(rehearsal.data, finer)
     )
     return replace(rehearsal, data=rows)

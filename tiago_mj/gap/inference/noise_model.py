@@ -30,7 +30,7 @@ Usable = frozenset[str] | Mapping[str, frozenset[str]]
 TIMING_TOLERANCE: Final = 2e-3
 #: Relative model error: two correct simulators agree on a signal's size to within this share of its range over the
 #: trial, (slide, hinge); for a force, which is 0 without contact, of its value. The error of the physics step comes on
-#: top (:func:`with_step_tolerance`). Chosen by hand; no ablation.
+#: top (:mod:`tiago_mj.gap.inference.step_tolerance`). Chosen by hand; no ablation.
 SIZE_TOLERANCE: Final = {"position": (0.0005, 0.0002), "velocity": (0.002, 0.0007), "force": (0.005, 0.005)}
 #: Share of a contact force by which two simulators differ from sample to sample, independently. Chosen by hand; no
 #: ablation.
@@ -50,15 +50,6 @@ CONTACT_DEVIATIONS: Final = 4.0
 #: Predictions are clipped at this many deviations of the noise beyond the measured range; a diverged simulation lies
 #: there.
 DIVERGED_DEVIATIONS: Final = 1e6
-#: Share of the step's error that is still wrong once it was put right beside the very explanation. Chosen by hand; no
-#: ablation.
-STEP_ERROR_KNOWN_TO: Final = 0.2
-#: Share of what is assumed for any two simulators that is left beside an explanation whose step error is put right:
-#: the right explanation of one hinge (931:13) then left 1.02 and 1.06 deviations of the noise. Chosen by hand; no
-#: ablation.
-BESIDE: Final = 1 / 4
-#: The nominal simulator is run once more with a physics step this many times shorter.
-STEP_REFINEMENT: Final = 4
 
 
 @dataclass(frozen=True)
@@ -258,84 +249,6 @@ def _grid_interpolated(values: Array) -> Array:
     return out
 
 
-def with_step_tolerance(data: Data, predicted: Array, finer: Array) -> Data:
-    """With a tolerance of what the nominal simulator itself gets wrong by its physics step: put right in the nominal
-    model (:func:`step_errors`), it is as wrong in an explanation in which everything happens at another time.
-
-    Args:
-        data: measured.
-        predicted, finer: nominal predictions at the step that is used and at one :data:`STEP_REFINEMENT` times shorter,
-            (ntrials, T, C). Integrators of first order are off by FINER / (FINER - 1) of the difference. The mean
-            over a block is an error that its rows share; the rest is independent between rows: a joint may chatter.
-    """
-    off = (predicted - finer) * STEP_REFINEMENT / (STEP_REFINEMENT - 1)
-    alike = _block_means(off, data.block)
-    apart, alike = _dilated(np.abs(off - alike)), _dilated(np.abs(alike))
-    return replace(
-        data,
-        sigma=np.sqrt(data.sigma**2 + alike**2 + apart**2),
-        common=np.hypot(data.common, alike),
-        stepless=data.stepless or (data.sigma, data.common),
-    )
-
-
-def beside(data: Data, predicted: Array, step_error: Array) -> Data:
-    """With what is not known beside a prediction that explains what was measured: the noise of what that leaves, in
-    which no motion hides the sensor's, and a small share of the step's error there, which is put right.
-
-    Args:
-        data: measured.
-        predicted: the prediction, its step's error put right, (ntrials, T, C).
-        step_error: what was put right, (ntrials, T, C).
-    """
-    sigma, common = data.stepless or (data.sigma, data.common)
-    own = data.own.copy()
-    for c in range(len(own)):
-        if data.step is None or not data.step[c]:  # of what lies on a grid, the grid tells
-            left = np.where(
-                np.isfinite(sensor_noise.without_extremes(data.value[:, :, c])),
-                (data.value - predicted)[:, :, c],
-                np.nan,
-            )
-            own[c] = np.clip(
-                sensor_noise.by_differences(left), own[c] if data.least is None else min(data.least[c], own[c]), own[c]
-            )
-    grid = 0.0 if data.step is None else data.step**2 / 12
-    apart, alike = (0.0, 0.0) if data.assumed is None else ((1 - BESIDE**2) * one for one in data.assumed)
-    there = replace(
-        data,
-        noise=np.sqrt(own**2 + grid),
-        sigma=np.sqrt(np.maximum(sigma**2 - data.own**2 - apart - alike, 0.0) + own**2),
-        common=np.sqrt(np.maximum(common**2 - alike, 0.0)),
-        stepless=None,
-        assumed=None,
-    )
-    uncertain = STEP_ERROR_KNOWN_TO * step_error * (STEP_REFINEMENT - 1) / STEP_REFINEMENT
-    return with_step_tolerance(there, uncertain, np.zeros_like(uncertain))
-
-
-def with_scatter(data: Data, alike: Array) -> Data:
-    """With a tolerance for the simulator's own sensitivity: the scatter of predictions (n, ntrials, T, C) at negligibly
-    different parameters, which diverge where an object sticks in one and slips in another.
-
-    As of :func:`with_step_tolerance`, the mean over a block is an error that its rows share, the rest is independent.
-    """
-    spread = alike - alike.mean(axis=0)
-    common = _block_means(spread, data.block)
-    share = 1 / (len(alike) - 1)
-    lasting, apart = (share * (part**2).sum(axis=0) for part in (common, spread - common))
-    stepless = data.stepless and (
-        np.sqrt(data.stepless[0] ** 2 + lasting + apart),
-        np.hypot(data.stepless[1], lasting**0.5),
-    )
-    return replace(
-        data,
-        sigma=np.sqrt(data.sigma**2 + lasting + apart),
-        common=np.sqrt(data.common**2 + lasting),
-        stepless=stepless,
-    )
-
-
 def sum_by_block(values: Array, rows: int) -> Array:
     """Sums over blocks of rows, (..., T, C) to (..., nblocks, C)."""
     return np.add.reduceat(values, np.arange(0, values.shape[-2], rows), axis=-2)
@@ -344,29 +257,6 @@ def sum_by_block(values: Array, rows: int) -> Array:
 def repeat_over_blocks(sums: Array, rows: int, length: int) -> Array:
     """The same number for all rows of a block, (..., T, C)."""
     return np.repeat(sums, rows, axis=-2)[..., :length, :]
-
-
-def _block_means(values: Array, rows: int) -> Array:
-    """The mean of its block for every row, (..., T, C)."""
-    return repeat_over_blocks(
-        sum_by_block(values, rows) / sum_by_block(np.ones_like(values), rows), rows, values.shape[-2]
-    )
-
-
-def _dilated(size: Array) -> Array:
-    """The largest within a few rows: what happens may happen that much earlier or later."""
-    around = size.copy()
-    for shift in range(1, EVENT_ROWS + 1):
-        around[:, shift:] = np.maximum(around[:, shift:], size[:, :-shift])
-        around[:, :-shift] = np.maximum(around[:, :-shift], size[:, shift:])
-    return around
-
-
-def step_errors(simulated: Signals, finer: Signals) -> Signals:
-    """Error of signals due to the physics step, by Richardson extrapolation from a second run with a step
-    :data:`STEP_REFINEMENT` times shorter."""
-    share = STEP_REFINEMENT / (STEP_REFINEMENT - 1)
-    return Signals(*((getattr(simulated, f) - getattr(finer, f)) * share for f in Signals.__dataclass_fields__))
 
 
 def select_trials(data: Data, trials: Sequence[int]) -> Data:

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from tiago_mj.effects import EFFECTS
 from tiago_mj.effects.declare import is_random
 from tiago_mj.effects.spec import Entry
-from tiago_mj.gap.inference import likelihood, noise_model
+from tiago_mj.gap.inference import likelihood, noise_model, step_tolerance
 from tiago_mj.gap.simulation import replay, stability
 from tiago_mj.gap.simulation.plant import Plant, substeps
 from tiago_mj.gap.simulation.replay import Grid, Signals, sensor_only
@@ -49,7 +49,7 @@ class Predictor:
         threads: of the batches.
         seed: of random effects.
         off: what the step makes wrong in the nominal signals of every trial
-            (:func:`tiago_mj.gap.inference.noise_model.step_errors`), in parts of rows
+            (:func:`tiago_mj.gap.inference.step_tolerance.step_errors`), in parts of rows
             (:func:`tiago_mj.gap.simulation.replay.parts_of`) where sensors' effects with a memory are asked for; None:
             not known.
         corrected: whether that is put right where it is known; else predictions are as they are simulated.
@@ -182,7 +182,7 @@ class Predictor:
             runs.append(run)
         if any(run.diverged.any() for run in runs):
             return self
-        found, index = noise_model.step_errors(*runs), [trial for trial, _ in sims]
+        found, index = step_tolerance.step_errors(*runs), [trial for trial, _ in sims]
         off = {f: getattr(self.off, f).copy() for f in Signals.__dataclass_fields__}
         for f, one in off.items():
             one[index] = getattr(found, f)
@@ -284,7 +284,7 @@ def predictor(
     known = finer is not true and not finer.diverged.any()
     if not known:  # a step that is not fine enough tells nothing of another
         finer = true
-    off = noise_model.step_errors(true, finer)
+    off = step_tolerance.step_errors(true, finer)
     if bare.given != plant.given:
         sensed = replace(
             plant,
@@ -294,7 +294,7 @@ def predictor(
     else:
         nominal, finer = true.thinned(parts), finer.thinned(parts)
     as_simulated = noise_model.predicted(data, nominal)
-    data = noise_model.with_step_tolerance(data, as_simulated, noise_model.predicted(data, finer))
+    data = step_tolerance.with_step_tolerance(data, as_simulated, noise_model.predicted(data, finer))
     # What was recorded in this very simulator is off by the same steps: decided anew beside explanations (select).
     same = likelihood.distance(data, as_simulated) < likelihood.distance(
         data, as_simulated - noise_model.predicted(data, off.thinned(parts))
@@ -313,9 +313,9 @@ def _steps_with_rows(plant: Plant) -> bool:
 
 
 def _refined(plant: Plant, parts: int) -> Plant:
-    """With physics steps that are :data:`tiago_mj.gap.inference.noise_model.STEP_REFINEMENT` times shorter, or a little
-    more, so that each part of a row has whole ones."""
-    steps = substeps(plant.period, plant.max_timestep / noise_model.STEP_REFINEMENT)
+    """With physics steps that are :data:`~tiago_mj.gap.inference.step_tolerance.STEP_REFINEMENT` times shorter, or a
+    little more, so that each part of a row has whole ones."""
+    steps = substeps(plant.period, plant.max_timestep / step_tolerance.STEP_REFINEMENT)
     return replace(plant, max_timestep=plant.period / (math.ceil(steps / parts) * parts))
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tiago_mj.gap.detectors.set_points import ServoMotion
-from tiago_mj.gap.inference import likelihood, noise_model
+from tiago_mj.gap.inference import likelihood, noise_model, step_tolerance
 from tiago_mj.gap.inference.fit import NUISANCE_STEP, Fitted, Fitter, Point, Start
 from tiago_mj.gap.inference.hypotheses import Candidate
 from tiago_mj.gap.inference.noise_model import Data
@@ -151,7 +151,7 @@ def with_scatter(fitter: Fitter, fit: Fitted) -> Fitter:
     rng = np.random.default_rng(fitter.predict.seed)
     moved = fit.nuisance + SENSITIVITY_DEVIATION * rng.standard_normal((SENSITIVITY_DRAWS, fitter.size))
     apart = fitter.predictions([Point.of(fit), *(Point(fit.parts, fit.values, one) for one in moved)])
-    return replace(fitter, data=noise_model.with_scatter(fitter.data, apart))
+    return replace(fitter, data=step_tolerance.with_scatter(fitter.data, apart))
 
 
 def acting_on_misfit(pool: Sequence[Candidate], data: Data, base: Array) -> list[Candidate]:

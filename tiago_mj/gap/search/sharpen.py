@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from tiago_mj.gap.inference import noise_model
+from tiago_mj.gap.inference import noise_model, step_tolerance
 from tiago_mj.gap.inference.fit import Fitted, Fitter
 from tiago_mj.gap.inference.points import Point
 from tiago_mj.gap.search import ranking, rounds
@@ -47,7 +47,7 @@ def beside(full: Fitter, best: Fitted) -> Fitter:
     error = np.zeros_like(prediction)
     if predict.corrected and predict.off is not None:
         error = replace(there, predict=replace(predict, corrected=False)).predictions([point])[0] - prediction
-    there = replace(there, data=noise_model.beside(full.data, prediction, error))
+    there = replace(there, data=step_tolerance.beside(full.data, prediction, error))
     sigma, common = predict.data.sigma.copy(), predict.data.common.copy()
     sigma[list(there.trials)], common[list(there.trials)] = there.data.sigma, there.data.common
     measured = replace(predict.data, noise=there.data.noise, sigma=sigma, common=common)
