@@ -145,7 +145,6 @@ def collect(plant: Plant, trials: Sequence[Trial], usable: Usable | None = None)
             noise.append(sensor_noise.beside_grid(values, least, step, nominal))
             leasts.append(least)
             steps.append(max(step, sensor_noise.grid_of(values)))
-            usual = sensor_noise.MIN_NOISE[kind][0 if slide else 1]
             trails = (
                 trailing.share_of_range(plant, trials, index, values) if kind == "position" and least < usual else 1.0
             )
@@ -206,10 +205,7 @@ def sigma(
         # Less what noise alone makes, and half a step, which a fast signal may be off between two lines.
         jump[:, lag:-lag] = np.maximum(inner - (4 * noise + grid / 2) / period, 0.0)
         jump *= minimum_filter1d(_between_first_and_last(value).astype(float), 2 * lag + 3, axis=1, mode="nearest")
-    steepest = jump.copy()
-    for shift in range(1, lag + EVENT_ROWS + 1):
-        steepest[:, shift:] = np.maximum(steepest[:, shift:], jump[:, :-shift])
-        steepest[:, :-shift] = np.maximum(steepest[:, :-shift], jump[:, shift:])
+    steepest = dilated(jump, lag + EVENT_ROWS)
     known = np.isfinite(value)
     span = np.max(value, axis=1, where=known, initial=-np.inf) - np.min(value, axis=1, where=known, initial=np.inf)
     pressed = np.where(np.abs(filled) > CONTACT_DEVIATIONS * np.hypot(noise, grid / np.sqrt(12)), np.abs(filled), 0.0)
@@ -247,6 +243,15 @@ def _grid_interpolated(values: Array) -> Array:
         crossed = np.concatenate([row[:1], (row[at] + row[at + 1]) / 2, row[-1:]])
         out[k] = np.interp(rows, np.concatenate([[0.0], at + 0.5, [len(row) - 1.0]]), crossed)
     return out
+
+
+def dilated(size: Array, rows: int) -> Array:
+    """The largest within so many rows, (ntrials, T, C): what happens may happen that much earlier or later."""
+    around = size.copy()
+    for shift in range(1, rows + 1):
+        around[:, shift:] = np.maximum(around[:, shift:], size[:, :-shift])
+        around[:, :-shift] = np.maximum(around[:, :-shift], size[:, shift:])
+    return around
 
 
 def sum_by_block(values: Array, rows: int) -> Array:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tiago_mj.gap.inference import sensor_noise
-from tiago_mj.gap.inference.noise_model import EVENT_ROWS, Data, repeat_over_blocks, sum_by_block
+from tiago_mj.gap.inference.noise_model import EVENT_ROWS, Data, dilated, repeat_over_blocks, sum_by_block
 from tiago_mj.gap.simulation.replay import Signals
 
 Array = NDArray[np.float64]
@@ -37,7 +37,7 @@ def with_step_tolerance(data: Data, predicted: Array, finer: Array) -> Data:
     """
     off = (predicted - finer) * STEP_REFINEMENT / (STEP_REFINEMENT - 1)
     alike = _block_means(off, data.block)
-    apart, alike = _dilated(np.abs(off - alike)), _dilated(np.abs(alike))
+    apart, alike = (dilated(np.abs(one), EVENT_ROWS) for one in (off - alike, alike))
     return replace(
         data,
         sigma=np.sqrt(data.sigma**2 + alike**2 + apart**2),
@@ -108,15 +108,6 @@ def _block_means(values: Array, rows: int) -> Array:
     return repeat_over_blocks(
         sum_by_block(values, rows) / sum_by_block(np.ones_like(values), rows), rows, values.shape[-2]
     )
-
-
-def _dilated(size: Array) -> Array:
-    """The largest within a few rows: what happens may happen that much earlier or later."""
-    around = size.copy()
-    for shift in range(1, EVENT_ROWS + 1):
-        around[:, shift:] = np.maximum(around[:, shift:], size[:, :-shift])
-        around[:, :-shift] = np.maximum(around[:, :-shift], size[:, shift:])
-    return around
 
 
 def step_errors(simulated: Signals, finer: Signals) -> Signals:
