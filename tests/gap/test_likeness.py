@@ -91,7 +91,7 @@ def test_names_of_like_parts_and_what_is_refused():
     names = ("FL_hip", "FL_knee", "FR_hip", "FR_knee", "base")
     assert alike(names, ("FL", "FR"))["FR"] == {"hip": "FR_hip", "knee": "FR_knee"}
     for said, why in ((("FL",), "two parts"), (("FL", "XX"), "begins with XX"), (("FL", "ba"), "the same joints")):
-        with pytest.raises(RecordingError, match=why):
+        with pytest.raises(RecordingError, match=rf"^like is {', '.join(said)}: .*{why}"):
             alike(names, said)
 
 

@@ -140,10 +140,10 @@ def _read(path: Path) -> Array:
     return table
 
 
-def compare(recording: Recording, *, robot: str = "tiago_ta11", cutoff: float = CUTOFF) -> ArmComparison:
+def compare(recording: Recording, *, cutoff: float = CUTOFF) -> ArmComparison:
     """Predict the torques of the recorded motion and compare them with the measured ones."""
     motion = inverse.motion(JOINTS, recording.time, recording.position, rate=RATE, cutoff=cutoff)
-    predicted = inverse.torque(inverse.free_model(robot), motion)
+    predicted = inverse.torque(inverse.free_model("tiago_ta11"), motion)
     effort = inverse.low_pass(inverse.uniform(recording.time, recording.effort, RATE)[1], rate=RATE, cutoff=cutoff)
     measured = effort * NEWTON_METRES_PER_UNIT
     columns = [JOINTS.index(name) for name in COMPARABLE]

@@ -22,20 +22,19 @@ from tiago_mj.gap.torque.shown import check_given, may_show, shown
 from tiago_mj.recordings.recording import Finding
 
 
-def preflight_along(session: Session, findings: Sequence[Finding], seed: int = 0) -> Preflight:
+def preflight_along(session: Session, findings: Sequence[Finding]) -> Preflight:
     """Look at what the motion and the efforts of recordings would show of every effect, on every joint.
 
     Args:
         session: recordings with positions and efforts, and the nominal simulator with what is known already.
         findings: of the lint: channels that it discredits are left out.
-        seed: of the noise that is drawn.
 
     Raises:
         RecordingError: nothing moves, no effort can be used, or it is too short; one line.
     """
     trials, joints = efforts_along(session.plant, session.trials)
     check_given(trials, session.plant.given)
-    measured = most_informative(session, trials, Wanted(joints, findings, session.plant.given, seed))
+    measured = most_informative(session, trials, Wanted(joints, findings, session.plant.given))
     everything = range(len(measured.session.trials))
     plant, predict = measured.session.plant, measured.predict
     pool = hypotheses.candidates(plant, None, None, sizes.sizes(plant, measured.session.trials, measured.motion))

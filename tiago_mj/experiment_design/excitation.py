@@ -99,7 +99,6 @@ def preflight(
     *,
     usable: noise_model.Usable | None = None,
     threads: int = 0,
-    seed: int = 0,
 ) -> Preflight:
     """Excitation of every effect by the commands of recordings, from simulations.
 
@@ -108,7 +107,6 @@ def preflight(
         trials: recordings.
         usable: channels that the lint trusts, of all trials or by their sources; None for all.
         threads: of the simulations.
-        seed: of effects that draw at random.
 
     Raises:
         RecordingError: nothing was commanded, or nothing measured is of this robot.
@@ -121,7 +119,7 @@ def preflight(
         raise RecordingError(
             f"{trials[0].source}: no measured column is of this robot ({', '.join(plant.joints)}): give a map file"
         )
-    predict = Predictor(plant, on, data, threads, seed)
+    predict = Predictor(plant, on, data, threads)
     everything = predict.all_trials([()], list(range(len(trials))), keep=True)[0]
     moved = np.nanstd(everything, axis=1).sum(axis=1)
     chosen = sorted(int(k) for k in np.argsort(-moved)[:TRIALS])

@@ -101,7 +101,7 @@ def _replayed(session: Session, asked: Request, so_far: SoFar) -> Compared:
     simulated = deadline.spent()
     # The nominal model once as it is, once with finer steps, once as it is compared.
     a_simulation = (simulated - begun) / (len(session.trials) * (2 + step_tolerance.STEP_REFINEMENT))
-    phase = phases.phases(plant, predict.on, nominal)[:, : base.shape[1]]
+    phase = phases.phases(plant, nominal)[:, : base.shape[1]]
     so_far.where = locate.locate(predict.data, base, phase, plant.period, asked.seed)
     # What follows the search: so many simulations, and three such tables (where, what remains, how far it closes).
     reserve = a_simulation * simulations(session) + 3 * (deadline.spent() - simulated)
@@ -127,7 +127,7 @@ def _along_the_motion(session: Session, asked: Request, so_far: SoFar) -> Compar
     base = predict.all_trials([()], range(len(along.trials)), keep=True)[0]
     so_far.tally = predict.tally
     simulated = deadline.spent()
-    phase = phases.phases(plant, predict.on, found.motion)
+    phase = phases.phases(plant, found.motion)
     so_far.where = locate.locate(predict.data, base, phase, plant.period, asked.seed)
     a_simulation = (simulated - begun) / max(predict.tally["simulations"], 1)
     reserve = a_simulation * simulations(along) + 3 * (deadline.spent() - simulated)

@@ -30,13 +30,12 @@ def tied(trials: Sequence[Trial]) -> bool:
     return said
 
 
-def alike(names: Sequence[str], said: Sequence[str], where: str = "like") -> dict[str, dict[str, str]]:
+def alike(names: Sequence[str], said: Sequence[str]) -> dict[str, dict[str, str]]:
     """Names by part, then by what is left of them: of ``FL_hip_joint`` the part ``FL`` and ``hip_joint``.
 
     Args:
         names: of joints or actuators.
         said: what the names of the parts begin with, two or more.
-        where: who said it, for messages.
 
     Raises:
         RecordingError: a part has no such name, or another number of them than the first; one line.
@@ -49,7 +48,7 @@ def alike(names: Sequence[str], said: Sequence[str], where: str = "like") -> dic
     if len(said) < 2 or not all(found.values()):
         empty = [part for part, mine in found.items() if not mine]
         raise RecordingError(
-            f"{where}: like is {', '.join(said)}: "
+            f"like is {', '.join(said)}: "
             + (f"no joint begins with {empty[0]}" if empty else "give two parts or more")
             + f": there are {', '.join(names)}"
         )
@@ -57,7 +56,7 @@ def alike(names: Sequence[str], said: Sequence[str], where: str = "like") -> dic
     for part, mine in found.items():
         if set(mine) != set(first):
             raise RecordingError(
-                f"{where}: like is {', '.join(said)}: {part} has {', '.join(sorted(mine))}, and {said[0]} has "
+                f"like is {', '.join(said)}: {part} has {', '.join(sorted(mine))}, and {said[0]} has "
                 f"{', '.join(sorted(first))}: parts that are alike have the same joints"
             )
     return found

@@ -93,7 +93,7 @@ def simulated(plant: Plant, trials: Sequence[Trial], *, threads: int = 0) -> Sim
     on = replay.grid(plant, trials)
     signals = replay.simulate(plant, on, [(k, ()) for k in range(len(trials))], replay.Run(threads))
     stability.check_nominal(plant, on, signals)
-    phase = phases.phases(plant, on, signals)
+    phase = phases.phases(plant, signals)
     rows = [len(trial.time) for trial in trials]
     force = signals.newtons
     return Simulated(

@@ -152,7 +152,7 @@ def tell(
         where=where,
         marks=_marks(signals, channels, diagnosis),
         channels=channels,
-        unmeasured=_unmeasured(plant, model, trial),
+        unmeasured=_unmeasured(model, trial),
         notes=tuple(said),
     )
 
@@ -175,7 +175,7 @@ def _overlay(plant: Plant, trial: Trial, on: replay.Grid, data: noise_model.Data
     measured = np.isfinite(data.value).any(axis=1, keepdims=True)
     predicted = np.where(measured, noise_model.predicted(data, simulated), np.nan)
     nominal = replay.Signals(*(getattr(simulated, f)[:1] for f in replay.Signals.__dataclass_fields__))
-    phase = phases.phases(plant, on, nominal)
+    phase = phases.phases(plant, nominal)
     signals = outcome.overlay(Recorded(session_of(plant, [trial]), data, phase), predicted[:1], predicted[-1:], 0)
     return signals if len(predicted) > 1 else replace(signals, repaired={})
 
@@ -204,7 +204,7 @@ def _measured(plant: Plant, trial: Trial) -> tuple[Array, list[str]]:
     return qpos, [f"The position of {words.listed(missing)} was not measured: it is drawn where it began."]
 
 
-def _unmeasured(plant: Plant, model: mujoco.MjModel, trial: Trial) -> frozenset[int]:
+def _unmeasured(model: mujoco.MjModel, trial: Trial) -> frozenset[int]:
     """Freely moving bodies, whose pose no encoder measures."""
     return frozenset(
         int(model.jnt_bodyid[joint])

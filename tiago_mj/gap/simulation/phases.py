@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tiago_mj.gap.result import PHASES
 from tiago_mj.gap.simulation.plant import Plant
-from tiago_mj.gap.simulation.replay import Grid, Signals
+from tiago_mj.gap.simulation.replay import Signals
 
 Array = NDArray[np.float64]
 
@@ -25,11 +25,11 @@ CHANGING_SHARE: Final = 0.3
 AROUND_SECONDS: Final = 0.06
 
 
-def phases(plant: Plant, on: Grid, nominal: Signals) -> NDArray[np.int_]:
+def phases(plant: Plant, nominal: Signals) -> NDArray[np.int_]:
     """Phase of every row, (ntrials, T), as indices into :data:`PHASES`.
 
     Args:
-        plant, on: what was replayed.
+        plant: that was replayed.
         nominal: one row a trial.
     """
     speed = np.abs(nominal.velocity)
