@@ -18,7 +18,6 @@ from tiago_mj.effects.spec import Entry
 from tiago_mj.export import found as exported
 from tiago_mj.gap import apply, report
 from tiago_mj.gap.analysis import fitted_numbers
-from tiago_mj.gap.analysis.outcome import NINETY
 from tiago_mj.gap.inference.fit import Fitted
 from tiago_mj.gap.inference.hypotheses import Candidate, terms
 from tiago_mj.gap.inference.predictor import predictor
@@ -29,6 +28,7 @@ from tiago_mj.gap.search.state import Ranked
 from tiago_mj.gap.simulation import replay
 from tiago_mj.gap.simulation.plant import Plant, plant_of
 from tiago_mj.gap.simulation.session import Session, session_of
+from tiago_mj.io.quantities import NINETY
 from tiago_mj.recordings.read import read_recordings
 from tiago_mj.recordings.recording import Trial
 

@@ -15,8 +15,9 @@ from made_diagnoses import CASES, COULOMB, GAIN, LAG, diagnosis, replace
 
 from tiago_mj.gap.report import json as report_json
 from tiago_mj.gap.result import Explanation, Joint, OpenNumber
+from tiago_mj.io.quantities import NINETY
 from tiago_mj.randomisation import diagnosis as reading
-from tiago_mj.randomisation.posterior import NINETY, described
+from tiago_mj.randomisation.posterior import described
 
 TOGETHER = Joint((False, False), ((0.0232, -0.0002), (-0.0002, 4e-6)), (0.0, 0.0), (12.0, 0.3))
 

@@ -30,6 +30,7 @@ from tiago_mj.gap.search.state import Ranked
 from tiago_mj.gap.simulation.plant import Plant
 from tiago_mj.gap.simulation.session import Session, session
 from tiago_mj.io import mujoco_log
+from tiago_mj.io.quantities import NINETY
 from tiago_mj.recordings.recording import RecordingError, Trial
 
 #: What a search's verdict is called here.
@@ -141,7 +142,7 @@ def _of_reading(one: Known | None, other: Known | None) -> Change:
     values = [none if known is None else known.value for known in (one, other)]
     more: Which = AFTER if other is not None and (one is None or other.value > one.value) else BEFORE
     error = float(np.hypot(0.0 if one is None else one.deviation, 0.0 if other is None else other.deviation))
-    size, reach = abs(values[1] - values[0]), outcome.NINETY * error
+    size, reach = abs(values[1] - values[0]), NINETY * error
     amount = Value(size, max(size - reach, 0.0), size + reach, candidate.unit, error)
     return Change(
         candidate.effect, target_of(candidate.target), candidate.parameter, more, amount, values[0], values[1], {}

@@ -14,6 +14,8 @@ SMALLER: Final = {
     "rad/s": ("mrad/s", 0.1),
     "kg": ("g", 0.1),
 }
+#: 90 % of a normal distribution lie within so many standard deviations.
+NINETY: Final = 1.645
 #: What stands for no unit.
 BARE: Final = ("-", "–", "1", "")
 

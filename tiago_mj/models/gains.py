@@ -13,13 +13,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
+from tiago_mj.io.quantities import NINETY
 from tiago_mj.io.quoting import quoted
 
 #: Stiffness and damping of a servo [N/m and N·s/m, or per rad].
 GAINS: Final = ("kp", "kv")
 #: Standard deviation of a guessed gain's logarithm: nine in ten lie within ten times and a tenth of it. By the rule of
 #: the converter Go2's 20 N·m/rad would be 2370, TIAGo's arm_1's 3000 is 4300 and its fingers' 2000 N/m is 1600.
-GUESSED: Final = math.log(10) / 1.645
+GUESSED: Final = math.log(10) / NINETY
 GUESS: Final = "guessed"
 #: Name of the text in which a converted model says which of its gains were guessed.
 TEXT: Final = "servo_gains"

@@ -11,7 +11,8 @@ import numpy as np
 from tiago_mj.effects import EFFECTS
 from tiago_mj.gap.report import json as diagnoses
 from tiago_mj.gap.result import Diagnosis, Explanation, Joint, Named, OpenNumber, Value
-from tiago_mj.randomisation.posterior import NINETY, Block, Left, Number, Posterior, Weighed, is_factor, switch
+from tiago_mj.io.quantities import NINETY
+from tiago_mj.randomisation.posterior import Block, Left, Number, Posterior, Weighed, is_factor, switch
 
 #: Said where magnitudes are drawn one by one although they were fitted together.
 APART: Final = "the file holds no joint covariance, as those of earlier versions: magnitudes are drawn one by one"

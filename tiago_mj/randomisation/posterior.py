@@ -25,13 +25,11 @@ from tiago_mj.effects.nominal import check_stock
 from tiago_mj.effects.now import Wiring
 from tiago_mj.effects.spec import Entry
 from tiago_mj.effects.targets import overlap
-from tiago_mj.io.quantities import scaled
+from tiago_mj.io.quantities import NINETY, scaled
 from tiago_mj.io.schema import first_fault
 
 Array = NDArray[np.float64]
 
-#: 90 % of a normal distribution lie within so many standard deviations.
-NINETY: Final = 1.645
 #: Draws of a block until one lies within its bounds; then the last is put on them. Of a normal whose mean is at a bound
 #: half of the draws are within: of ten such numbers at once one draw in 2^10.
 TRIES: Final = 4_000

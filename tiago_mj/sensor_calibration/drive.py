@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from tiago_mj.gap.simulation.plant import Plant
 from tiago_mj.gap.simulation.replay import Signals
+from tiago_mj.io.quantities import NINETY
 from tiago_mj.models import names
 from tiago_mj.recordings import robust
 from tiago_mj.recordings.recording import Array, Trial
@@ -51,7 +52,7 @@ class Lost:
     @property
     def most(self) -> float:
         """Bound on the error of a simulated contact force [N]; 0 where no loss is significant."""
-        return abs(self.force) + 1.645 * self.error if abs(self.force) > CLEAR * self.error else 0.0
+        return abs(self.force) + NINETY * self.error if abs(self.force) > CLEAR * self.error else 0.0
 
 
 def lost(plant: Plant, trials: Sequence[Trial], signals: Signals, untouched: Sequence[Mask]) -> Mapping[str, Lost]:

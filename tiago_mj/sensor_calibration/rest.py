@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
+from tiago_mj.io.quantities import NINETY
 from tiago_mj.recordings import robust
 from tiago_mj.recordings.autocorrelation import integrated_time
 from tiago_mj.recordings.recording import Array, RecordingError, Trial
@@ -23,8 +24,6 @@ from tiago_mj.recordings.recording import Array, RecordingError, Trial
 #: Share of readings without contact that may exceed the threshold: 5 standard deviations of a normal distribution, the
 #: simulated sensor's default. The paper's code had 3 (one reading in 740), which is several false contacts an episode.
 FALSE_CONTACTS: Final = float(stats.norm.sf(5))
-#: Two-sided 90 % of a normal distribution, for every interval.
-NINETY: Final = 1.645
 #: Relative standard error of a standard deviation that is estimated by the median absolute deviation, times √n.
 MAD_ERROR: Final = 1.166
 #: Shortest stretch that counts as rest [rows], and readings that a noise needs in all.

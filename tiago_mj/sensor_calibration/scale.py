@@ -21,6 +21,7 @@ from scipy import stats
 
 from tiago_mj.gap.simulation import phases, replay, stability
 from tiago_mj.gap.simulation.plant import Plant
+from tiago_mj.io.quantities import NINETY
 from tiago_mj.recordings.autocorrelation import integrated_time
 from tiago_mj.recordings.recording import Array, Trial
 from tiago_mj.sensor_calibration import drive
@@ -158,7 +159,7 @@ def _sensor(name: str, trials: Sequence[Trial], known: Simulated, bias: float, l
         return None if lost_it.known else lost_it
     mean, count = float(np.mean(slopes)), len(slopes)
     within = float(np.sqrt(np.sum(np.square(errors))) / count)
-    half = max(1.645 * within, _between(slopes))
+    half = max(NINETY * within, _between(slopes))
     share = min(most / size, 0.9)  # beyond a third nothing is said of it
     ratio = _apart(turned)
     low = min(mean - half, mean / (1 + share) - half, mean * (1 - abs(ratio)) - half)

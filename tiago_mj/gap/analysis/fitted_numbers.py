@@ -25,7 +25,6 @@ from numpy.typing import NDArray
 from tiago_mj.effects import EFFECTS
 from tiago_mj.effects.spec import Entry
 from tiago_mj.effects.targets import overlap
-from tiago_mj.gap.analysis.outcome import NINETY
 from tiago_mj.gap.decision import verdict
 from tiago_mj.gap.inference import likelihood, noise_model
 from tiago_mj.gap.inference.fit import Fitted, Fitter, Point, Start
@@ -38,6 +37,7 @@ from tiago_mj.gap.search.state import Ranked
 from tiago_mj.gap.simulation import replay
 from tiago_mj.gap.simulation.plant import Plant
 from tiago_mj.gap.simulation.session import Session
+from tiago_mj.io.quantities import NINETY
 
 Array = NDArray[np.float64]
 

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from tiago_mj.effects import EFFECTS
-from tiago_mj.gap.analysis.outcome import NINETY
 from tiago_mj.gap.decision import verdict
 from tiago_mj.gap.inference import noise_model
 from tiago_mj.gap.inference.fit import Fitted, Fitter, Point, Start
@@ -26,6 +25,7 @@ from tiago_mj.gap.result import Diagnosis
 from tiago_mj.gap.search.state import Ranked
 from tiago_mj.gap.simulation.session import FITTED, Session
 from tiago_mj.io.deadline import OutOfTimeError
+from tiago_mj.io.quantities import NINETY
 from tiago_mj.recordings.like import alike
 
 Array = NDArray[np.float64]

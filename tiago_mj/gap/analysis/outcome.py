@@ -22,13 +22,12 @@ from tiago_mj.gap.search.state import Ranked
 from tiago_mj.gap.simulation.plant import Plant
 from tiago_mj.gap.simulation.session import Session
 from tiago_mj.io.deadline import OutOfTimeError
+from tiago_mj.io.quantities import NINETY
 from tiago_mj.recordings import travel
 from tiago_mj.recordings.recording import Trial
 
 Array = NDArray[np.float64]
 
-#: 90 % of a normal distribution lie within so many standard deviations.
-NINETY: Final = 1.645
 #: Ends a note of what makes the verdict ``unknown``, whatever explains the rest.
 STRANGE: Final = "no effect of the library does that"
 

@@ -13,6 +13,7 @@ from tiago_mj.gap.inference import likelihood
 from tiago_mj.gap.inference.fit import Fitted
 from tiago_mj.gap.inference.hypotheses import number_of_effects
 from tiago_mj.gap.inference.noise_model import Data
+from tiago_mj.io.quantities import NINETY
 
 Array = NDArray[np.float64]
 
@@ -100,8 +101,8 @@ def extrapolated_evidence(fit: Fitted, times: float) -> float:
     return times * (fit.evidence - fit.prior) + fit.prior
 
 
-def differs_from_identity(fit: Fitted, part: int, deviations: float = 1.645) -> bool:
-    """Whether a magnitude is farther from the value without effect than so many standard deviations (1.645: 90 %)."""
+def differs_from_identity(fit: Fitted, part: int, deviations: float = NINETY) -> bool:
+    """Whether a magnitude is farther from the value without effect than so many standard deviations."""
     identity = fit.parts[part].identity
     if not np.isfinite(identity):
         return bool(fit.values[part] < fit.parts[part].high - 1e-6 * abs(fit.parts[part].high))
