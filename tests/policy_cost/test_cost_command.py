@@ -13,6 +13,7 @@ from tiago_mj.policy_cost.doubts import others_of, sentences
 from tiago_mj.policy_cost.magnitudes import NUMBERS, items_of
 from tiago_mj.policy_cost.report import text
 from tiago_mj.recordings.read import read_recordings
+from tiago_mj.rollout import policies
 
 ENV = "GripperTactile-v0"
 EFFECTS = '{"force_bias": {"offset": 0.1}, "object_mass": {"factor": 1.05}}'
@@ -66,6 +67,16 @@ def test_a_biased_reading_costs_the_force_controller_and_a_heavier_object_hardly
 def test_many_processes_say_what_one_says(diagnosis, capsys):
     words = (diagnosis, "--policy", "random", "--episodes", "2", "--draws", "2")
     assert costed(capsys, *words) == costed(capsys, *words, "--jobs", "2")
+
+
+def test_what_lies_here_does_not_change_whom_a_name_means(diagnosis, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for name in ("pi", "ppo-steady", "mine.zip"):
+        (tmp_path / name).mkdir()
+    assert [policies.absolute(name) for name in ("pi", "ppo-steady", "none")] == ["pi", "ppo-steady", "none"]
+    assert policies.absolute("mine.zip") == str(tmp_path / "mine.zip")
+    assert cli.main(["cost", str(diagnosis), "--policy", "pi", "--episodes", "1", "--draws", "1", "--json"]) == 0
+    assert cli.main(["rollout", "--env", "GripperTactileSteady-v0", "--policy", "ppo-steady", "--json"]) == 0
 
 
 def test_a_function_of_a_module_acts_where_it_is_trusted(diagnosis, tmp_path, monkeypatch, capsys):

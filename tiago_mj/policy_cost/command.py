@@ -24,7 +24,7 @@ from tiago_mj.policy_cost.play import Outcome, play
 from tiago_mj.recordings.robot import MODELS
 from tiago_mj.rollout import options, scale
 from tiago_mj.rollout.episode import Policy
-from tiago_mj.rollout.policies import RANDOM, make_policy
+from tiago_mj.rollout.policies import RANDOM, absolute, make_policy
 
 
 @dataclass(frozen=True)
@@ -109,9 +109,7 @@ def _simulator(arguments: argparse.Namespace, file: Path) -> Simulator:
     given = options.read_options(arguments.env_option)
     if arguments.rollouts and given:
         raise ValueError("--env-option and --rollouts: the logged rollouts say what the environment is: leave one out")
-    policy = arguments.policy
-    if policy is not None and Path(policy).exists():
-        policy = str(Path(policy).resolve())  # processes of a cluster have another working directory
+    policy = None if arguments.policy is None else absolute(arguments.policy)
     one = Simulator(
         env=None if name is None else options.environment_id(name),
         env_options=json.dumps(given, sort_keys=True),

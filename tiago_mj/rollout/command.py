@@ -20,7 +20,7 @@ from tiago_mj.recordings.record.environment import Logged, Plan, servo_facts, tr
 from tiago_mj.recordings.write import write_trial
 from tiago_mj.rollout import options
 from tiago_mj.rollout.episode import Episode, summarise
-from tiago_mj.rollout.policies import RANDOM
+from tiago_mj.rollout.policies import absolute
 from tiago_mj.rollout.sweep import Batch, play_all, play_in, play_seeds
 from tiago_mj.view.film import STRIP_FRAMES, Film
 
@@ -35,11 +35,8 @@ def run(arguments: argparse.Namespace) -> int:
         ValueError: an argument is unusable; says which and how to mend it.
     """
     seeds = options.seeds_of(arguments)
-    policy = arguments.policy
-    if policy not in ("pi", RANDOM) and Path(policy).exists():
-        policy = str(Path(policy).resolve())  # processes of a cluster have another working directory
     given = options.read_options(arguments.env_option)
-    batch = Batch(options.environment_id(arguments.env), given, policy, seeds, arguments.trust)
+    batch = Batch(options.environment_id(arguments.env), given, absolute(arguments.policy), seeds, arguments.trust)
     film = None
     alone = arguments.jobs == 1 and arguments.backend == "local"
     if arguments.record is not None:

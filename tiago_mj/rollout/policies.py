@@ -31,6 +31,8 @@ from tiago_mj.rollout.episode import Policy
 ALGORITHMS: Final = {"clip_range": "PPO", "target_entropy": "SAC", "policy_delay": "TD3", "gae_lambda": "A2C"}
 #: The policy whose actions are drawn.
 RANDOM: Final = "random"
+#: Policies that are no agents and no files.
+NAMED: Final = ("pi", "pi-tuned", "scripted", RANDOM)
 #: A function of a module.
 _FUNCTION: Final = re.compile(r"[A-Za-z_][\w.]*:[A-Za-z_]\w*")
 #: Replay buffers are not needed to run a policy, and can take gigabytes.
@@ -151,6 +153,13 @@ def make_policy(name: str, env: gymnasium.Env[Any, Any], *, seed: int, trust: bo
     return LearnedPolicy(_load(Path(name), env, trust))
 
 
+def absolute(name: str) -> str:
+    """A policy for processes of another working directory: a file by its whole path; a name means what it always does,
+    whatever lies here."""
+    named = name in NAMED or name in shipped_agents()
+    return str(Path(name).resolve()) if not named and Path(name).exists() else name
+
+
 def find_agent(name: str) -> Agent | None:
     """The agent file of a name or path; None where there is none of that name and it is no npz file.
 
@@ -198,7 +207,7 @@ def _load(path: Path, env: gymnasium.Env[Any, Any], trust: bool) -> Any:
 def _algorithm(path: Path) -> str:
     """Algorithm of a stable-baselines3 file, read from its JSON settings; nothing is unpickled here."""
     if not path.is_file():
-        named = ", ".join(("pi", "pi-tuned", "scripted", RANDOM, *shipped_agents()))
+        named = ", ".join((*NAMED, *shipped_agents()))
         raise ValueError(
             f"policy {quoted(str(path))} is unknown: give {named}, an agent's {SUFFIX} file, a file saved by "
             "stable-baselines3, or MODULE:FUNCTION"
