@@ -63,10 +63,10 @@ def run(arguments: argparse.Namespace) -> int:
     items, result = items_of(file, numbers=with_numbers(arguments)), doubts.result_of(file)
     plan = Plan.of(items, arguments.draws, arguments.seed, doubts.others_of(result, items))
     one = _simulator(arguments, file)
-    logged = rollouts.read(arguments.rollouts, one.env) if one.logged else None
-    tasks = [replace(one, effects=effects) for effects in plan.simulators]
+    logged = _logged(one.logged, one.env) if one.logged else None
 
-    def simulate(_: Sequence[tuple[Entry, ...]]) -> Sequence[Sequence[Outcome]]:
+    def simulate(simulators: Sequence[tuple[Entry, ...]]) -> Sequence[Sequence[Outcome]]:
+        tasks = [replace(one, effects=effects) for effects in simulators]
         with Progress("cost", quiet=arguments.json) as progress:
             progress.stage("simulators", len(tasks))
             return scale.run_all(
