@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from tiago_mj.effects.spec import Entry
+from tiago_mj.io.quantities import NINETY
 from tiago_mj.randomisation.posterior import Block, Left, Number, Posterior, Weighed, described
 
 DRAWS = 4000
@@ -101,6 +102,11 @@ def test_a_number_that_the_drawn_explanation_changes_is_not_drawn_beside_it():
     posterior = Posterior("made", "", (Weighed(1.0, block()),), open_numbers=(same, elsewhere))
     names = [entry.name for entry in posterior.sample(np.random.default_rng(0))]
     assert names == ["servo_stiffness", "coulomb_friction", "coulomb_friction"]
+    # Nor does it count where it is looked whether a model has so much: twice it might be too much.
+    lower, upper = posterior.extremes()
+    assert [entry.name for entry in lower] == [entry.name for entry in upper] == names
+    reach = NINETY * 0.1
+    assert [entries[-1].parameters["force"] for entries in (lower, upper)] == pytest.approx([-reach, reach])
 
 
 def test_as_data_and_back_it_draws_the_same():

@@ -11,7 +11,7 @@ each other, so they are drawn apart, beside whichever explanation was drawn.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -183,9 +183,13 @@ class Posterior:
     def sample(self, rng: np.random.Generator) -> tuple[Entry, ...]:
         """Effects of one simulator."""
         chosen = self.explanations[int(rng.choice(len(self.explanations), p=self.shares))].block
-        mine = chosen.sample(rng)
-        beside = [one.block.sample(rng) for one in self.open_numbers if not _changed(one.block.effects[0], mine)]
-        return (*mine, *self.numbers.sample(rng), *(entry for entries in beside for entry in entries))
+        return self._whole(chosen, lambda block: block.sample(rng))
+
+    def _whole(self, chosen: Block, values: Callable[[Block], tuple[Entry, ...]]) -> tuple[Entry, ...]:
+        """An explanation and the numbers that it leaves as they are, with these values of each."""
+        mine = values(chosen)
+        beside = [values(one.block) for one in self.open_numbers if not _changed(one.block.effects[0], mine)]
+        return (*mine, *values(self.numbers), *(entry for entries in beside for entry in entries))
 
     def drawn(self) -> dict[str, list[tuple[str, ...]]]:
         """Names of all effects that have numbers that are drawn, with their targets; no names: all."""
@@ -198,14 +202,13 @@ class Posterior:
         return out
 
     def extremes(self) -> list[tuple[Entry, ...]]:
-        """For each explanation the simulators with all numbers at the lower and at the upper ends of their bounds, or,
-        where there are none, of their 90 % intervals: what must fit a model that is to be drawn for."""
-        blocks = [self.numbers, *(one.block for one in self.open_numbers)]
-        return [
-            tuple(entry for block in (one.block, *blocks) for entry in block.at([e[end] for e in block.ends()]))
-            for one in self.explanations
-            for end in (0, 1)
-        ]
+        """For each explanation the simulators with all numbers at the lower and at the upper ends of their 90 %
+        intervals: what must fit a model that is to be drawn for."""
+
+        def at(end: int) -> Callable[[Block], tuple[Entry, ...]]:
+            return lambda block: block.at([ends[end] for ends in block.ends()])
+
+        return [self._whole(one.block, at(end)) for one in self.explanations for end in (0, 1)]
 
     def check_fits(self, model: mujoco.MjModel, wiring: Wiring) -> None:
         """Refuse what cannot be drawn for a model.
