@@ -257,24 +257,25 @@ class Cohorts:
         """
         if self.lasting:
             if not self.now:
-                self._begin(np.arange(self._batch.nsim), period, substeps, None)
+                every = np.arange(self._batch.nsim)
+                self._begin(every, [()] * len(every), period, substeps, None)
             return
-        for points in dict.fromkeys(None if c is None else c[2] for c in contacts):
-            chosen = [k for k, c in enumerate(contacts) if (None if c is None else c[2]) == points]
+        sims = [self._effects_of(row) for row in rows.tolist()]
+        together: dict[tuple[Any, ...], list[int]] = {}
+        for k, (entries, touched) in enumerate(zip(sims, contacts, strict=True)):
+            points = None if touched is None else touched[2]
+            together.setdefault((points, *((one.name, one.target) for one in entries)), []).append(k)
+        for (points, *_), chosen in together.items():
             given = [c for k in chosen if (c := contacts[k]) is not None]
             # Stiffness and damping may be each simulation's own; the number of contact points is of the shape.
             stiffness, damping = (np.array([c[which] for c in given]) for which in (0, 1))
-            self._begin(rows[chosen], period, substeps, None if points is None else (stiffness, damping, points))
+            contact = None if points is None else (stiffness, damping, points)
+            self._begin(rows[chosen], [sims[k] for k in chosen], period, substeps, contact)
 
-    def _begin(self, rows: Rows, period: float, substeps: int, contact: Any) -> None:
-        sims = [self._effects_of(row) for row in rows.tolist()]
-        kinds = [tuple((entry.name, entry.target) for entry in entries) for entries in sims]
-        for kind in dict.fromkeys(kinds):
-            of_kind = [k for k, other in enumerate(kinds) if other == kind]
-            own = [sims[k] for k in of_kind]
-            cohort = Cohort(self._batch, self._wiring, own, rows[of_kind], self._generators)
-            cohort.start(period, substeps, _of_some(contact, of_kind))
-            self.now.append(cohort)
+    def _begin(self, rows: Rows, sims: Sequence[Sequence[Entry]], period: float, substeps: int, contact: Any) -> None:
+        cohort = Cohort(self._batch, self._wiring, sims, rows, self._generators)
+        cohort.start(period, substeps, contact)
+        self.now.append(cohort)
 
     def _effects_of(self, row: int) -> tuple[Entry, ...]:
         """What acts in a simulation in its next episode."""
@@ -302,11 +303,3 @@ class Cohorts:
             cohort.advance(command)
             failed += cohort.members.failed
         return failed
-
-
-def _of_some(contact: Any, rows: Sequence[int]) -> Any:
-    """Contacts of some of the simulations; of none where nothing is touched."""
-    if contact is None:
-        return None
-    stiffness, damping, points = contact
-    return stiffness[rows], damping[rows], points
