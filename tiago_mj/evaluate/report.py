@@ -11,6 +11,7 @@ from typing import Any
 from tiago_mj.evaluate.bound import LeastCost
 from tiago_mj.evaluate.metrics import SHOWN, Spread, summarise
 from tiago_mj.evaluate.play import Played
+from tiago_mj.io.aligned import aligned
 
 
 @dataclass(frozen=True)
@@ -91,7 +92,7 @@ def show(evaluation: Evaluation) -> None:
         console, table_module = importlib.import_module("rich.console"), importlib.import_module("rich.table")
         text = importlib.import_module("rich.text").Text  # of a plain word rich would take "[s]" for a style
     except ModuleNotFoundError:
-        print(_plain([header, *body]))
+        print("\n".join(aligned([header, *body], left=1)))
         return
     seeds = evaluation.played[0].seeds
     title = f"{evaluation.env}, {len(seeds)} episodes"
@@ -115,11 +116,3 @@ def _cell(spread: Spread, factor: float, digits: int) -> str:
         return "-"
     mean = f"{factor * spread.mean:.{digits}f}"
     return mean if spread.sd is None else f"{mean} ± {factor * spread.sd:.{digits}f}"
-
-
-def _plain(table: Sequence[tuple[str, ...]]) -> str:
-    widths = [max(len(row[i]) for row in table) for i in range(len(table[0]))]
-    return "\n".join(
-        "  ".join(cell.rjust(w) if i else cell.ljust(w) for i, (cell, w) in enumerate(zip(row, widths, strict=True)))
-        for row in table
-    )

@@ -13,6 +13,7 @@ from typing import Any
 
 from tiago_mj.effects import read_effects, written
 from tiago_mj.io import atomic, extra, held
+from tiago_mj.io.aligned import aligned
 from tiago_mj.io.loading import load_yaml
 from tiago_mj.io.numbers_option import with_numbers
 from tiago_mj.learn import card, curves, duration, plots, progress, randomise
@@ -126,8 +127,7 @@ def table(results: Sequence[Mapping[str, Any]]) -> str:
                 "-" if speed is None else f"{speed:.0f}",
             )
         )
-    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
-    return "\n".join("  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True)) for row in rows)
+    return "\n".join(aligned(rows))
 
 
 def _effects(path: Path | None, *, numbers: bool) -> Any:

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any, Final
 
+from tiago_mj.io.aligned import aligned
 from tiago_mj.io.quantities import fixed
 from tiago_mj.policy_cost.effect_costs import Difference, EffectCost, Level, PolicyCost
 from tiago_mj.policy_cost.intervals import Interval
@@ -86,9 +87,9 @@ def text(found: PolicyCost, title: str, notes: Sequence[str]) -> str:
     return "\n".join(
         [
             f"{title}: {found.episodes} episodes, the same in every simulator{drawn}",
-            *columns(levels),
+            *aligned(levels, left=1),
             "",
-            *columns(effects),
+            *aligned(effects, left=1),
             "costs: what the policy gains where this effect alone is mended; alone: what it loses by this effect alone",
             *magnitudes,
             "",
@@ -171,15 +172,3 @@ def _ends(one: Interval, decimals: int) -> str:
 def _span(one: Interval, decimals: int) -> str:
     ends = _ends(one, decimals)
     return fixed(one.mean, decimals) + ("" if ends == "-" else f" ({ends})")
-
-
-def columns(rows: Sequence[tuple[str, ...]]) -> list[str]:
-    """Rows with aligned columns, the first to the left."""
-    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
-    return [
-        "  ".join(
-            cell.rjust(width) if i else cell.ljust(width)
-            for i, (cell, width) in enumerate(zip(row, widths, strict=True))
-        ).rstrip()
-        for row in rows
-    ]

@@ -14,6 +14,7 @@ import numpy as np
 
 from tiago_mj.envs.flat import core_of
 from tiago_mj.io import atomic
+from tiago_mj.io.aligned import aligned
 from tiago_mj.io.progress import Progress
 from tiago_mj.io.quoting import one_line
 from tiago_mj.recordings.record.environment import Logged, Plan, servo_facts, trial_of
@@ -118,8 +119,7 @@ def table(episodes: list[Episode]) -> str:
                 "-" if episode.peak_force is None else f"{episode.peak_force:.3f}",
             )
         )
-    widths = [max(len(row[i]) for row in rows) for i in range(len(HEADER))]
-    return "\n".join("  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True)) for row in rows)
+    return "\n".join(aligned(rows))
 
 
 def in_a_line(episodes: list[Episode]) -> str:
