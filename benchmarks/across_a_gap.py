@@ -69,7 +69,7 @@ def trained(folder: Path, withheld: Sequence[str], recipe: Sequence[str]) -> dic
         jobs[f"D-{name}"] = ["--effects", str(calibration(folder / name / "true.yaml", effect))]
         jobs[f"B-{name}"] = ["--effects", str(folder / name / "diagnosis" / "calibration.yaml")]
     ranges = folder / "ranges.yaml"
-    atomic.write_text(ranges, yaml.safe_dump({k: {p: list(v) for p, v in one.items()} for k, one in RANGES.items()}))
+    atomic.write_text(ranges, yaml.safe_dump(RANGES))
     jobs = {"A": [], "C": ["--randomise", str(ranges)], **jobs}
     return {name: [*recipe, *more] for name, more in jobs.items()}
 

@@ -101,8 +101,7 @@ def _simulator(folder: Path, arm: str, name: str) -> list[str]:
     if arm == "nominal":
         return []
     if arm in RANGES:
-        ranges = {key: {p: list(v) for p, v in one.items()} for key, one in RANGES[arm].items()}
-        atomic.write_text(folder / f"{arm}.yaml", yaml.safe_dump(ranges))
+        atomic.write_text(folder / f"{arm}.yaml", yaml.safe_dump(RANGES[arm]))
         return ["--randomise", str(folder / f"{arm}.yaml")]
     if arm == "posterior":
         return ["--randomise", str(found)]
@@ -234,13 +233,8 @@ def main() -> None:
     print(table(results))
     about = {"env": ENV, "steps": arguments.steps, "episodes": EPISODES, "ranges": RANGES}
     command = f"python benchmarks/{NAME}.py DIR --steps {arguments.steps} --seeds {arguments.seeds}"
-    print(
-        save(
-            NAME,
-            {**about, "real": results},
-            f"{command} --withheld {' '.join(withheld)} --arms {' '.join(arguments.arms)}",
-        ).name
-    )
+    command += f" --withheld {' '.join(withheld)} --arms {' '.join(arguments.arms)}"
+    print(save(NAME, {**about, "real": results}, command).name)
     atomic.write_bytes(RESULTS / f"{NAME}.png", figures.png(picture(results)))
 
 

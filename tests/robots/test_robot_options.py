@@ -98,7 +98,7 @@ def test_a_motor_under_a_controller_gives_its_own_torque_at_most(tmp_path):
     body = '<body><joint name="j" axis="0 1 0"/><geom size=".05" mass="1"/></body>'
     path.write_text(
         f"<mujoco><worldbody>{body}</worldbody><actuator>"
-        '<motor name="j" joint="j" ctrlrange="-2 2" {}/></actuator></mujoco>'.replace("{}", "")
+        '<motor name="j" joint="j" ctrlrange="-2 2"/></actuator></mujoco>'
     )
     model = as_driven.load(path, stated="100,1")
     data = mujoco.MjData(model)
