@@ -60,6 +60,10 @@ def make(plan: Plan) -> gymnasium.Env[Any, Any]:
     return gymnasium.make(plan.identifier, **arguments, max_episode_steps=plan.motion.steps(rate))
 
 
+#: An episode: channels by kind and name, (T,); time (T,) [s]; its facts (``object``, ``goal``, ``initial``).
+Episode = tuple[dict[str, dict[str, Array]], Array, dict[str, Any]]
+
+
 class Logged(gymnasium.Wrapper[Any, Any, Any, Any]):
     """An environment whose episodes are logged while they are played, as a robot's logger would."""
 
@@ -98,13 +102,8 @@ class Logged(gymnasium.Wrapper[Any, Any, Any, Any]):
         effort = core.data.qfrc_actuator[self._dofs]
         return tuple(map(np.array, (core.state.position, core.state.velocity, effort, core.state.force_raw)))
 
-    def logged(self) -> tuple[dict[str, dict[str, Array]], Array, dict[str, Any]]:
-        """The episode so far.
-
-        Returns:
-            Channels by kind and name, (T,); time (T,) [s]; the facts of the episode (``object``, ``goal``,
-            ``initial``). The last row's command is NaN: nothing was sent any more.
-        """
+    def logged(self) -> Episode:
+        """The episode so far; the last row's command is NaN: nothing was sent any more."""
         core = core_of(self.env)
         rows = [*self._rows, (np.full(len(core.joints), np.nan), *self._seen())]
         commands, position, velocity, effort, force = (np.array(part) for part in zip(*rows, strict=True))
@@ -122,9 +121,7 @@ class Logged(gymnasium.Wrapper[Any, Any, Any, Any]):
         return channels, np.arange(len(rows)) * core.dt, self._facts
 
 
-def record_episode(
-    env: gymnasium.Env[Any, Any], command: Callable[[Any, dict[str, Any]], Any], seed: int
-) -> tuple[dict[str, dict[str, Array]], Array, dict[str, Any]]:
+def record_episode(env: gymnasium.Env[Any, Any], command: Callable[[Any, dict[str, Any]], Any], seed: int) -> Episode:
     """Play an episode and log it.
 
     Args:
@@ -147,13 +144,7 @@ def record_episode(
     return log.logged()
 
 
-def trial_of(
-    plan: Plan,
-    core: Any,
-    servo: dict[str, Any],
-    seed: int,
-    logged: tuple[dict[str, dict[str, Array]], Array, dict[str, Any]],
-) -> Trial:
+def trial_of(plan: Plan, core: Any, servo: dict[str, Any], seed: int, logged: Episode) -> Trial:
     """The recording of an episode.
 
     Args:
