@@ -17,7 +17,7 @@ from made_diagnoses import STIFFNESS, diagnosis, replace
 from tiago_mj import cli
 from tiago_mj.effects import read_effects
 from tiago_mj.gap.report import json as report_json
-from tiago_mj.gap.result import Explanation, Named, OpenNumber, Value
+from tiago_mj.gap.result import Explanation, Joint, Named, OpenNumber, Value
 from tiago_mj.learn.environments import make_env
 from tiago_mj.learn.randomise import draw, read_ranges
 from tiago_mj.learn.settings import Settings
@@ -91,7 +91,9 @@ def diagnosed(folder, effect=STIFFNESS, **changes):
         OpenNumber("object_mass", "all", "factor", 1.0, 0.95, 1.05, "-", 1.0),
         OpenNumber("command_delay", "all", "seconds", 0.0, -0.0003, 0.0003, "s", 0.2),  # on either side of nominal
     )
-    best = Explanation((effect,), 0.9, 9.0)
+    (value,) = effect.parameters.values()
+    joint = Joint((False,), (((value.high - value.low) ** 2 / 12,),), (value.low,), (value.high,))
+    best = Explanation((effect,), 0.9, 9.0, joint=joint)
     made = replace(diagnosis(best=(effect,)), best=best, alternatives=(best,), open_numbers=open_numbers, **changes)
     folder.mkdir(exist_ok=True)
     report_json.write(made, folder / "diagnosis.json")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 import sys
 from pathlib import Path
@@ -13,13 +12,15 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parents[1] / "gap"))
 from made_diagnoses import CASES, COULOMB, GAIN, LAG, diagnosis, replace
 
+from tiago_mj.effects import EFFECTS
 from tiago_mj.gap.report import json as report_json
-from tiago_mj.gap.result import Explanation, Joint, OpenNumber
+from tiago_mj.gap.result import Explanation, Joint, Named, OpenNumber, Value
 from tiago_mj.io.quantities import NINETY
 from tiago_mj.randomisation import diagnosis as reading
 from tiago_mj.randomisation.posterior import described
 
 TOGETHER = Joint((False, False), ((0.0232, -0.0002), (-0.0002, 4e-6)), (0.0, 0.0), (12.0, 0.3))
+ALONE = Joint((False,), ((0.01,),), (0.0,), (12.0,))
 
 
 def made(**changes):
@@ -53,16 +54,14 @@ def test_covariance_and_bounds_are_those_of_the_fit(tmp_path):
     assert np.corrcoef(drawn.T)[0, 1] == pytest.approx(-0.0002 / math.sqrt(0.0232 * 4e-6), abs=0.065)
 
 
-def test_of_an_earlier_file_magnitudes_are_drawn_by_their_intervals_and_it_says_so(tmp_path):
-    bare = made()
-    best = dataclasses.replace(bare.best, joint=None)
-    found = reading.read(written(replace(bare, best=best, alternatives=(best,)), tmp_path / "old"))
-    covariance = np.array(found.explanations[0].block.covariance)
-    value = COULOMB.parameters["force"]
-    wide = max(value.value - value.low, value.high - value.value) / NINETY
-    assert math.sqrt(covariance[0, 0]) == pytest.approx(wide, rel=1e-3)
-    assert covariance[0, 1] == 0
-    assert any("no joint covariance" in line for line in described(found))
+def test_a_place_is_drawn_beside_its_mass_within_what_is_possible():
+    place = {"mass": Value(0.5, 0.4, 0.6, "kg"), "y": Value(0.1, 0.05, 0.15, "m")}
+    held = Named("payload", ("elbow",), place)
+    best = Explanation((held,), 0.9, 50.0, joint=Joint((False,), ((0.0036,),), (0.0,), (4.0,)))
+    (one,) = reading.posterior(replace(diagnosis(best=(held,)), best=best, alternatives=(best,)), "made").explanations
+    assert [number.parameter for number in one.block.numbers] == ["mass", "y"]
+    assert (one.block.numbers[1].low, one.block.numbers[1].high) == EFFECTS["payload"].details["y"].bounds
+    np.testing.assert_allclose(one.block.covariance, np.diag([0.0036, (0.05 / NINETY) ** 2]))
 
 
 def test_numbers_as_fitted_and_open_numbers_are_drawn_beside_the_effects(tmp_path):
@@ -84,7 +83,7 @@ def test_numbers_as_fitted_and_open_numbers_are_drawn_beside_the_effects(tmp_pat
 
 
 def test_all_of_the_reported_set_is_drawn(tmp_path):
-    one, other = (Explanation((e,), p, 9.0) for e, p in ((COULOMB, 0.5), (GAIN, 0.3)))
+    one, other = (Explanation((e,), p, 9.0, joint=ALONE) for e, p in ((COULOMB, 0.5), (GAIN, 0.3)))
     both = replace(
         diagnosis(best=(COULOMB,)), kind="ambiguous", best=one, alternatives=(one, other), ranking=(one, other)
     )
@@ -102,7 +101,11 @@ def test_without_a_gap_there_is_no_effect_to_draw():
 
 @pytest.mark.parametrize(
     ("case", "said"),
-    [("unknown_with_a_shape", "names nothing that explains it"), ("stopped", "its search was stopped")],
+    [
+        ("unknown_with_a_shape", "names nothing that explains it"),
+        ("stopped", "its search was stopped"),
+        ("effect", "holds no joint posterior of what it names"),
+    ],
 )
 def test_what_has_no_posterior_is_refused_in_one_line(case, said, tmp_path):
     found = CASES[case] if case in CASES else replace(diagnosis(), complete=False)

@@ -10,12 +10,11 @@ import numpy as np
 
 from tiago_mj.effects import EFFECTS
 from tiago_mj.gap.report import json as diagnoses
-from tiago_mj.gap.result import Diagnosis, Explanation, Joint, Named, OpenNumber, Value
+from tiago_mj.gap.result import Diagnosis, Explanation, Named, OpenNumber, Value
 from tiago_mj.io.quantities import NINETY
 from tiago_mj.randomisation.posterior import Block, Left, Number, Posterior, Weighed, is_factor, switch
 
-#: Said where magnitudes are drawn one by one although they were fitted together.
-APART: Final = "the file holds no joint covariance, as those of earlier versions: magnitudes are drawn one by one"
+#: Said where more is left than noise.
 PART: Final = "the diagnosis explains a part of the gap only: nothing stands for the rest of it"
 
 
@@ -49,7 +48,8 @@ def posterior(found: Diagnosis, source: str, sha256: str = "") -> Posterior:
         sha256: its fingerprint.
 
     Raises:
-        ValueError: it has no probabilities, or names nothing although there is a gap; one line.
+        ValueError: it has no probabilities, names nothing although there is a gap, or does not say how its magnitudes
+            depend on each other; one line.
     """
     if not found.complete:
         raise ValueError(f"{source} has no probabilities, as its search was stopped: run tiago-mj diagnose to its end")
@@ -58,58 +58,37 @@ def posterior(found: Diagnosis, source: str, sha256: str = "") -> Posterior:
         raise ValueError(f"{source} finds a gap and names nothing that explains it: there is no posterior to draw from")
     if not sum(one.probability for one in reported) > 0:
         raise ValueError(f"{source} gives what it reports no probability: there is no posterior to draw from")
-    notes = []
-    if any(one.joint is None and len(one.effects) > 1 for one in reported):
-        notes.append(APART)
-    if found.verdict.part or found.kind == "unknown":
-        notes.append(PART)
+    if any(one.joint is None for one in reported if one.effects) or (found.numbers and found.numbers_joint is None):
+        raise ValueError(f"{source} holds no joint posterior of what it names: run tiago-mj diagnose again")
     return Posterior(
         source,
         sha256,
         tuple(Weighed(one.probability, _explanation(one)) for one in reported),
         _numbers(found),
         tuple(map(_left, found.open_numbers)),
-        tuple(notes),
+        (PART,) if found.verdict.part or found.kind == "unknown" else (),
     )
 
 
 def _explanation(one: Explanation) -> Block:
     """An explanation's magnitudes, and what else of its effects has an interval, such as a place."""
+    if one.joint is None:
+        return Block(())
     effects = tuple(effect.entry() for effect in one.effects)
     first = [
-        Number(k, switch(effect.name), False, *_bounds(one, k), _unit(effect)) for k, effect in enumerate(one.effects)
-    ]
-    joint = one.joint
-    variances = [_deviation(one.effects[n.of].parameters[n.parameter]) ** 2 for n in first]
-    covariance = np.diag(variances) if joint is None else np.array(joint.covariance).reshape(len(first), -1)
-    further = [
-        (Number(k, name, False, *_declared(effect.name, name), value.unit), _deviation(value) ** 2)
+        Number(k, switch(effect.name), False, one.joint.low[k], one.joint.high[k], _unit(effect))
         for k, effect in enumerate(one.effects)
-        for name, value in effect.parameters.items()
-        if name != first[k].parameter and value.low is not None and value.high is not None
+    ]
+    further = [
+        (Number(k, name, False, *detail.bounds, detail.unit), _deviation(effect.parameters[name]) ** 2)
+        for k, effect in enumerate(one.effects)
+        for name, detail in EFFECTS[effect.name].details.items()
+        if name in effect.parameters
     ]
     whole = np.zeros((len(first) + len(further),) * 2)
-    whole[: len(first), : len(first)] = covariance
+    whole[: len(first), : len(first)] = one.joint.covariance
     np.fill_diagonal(whole[len(first) :, len(first) :], [variance for _, variance in further])
     return Block(effects, (*first, *(number for number, _ in further)), _rows(whole))
-
-
-def _bounds(one: Explanation, k: int) -> tuple[float | None, float | None]:
-    effect = one.effects[k]
-    if one.joint is not None:
-        return one.joint.low[k], one.joint.high[k]
-    return _declared(effect.name, switch(effect.name))
-
-
-def _declared(effect: str, name: str) -> tuple[float | None, float | None]:
-    """Bounds of a parameter that hold for every robot: those that the effect declares, on slides or hinges."""
-    declared = EFFECTS[effect]
-    if name in declared.details:
-        return declared.details[name].bounds
-    parameter = declared.parameters[name]
-    if parameter.nominal is not None:  # a share of the robot's own limit
-        return 0.0, None
-    return min(low for low, _ in parameter.bounds), max(high for _, high in parameter.bounds)
 
 
 def _deviation(value: Value) -> float:
@@ -121,22 +100,15 @@ def _deviation(value: Value) -> float:
 
 def _numbers(found: Diagnosis) -> Block:
     """The nominal model's numbers as fitted."""
-    if not found.numbers:
+    joint = found.numbers_joint
+    if joint is None:
         return Block(())
     effects = tuple(one.effect.entry() for one in found.numbers)
-    logs = [is_factor(one.name, one.parameter) for one in found.numbers]
-    joint = found.numbers_joint or Joint(tuple(logs), (), (None,) * len(logs), (None,) * len(logs))
     numbers = tuple(
         Number(k, one.parameter, joint.logarithms[k], joint.low[k], joint.high[k], one.unit)
         for k, one in enumerate(found.numbers)
     )
-    if found.numbers_joint is not None:
-        return Block(effects, numbers, joint.covariance)
-    wide = [
-        (number.coordinate(one.high) - number.coordinate(one.low)) / (2 * NINETY)
-        for number, one in zip(numbers, found.numbers, strict=True)
-    ]
-    return Block(effects, numbers, _rows(np.diag(np.square(wide))))
+    return Block(effects, numbers, joint.covariance)
 
 
 def _left(one: OpenNumber) -> Left:
