@@ -104,8 +104,7 @@ def loudest(shrink: Shrink) -> tuple[str, str, Closing] | None:
 
 def reconciled(diagnosis: Diagnosis) -> Diagnosis:
     """A diagnosis in which what cannot stand beside each other has given way, as this module's head says."""
-    found = _gains_of_effects(diagnosis)
-    found = _with_its_kind(found)
+    found = _with_its_kind(diagnosis)
     if found.kind == "no_gap":
         found = found.with_verdict(remains=Remains(False, found.remains_where))
     if found.kind != "ambiguous":
@@ -177,19 +176,6 @@ def _closing_nothing(shrink: Shrink) -> Shrink:
         per_phase=without(shrink.per_phase),
         per_place={name: without(places) for name, places in shrink.per_place.items()},
     )
-
-
-def _gains_of_effects(diagnosis: Diagnosis) -> Diagnosis:
-    """With gains that are 0 for the nominal simulator: earlier versions counted what its own numbers gain as well."""
-    empty = next((one for one in diagnosis.ranking if not one.effects), None)
-    if empty is None or not is_known(empty.validation_gain) or not empty.validation_gain:
-        return diagnosis
-
-    def of(one: Explanation) -> Explanation:
-        return replace(one, validation_gain=one.validation_gain - empty.validation_gain)
-
-    found = replace(diagnosis, ranking=tuple(map(of, diagnosis.ranking)))
-    return found.with_verdict(alternatives=tuple(map(of, diagnosis.alternatives)))
 
 
 def _best_first(diagnosis: Diagnosis) -> tuple[Explanation, ...]:
