@@ -8,6 +8,7 @@ from contextlib import redirect_stdout
 from dataclasses import replace
 from io import StringIO
 from pathlib import Path
+from types import SimpleNamespace
 
 import gymnasium
 import numpy as np
@@ -18,6 +19,9 @@ from made_motions import record as recorded_motion
 import tiago_mj  # noqa: F401
 from tiago_mj.cli import main
 from tiago_mj.effects import EFFECTS
+from tiago_mj.effects.targets import Targets
+from tiago_mj.experiment_design import excitation
+from tiago_mj.gap.inference.hypotheses import Candidate
 from tiago_mj.recordings.write import write_trial
 
 
@@ -82,6 +86,17 @@ def test_the_smallest_visible_magnitude_is_what_a_diagnosis_could_see(seen):
     noise = env.unwrapped.core.load_cell.noise if hasattr(env.unwrapped, "core") else env.unwrapped.load_cell.noise
     samples = 300
     assert noise * np.sqrt(25 / samples) < abs(smallest) < 10 * noise  # between white noise alone and ten deviations
+
+
+def test_an_effect_is_tried_at_the_default_of_the_joint_that_it_is_on():
+    limits = np.full(2, np.inf)
+    targets = Targets(("rail", "elbow"), ("rail", "elbow"), (), (True, False), limits, limits, (0, 1))
+    plant = SimpleNamespace(wiring=SimpleNamespace(targets=targets))
+    rubs = Candidate("viscous_friction", None, "damping", (), 0.0, -80.0, 400.0, (), "N·s/m")
+    defaults = [excitation._default(plant, replace(rubs, target=target)) for target in (("rail",), ("elbow",), None)]
+    slide, hinge = EFFECTS["viscous_friction"].parameters["damping"].default
+    assert slide != hinge
+    assert defaults == [slide, hinge, slide]
 
 
 def test_recordings_without_commands_end_in_one_line(tmp_path, capsys):

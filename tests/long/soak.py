@@ -170,7 +170,7 @@ def at_bounds(name: str, which: int, targets: Any) -> list[Entry]:
     """An effect on every target, each parameter at its lower (0) or upper (1) bound there."""
     declared, entries = EFFECTS[name], []
     for index, target in enumerate(targets.names(declared.targets)):
-        side = 0 if targets.slide(declared.targets, index) else 1
+        side = targets.side(declared.targets, index)
         values = {}
         for key, p in declared.parameters.items():
             share = 1.0 if p.nominal is None else targets.nominal(p.nominal, declared.targets, index)

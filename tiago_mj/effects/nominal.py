@@ -178,7 +178,7 @@ def _given(declared: type[Effect], value: float, index: int, wiring: Wiring) -> 
 
 def _unit(declared: type[Effect], index: int, wiring: Wiring) -> str:
     first = next(iter(declared.parameters.values()))
-    return first.unit[0 if wiring.targets.slide(declared.targets, index) else 1]
+    return first.unit[wiring.targets.side(declared.targets, index)]
 
 
 def _said(amount: float) -> str:

@@ -113,12 +113,11 @@ def arrays(declared: type[Effect], sims: Sequence[Sequence[Entry]], targets: Tar
                     if not more.sought:
                         values[key][sim, index] = entry.parameters.get(key, values[key][sim, index])
                         continue
-                    there = _amount(declared, entry, 0 if targets.slide(declared.targets, index) else 1)
+                    there = _amount(declared, entry, targets.side(declared.targets, index))
                     before = values[next(iter(declared.parameters))][sim, index], values[key][sim, index]
                     values[key][sim, index] = _centre(before, (there, entry.parameters.get(key, 0.0)))
                 for key, p in declared.parameters.items():
-                    slide = targets.slide(declared.targets, index)
-                    default = p.default[0 if slide else 1]
+                    default = p.default[targets.side(declared.targets, index)]
                     if p.nominal is not None:
                         default *= targets.nominal(p.nominal, declared.targets, index)
                     value = entry.parameters.get(key, default)
@@ -218,7 +217,7 @@ def check_sizes(entries: Sequence[Entry], targets: Targets) -> None:
         declared = EFFECTS[entry.name]
         names = targets.names(declared.targets)
         for index in () if entry.fitted else _reach(entry, declared, names):
-            side = 0 if targets.slide(declared.targets, index) else 1
+            side = targets.side(declared.targets, index)
             for key, number in entry.parameters.items():
                 _check_size(entry.name, declared.parameters.get(key), number, (side,))
 

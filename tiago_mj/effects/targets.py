@@ -39,11 +39,15 @@ class Targets:
         """Of one kind of target."""
         return {"command": self.command, "joint": self.joint, "sensor": self.sensor}.get(kind, (kind,))
 
-    def slide(self, kind: str, index: int) -> bool:
-        """Whether that target is on a sliding joint."""
-        if kind == "command":
-            return self.slides[self.actuated[index]]
-        return self.slides[index] if kind == "joint" else True
+    def first(self, kind: str, names: tuple[str, ...] | None) -> int:
+        """Index of the first of some targets; None: of all."""
+        return self.names(kind).index(names[0]) if names else 0
+
+    def side(self, kind: str, index: int) -> int:
+        """Which of a parameter's two numbers is that target's: 0 of what slides, 1 of what turns."""
+        if kind not in ("command", "joint"):
+            return 0
+        return 0 if self.slides[self.actuated[index] if kind == "command" else index] else 1
 
     def nominal(self, quantity: str, kind: str, index: int) -> float:
         """The limit that a relative parameter is a share of."""

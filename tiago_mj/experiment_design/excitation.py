@@ -198,9 +198,9 @@ def _excited(
 
 
 def _default(plant: Plant, candidate: Candidate) -> float:
-    declared = EFFECTS[candidate.effect]
+    declared, targets = EFFECTS[candidate.effect], plant.wiring.targets
     parameter = declared.parameters[candidate.parameter]
-    value = parameter.default[0 if plant.wiring.targets.slide(declared.targets, 0) else 1]
+    value = parameter.default[targets.side(declared.targets, targets.first(declared.targets, candidate.target))]
     if parameter.nominal is not None:
         value *= candidate.high / max(b for b in parameter.bounds[0] if np.isfinite(b))
     return float(np.clip(value, candidate.low, candidate.high))

@@ -265,7 +265,7 @@ def whom(session: Session, effect: str) -> dict[str, tuple[str, ...] | None]:
     targets = session.core.wiring().targets
     kind = EFFECTS[effect].targets
     them = targets.names(kind)
-    slides = [targets.slide(kind, index) for index in range(len(them))]
+    slides = [targets.side(kind, index) == 0 for index in range(len(them))]
     found: dict[str, tuple[str, ...] | None] = {}
     if all(slides) or not any(slides):
         found["all"] = None
@@ -284,7 +284,7 @@ def knobs(session: Session, effect: str, target: tuple[str, ...] | None) -> tupl
     names = targets.names(declared.targets)
     whose = range(len(names)) if target is None else [names.index(one) for one in target]
     index, there = whose[0], min(removable(declared, model, wiring, k) for k in whose)
-    side = 0 if targets.slide(declared.targets, index) else 1
+    side = targets.side(declared.targets, index)
     first, found = next(iter(declared.parameters)), []
     for name, parameter in declared.parameters.items():
         low, high = parameter.bounds[side]

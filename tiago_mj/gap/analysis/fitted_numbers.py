@@ -299,9 +299,8 @@ def _told(plant: Plant, one: Sized) -> FittedNumber:
     value, *ends = (
         float(term.entry(size).parameters[term.parameter]) for size in (one.size, one.size - reach, one.size + reach)
     )
-    names = plant.wiring.targets.names(declared.targets)
-    index = names.index(term.target[0]) if term.target else 0
-    side = 0 if plant.wiring.targets.slide(declared.targets, index) else 1
+    targets = plant.wiring.targets
+    side = targets.side(declared.targets, targets.first(declared.targets, term.target))
     unit = declared.parameters[term.parameter].unit[side]
     value, low, high, nominal = (float(f"{x:.{DIGITS}g}") for x in (value, min(ends), max(ends), term.nominal))
     return FittedNumber(term.effect, target_of(term.target), term.parameter, value, low, high, unit, nominal)

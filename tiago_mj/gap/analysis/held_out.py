@@ -140,8 +140,8 @@ def _number(plant: Plant, term: Term, deviations: float) -> str:
     """A nominal number and its fitted value in words, such as ``encoder_scale of hinge 0.947``."""
     declared = EFFECTS[term.effect]
     value = term.entry(deviations).parameters[term.parameter]
-    names = plant.wiring.targets.names(declared.targets)
-    index = names.index(term.target[0]) if term.target else 0
-    unit = declared.parameters[term.parameter].unit[0 if plant.wiring.targets.slide(declared.targets, index) else 1]
+    targets = plant.wiring.targets
+    side = targets.side(declared.targets, targets.first(declared.targets, term.target))
+    unit = declared.parameters[term.parameter].unit[side]
     target = f" of {' and '.join(term.target)}" if term.target else ""
     return f"{term.effect}{target} {value:.3g}{'' if unit == '-' else f' {unit}'}"

@@ -101,8 +101,8 @@ def named(plant: Plant, fit: Fitted, k: int) -> Named:
             ends = max(fixed - off, detail.bounds[0]), min(fixed + off, detail.bounds[1])
             parameters[name] = Value(fixed, *ends, detail.unit, fit.spreads[name])
             continue
-        index = 0 if part.target is None else plant.wiring.targets.names(declared.targets).index(part.target[0])
-        side = 0 if plant.wiring.targets.slide(declared.targets, index) else 1
+        targets = plant.wiring.targets
+        side = targets.side(declared.targets, targets.first(declared.targets, part.target))
         parameters[name] = Value(fixed, None, None, declared.parameters[name].unit[side])
     return Named(part.effect, target_of(part.target), parameters)
 

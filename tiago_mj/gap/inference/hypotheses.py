@@ -223,7 +223,7 @@ def _candidates_of(
     declared = EFFECTS[name]
     kind = declared.targets
     targets = plant.wiring.targets
-    side = 0 if targets.slide(kind, index) else 1
+    side = targets.side(kind, index)
     switch = next(p for p in declared.parameters.values() if p.identity is not None)
     scale = 1.0
     if switch.nominal is not None:
@@ -339,8 +339,8 @@ def _stated_terms(plant: Plant, name: str) -> list[Term]:
         if declared.common:  # whichever target it is stated of
             size = max(d for (effect, _), d in plant.known.items() if effect == name)
         if size is not None:
-            index = 0 if group is None else names.index(group[0])
-            low, high = parameter.bounds[0 if targets.slide(declared.targets, index) else 1]
+            index = targets.first(declared.targets, group)
+            low, high = parameter.bounds[targets.side(declared.targets, index)]
             low = max(low, -removable(declared, plant.model, plant.wiring, index))
             out.append(Term(name, group, parameter.name, parameter.identity, size, False, low, high))
     return out
@@ -361,8 +361,8 @@ def _default_terms(plant: Plant) -> tuple[Term, ...]:
         parameter = next(p for p in declared.parameters.values() if p.identity is not None)
         single = declared.common or declared.targets in ("object", "clock") or not prior.each
         for group in [None] if single else [(name,) for name in names]:
-            index = 0 if group is None else names.index(group[0])
-            size = prior.deviation[0 if targets.slide(declared.targets, index) else 1]
+            index = targets.first(declared.targets, group)
+            size = prior.deviation[targets.side(declared.targets, index)]
             base = parameter.identity
             if prior.share_of == "stock":
                 size *= removable(declared, plant.model, plant.wiring, index)

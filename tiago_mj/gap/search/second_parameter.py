@@ -88,8 +88,8 @@ def _with_second(fit: Fitted, k: int, name: str, second: float) -> tuple[Candida
 def _bounds(fitter: Fitter, part: Candidate, name: str) -> tuple[float, float]:
     """Bounds of a parameter of an effect, on its first target."""
     declared, targets = EFFECTS[part.effect], fitter.predict.plant.wiring.targets
-    index = 0 if part.target is None else targets.names(declared.targets).index(part.target[0])
-    return declared.parameters[name].bounds[0 if targets.slide(declared.targets, index) else 1]
+    first = targets.first(declared.targets, part.target)
+    return declared.parameters[name].bounds[targets.side(declared.targets, first)]
 
 
 def _other_forms(fit: Fitted) -> list[Start]:
