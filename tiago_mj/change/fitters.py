@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tiago_mj.effects.spec import Entry
 from tiago_mj.gap.inference import noise_model, sensor_noise, step_tolerance
@@ -34,6 +35,11 @@ class JointFitter(Fitter):
     """
 
     changed: frozenset[int] = frozenset()
+
+    @property
+    def acting(self) -> NDArray[np.bool_]:
+        """Mask of the trials in which candidates act, (ntrials,): those of the changed set."""
+        return np.array([trial in self.changed for trial in self.trials], dtype=bool)
 
     def effects(self, parts: Sequence[Candidate], values: Array, nuisance: Array, trial: int) -> tuple[Entry, ...]:
         """What is simulated for a trial (by its position among the trials)."""
@@ -61,6 +67,14 @@ class DifferenceFitter(Fitter):
     def of_both(self) -> Fitter:
         """With candidates that act in both sets: they are no change."""
         return replace(self, both=True)
+
+    def selection_penalty(self, part: Candidate) -> float:
+        """As of :meth:`Fitter.selection_penalty`, of both recordings of a pair where candidates act in both."""
+        penalty = super().selection_penalty(part)
+        if not self.both:
+            return penalty
+        others = replace(self, trials=tuple(self.partner[trial] for trial in self.trials))
+        return penalty + Fitter.selection_penalty(others, part)
 
     def predictions(self, points: Sequence[Point], *, keep: bool = False) -> Array:
         """Differences of simulations, (npoints, ntrials, T, C); ``keep``: remember the physics."""

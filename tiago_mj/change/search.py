@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tiago_mj.change.fitters import DifferenceFitter, JointFitter, differences
-from tiago_mj.change.reference import Reference, nominal, searched, spread, with_what_is_left
+from tiago_mj.change.reference import Reference, better_explained, nominal, searched, spread, with_what_is_left
 from tiago_mj.gap.compared import Compared
 from tiago_mj.gap.inference import hypotheses, likelihood, noise_model
 from tiago_mj.gap.inference.fit import NUISANCE_STEP, Start
@@ -87,22 +87,32 @@ def explained(compared: Compared, sets: Sequence[Sequence[int]], deadline: Deadl
     """What explains the difference of two sets: which is the reference, what both have in common, the explanations.
 
     Differences of recordings of the same commands need no explanation of what both have, as long as something explains
-    the differences; all else does.
+    the differences; all else does. A change is what more acts in the other set than in the reference, and many effects
+    have one sign: where the better explained set as the reference leaves a gap, the other one is it, too.
 
     Args:
         compared: both sets beside the nominal model.
         sets: indices of their trials.
         deadline: of the search.
     """
-    better, known = nominal(compared, sets, deadline)
-    changed = sets[1 - better]
-    if not known.explained:
-        if _paired(compared, known, changed):
-            found = changes(compared, known, changed, deadline, most=1)
-            if found.explained:
-                return better, known, found
-        known = searched(known, deadline)
-    return better, known, changes(compared, known, changed, deadline, most=MOST)
+    sides = nominal(compared, sets, deadline)
+    better = better_explained(sides)
+    if not sides[better].explained:
+        for k in (better, 1 - better):
+            if _paired(compared, sides[k], sets[1 - k]):
+                found = changes(compared, sides[k], sets[1 - k], deadline, most=1)
+                if found.explained:
+                    return k, sides[k], found
+        sides[better] = searched(sides[better], deadline)
+        if not sides[better].explained:
+            sides = [searched(side, deadline) for side in sides]
+            better = better_explained(sides)
+    found = changes(compared, sides[better], sets[1 - better], deadline, most=MOST)
+    if found.explained or deadline.over():
+        return better, sides[better], found
+    other = searched(sides[1 - better], deadline)
+    again = changes(compared, other, sets[better], deadline, most=MOST)
+    return (1 - better, other, again) if again.explained else (better, sides[better], found)
 
 
 def _paired(compared: Compared, known: Reference, changed: Sequence[int]) -> list[tuple[int, int]]:
@@ -137,19 +147,19 @@ def changes(
         "most": most,
     }
     pool = tuple(replace(candidate, tolerance=0.0) for candidate in compared.proposed.pool)
-    terms = hypotheses.terms(compared.session.plant)
+    terms, motion = hypotheses.terms(compared.session.plant), compared.proposed.servo_motion
     if pairs:
         pairs = [pairs[k] for k in spread(range(len(pairs)), FITTED_TRIALS)]
         apart = differences(data, common, pairs)
         one, other = ([pair[k] for pair in pairs] for k in (0, 1))
-        asked = Question(predict, apart, one, pool, (), common[one] - common[other], **limits)
+        asked = Question(predict, apart, one, pool, (), common[one] - common[other], motion=motion, **limits)
         begin = _of_differences(dict(pairs), known)
     else:
         residual = likelihood.residual(data, common)
         wide = with_what_is_left(data, residual, known.trials)
         mine = sorted([*spread(known.trials, FITTED_TRIALS), *spread(changed, FITTED_TRIALS)])
         part = noise_model.select_trials(wide, mine)
-        asked = Question(predict, part, mine, pool, terms, common[mine], **limits)
+        asked = Question(predict, part, mine, pool, terms, common[mine], motion=motion, **limits)
         begin = _of_both(frozenset(changed), known)
     ranked = select.select(asked, deadline=deadline, begin=begin)
     fitter, _ = begin(asked, deadline.over)

@@ -53,6 +53,16 @@ class Linearized:
         return len(self.shared) + len(self._own) * len(self.trials)
 
     @property
+    def acting(self) -> NDArray[np.bool_]:
+        """Mask of the trials in which candidates act, (ntrials,): here all."""
+        return np.ones(len(self.trials), dtype=bool)
+
+    @property
+    def acting_trials(self) -> tuple[int, ...]:
+        """Indices of the trials in which candidates act."""
+        return tuple(trial for trial, acts in zip(self.trials, self.acting, strict=True) if acts)
+
+    @property
     def motion_counts(self) -> float:
         """What a sample of the joints' motion counts for."""
         of_joints = [kind != "force" for kind in self.data.kinds]
@@ -62,7 +72,7 @@ class Linearized:
         """What it costs to have chosen what an effect drew at random [nats]: told by the joints' motion, by samples
         that count for what they do here."""
         return (
-            self.motion_counts * sum(part.selection_penalty[trial] for trial in self.trials)
+            self.motion_counts * sum(part.selection_penalty[trial] for trial in self.acting_trials)
             if part.selection_penalty
             else 0.0
         )

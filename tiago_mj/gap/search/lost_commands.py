@@ -110,8 +110,9 @@ class ExplanationWithLosses:
 def are_likely(fitter: Fitter, best: Fitted, motion: ServoMotion) -> bool:
     """Whether a first decoding (two simulations of every trial) explains so much of the residual that lost commands are
     fitted before a second effect is sought."""
-    found = decode(fitter.predict, motion, effects_in_every_trial(fitter, Point.of(best)), fitter.trials)
-    return found.cost_with_losses(fitter.trials) < LIKELY_COST_RATIO * found.cost_without_losses(fitter.trials)
+    trials = fitter.acting_trials
+    found = decode(fitter.predict, motion, effects_in_every_trial(fitter, Point.of(best)), trials)
+    return found.cost_with_losses(trials) < LIKELY_COST_RATIO * found.cost_without_losses(trials)
 
 
 def decoded_beside(
@@ -129,17 +130,17 @@ def decoded_beside(
     punctual = linearization_point.nuisance.copy()
     for k, term in enumerate(fitter.terms):
         punctual[fitter.nuisance_indices(k)] *= term.effect not in EFFECTS[LOSES].taken_up_by
-    best, least = None, np.inf
+    best, least, trials = None, np.inf, fitter.acting_trials
     for nuisance in (linearization_point.nuisance, punctual, np.zeros(fitter.size)):
         point = replace(linearization_point, nuisance=nuisance)
         before = np.inf
         for _ in range(MAX_DECODING_ROUNDS):
             if fitter.out_of_time():
                 return best
-            found = decode(fitter.predict, motion, effects_in_every_trial(fitter, point), fitter.trials)
-            losing = losing_candidates(pool, found, fitter.predict.plant.wiring.targets.command, fitter.trials)
-            now = found.cost_with_losses(fitter.trials)
-            if losing is None or now > MAX_COST_RATIO * found.cost_without_losses(fitter.trials):
+            found = decode(fitter.predict, motion, effects_in_every_trial(fitter, point), trials)
+            losing = losing_candidates(pool, found, fitter.predict.plant.wiring.targets.command, trials)
+            now = found.cost_with_losses(trials)
+            if losing is None or now > MAX_COST_RATIO * found.cost_without_losses(trials):
                 break
             predict = fitter.predict.with_delivered(found.delivered)
             there = point.with_effect(losing[0], losing[0].grid[0])
@@ -169,12 +170,12 @@ def penalised(
         motion: of the servos.
         pool: candidates.
     """
-    counts = fitter.motion_counts
+    counts, trials = fitter.motion_counts, fitter.acting_trials
     effects = effects_in_every_trial(fitter, decoded.point)
-    some = decode(fitter.predict, motion, effects, fitter.trials, counts)
-    none, least = some.cost_without_losses(fitter.trials), some.cost_with_losses(fitter.trials)
+    some = decode(fitter.predict, motion, effects, trials, counts)
+    none, least = some.cost_without_losses(trials), some.cost_with_losses(trials)
     commands = fitter.predict.plant.wiring.targets.command
-    losing = losing_candidates(pool, decoded.found, commands, fitter.trials)
+    losing = losing_candidates(pool, decoded.found, commands, trials)
     if losing is None or none - least < MIN_GAIN_NATS or least > MAX_WEIGHTED_COST_RATIO * none:
         return None
     out = {}

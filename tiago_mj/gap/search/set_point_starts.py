@@ -93,7 +93,8 @@ def looked_for_again(state: State) -> State:
 
 def _starts(state: State, point: Point, candidates: Sequence[Candidate], least: float) -> list[Start]:
     full, motion = state.full, state.motion
-    if motion is None or not candidates or any(part.effect == impulse_responses.LOSES for part in point.parts):
+    losing = (*(part.effect for part in point.parts), *(entry.name for entry in full.given))
+    if motion is None or not candidates or impulse_responses.LOSES in losing:
         return []
 
     def work() -> list[Start]:
@@ -205,14 +206,15 @@ class Beside:
     @classmethod
     def of(cls, fitter: Fitter, motion: ServoMotion, point: Point) -> Beside:
         """Simulate the explanation without and with randomly lost commands, and estimate the impulse responses."""
-        base, learned = impulse_responses.learned(fitter.predict, effects_in_every_trial(fitter, point))
+        _, learned = impulse_responses.learned(fitter.predict, effects_in_every_trial(fitter, point))
+        base = fitter.predictions([point])[0]
         fitter = replace(fitter, data=_free(fitter, motion))
-        return cls(fitter, motion, point, _frame(fitter, point), base[list(fitter.trials)], learned)
+        return cls(fitter, motion, point, _frame(fitter, point), base, learned)
 
     def in_liveliest(self, count: int) -> Beside:
-        """The same on the ``count`` trials with the largest commanded motion."""
+        """The same on the ``count`` trials with the largest commanded motion of those in which candidates act."""
         moved = [float(np.nansum(np.abs(np.diff(self.motion.requested[t], axis=0)))) for t in self.fitter.trials]
-        rows = sorted(np.argsort(moved)[-count:].tolist())
+        rows = sorted(np.argsort(np.where(self.fitter.acting, moved, -np.inf))[-count:].tolist())
         fitter, point = self.fitter.part(rows), replace(self.point, nuisance=self.fitter.of(rows, self.point.nuisance))
         return replace(self, fitter=fitter, point=point, frame=_frame(fitter, point), base=self.base[rows])
 
@@ -230,7 +232,7 @@ class Beside:
         out = np.empty((len(candidates), len(pairs)))
         for first in range(0, len(pairs), AT_ONCE):
             some = slice(first, first + AT_ONCE)
-            off = self._offsets(wide, pairs[some])
+            off = self._offsets(wide, pairs[some]) * self.fitter.acting[:, None, None]
             for each, mine in zip(out, answers, strict=True):
                 predicted = np.repeat(self.base[None], len(off), axis=0)
                 for a, c, response in mine:
