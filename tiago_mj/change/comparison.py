@@ -12,6 +12,7 @@ from typing import Any, Final
 import numpy as np
 
 import tiago_mj
+from tiago_mj.change import lost as lost_share
 from tiago_mj.change import search
 from tiago_mj.change.reference import Reference, measured_on_readings, spread
 from tiago_mj.change.result import AFTER, BEFORE, Change, Comparison, Explanation, Kind, Side, Which
@@ -91,7 +92,10 @@ def compare(before: Sequence[Trial], after: Sequence[Trial], **asked: Any) -> Co
         compared = pipeline.beside_nominal(sets.session, request, so_far)
         sets = _of_names(compared.session)
         which, known, found = search.explained(compared, sets.both, request.deadline)
-    answer = _answer(compared, sets, known, found, reading=_on_readings(compared, sets), in_before=bool(which))
+        measured = [measured_on_readings(compared, some) for some in sets.both]
+        lost = lost_share.counted(compared, known, sets.both)
+    reading = _differing([(*one, *other) for one, other in zip(measured, lost, strict=True)])
+    answer = _answer(compared, sets, known, found, reading=reading, in_before=bool(which))
     return replace(
         answer,
         findings=(*request.findings, *compared.findings),
@@ -117,12 +121,13 @@ def _of_names(whole: Session) -> Sets:
     return Sets(whole, first, second)
 
 
-def _on_readings(compared: Compared, sets: Sets) -> tuple[Change, ...]:
-    """Effects that the readings of one set show by themselves and those of the other do not, or by another amount."""
-    first, second = (
-        {(one.candidate.effect, one.candidate.target): one for one in measured_on_readings(compared, some)}
-        for some in sets.both
-    )
+def _differing(measured: Sequence[Sequence[Known]]) -> tuple[Change, ...]:
+    """Effects that were measured in one set and not in the other, or by another amount.
+
+    Args:
+        measured: of each set, on its readings alone or by counting its lost commands.
+    """
+    first, second = ({one.candidate.label: one for one in some} for some in measured)
     out = []
     for label in dict.fromkeys((*first, *second)):
         one, other = first.get(label), second.get(label)
@@ -162,7 +167,7 @@ def _answer(
 
     Args:
         compared, sets, known, found: of the stages before.
-        reading: changes that readings show by themselves.
+        reading: changes that were measured in each set.
         in_before: whether effects of the ranking act in the earlier set.
     """
     ranked, plant = found.ranked, compared.session.plant

@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from tiago_mj.effects import EFFECTS
 from tiago_mj.effects.spec import Entry
 from tiago_mj.gap.compared import Compared
 from tiago_mj.gap.detectors import readings
@@ -43,6 +44,7 @@ class Reference:
         found: of these what was found.
         question: what was asked of the reference set.
         sought: whether effects were sought in it.
+        delivered: where both sets lose commands, those that arrived, (ntrials, T - 1, nactuators) of all trials.
     """
 
     trials: tuple[int, ...]
@@ -51,6 +53,7 @@ class Reference:
     found: tuple[Entry, ...]
     question: Question
     sought: bool = False
+    delivered: Array | None = None
 
     @property
     def explained(self) -> bool:
@@ -59,8 +62,7 @@ class Reference:
 
 
 def question(compared: Compared, trials: Sequence[int], deadline: Deadline) -> Question:
-    """What explains some of the trials, beside the nominal model. Which commands were lost is not decoded: it would be
-    decoded for these trials alone."""
+    """What explains some of the trials, beside the nominal model. Which commands were lost is decoded for all."""
     predict, proposed = compared.predict, compared.proposed
     base = predict.all_trials([()], trials)[0]
     steps = replay.physics_steps(compared.session.plant, predict.on) if predict.replays else base.shape[1]
@@ -72,7 +74,8 @@ def question(compared: Compared, trials: Sequence[int], deadline: Deadline) -> Q
         hypotheses.terms(compared.session.plant),
         base,
         measured_on_readings(compared, trials),
-        steps=steps,
+        proposed.servo_motion,
+        steps,
         beyond=False,
     )
 
@@ -127,7 +130,10 @@ def searched(known: Reference, deadline: Deadline) -> Reference:
     best = ranking.by_evidence(ranked.fits)[0]
     terms = tuple(sorted(asked.terms, key=lambda term: term.per_trial))
     own = _own_numbers(terms, best)
-    return replace(known, fit=best, common=(*best.effects(), *own), found=best.effects(), sought=True)
+    loses = any(EFFECTS[entry.name].loses_commands for entry in best.effects())
+    delivered = ranked.predict.on.delivered if loses else None
+    common = (*best.effects(), *own)
+    return replace(known, fit=best, common=common, found=best.effects(), sought=True, delivered=delivered)
 
 
 def _own_numbers(terms: Sequence[hypotheses.Term], fit: Fitted) -> tuple[Entry, ...]:

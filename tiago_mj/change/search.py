@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 
 from tiago_mj.change.fitters import DifferenceFitter, JointFitter, differences
 from tiago_mj.change.reference import Reference, better_explained, nominal, searched, spread, with_what_is_left
+from tiago_mj.effects import EFFECTS
+from tiago_mj.gap.analysis import promises
 from tiago_mj.gap.compared import Compared
 from tiago_mj.gap.inference import hypotheses, likelihood, noise_model
 from tiago_mj.gap.inference.fit import NUISANCE_STEP, Start
@@ -58,6 +60,14 @@ class Found:
         best = ranking.by_evidence(self.ranked.fits)[0]
         return ranking.is_adequate(best, ranking.ADEQUATE_WITH_EFFECTS if best.parts else ranking.ADEQUATE_DISCREPANCY)
 
+    @property
+    def names_one(self) -> bool:
+        """Whether that holds, or the best explanation takes up the larger part of the difference."""
+        fits = self.ranked.fits
+        nothing = next(fit for fit in fits if not fit.parts)
+        most = (1 - promises.LARGER_PART) * ranking.discrepancy(nothing)
+        return self.explained or ranking.discrepancy(ranking.by_evidence(fits)[0]) < most
+
 
 def repeated(trials: Sequence[Trial], one: Sequence[int], other: Sequence[int]) -> list[tuple[int, int]]:
     """Pairs of trials of two sets that have the same commands, each trial in one pair at most."""
@@ -103,20 +113,25 @@ def explained(compared: Compared, sets: Sequence[Sequence[int]], deadline: Deadl
                 found = changes(compared, sides[k], sets[1 - k], deadline, most=1)
                 if found.explained:
                     return k, sides[k], found
+                if found.names_one:
+                    break
         sides[better] = searched(sides[better], deadline)
         if not sides[better].explained:
             sides = [searched(side, deadline) for side in sides]
             better = better_explained(sides)
     found = changes(compared, sides[better], sets[1 - better], deadline, most=MOST)
-    if found.explained or deadline.over():
+    if found.names_one or deadline.over():
         return better, sides[better], found
     other = searched(sides[1 - better], deadline)
     again = changes(compared, other, sets[better], deadline, most=MOST)
-    return (1 - better, other, again) if again.explained else (better, sides[better], found)
+    return (1 - better, other, again) if again.names_one else (better, sides[better], found)
 
 
 def _paired(compared: Compared, known: Reference, changed: Sequence[int]) -> list[tuple[int, int]]:
-    """Pairs of trials of both sets that repeat the same commands; none where most of the set has no partner."""
+    """Pairs of trials of both sets that repeat the same commands; none where most of the set has no partner, or where
+    commands are lost: each recording has its own losses, and what is not decoded of them does not cancel."""
+    if known.delivered is not None:
+        return []
     pairs = repeated(compared.session.trials, changed, known.trials) if compared.predict.replays else []
     return pairs if 2 * len(pairs) >= len(changed) else []
 
@@ -134,6 +149,10 @@ def changes(
         most: effects of one explanation at most.
     """
     predict, trials = replace(compared.predict, deadline=deadline), compared.session.trials
+    pool = tuple(replace(candidate, tolerance=0.0) for candidate in compared.proposed.pool)
+    if known.delivered is not None:  # and how many were lost in each set is counted (lost.counted)
+        predict = predict.with_delivered(known.delivered)
+        pool = tuple(candidate for candidate in pool if not EFFECTS[candidate.effect].loses_commands)
     pairs = _paired(compared, known, changed)
     everything = list(range(len(trials)))
     common = predict.all_trials([known.common], everything, keep=True)[0]
@@ -146,7 +165,6 @@ def changes(
         "share": SHARE,
         "most": most,
     }
-    pool = tuple(replace(candidate, tolerance=0.0) for candidate in compared.proposed.pool)
     terms, motion = hypotheses.terms(compared.session.plant), compared.proposed.servo_motion
     if pairs:
         pairs = [pairs[k] for k in spread(range(len(pairs)), FITTED_TRIALS)]

@@ -131,7 +131,8 @@ def decoded_beside(
     for k, term in enumerate(fitter.terms):
         punctual[fitter.nuisance_indices(k)] *= term.effect not in EFFECTS[LOSES].taken_up_by
     best, least, trials = None, np.inf, fitter.acting_trials
-    for nuisance in (linearization_point.nuisance, punctual, np.zeros(fitter.size)):
+    begin = (linearization_point.nuisance, punctual, np.zeros(fitter.size))
+    for nuisance in {one.tobytes(): one for one in begin}.values():
         point = replace(linearization_point, nuisance=nuisance)
         before = np.inf
         for _ in range(MAX_DECODING_ROUNDS):
