@@ -46,3 +46,11 @@ def test_what_has_no_driver_stays_as_it_is(searching: State) -> None:
     fits = searching.full.fit_all([Start((), np.zeros(0)), Start((late,), np.array([0.01]))])
     state = replace(searching, fits=tuple(fits))
     assert driver_period.tried(state) is state
+
+
+def test_a_period_over_position_is_no_drivers(searching: State) -> None:
+    ripple = hypotheses.candidates(searching.full.predict.plant, ("motor_cogging",))[0]
+    fits = searching.full.fit_all([Start((), np.zeros(0)), Start((ripple,), np.array([0.1]))])
+    best = replace(fits[1], evidence=fits[0].evidence + 100.0)
+    state = replace(searching, fits=(fits[0], best))
+    assert driver_period.tried(state) is state

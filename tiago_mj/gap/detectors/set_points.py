@@ -273,6 +273,11 @@ def passed(plant: Plant, on: Grid, motion: ServoMotion, wide: Candidate, values:
     return out
 
 
+def has_driver(candidate: Candidate) -> bool:
+    """Whether a candidate has a driver's period; a period over position has the same name."""
+    return EFFECTS[candidate.effect].stage == "command" and PERIOD in dict(candidate.fixed)
+
+
 def minima(cost: Array) -> list[int]:
     """Indices of the lowest local minima of a curve, lowest first, at most :data:`MAX_SIMULATED`."""
     inner = np.nonzero((cost[1:-1] <= cost[:-2]) & (cost[1:-1] <= cost[2:]))[0] + 1

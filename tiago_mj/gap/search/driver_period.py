@@ -14,8 +14,7 @@ from typing import Final
 
 import numpy as np
 
-from tiago_mj.effects import EFFECTS
-from tiago_mj.gap.detectors.set_points import PERIOD
+from tiago_mj.gap.detectors.set_points import PERIOD, has_driver
 from tiago_mj.gap.inference.fit import Point
 from tiago_mj.gap.inference.hypotheses import Candidate
 from tiago_mj.gap.search import scan, starts
@@ -38,7 +37,7 @@ FINE_WIDTHS: Final = tuple(np.linspace(0.997, 1.003, 25).tolist())
 def tried(state: State) -> State:
     """The search with a grid of driver periods tried for the best explanation; unchanged where that has no driver."""
     best, full = state.best, state.full
-    mine = [k for k, part in enumerate(best.parts) if _has_driver(part)]
+    mine = [k for k, part in enumerate(best.parts) if has_driver(part)]
     if not mine or full.out_of_time():
         return state
     which, point = mine[0], Point.of(best)
@@ -63,11 +62,6 @@ def tried(state: State) -> State:
     fine = beside(there, [(period, there.values[which] * share) for share in FINE_WIDTHS])
     begin = [starts.start_at(fine[k]) for k in scan.likeliest(full, fine, MAX_PAIRS)]
     return state.with_fits([*fits, *full.fit_all(begin)])
-
-
-def _has_driver(part: Candidate) -> bool:
-    """Whether a candidate has a driver's period; a period over position has the same name."""
-    return EFFECTS[part.effect].stage == "command" and PERIOD in dict(part.fixed)
 
 
 def _with(point: Point, which: int, period: float, width: float) -> Point:

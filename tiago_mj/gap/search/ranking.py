@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tiago_mj.effects import EFFECTS
+from tiago_mj.gap.detectors.set_points import has_driver
 from tiago_mj.gap.inference import likelihood
 from tiago_mj.gap.inference.fit import Fitted
 from tiago_mj.gap.inference.hypotheses import number_of_effects
@@ -128,10 +129,12 @@ def reportable(fits: Sequence[Fitted]) -> list[Fitted]:
 
 def _is_significant(fit: Fitted, part: int) -> bool:
     """Whether a magnitude differs from that without effect; of random losses, by what was decoded and not by the
-    share."""
+    share; of a driver, by its evidence: what it does changes in steps, between which the slope that a deviation is made
+    of is 0 (a hinge's dead band, 13 000 nats ahead, was 0.2 deviations from none; seed 4141, pair 6)."""
     candidate = fit.parts[part]
     return (
         bool(candidate.selection_penalty)
         or candidate.spread is not None
+        or has_driver(candidate)
         or differs_from_identity(fit, part, MIN_MAGNITUDE_DEVIATIONS)
     )
