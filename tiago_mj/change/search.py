@@ -116,9 +116,6 @@ def explained(compared: Compared, sets: Sequence[Sequence[int]], deadline: Deadl
                 if found.names_one:
                     break
         sides[better] = searched(sides[better], deadline)
-        if not sides[better].explained:
-            sides = [searched(side, deadline) for side in sides]
-            better = better_explained(sides)
     found = changes(compared, sides[better], sets[1 - better], deadline, most=MOST)
     if found.names_one or deadline.over():
         return better, sides[better], found
