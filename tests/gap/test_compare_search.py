@@ -123,17 +123,27 @@ def found(left: float, nothing: float) -> search.Found:
     part = SimpleNamespace(label=("friction", None))
     one = Fitted((part,), np.ones(1), np.ones(1), NONE, -10.0, left)  # type: ignore[arg-type]
     none = Fitted((), NONE, NONE, NONE, -1000.0, nothing)
-    return search.Found(SimpleNamespace(fits=(one, none)), 0, SimpleNamespace())  # type: ignore[arg-type]
+    ranked = SimpleNamespace(fits=(one, none), predict=SimpleNamespace(replays=True))
+    return search.Found(ranked, 0, SimpleNamespace())  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize(("left", "reference"), [((14.0, 1.0), 1), ((1.0, 1.0), 0), ((5.0, 1.0), 0), ((14.0, 14.0), 0)])
+@pytest.mark.parametrize(
+    ("left", "nothing", "reference"),
+    [
+        ((14.0, 1.0), 15.0, 1),
+        ((1.0, 1.0), 15.0, 0),
+        ((5.0, 1.0), 15.0, 0),  # a part, and the larger one
+        ((14.0, 14.0), 15.0, 0),
+        ((2.0, 1.0), 2.1, 0),  # no more than a verdict passes
+    ],
+)
 def test_the_other_set_is_the_reference_where_a_change_of_the_first_explains_little(
-    monkeypatch: pytest.MonkeyPatch, left: tuple[float, float], reference: int
+    monkeypatch: pytest.MonkeyPatch, left: tuple[float, float], nothing: float, reference: int
 ) -> None:
     sides = [side(0.4, -0.1), side(0.4, -4.0)]
     monkeypatch.setattr(search, "nominal", lambda *_: list(sides))
     monkeypatch.setattr(
-        search, "changes", lambda compared, known, *_, **__: found(left[0 if known is sides[0] else 1], 15.0)
+        search, "changes", lambda compared, known, *_, **__: found(left[0 if known is sides[0] else 1], nothing)
     )
     which, known, told = search.explained(SimpleNamespace(), [(0,), (1,)], Deadline())  # type: ignore[arg-type]
     assert which == reference

@@ -14,6 +14,7 @@ from tiago_mj.change.reference import Reference, better_explained, nominal, sear
 from tiago_mj.effects import EFFECTS
 from tiago_mj.gap.analysis import promises
 from tiago_mj.gap.compared import Compared
+from tiago_mj.gap.decision import verdict
 from tiago_mj.gap.inference import hypotheses, likelihood, noise_model
 from tiago_mj.gap.inference.fit import NUISANCE_STEP, Start
 from tiago_mj.gap.search import beginning, ranking, select
@@ -61,12 +62,14 @@ class Found:
         return ranking.is_adequate(best, ranking.ADEQUATE_WITH_EFFECTS if best.parts else ranking.ADEQUATE_DISCREPANCY)
 
     @property
-    def names_one(self) -> bool:
-        """Whether that holds, or the best explanation takes up the larger part of the difference."""
+    def fails(self) -> bool:
+        """Whether the best explanation fails, as a verdict judges it, and does not take up the larger part of the
+        difference either."""
         fits = self.ranked.fits
-        nothing = next(fit for fit in fits if not fit.parts)
-        most = (1 - promises.LARGER_PART) * ranking.discrepancy(nothing)
-        return self.explained or ranking.discrepancy(ranking.by_evidence(fits)[0]) < most
+        left = ranking.discrepancy(ranking.by_evidence(fits)[0])
+        nothing = ranking.discrepancy(next(fit for fit in fits if not fit.parts))
+        most = verdict.calibration(replays=self.ranked.predict.replays).fails
+        return left > most and left >= (1 - promises.LARGER_PART) * nothing
 
 
 def repeated(trials: Sequence[Trial], one: Sequence[int], other: Sequence[int]) -> list[tuple[int, int]]:
@@ -98,7 +101,7 @@ def explained(compared: Compared, sets: Sequence[Sequence[int]], deadline: Deadl
 
     Differences of recordings of the same commands need no explanation of what both have, as long as something explains
     the differences; all else does. A change is what more acts in the other set than in the reference, and many effects
-    have one sign: where the better explained set as the reference leaves a gap, the other one is it, too.
+    have one sign: where no change explains the larger part beside the better explained set, the other is the reference.
 
     Args:
         compared: both sets beside the nominal model.
@@ -113,15 +116,15 @@ def explained(compared: Compared, sets: Sequence[Sequence[int]], deadline: Deadl
                 found = changes(compared, sides[k], sets[1 - k], deadline, most=1)
                 if found.explained:
                     return k, sides[k], found
-                if found.names_one:
+                if not found.fails:
                     break
         sides[better] = searched(sides[better], deadline)
     found = changes(compared, sides[better], sets[1 - better], deadline, most=MOST)
-    if found.names_one or deadline.over():
+    if not found.fails or deadline.over():
         return better, sides[better], found
     other = searched(sides[1 - better], deadline)
     again = changes(compared, other, sets[better], deadline, most=MOST)
-    return (1 - better, other, again) if again.names_one else (better, sides[better], found)
+    return (better, sides[better], found) if again.fails else (1 - better, other, again)
 
 
 def _paired(compared: Compared, known: Reference, changed: Sequence[int]) -> list[tuple[int, int]]:
