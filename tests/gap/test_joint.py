@@ -10,7 +10,7 @@ from tiago_mj.gap.analysis import outcome
 from tiago_mj.gap.decision import verdict
 from tiago_mj.gap.detectors.readings import Known
 from tiago_mj.gap.inference.evidence import log_evidence
-from tiago_mj.gap.inference.hypotheses import Candidate
+from tiago_mj.gap.inference.hypotheses import FORM_COMPENSATION, Candidate
 from tiago_mj.gap.inference.noise_model import Data
 from tiago_mj.gap.inference.points import Fitted, Point
 from tiago_mj.gap.inference.whitening import Whitening
@@ -60,7 +60,9 @@ def test_covariance_is_as_wide_as_the_intervals_and_a_form_that_is_not_known_mak
     widens = verdict.calibration().widens
     fitted = FIT.deviations * widens
     known = [STIFF.known_to(2.0), RUBS.known_to(0.7)]
-    assert known == pytest.approx([0.5 * 0.03 * 1.0, 0.5 * EFFECTS["coulomb_friction"].form_known_to * 0.7])
+    assert known == pytest.approx(
+        [FORM_COMPENSATION * 0.03 * 1.0, FORM_COMPENSATION * EFFECTS["coulomb_friction"].form_known_to * 0.7]
+    )
     covariance = np.array(joint.covariance)
     assert np.sqrt(np.diag(covariance)) == pytest.approx(np.hypot(fitted, known))
     assert covariance[0, 1] == covariance[1, 0] == pytest.approx(-0.6 * fitted[0] * fitted[1])
