@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tiago_mj.gap.decision.verdict import Calibration, Doubt, Option, decide
-from tiago_mj.gap.inference.hypotheses import Candidate
+from tiago_mj.gap.inference.hypotheses import FORM_COMPENSATION, Candidate
 from tiago_mj.gap.result import FitQuality
 
 BY = Calibration(temperature=1.0, stands=0.333, rival=0.05, fails=3.0, remains=3.0)
@@ -124,11 +124,12 @@ def test_of_three_effects_each_counts_for_less_beside_the_two_before() -> None:
     assert decide([three, two, one, nominal], replace(BY, further=5.0)).rivals[0] == 1
 
 
-def test_a_magnitude_is_known_no_better_than_the_number_it_adds_to_and_the_form_of_its_effect() -> None:
+def test_a_magnitude_is_known_no_better_than_the_form_of_its_effect() -> None:
+    """What its nominal number is uncertain by is none of its own uncertainty: recordings show the sum of both."""
     late = Candidate("command_delay", None, "seconds", (), 0.0, 0.0, 0.2, (), "s", tolerance=0.002)
-    assert late.known_to(0.0) == pytest.approx(0.001)
-    assert late.known_to(0.1) == pytest.approx(math.hypot(0.001, 0.0015))  # half of 3 %
+    assert late.known_to(0.0) == 0.0
+    assert late.known_to(0.1) == pytest.approx(FORM_COMPENSATION * 0.003)  # of 3 %
     heavier = Candidate("object_mass", None, "factor", (), 1.0, 0.2, 5.0, (), "-", tolerance=0.12)
-    assert heavier.known_to(2.0) == pytest.approx(math.hypot(0.12, 0.015))
+    assert heavier.known_to(2.0) == pytest.approx(FORM_COMPENSATION * 0.03)
     slow = Candidate("velocity_limit", None, "velocity", (), math.inf, 0.1, 2.0, (), "m/s")
     assert slow.known_to(0.5) == 0.0
