@@ -7,6 +7,7 @@ import pytest
 
 from tiago_mj.effects.spec import Entry
 from tiago_mj.gap.analysis import outcome
+from tiago_mj.gap.decision import verdict
 from tiago_mj.gap.inference import hypotheses, likelihood, noise_model, step_tolerance
 from tiago_mj.gap.inference.fit import Fitted, Fitter, Point, Start
 from tiago_mj.gap.inference.predictor import Predictor
@@ -16,6 +17,7 @@ from tiago_mj.gap.search.beginning import acting_on_misfit
 from tiago_mj.gap.search.screen import Screened, _with_refined_peak
 from tiago_mj.gap.search.state import Question
 from tiago_mj.gap.simulation import replay
+from tiago_mj.io.quantities import NINETY
 
 
 def shortened(plant, factor):
@@ -241,8 +243,9 @@ def test_an_interval_says_how_large_an_effect_is_that_is_there(grasps):
     fit = Fitted((drift, gain), np.array([0.008, 0.9]), np.array([0.003, 0.05]), np.zeros(0), 0.0, 1.0)
     (rate,), (factor,) = (tuple(outcome.named(grasps[0], fit, k).parameters.values()) for k in range(2))
     assert (rate.low, rate.value) == (0, 0.008)
-    assert rate.high > 0.016
-    assert factor.low < 0.7
+    reach = NINETY * verdict.calibration().widens
+    assert rate.high == pytest.approx(0.008 + reach * 0.003, rel=0.01)
+    assert factor.low == pytest.approx(0.9 - reach * 0.05, rel=0.01)
     assert (factor.value, factor.high) == (0.9, 1)
 
 
