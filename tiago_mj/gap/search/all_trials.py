@@ -25,8 +25,8 @@ Array = NDArray[np.float64]
 #: steps of each: they were fitted to some of the trials before. Chosen by hand; no ablation.
 MAX_FITTED: Final = 3
 ITERATIONS: Final = 2
-#: Explanations that are fitted with the responses around themselves, the best and what is near it. Chosen by hand; no
-#: ablation.
+#: Explanations that have responses of their own, the best and what is near it, in the last fit and at its end. Chosen
+#: by hand; no ablation.
 MAX_AROUND_THEMSELVES: Final = 3
 #: Physics steps of all trials together at most, beyond those that were fitted anyway: eight grasps of six seconds have
 #: 24 000; of trials of minutes each fit would cost many times more. Chosen by hand; no ablation.
@@ -75,6 +75,15 @@ def _around_themselves(full: Fitter, fits: Sequence[Fitted]) -> list[Fitted]:
     begin = [starts.restart(f) for f in near]
     longer = replace(full, iterations=MAX_ITERATIONS)
     return full.fit_each(longer.linearized_at_each([Point.of(s) for s in begin]), begin)
+
+
+def settled(state: State) -> State:
+    """The search with the explanations that may be told, the best and those near it, at the end of their fits: evidence
+    and intervals by central differences."""
+    ahead = ranking.by_evidence(state.fits)
+    near = [f for f in ahead if f.evidence > ahead[0].evidence - ranking.NEAR_BEST_NATS][:MAX_AROUND_THEMSELVES]
+    rest = [f for f in state.fits if all(f is not one for one in near)]
+    return replace(state, fits=(*state.full.settled(near), *rest))
 
 
 def wide(asked: Question, first: Fitter, excluded: Sequence[int]) -> Fitter:

@@ -173,7 +173,7 @@ def _search(
     if not out_of_time():
         tick("all trials", 1, gap=_leaves_a_gap(state.best))
         state, wide = all_trials.fitted(state, wide)
-        state = sharpen.settled(_departing_left_out(state))
+        state = all_trials.settled(_departing_left_out(state))
     return ranked(state, wide)
 
 

@@ -18,8 +18,6 @@ from tiago_mj.gap.search.state import State
 #: Explanations that are fitted anew, the best first: twins are to be told apart by the same effort. Chosen
 #: by hand; no ablation.
 MAX_REFITTED: Final = 4
-#: Explanations that are settled, the best first. Chosen by hand; no ablation.
-MAX_SETTLED: Final = 3
 
 
 def sharpened(state: State) -> State:
@@ -53,15 +51,6 @@ def beside(full: Fitter, best: Fitted) -> Fitter:
     measured = replace(predict.data, noise=there.data.noise, sigma=sigma, common=common)
     there = replace(there, predict=replace(predict, data=measured))
     return replace(there, weight=ranking.sample_weight(there.data, prediction))
-
-
-def settled(state: State) -> State:
-    """The search with the explanations that may be told, the best and those near it, at the end of their fits: evidence
-    and intervals by central differences."""
-    ahead = ranking.by_evidence(state.fits)
-    near = [f for f in ahead if f.evidence > ahead[0].evidence - ranking.NEAR_BEST_NATS][:MAX_SETTLED]
-    rest = [f for f in state.fits if all(f is not one for one in near)]
-    return replace(state, fits=(*state.full.settled(near), *rest))
 
 
 def misfits_by(before: Fitter, full: Fitter, fits: Sequence[Fitted]) -> list[Fitted]:
