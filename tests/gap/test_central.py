@@ -64,7 +64,7 @@ def test_a_side_that_a_bound_cuts_short_counts_as_far_as_it_went():
     on = fitter((RUBS,), predicted, np.zeros(ROWS))
     at = Point((), np.zeros(0), np.zeros(1))
     points = central.around(on, at, [])
-    of_values, of_terms = central.responses(on, points, on.predictions(points))
+    of_values, of_terms = central.responses(on, at, points, on.predictions(points))
     assert of_values.shape == (0, 1, ROWS, 1)
     assert of_terms == pytest.approx(5.0)
 
@@ -74,7 +74,15 @@ def test_a_magnitude_at_its_bound_moves_to_one_side_alone():
         return np.full(ROWS, 7.0 * numbers.get("torque_constant", 1.0))
 
     on = fitter((), predicted, np.zeros(ROWS))
-    points = central.around(on, Point((MOTOR,), np.array([3.0]), np.zeros(0)), [0.1])
+    at = Point((MOTOR,), np.array([3.0]), np.zeros(0))
+    points = central.around(on, at, [0.1])
     assert [one.values[0] for one in points] == pytest.approx([3.0, 2.9])
-    of_values, _ = central.responses(on, points, on.predictions(points))
+    of_values, _ = central.responses(on, at, points, on.predictions(points))
     assert of_values == pytest.approx(7.0)
+
+
+def test_a_model_whose_numbers_are_all_known_is_settled_as_it_is():
+    on = fitter((), lambda numbers: np.zeros(ROWS), np.ones(ROWS))
+    (found,) = on.settled([Fitted((), np.zeros(0), np.zeros(0), np.zeros(0), 0.0, 1.0)])
+    assert found.misfit == pytest.approx(1.0)
+    assert found.evidence == pytest.approx(-0.5 * ROWS)

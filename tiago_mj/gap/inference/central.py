@@ -38,26 +38,26 @@ def around(fitter: Linearized, at: Point, steps: Sequence[float]) -> list[Point]
     return [*of_values, *of_nuisances]
 
 
-def responses(fitter: Linearized, points: Sequence[Point], predicted: Array) -> tuple[Array, Array]:
+def responses(fitter: Linearized, at: Point, points: Sequence[Point], predicted: Array) -> tuple[Array, Array]:
     """Responses per unit of each magnitude, (k, ntrials, T, C), and per deviation of each term, (p, ntrials, T, C).
 
     A side that a bound cuts short counts as far as it went; what cannot move has no response.
 
     Args:
-        fitter: whose nuisances they are.
+        fitter, at: whose nuisances they are, and the middle.
         points: of :func:`around`.
         predicted: (npoints, ntrials, T, C).
     """
-    parts, trials = points[0].parts, range(len(fitter.trials))
+    count, trials = len(at.parts), range(len(fitter.trials))
     pairs = list(zip(points[::2], points[1::2], strict=True))
-    far = [[there.values[k] - back.values[k]] * len(trials) for k, (there, back) in enumerate(pairs[: len(parts)])]
-    for term, (there, back) in zip(fitter.in_order(), pairs[len(parts) :], strict=True):
+    far = [[there.values[k] - back.values[k]] * len(trials) for k, (there, back) in enumerate(pairs[:count])]
+    for term, (there, back) in zip(fitter.in_order(), pairs[count:], strict=True):
         ends = [[_reached(fitter, term, one.nuisance, trial) for trial in trials] for one in (there, back)]
         far.append([a - b for a, b in zip(*ends, strict=True)])
-    distance = np.asarray(far)[:, :, None, None]
+    distance = np.asarray(far).reshape(-1, len(trials))[:, :, None, None]
     change = predicted[::2] - predicted[1::2]
     each = np.divide(change, distance, out=np.zeros_like(change), where=distance != 0)
-    return each[: len(parts)], each[len(parts) :]
+    return each[:count], each[count:]
 
 
 def _reached(fitter: Linearized, term: int, nuisance: Array, trial: int) -> float:

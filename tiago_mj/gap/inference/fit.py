@@ -117,7 +117,7 @@ class Fitter(Linearized):
         simulated = yield [at, *(at.without_effect(k) for k in range(len(at.parts))), *around]
         base, without = simulated[0], simulated[1 : 1 + len(at.parts)]
         on = self._with_form_tolerance(at, base, without)
-        of_values, of_terms = central.responses(self, around, simulated[1 + len(at.parts) :])
+        of_values, of_terms = central.responses(self, at, around, simulated[1 + len(at.parts) :])
         columns = np.concatenate([on.white(of_values).T, on.columns(of_terms, self.per_trial)], axis=1)
         normal, before = self._normal(on, at, base, columns), on.cost(base, at.nuisance)
         if normal.predicted_drop > self.min_cost_drop:

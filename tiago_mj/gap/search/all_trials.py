@@ -25,8 +25,8 @@ Array = NDArray[np.float64]
 #: steps of each: they were fitted to some of the trials before. Chosen by hand; no ablation.
 MAX_FITTED: Final = 3
 ITERATIONS: Final = 2
-#: Explanations that have responses of their own, the best and what is near it, in the last fit and at its end. Chosen
-#: by hand; no ablation.
+#: Explanations that have responses of their own, the best and what is near it, in the last fit and at its end.
+#: Chosen by hand; no ablation.
 MAX_AROUND_THEMSELVES: Final = 3
 #: Physics steps of all trials together at most, beyond those that were fitted anyway: eight grasps of six seconds have
 #: 24 000; of trials of minutes each fit would cost many times more. Chosen by hand; no ablation.
