@@ -50,7 +50,8 @@ def test_frames_of_the_flat_observation_are_stacked():
 
 
 def test_environments_run_in_processes_of_their_own():
-    envs = gymnasium.make_vec(FLAT, num_envs=2, vectorization_mode="async", max_episode_steps=4)
+    apart = {"context": "forkserver"}  # a copy of this process lacks the threads that its locks wait for
+    envs = gymnasium.make_vec(FLAT, num_envs=2, vectorization_mode="async", max_episode_steps=4, vector_kwargs=apart)
     try:
         ours, _ = envs.reset(seed=3)
         one, _ = gymnasium.make(FLAT).reset(seed=4)
