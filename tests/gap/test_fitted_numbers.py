@@ -19,7 +19,7 @@ from tiago_mj.export import found as exported
 from tiago_mj.gap import apply, report
 from tiago_mj.gap.analysis import fitted_numbers
 from tiago_mj.gap.inference.fit import Fitted
-from tiago_mj.gap.inference.hypotheses import Candidate, terms
+from tiago_mj.gap.inference.hypotheses import Candidate, Term, terms
 from tiago_mj.gap.inference.predictor import predictor
 from tiago_mj.gap.report import advice, html, terminal
 from tiago_mj.gap.report.repaired import entry, repaired
@@ -268,3 +268,25 @@ def test_a_number_is_left_open_as_far_as_the_recordings_say_nothing_of_it(twin):
     changed = Fitted((part,), np.array([2.0]), np.array([0.1]), np.zeros(len(shared)), 0.0, 1.0)
     rest = {(one.name, one.target) for one in fitted_numbers.open_numbers(plant, changed, NUMBERS)}
     assert rest == {key for key in left if key[0] != "servo_stiffness"} - {(one.name, one.target) for one in NUMBERS}
+
+
+@pytest.mark.parametrize(
+    ("effect", "parameter", "size", "possible"),
+    [
+        ("command_delay", "seconds", 0.5, True),
+        ("command_delay", "seconds", -0.5, False),
+        ("clock_offset", "seconds", -0.5, False),
+        ("viscous_friction", "damping", -0.5, True),
+        ("viscous_friction", "damping", 0.0, False),
+    ],
+)
+def test_a_number_is_no_part_of_a_repair_that_its_effect_cannot_have(effect, parameter, size, possible):
+    """A delay of -1e-9 s of a grasp ended its diagnosis where the repaired simulator was made."""
+    term = Term(effect, None, parameter, 0.0, 0.001, False)
+    assert fitted_numbers.Sized(term, size).possible is possible
+
+
+def test_no_command_arrives_before_it_was_sent(grasps):
+    (delay,) = (term for term in terms(grasps[0]) if term.effect == "command_delay")
+    assert delay.entry(-1.0).parameters["seconds"] == 0.0
+    assert delay.entry(1.0).parameters["seconds"] == pytest.approx(0.001)

@@ -69,6 +69,14 @@ class Sized:
         """The effect that changes the model's number."""
         return self.term.entry(self.size)
 
+    @property
+    def possible(self) -> bool:
+        """Whether the number is another than the model's, and one that its effect can have: readings may be stamped
+        early, which a fit allows for, but no effect says so."""
+        value = self.entry.parameters[self.term.parameter]
+        least = min(low for low, _ in EFFECTS[self.term.effect].parameters[self.term.parameter].bounds)
+        return value != self.term.nominal and not value < 0 <= least
+
 
 @dataclass(frozen=True)
 class Fold:
@@ -114,17 +122,22 @@ def confirmed(
     """
     plant, effects = session.plant, best.effects()
     shared = [term for term in terms(plant) if not term.per_trial]
-    given = [Sized(t, float(size)) for t, size in zip(shared, best.nuisance, strict=False) if size]
+    given = [one for t, size in zip(shared, best.nuisance, strict=False) if (one := Sized(t, float(size))).possible]
     train, validation = (_simulated(session, ranked, name) for name in ("train", "validation"))
     apart = [(train, validation)] if validation else _each_apart(train)
     if not given or not train or not apart:
         return (), None
     folds = [Fold(_refitted(plant, ranked, data, some, effects, given), other) for some, other in apart]
-    kept = _supported(ranked, data, folds, effects)
+    kept = [k for k in _supported(ranked, data, folds, effects) if all(fold.numbers[k].possible for fold in folds)]
     if not kept:
         return (), None
     beside = [folds[0].numbers[k] for k in kept]
     found = _refitted(plant, ranked, data, [*train, *validation], effects, beside)
+    if not all(one.possible for one in found):
+        kept = [k for k, one in zip(kept, found, strict=True) if one.possible]
+        found = _refitted(plant, ranked, data, [*train, *validation], effects, [folds[0].numbers[k] for k in kept])
+    if not kept or not all(one.possible for one in found):
+        return (), None
     deviations = [max(fold.numbers[k].deviation for fold in folds) for k in kept]
     wide = [replace(one, deviation=max(one.deviation, other)) for one, other in zip(found, deviations, strict=True)]
     return tuple(_told(plant, one) for one in wide), _joint(wide)
