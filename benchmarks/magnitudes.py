@@ -1,6 +1,6 @@
 """Simulation-based calibration of magnitudes: ranks of the truth in its posterior, where the effect's name is given.
 
-    python -m benchmarks.magnitudes --cases 200 --seed 3757 --settings plain --out DIR
+    python -m benchmarks.magnitudes --cases 200 --seed 3757 --settings plain --out MAGNITUDES
 
 Records cases of the blind check with one effect each and diagnoses those in which it shows, with every other effect
 left out of the library, so that nothing but the magnitude is in question. If posteriors are as wide as they should be,
@@ -22,6 +22,7 @@ import json
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
@@ -140,7 +141,7 @@ def _answered(
     planned: Sequence[Case], store: Store, jobs: int, *, further: bool
 ) -> dict[int, tuple[dict[str, Any], dict[str, Any]]]:
     """Labels and answers of the cases whose effect shows, diagnosed with its name given."""
-    run.generate(planned, store, workers=1, say=print)
+    run.generate(planned, store, workers=1, say=partial(print, flush=True))
     labels = {k: json.loads(store.label_file(k).read_text()) for k in range(len(planned))}
     shows = [k for k, label in labels.items() if label["oracle"]["detectable"]]
     for k in shows:
@@ -170,7 +171,10 @@ def main(words: list[str] | None = None) -> int:
     parser.add_argument("--save", default="magnitudes", metavar="NAME", help="results/NAME.json")
     asked = parser.parse_args(words)
     store = Store(asked.out.resolve())
-    store.begin(run.facts(asked.cases, asked.seed, ("one",), (asked.settings,)))
+    try:
+        store.begin(run.facts(asked.cases, asked.seed, ("one",), (asked.settings,)))
+    except ValueError as fault:
+        parser.error(str(fault))
     planned = plan.plan(asked.cases, asked.seed, only=("one",), settings=(asked.settings,))
     answered = _answered(planned, store, asked.jobs, further=not asked.answered)
     found = {k: said for k, pair in answered.items() if (said := magnitude(*pair)) is not None}
@@ -189,7 +193,7 @@ def main(words: list[str] | None = None) -> int:
         "each": {str(k): asdict(one) for k, one in found.items()},
     }
     command = f"python -m benchmarks.magnitudes --cases {asked.cases} --seed {asked.seed} --settings {asked.settings}"
-    print(save(asked.save, results, f"{command} --out DIR"))
+    print(save(asked.save, results, f"{command} --out MAGNITUDES"))
     return 0
 
 
