@@ -284,9 +284,3 @@ def test_a_number_is_no_part_of_a_repair_that_its_effect_cannot_have(effect, par
     """A delay of -1e-9 s of a grasp ended its diagnosis where the repaired simulator was made."""
     term = Term(effect, None, parameter, 0.0, 0.001, False)
     assert fitted_numbers.Sized(term, size).possible is possible
-
-
-def test_no_command_arrives_before_it_was_sent(grasps):
-    (delay,) = (term for term in terms(grasps[0]) if term.effect == "command_delay")
-    assert delay.entry(-1.0).parameters["seconds"] == 0.0
-    assert delay.entry(1.0).parameters["seconds"] == pytest.approx(0.001)

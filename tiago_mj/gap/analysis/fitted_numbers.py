@@ -71,8 +71,8 @@ class Sized:
 
     @property
     def possible(self) -> bool:
-        """Whether the number is another than the model's, and one that its effect can have: readings may be stamped
-        early, which a fit allows for, but no effect says so."""
+        """Whether the number is another than the model's, and one that its effect can have: a command may come
+        early, or readings be stamped so, which a fit allows for, but no effect says it."""
         value = self.entry.parameters[self.term.parameter]
         least = min(low for low, _ in EFFECTS[self.term.effect].parameters[self.term.parameter].bounds)
         return value != self.term.nominal and not value < 0 <= least

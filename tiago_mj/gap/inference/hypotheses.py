@@ -378,8 +378,6 @@ def _default_terms(plant: Plant) -> tuple[Term, ...]:
                 size *= -base  # the response is of a tighter one, which is seen where the looser one is not yet
             if size and base is not None and np.isfinite(base):
                 low = -removable(declared, plant.model, plant.wiring, index)
-                if declared.targets == "command" and parameter.bounds[targets.side("command", index)][0] == 0 == base:
-                    low = 0.0  # nothing arrives before it was sent
                 out.append(Term(declared.name, group, parameter.name, base, size, prior.per_trial, low))
     return tuple(out)
 
