@@ -1,8 +1,8 @@
 """Effects of the best explanation on each of their targets, with a magnitude of its own.
 
-All joints of an arm have friction, and no two the same. Sought one by one, each would be a further effect. Only where
-efforts are compared along a motion: there each further magnitude costs an evaluation of one torque, in a replay it
-costs the simulation of every trial.
+All joints of an arm have friction, and no two the same. Sought one by one, each would be a further effect. Along a
+motion each further magnitude costs an evaluation of one torque. In a replay it costs the simulation of every trial, so
+that it is tried only where one magnitude for all leaves a gap.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ DEVIATIONS: Final = ranking.MIN_MAGNITUDE_DEVIATIONS
 
 def target(state: State) -> State:
     """The search with each effect of its best explanation on every target that needs it."""
-    if state.full.predict.replays:
+    if state.full.predict.replays and ranking.discrepancy(state.best) <= ranking.INADEQUATE_DISCREPANCY:
         return state
     for effect in dict.fromkeys(part.effect for part in state.best.parts):
         start = _on_each(state.best, effect, state.pool)
