@@ -8,7 +8,7 @@ import json
 import mujoco
 import numpy as np
 import pytest
-from test_known_robots import GAINS, menagerie
+from test_known_robots import GAINS, menagerie, recorded
 
 from tiago_mj import cli
 from tiago_mj.cli import options as declared
@@ -20,6 +20,7 @@ from tiago_mj.recordings.read import read_recordings
 from tiago_mj.recordings.recording import RecordingError
 from tiago_mj.robots import options
 from tiago_mj.robots.known import named
+from tiago_mj.view.recordings import library
 
 GO2 = named("go2")
 WORDS = ("--robot", "go2", "--gains", "60,3", "--fix-base", "--like", "FL,FR", "--tie")
@@ -47,10 +48,10 @@ def test_what_is_said_of_a_robot_becomes_facts_of_its_recordings_and_can_be_said
     assert options.words(parsed("--env", "GripperTactile-v0")) == ["--env", "GripperTactile-v0"]
 
 
-@pytest.mark.parametrize("name", ["diagnose", "diagnose-all", "compare", "preflight", "record"])
+@pytest.mark.parametrize("name", ["diagnose", "diagnose-all", "compare", "preflight", "record", "view"])
 def test_every_command_on_recordings_of_a_model_takes_them(name):
     places = {"compare": ["before", "after"], "record": ["--motion", "m.csv"]}.get(name, ["logs"])
-    out = [] if name == "preflight" else ["--out", "out"]
+    out = [] if name in ("preflight", "view") else ["--out", "out"]
     asked = cli.build_parser(name).parse_args([name, *places, *WORDS, *out])
     assert (asked.robot, asked.gains, asked.fix_base, asked.like, asked.tie) == ("go2", "60,3", True, "FL,FR", True)
 
@@ -74,6 +75,18 @@ def test_diagnose_all_hands_them_to_each_diagnosis_with_absolute_paths(tmp_path,
     line = diagnosing.words(again)
     assert [word for word in line if word in ("--fix-base", "--tie")] == ["--fix-base", "--tie"]
     assert line[line.index("--like") + 1] == "FL,FR"
+
+
+def test_the_line_that_shows_an_answer_says_all_that_was_said_of_the_robot(tmp_path):
+    folder, logs = menagerie(tmp_path / "menagerie", GO2), recorded(tmp_path / "logs", GO2)
+    words = ["diagnose", str(logs), "--menagerie", str(folder), *WORDS, "--out", str(tmp_path / "out")]
+    asked = cli.build_parser("diagnose").parse_args(words)
+    shown = cli.build_parser("view").parse_args(diagnosing.view(asked)[1:])
+    assert options.said(shown) == options.said(asked)
+    assert (shown.diagnosis, shown.recordings) == (tmp_path / "out", [logs])
+    seen = library(shown.recordings, options.said(shown))
+    assert set(seen.trials[0].positions) == set(GO2.joints.values())
+    assert seen.plant.model.nv == len(GO2.joints)  # its base is held
 
 
 def test_a_floating_robot_is_recorded_with_its_base_held_and_its_motors_controlled(tmp_path):

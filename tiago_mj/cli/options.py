@@ -14,7 +14,7 @@ def add_simulator(parser: argparse.ArgumentParser) -> argparse._MutuallyExclusiv
     return what
 
 
-def add_map(parser: argparse.ArgumentParser) -> None:
+def add_map(parser: argparse._ActionsContainer) -> None:
     """``--map``: what columns hold."""
     parser.add_argument("--map", type=Path, metavar="FILE.yaml", help="YAML: column to kind and name")
 
@@ -26,7 +26,7 @@ def add_robot(parser: argparse.ArgumentParser) -> None:
     add_facts(parser)
 
 
-def add_known(what: argparse._ActionsContainer, parser: argparse.ArgumentParser) -> None:
+def add_known(what: argparse._ActionsContainer, parser: argparse._ActionsContainer) -> None:
     """``--robot``, into the group of what else names a simulator, and ``--menagerie``."""
     what.add_argument("--robot", metavar="NAME", help="a robot that tiago-mj robots lists, with its model")
     parser.add_argument(
@@ -34,7 +34,7 @@ def add_known(what: argparse._ActionsContainer, parser: argparse.ArgumentParser)
     )
 
 
-def add_facts(parser: argparse.ArgumentParser) -> None:
+def add_facts(parser: argparse._ActionsContainer) -> None:
     """``--gains``, ``--fix-base``, ``--like`` and ``--tie``."""
     parser.add_argument(
         "--gains",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from tiago_mj.cli import options
 from tiago_mj.io import outputs
 from tiago_mj.view.server import PORT
 
@@ -31,7 +32,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     watched = parser.add_argument_group("recordings")
     watched.add_argument("--diagnosis", type=Path, metavar="DIR", help="folder that tiago-mj diagnose wrote of them")
     watched.add_argument("--model", type=Path, metavar="FILE.xml", help="MJCF that they are compared with")
-    watched.add_argument("--map", type=Path, metavar="FILE.yaml", help="which column is what")
+    options.add_known(watched, watched)
+    options.add_map(watched)
+    options.add_facts(watched)
     watched.add_argument("--trial", metavar="NAME", help="which recording to show first")
     watched.add_argument("--beside", action="store_true", help="robots side by side, not as ghosts in one place")
     watched.add_argument(

@@ -286,11 +286,8 @@ def _pictures(
 
 def view(arguments: argparse.Namespace) -> list[str]:
     """The command line that shows these recordings with their diagnosis in a browser."""
-    out = ["tiago-mj", "view", *(str(path) for path in arguments.recordings)]
-    for name in ("env", "model", "map"):
-        if (value := getattr(arguments, name)) is not None:
-            out += [f"--{name}", str(value)]
-    return [*out, "--diagnosis", str(arguments.out)]
+    recordings = (str(path) for path in arguments.recordings)
+    return ["tiago-mj", "view", *recordings, *robots.words(arguments), "--diagnosis", str(arguments.out)]
 
 
 def words(arguments: argparse.Namespace) -> list[str]:

@@ -6,13 +6,20 @@ import argparse
 import json
 import tempfile
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from tiago_mj.io import extra
 from tiago_mj.recordings.recording import RecordingError
+from tiago_mj.robots import options as robots
 from tiago_mj.view import live, page, player
 from tiago_mj.view.recordings import Shelf
 from tiago_mj.view.server import HOST, check, serving
+
+#: Options that an environment which is watched live has no use for.
+OF_RECORDINGS: Final = (
+    *("diagnosis", "model", "robot", "menagerie", "map", "gains", "fix-base", "like", "tie"),
+    *("trial", "beside", "save"),
+)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -26,8 +33,8 @@ def run(arguments: argparse.Namespace) -> int:
     extra.load("viser", "tiago-mj view", "view")
     if arguments.recordings:
         return _recordings(arguments)
-    for option in ("diagnosis", "model", "map", "trial", "save"):
-        if getattr(arguments, option) is not None:
+    for option in OF_RECORDINGS:
+        if getattr(arguments, option.replace("-", "_")):
             raise ValueError(f"--{option} is of recordings: name them, or leave it out")
     return _live(arguments)
 
@@ -36,8 +43,9 @@ def _recordings(arguments: argparse.Namespace) -> int:
     for option, given in (("policy", arguments.policy), ("env-option", arguments.env_option)):
         if given:
             raise ValueError(f"--{option} is of an environment that is watched live: leave out the recordings, or it")
-    if arguments.model is not None and arguments.env is not None:
-        raise ValueError("--env and --model both say which robot this is: give one")
+    which = [f"--{option}" for option in ("env", "model", "robot") if getattr(arguments, option)]
+    if len(which) > 1:
+        raise ValueError(f"{' and '.join(which)} say which robot this is: give one")
     extra.load("pandas", "reading recordings")
 
     if arguments.save is not None and arguments.save.suffix.lower() not in (".html", ".htm"):
@@ -53,8 +61,7 @@ def _shown(arguments: argparse.Namespace, dropped: Path) -> int:
         shelf = Shelf(
             arguments.recordings,
             dropped,
-            env=arguments.env,
-            model=arguments.model,
+            robot=robots.said(arguments),
             map_file=arguments.map,
             folder=arguments.diagnosis,
             effects=arguments.effects,

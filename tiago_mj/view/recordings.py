@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -15,14 +15,16 @@ from tiago_mj.gap.result import Diagnosis
 from tiago_mj.gap.simulation.along_a_motion import torques_along_a_motion
 from tiago_mj.gap.simulation.plant import Plant, plant_of
 from tiago_mj.io.quoting import one_line, quoted
-from tiago_mj.recordings.read import read_recordings
 from tiago_mj.recordings.recording import RecordingError, Trial
 from tiago_mj.recordings.trials import cut_long
+from tiago_mj.robots.options import Said
 from tiago_mj.view.story import Story, tell
 
 CALIBRATION: Final = "calibration.yaml"
 #: Ends of the names of files that can be added.
 ADDED: Final = (".csv", ".parquet")
+#: The recordings alone say which robot they are of.
+NOTHING_SAID: Final = Said(env=None, model=None, facts={}, columns=None)
 
 
 @dataclass(frozen=True)
@@ -59,15 +61,16 @@ class Shelf:
     Args:
         paths: files or folders.
         place: where added files are kept.
+        robot: what is said of theirs.
         given: other arguments of :func:`library`.
 
     Attributes:
         library: of the paths.
     """
 
-    def __init__(self, paths: Sequence[Path], place: Path, **given: Any) -> None:
-        self._paths, self._place, self._given = list(paths), place, given
-        self.library = library(self._paths, **given)
+    def __init__(self, paths: Sequence[Path], place: Path, robot: Said = NOTHING_SAID, **given: Any) -> None:
+        self._paths, self._place, self._robot, self._given = list(paths), place, robot, given
+        self.library = library(self._paths, robot, **given)
         self._by_name = {trial.name: self.library for trial in self.library.trials}
 
     def story(self, name: str) -> Story:
@@ -88,14 +91,14 @@ class Shelf:
         if path.suffix.lower() not in ADDED or path.stem in self._by_name:
             raise ValueError(f"{quoted(name)}: give a file of another name that ends with {' or '.join(ADDED)}")
         plant = self.library.plant
-        same = {"model": plant.file} if plant.file is not None else {"env": plant.name}
+        same = replace(self._robot, env=None if plant.file is not None else plant.name, model=plant.file)
         path.write_bytes(content)
         if (known := self._sidecar()) is not None:
             said = json.loads(known.read_text(encoding="utf-8"))
             said = {key: value for key, value in said.items() if key != "initial"} | {"trial": path.stem}
             path.with_suffix(".json").write_text(json.dumps(said), encoding="utf-8")
         try:
-            found = library([path], **{**self._given, **same})
+            found = library([path], same, **self._given)
         except (RecordingError, ValueError) as fault:
             raise ValueError(one_line(fault)) from fault
         self._by_name |= {trial.name: found for trial in found.trials}
@@ -109,9 +112,8 @@ class Shelf:
 
 def library(
     paths: Sequence[Path],
+    robot: Said = NOTHING_SAID,
     *,
-    env: str | None = None,
-    model: Path | None = None,
     map_file: Path | None = None,
     folder: Path | None = None,
     effects: Any = None,
@@ -120,7 +122,7 @@ def library(
 
     Args:
         paths: files or folders.
-        env, model: what to simulate, where the recordings do not say.
+        robot: what to simulate, and what is known of it, where the recordings do not say.
         map_file: which column is what.
         folder: that ``tiago-mj diagnose`` wrote.
         effects: of the repaired simulator, in place of the diagnosis's.
@@ -129,16 +131,15 @@ def library(
         RecordingError: a recording cannot be used; one line.
         ValueError: the folder holds no diagnosis, or its effects do not fit this robot; one line.
     """
-    said = {"robot": str(model)} if model is not None else {"robot": env} if env else {}
-    read = read_recordings(paths, map_file=map_file, defaults=said, robot=said.get("robot"))
+    read = robot.read(paths, map_file)
     diagnosis, entries = None, read_effects(effects)
     if folder is not None:
         if not folder.is_dir():
             raise ValueError(f"--diagnosis {folder}: no such folder: give the one that tiago-mj diagnose wrote")
         diagnosis = load(folder / NAME)
         entries = entries or read_effects(str(folder / CALIBRATION))
-    plant = plant_of(read.trials, env=env, model=model, given=entries)  # refuses effects that this robot cannot have
-    plant = plant_of(read.trials, env=env, model=model)
+    plant_of(read.trials, env=robot.env, model=robot.model, given=entries)  # refuses effects that it cannot have
+    plant = plant_of(read.trials, env=robot.env, model=robot.model)
     if diagnosis is not None and diagnosis.robot != plant.name:
         raise ValueError(
             f"--diagnosis {folder}: it is of {diagnosis.robot}, and the recordings are of {plant.name}: give the "
@@ -146,7 +147,7 @@ def library(
         )
     trials = as_diagnosed(plant, read.trials)
     if len(trials) > len(read.trials):
-        plant = plant_of(trials, env=env, model=model)
+        plant = plant_of(trials, env=robot.env, model=robot.model)
     return Library(plant, tuple(trials), entries, diagnosis)
 
 
