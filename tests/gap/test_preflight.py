@@ -20,7 +20,7 @@ import tiago_mj  # noqa: F401
 from tiago_mj.cli import main
 from tiago_mj.effects import EFFECTS
 from tiago_mj.effects.targets import Targets
-from tiago_mj.experiment_design import excitation
+from tiago_mj.experiment_design import command, excitation
 from tiago_mj.gap.inference.hypotheses import Candidate
 from tiago_mj.recordings.write import write_trial
 
@@ -97,6 +97,15 @@ def test_an_effect_is_tried_at_the_default_of_the_joint_that_it_is_on():
     slide, hinge = EFFECTS["viscous_friction"].parameters["damping"].default
     assert slide != hinge
     assert defaults == [slide, hinge, slide]
+
+
+def test_one_deviation_is_said_as_one(capsys):
+    one = {"target": "all", "visible": True, "parameter": "force", "smallest_visible": 1.0, "unit": "N"}
+    rows = [{**one, "name": f"e{n}", "distance_at_default": far, "by_readings": False} for n, far in ((1, 1.2), (2, 4))]
+    command._show({"trials": 1, "robot": "r", "effects": rows, "not_excited": [], "alike": [], "notes": []}, ())
+    said = capsys.readouterr().out
+    assert "1 deviation " in said
+    assert "4 deviations " in said
 
 
 def test_recordings_without_commands_end_in_one_line(tmp_path, capsys):

@@ -17,6 +17,7 @@ from tiago_mj.gap import report
 from tiago_mj.gap.report import advice, calibration, contradiction, html, residual, terminal, verdict, words
 from tiago_mj.gap.report import json as report_json
 from tiago_mj.gap.result import CARRIERS, SCHEMA, SHAPES, Named, ResidualShape, Value, json_schema
+from tiago_mj.recordings.recording import Finding
 
 DOCS = Path(__file__).parents[2] / "docs"
 
@@ -259,6 +260,10 @@ def test_what_is_left_looks_like_something_and_sits_somewhere():
     chance = residual.sentences(CASES["effect_and_an_irregular_rest"])
     assert "has none of the shapes that are looked for" in chance
     assert chance.endswith("stays open.")
+    none = ResidualShape("position.elbow", (), "unclear", "irregular", 0.001, runner_up="speed")
+    assert "one frequency): none of them explains any of it. " in residual.sentences(
+        replace(CASES["unknown"], residual_shape=none)
+    )
     assert residual.sentences(CASES["unknown"]) == ""
     teeth = ResidualShape("position.elbow", ("transmission",), "motion", "periodic", 0.8, at=0.105, unit="rad")
     assert "repeats with the joint's position, every 0.105 rad: " in residual.sentences(
@@ -387,6 +392,18 @@ def test_files_are_written_whole_or_not_at_all(tmp_path, monkeypatch):
 
 
 # Terminal
+
+
+def test_kinds_of_findings_are_counted_in_words_of_their_number():
+    def said(*findings):
+        shown = (line for _, line in terminal.lines(diagnosis(findings=findings), {}))
+        return next(line for line in shown if line.startswith("Check of the recordings"))
+
+    clock = Finding("time_unit", "a.csv", "time", "stated to be in ms; multiplied by 0.001", True)
+    steps = Finding("quantum", "a.csv", "force.right", "readings come in steps of 0.01 sensor units")
+    assert said(clock, steps) == "Check of the recordings: 2 kinds of findings, 1 of them repaired"
+    assert said(clock) == "Check of the recordings: 1 kind of finding, repaired"
+    assert said(steps) == "Check of the recordings: 1 kind of finding, left as it is"
 
 
 @every_case

@@ -106,7 +106,7 @@ def _show(data: dict[str, Any], findings: Sequence[Finding]) -> None:
         elif one["visible"]:
             least = one["smallest_visible"]
             amount = "any limit" if least is None else quantity(least, one["unit"])
-            stands_out = f"{one['distance_at_default']:.0f} deviations"
+            stands_out = f"{(far := round(one['distance_at_default']))} deviation{'' if far == 1 else 's'}"
             table.add_row(one["name"], *on, f"{one['parameter']} {amount}", stands_out)
     console.print(table)
     if data["not_excited"]:

@@ -43,9 +43,11 @@ ON: Final = {
     "release": "the end of contact",
     "frequency": "one frequency",
 }
+#: A share that is told; a smaller one would read 0 %.
+SOMETHING: Final = 0.005
 IRREGULAR: Final = (
     "has none of the shapes that are looked for (offset, drift, speed, acceleration, position, direction, reversals, "
-    "jumps of the set point, contact, one frequency): the best of them{which} explains {share} of it"
+    "jumps of the set point, contact, one frequency)"
 )
 #: What carries it.
 CARRIED: Final = {
@@ -162,7 +164,8 @@ def _looks(shape: ResidualShape) -> str:
     left = f"What is left of {words.channel(shape.channel)}"
     if shape.name not in DOES:
         best = f", {ON[shape.runner_up]}," if shape.runner_up in ON else ""
-        return f"{left} {IRREGULAR.format(which=best, share=words.percent(shape.share))}."
+        most = f"the best of them{best} explains {words.percent(shape.share)} of it"
+        return f"{left} {IRREGULAR}: {most if shape.share >= SOMETHING else 'none of them explains any of it'}."
     said = f"{left} {DOES[shape.name].format(at=_at(shape))}: that explains {words.percent(shape.share)} of it"
     if shape.runner_up is None or shape.runner_up_share is None or shape.runner_up_share < TOLD:
         return f"{said}."

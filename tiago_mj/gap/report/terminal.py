@@ -58,8 +58,9 @@ def lines(diagnosis: Diagnosis, written: Mapping[str, Path]) -> list[tuple[str, 
     found = summary(d.findings)
     left = [row for row in found if not row.repaired]
     if found:
-        kinds = f"{len(found) - len(left)} kinds of repair, {len(left)} kinds left as they are"
-        shown.append(("", f"Check of the recordings: {kinds}"))
+        several = f"{len(found)} kinds of findings, {len(found) - len(left)} of them repaired"
+        alone = f"1 kind of finding, {'left as it is' if left else 'repaired'}"
+        shown.append(("", f"Check of the recordings: {alone if len(found) == 1 else several}"))
         shown += [("dim", f"  {row}") for row in left[:MOST]]
     if d.next_motion is not None:
         chance = words.percent(d.next_motion.expected_probability)
