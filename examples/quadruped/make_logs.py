@@ -21,6 +21,9 @@ PARTS = ("thigh", "knee")
 KP, KV = 20.0, 0.5
 FRICTION = {"FL": 0.15, "FR": 0.15, "RL": 0.6, "RR": 0.15}
 RATE, SECONDS, STEP = 200, 24.0, 1e-3
+#: Of the controllers [s], which hold a torque for so long: of 20 N·m/rad that is 0.0025 N·m·s/rad less damping. At STEP
+#: it would be 0.01, a tenth of a joint's own, and a diagnosis would find it.
+CONTROL_STEP = 2.5e-4
 ENCODER = np.radians(1e-3)
 
 
@@ -57,6 +60,7 @@ def model(friction: dict[str, float] | None = None) -> str:
 def log(path: Path) -> None:
     """Sways of every joint, each with a period of its own, on the trunk that hangs from a rope."""
     real = mujoco.MjModel.from_xml_string(model(FRICTION).replace("<freejoint/>", ""))
+    real.opt.timestep = CONTROL_STEP
     data, rng = mujoco.MjData(real), np.random.default_rng(0)
     joints = [real.joint(j).name for j in range(real.njnt)]
     with path.open("w", newline="") as file:
@@ -67,7 +71,7 @@ def log(path: Path) -> None:
             angle = data.qpos + rng.normal(0, ENCODER, real.nq)
             degrees = np.degrees(np.concatenate([goal, angle]))
             rows.writerow([f"{1000 * at:.3f}", *(f"{value:.5f}" for value in degrees)])
-            for _ in range(round(1 / RATE / STEP)):
+            for _ in range(round(1 / RATE / CONTROL_STEP)):
                 data.ctrl[:] = KP * (goal - data.qpos) - KV * data.qvel
                 mujoco.mj_step(real, data)
 
