@@ -178,7 +178,7 @@ def test_the_best_agent_of_a_training_is_exported_with_its_card(tmp_path, capsys
     options = ["--env-option", "max_episode_steps=30", "--env-option", "servo=ideal", "--out", str(out)]
     assert "no finished training" in complaint(capsys, "agents", "--export", str(out), "--name", "mine")
     assert cli.main([*trained, *options]) == 0
-    assert "--name is None" in complaint(capsys, "agents", "--export", str(out))
+    assert "--name is missing: give the exported agent one" in complaint(capsys, "agents", "--export", str(out))
     to = tmp_path / "agents"
     assert cli.main(["agents", "--export", str(out), "--name", "my-agent", "--to", str(to)]) == 0
     assert sorted(entry.name for entry in to.iterdir()) == ["my-agent.json", "my-agent.md", "my-agent.npz"]

@@ -101,7 +101,9 @@ def export(
     """
     from tiago_mj.learn.card import markdown, read
 
-    if name is None or not NAME.fullmatch(name):
+    if name is None:
+        raise ValueError("--name is missing: give the exported agent one of 3 to 41 small letters, digits and hyphens")
+    if not NAME.fullmatch(name):
         raise ValueError(f"--name is {quoted(name)}: give 3 to 41 small letters, digits and hyphens")
     if name in ("random",):
         raise ValueError(f"--name {name} is that of another policy: choose another")
