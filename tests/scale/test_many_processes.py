@@ -86,12 +86,24 @@ def test_a_folder_is_diagnosed_among_others_as_alone_and_none_hinders_another(tm
         "complaint": "",
         "verdict": alone["verdict"],
         "closed": alone["shrink"]["closed"],
+        "complete": True,
     }
     assert summary["empty"]["status"] == 2
     assert "holds no recording" in summary["empty"]["complaint"]
     lines = table.splitlines()
     assert lines[1].split()[:3] == ["gain", "effect", "force_gain"]
     assert "holds no recording" in lines[2]
+
+
+def test_a_search_that_ended_early_is_not_told_as_a_verdict():
+    verdict = {"kind": "unknown", "effects": [], "probability": None}
+    found = {
+        name: {"status": 0, "complaint": "", "verdict": verdict, "closed": None, "complete": complete}
+        for name, complete in (("whole", True), ("budget", False))
+    }
+    _, whole, early = diagnose_all.table(found).splitlines()
+    assert whole.split()[:2] == ["whole", "unknown"]
+    assert early.split()[:3] == ["budget", "stopped", "early"]
 
 
 def test_what_was_finished_before_a_stop_is_not_diagnosed_again_unless_its_recordings_changed(
@@ -159,7 +171,8 @@ def test_a_fault_of_one_folder_leaves_its_traceback_and_the_others(tmp_path, cap
         if Path(words[1]).name == "a":
             raise RuntimeError("numbers without sense")
         with atomic.replacing_set(Path(words[3])) as new:
-            (new / "diagnosis.json").write_text('{"verdict": {"kind": "no_gap"}, "shrink": {"closed": null}}')
+            answer = {"verdict": {"kind": "no_gap"}, "shrink": {"closed": None}, "complete": True}
+            (new / "diagnosis.json").write_text(json.dumps(answer))
         return 0
 
     monkeypatch.setattr(diagnose_all.cli, "main", command)

@@ -45,6 +45,8 @@ UNFINISHED, OUTCOME = ".{}.unfinished", "outcome.json"
 #: What a model may be made of, and files beside it that are looked at.
 OF_MODELS: Final = (".xml", ".mjcf", ".urdf", ".obj", ".stl", ".dae", ".msh", ".skn", ".png", ".bin", ".hf")
 MOST_BESIDE: Final = 5000
+#: What stands in the place of a verdict where a search ended early.
+STOPPED: Final = "stopped early"
 HEADER: Final = ("folder", "verdict", "effects", "probability", "closed")
 
 
@@ -74,12 +76,14 @@ class Outcome:
         complaint: what it said where the status is not 0.
         verdict: ``verdict`` of its ``diagnosis.json``.
         closed: share of the gap that the repair closes; None where unknown.
+        complete: whether its search came to its end; else the verdict is none yet.
     """
 
     status: int
     complaint: str = ""
     verdict: dict[str, Any] | None = None
     closed: float | None = None
+    complete: bool = True
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -257,7 +261,8 @@ def _diagnosed(task: Task) -> Outcome:
     if status:
         return Outcome(status, complained.getvalue().strip().removeprefix("tiago-mj diagnose: "))
     written = json.loads((Path(task.kept) / NAME).read_text(encoding="utf-8"))
-    return Outcome(0, verdict=written["verdict"], closed=written["shrink"]["closed"])
+    closed, complete = written["shrink"]["closed"], written["complete"]
+    return Outcome(0, verdict=written["verdict"], closed=closed, complete=complete)
 
 
 def _probability(one: dict[str, Any]) -> str:
@@ -277,7 +282,8 @@ def table(found: dict[str, dict[str, Any]]) -> str:
             continue
         effects = ", ".join(effect["name"] for effect in verdict["effects"]) or "-"
         closed = "-" if one["closed"] is None or not verdict["effects"] else percent(one["closed"])
-        rows.append((name, verdict["kind"], effects, _probability(one), closed))
+        kind = verdict["kind"] if one["complete"] else STOPPED
+        rows.append((name, kind, effects, _probability(one), closed))
     widths = [max(len(row[i]) for row in rows if row[1] != "failed" or i < 2) for i in range(len(HEADER))]
     return "\n".join(
         "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows

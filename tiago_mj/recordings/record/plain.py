@@ -270,7 +270,10 @@ def _random(model: mujoco.MjModel, data: mujoco.MjData, interface: str, rate_hz:
         elif interface == "effort" and model.actuator_forcelimited[k]:
             bounds = model.actuator_forcerange[k]
         else:
-            raise ValueError(f"actuator {name!r} has no ctrlrange, so how far it may go is unknown: give --motion")
+            raise ValueError(
+                f"actuator {name!r} has no ctrlrange, so how far it may go is unknown: write its ctrlrange into the "
+                "model, or give --motion"
+            )
         middle = float(data.qpos[model.jnt_qposadr[joint]]) if interface == "position" else 0.0
         reach = SHARE * max(float(min(bounds[1] - middle, middle - bounds[0])), 0.0)
         low[name], high[name] = middle - reach, middle + reach
