@@ -99,13 +99,17 @@ def test_an_effect_is_tried_at_the_default_of_the_joint_that_it_is_on():
     assert defaults == [slide, hinge, slide]
 
 
-def test_one_deviation_is_said_as_one(capsys):
+def test_deviations_are_said_as_many_as_they_are_and_not_by_millions(capsys):
     one = {"target": "all", "visible": True, "parameter": "force", "smallest_visible": 1.0, "unit": "N"}
-    rows = [{**one, "name": f"e{n}", "distance_at_default": far, "by_readings": False} for n, far in ((1, 1.2), (2, 4))]
+    rows = [
+        {**one, "name": f"e{n}", "distance_at_default": far, "by_readings": False}
+        for n, far in ((1, 1.2), (2, 4), (3, 3e6))
+    ]
     command._show({"trials": 1, "robot": "r", "effects": rows, "not_excited": [], "alike": [], "notes": []}, ())
     said = capsys.readouterr().out
     assert "1 deviation " in said
     assert "4 deviations " in said
+    assert "over 10000 deviations" in said
 
 
 def test_recordings_without_commands_end_in_one_line(tmp_path, capsys):

@@ -6,7 +6,7 @@ import argparse
 import json
 import sys
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Final
 
 from tiago_mj.effects import read_effects
 from tiago_mj.experiment_design.along import preflight_along
@@ -21,6 +21,9 @@ from tiago_mj.recordings import lint
 from tiago_mj.recordings.lint.summary import summary
 from tiago_mj.recordings.recording import Finding, RecordingError
 from tiago_mj.robots import options as robots
+
+#: Deviations that are told as such at most.
+FAR: Final = 10_000
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -106,8 +109,7 @@ def _show(data: dict[str, Any], findings: Sequence[Finding]) -> None:
         elif one["visible"]:
             least = one["smallest_visible"]
             amount = "any limit" if least is None else quantity(least, one["unit"])
-            stands_out = f"{(far := round(one['distance_at_default']))} deviation{'' if far == 1 else 's'}"
-            table.add_row(one["name"], *on, f"{one['parameter']} {amount}", stands_out)
+            table.add_row(one["name"], *on, f"{one['parameter']} {amount}", _deviations(one["distance_at_default"]))
     console.print(table)
     if data["not_excited"]:
         console.print(f"Not excited, so not ruled out: {', '.join(data['not_excited'])}", soft_wrap=True)
@@ -117,6 +119,13 @@ def _show(data: dict[str, Any], findings: Sequence[Finding]) -> None:
         console.print(note, soft_wrap=True, markup=False)
     for kind in summary(findings):
         console.print(str(kind), soft_wrap=True, markup=False)
+
+
+def _deviations(distance: float) -> str:
+    """Beyond :data:`FAR` a number would say no more, or that a simulation went astray."""
+    if distance > FAR:
+        return f"over {FAR} deviations"
+    return f"{round(distance)} deviation{'' if round(distance) == 1 else 's'}"
 
 
 def _sorted(effects: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
