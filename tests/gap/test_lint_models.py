@@ -88,6 +88,26 @@ def test_exchanged_joints_are_found_whatever_their_actuators_are_called(tmp_path
         refuse(wrong, findings)
 
 
+def test_degrees_are_found_by_the_servos_of_joints_without_a_range(tmp_path):
+    path = model_file(tmp_path)
+    text = path.read_text().replace(' range="-2.5 2.5"', "").replace('kp="200"', 'kp="200" ctrlrange="-1 1"')
+    path.write_text(text)
+    trials = without(moves(path), "velocities", "efforts")
+    assert not [f for f in looked_at(trials, path) if f.code in ("degrees", "unit_scale", "sign", "contradiction")]
+    turned = [
+        replace(
+            trial,
+            positions={name: np.degrees(values) for name, values in trial.positions.items()},
+            commands={name: np.degrees(values) for name, values in trial.commands.items()},
+        )
+        for trial in trials
+    ]
+    found = [f for f in looked_at(turned, path) if f.refuses]
+    assert {f.code for f in found} == {"degrees"}
+    assert {f.channel for f in found} >= {"position.elbow", "command.motor_2"}
+    assert "its servo's set point (ctrlrange) from -1 to 1: so it is in deg: write" in str(found[0])
+
+
 def test_a_model_whose_radians_are_read_as_degrees_is_named_and_not_the_recording(tmp_path):
     trials = moves(model_file(tmp_path))
     path = model_file(tmp_path, compiler="")  # MuJoCo reads degrees: ± 2.5°

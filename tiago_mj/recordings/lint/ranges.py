@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
 import numpy as np
@@ -24,6 +24,8 @@ WILD: Final = 100.0
 TINY: Final = 0.12
 #: Degrees that are read as radians make it so large [rad], and leave whole numbers.
 HUGE: Final = 4 * np.pi
+#: What bounds a joint that has no range of its own.
+SERVO: Final = "its servo's set point (ctrlrange)"
 #: Speed over the joint's limit that is no overshoot: a finger that an arm drives into something reaches 7 times it.
 TOO_FAST: Final = 15.0
 
@@ -36,11 +38,13 @@ class JointRanges:
         position: lowest and highest, by joint [m, rad].
         velocity: largest magnitude, by joint [m/s, rad/s].
         slides: whether each joint slides.
+        servo: lowest and highest set point of the joint's position servo, of joints without a range of their own.
     """
 
     position: Mapping[str, tuple[float, float]]
     velocity: Mapping[str, float]
     slides: Mapping[str, bool]
+    servo: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     @classmethod
     def of_model(cls, model: Any) -> JointRanges:
@@ -61,7 +65,24 @@ class JointRanges:
                 position[name] = (limits.lower, limits.upper)
             if limits.velocity:
                 velocity[name] = limits.velocity
-        return cls(position, velocity, slides)
+        servo = {joint: span for joint, span in _servos(model).items() if joint in slides and joint not in position}
+        return cls(position, velocity, slides, servo)
+
+
+def _servos(model: Any) -> dict[str, tuple[float, float]]:
+    """Range of the set points that a position servo takes, by joint, in the joint's own direction and unit."""
+    import mujoco
+
+    found = {}
+    for k in range(model.nu):
+        joint, stiffness = int(model.actuator_trnid[k, 0]), -float(model.actuator_biasprm[k, 1])
+        low, high = (float(end) for end in model.actuator_ctrlrange[k])
+        of_joint = int(model.actuator_trntype[k]) == int(mujoco.mjtTrn.mjTRN_JOINT)
+        integrates = int(model.actuator_dyntype[k]) == int(mujoco.mjtDyn.mjDYN_INTEGRATOR)
+        plain = stiffness > 0 and np.isclose(model.actuator_gainprm[k, 0], stiffness) and model.actuator_gear[k, 0] == 1
+        if of_joint and plain and not integrates and model.actuator_ctrllimited[k] and low < high:
+            found[model.joint(joint).name] = (low, high)
+    return found
 
 
 def check(trials: Sequence[Trial], ranges: JointRanges) -> Iterator[Finding]:
@@ -75,12 +96,16 @@ def check(trials: Sequence[Trial], ranges: JointRanges) -> Iterator[Finding]:
         for joint in trial.positions:
             if joint in ranges.position:
                 yield from _position(trial, f"position.{joint}", ranges.position[joint], ranges.slides[joint])
+            elif joint in ranges.servo:
+                yield from _position(trial, f"position.{joint}", ranges.servo[joint], ranges.slides[joint], SERVO)
         for joint in trial.velocities:
             if joint in ranges.velocity:
                 yield from _speed(trial, f"velocity.{joint}", ranges.velocity[joint], ranges.slides[joint])
         for joint in trial.commands:
             if trial.sidecar.interface == "position" and joint in ranges.position:
                 yield from _position(trial, f"command.{joint}", ranges.position[joint], ranges.slides[joint])
+            elif trial.sidecar.interface == "position" and joint in ranges.servo:
+                yield from _position(trial, f"command.{joint}", ranges.servo[joint], ranges.slides[joint], SERVO)
             if trial.sidecar.interface == "velocity" and joint in ranges.velocity:
                 yield from _speed(trial, f"command.{joint}", ranges.velocity[joint], ranges.slides[joint])
 
@@ -147,7 +172,9 @@ def _mends(slides: bool) -> tuple[tuple[str, str, float], ...]:
     return (("degrees", "deg", np.pi / 180), ("unit_scale", "mrad", 1e-3), ("sign", "", -1.0))
 
 
-def _position(trial: Trial, name: str, span: tuple[float, float], slides: bool) -> Iterator[Finding]:
+def _position(
+    trial: Trial, name: str, span: tuple[float, float], slides: bool, whose: str = "the joint"
+) -> Iterator[Finding]:
     values = sampled(trial, name)[1]
     low, high = span
     room = SLACK * (high - low)
@@ -158,11 +185,11 @@ def _position(trial: Trial, name: str, span: tuple[float, float], slides: bool) 
     if inside(values) > 1 - OUTSIDE:
         wild = np.abs(values) > WILD * max(abs(low), abs(high))
         if wild.any():
-            yield _wild(trial, name, wild, f"the joint goes from {low:.4g} to {high:.4g}")
+            yield _wild(trial, name, wild, f"{whose} goes from {low:.4g} to {high:.4g}")
         return
     far = float(np.percentile(np.abs(values), 95)) > OTHER_UNIT_RATIO * max(abs(low), abs(high))
     mends = [m for m in _mends(slides) if inside(values * m[2]) > INSIDE and (far or m[0] == "sign")]
-    said = f"it goes from {values.min():.4g} to {values.max():.4g}, the joint from {low:.4g} to {high:.4g}"
+    said = f"it goes from {values.min():.4g} to {values.max():.4g}, {whose} from {low:.4g} to {high:.4g}"
     yield _finding(trial, name, said, mends, "", refuses=far or bool(mends))
 
 
