@@ -98,7 +98,9 @@ def add_episodes(parser: argparse.ArgumentParser, count: int) -> None:
     parser.add_argument(
         "--seed", type=int, default=0, metavar="N", help="of the first episode; each later one adds 1 (0)"
     )
-    parser.add_argument("--trust", action="store_true", help="load a FILE although loading runs code that it holds")
+    parser.add_argument(
+        "--trust", action="store_true", help="load a FILE or MODULE although loading runs code that it holds"
+    )
 
 
 def add_processes(parser: argparse.ArgumentParser) -> None:

@@ -17,7 +17,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     robot.add_argument("--model", type=Path, metavar="FILE.xml", help="any MJCF")
     options.add_known(robot, parser)
     what = parser.add_mutually_exclusive_group(required=True)
-    what.add_argument("--policy", metavar="pi|random|FILE.zip", help="who commands; --model takes random only")
+    what.add_argument(
+        "--policy", metavar="pi|random|NAME|FILE", help="who commands, as of rollout; --model takes random only"
+    )
     what.add_argument(
         "--motion",
         type=Path,

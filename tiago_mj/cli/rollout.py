@@ -26,8 +26,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--policy",
         required=True,
-        metavar="pi|random|NAME|FILE",
-        help="PI force control, random, an agent, its npz, or a stable-baselines3 zip",
+        metavar="pi|random|NAME|FILE|MODULE:FUNCTION",
+        help="PI force control, random, an agent, its npz, a stable-baselines3 zip, or your own function",
     )
     options.add_episodes(parser, 1)
     parser.add_argument(

@@ -50,8 +50,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="go on where a run into the same folder was killed, interrupted or stopped",
     )
-    parser.add_argument("--policy", metavar="pi|FILE.zip", help="predict this policy's return before and after")
-    parser.add_argument("--trust", action="store_true", help="load FILE.zip although loading runs code that it holds")
+    parser.add_argument(
+        "--policy", metavar="NAME|FILE|MODULE:FUNCTION", help="predict this policy's return before and after"
+    )
+    parser.add_argument(
+        "--trust", action="store_true", help="load a FILE or MODULE although loading runs code that it holds"
+    )
     options.add_seed(parser)
     options.add_threads(parser)
     parser.add_argument("--time-budget", type=float, help="seconds after which the best verdict so far is written")

@@ -51,3 +51,18 @@ def joint_limits(model: mujoco.MjModel, name: str) -> JointLimits:
         soft_lower=soft[0],
         soft_upper=soft[1],
     )
+
+
+def servo_ranges(model: mujoco.MjModel) -> dict[str, tuple[float, float]]:
+    """Lowest and highest set point that a position servo takes [m, rad], by joint; of servos in the joint's own
+    direction and unit that state one (``ctrlrange``)."""
+    found = {}
+    for k in range(model.nu):
+        joint, stiffness = int(model.actuator_trnid[k, 0]), -float(model.actuator_biasprm[k, 1])
+        low, high = (float(end) for end in model.actuator_ctrlrange[k])
+        of_joint = int(model.actuator_trntype[k]) == int(mujoco.mjtTrn.mjTRN_JOINT)
+        integrates = int(model.actuator_dyntype[k]) == int(mujoco.mjtDyn.mjDYN_INTEGRATOR)
+        plain = stiffness > 0 and np.isclose(model.actuator_gainprm[k, 0], stiffness) and model.actuator_gear[k, 0] == 1
+        if of_joint and plain and not integrates and model.actuator_ctrllimited[k] and low < high:
+            found[model.joint(joint).name] = (low, high)
+    return found

@@ -52,7 +52,7 @@ class JointRanges:
         # Recordings are read without a simulator: MuJoCo is loaded for a model alone.
         import mujoco
 
-        from tiago_mj.models.limits import joint_limits
+        from tiago_mj.models.limits import joint_limits, servo_ranges
 
         position, velocity, slides = {}, {}, {}
         for index in range(model.njnt):
@@ -65,24 +65,10 @@ class JointRanges:
                 position[name] = (limits.lower, limits.upper)
             if limits.velocity:
                 velocity[name] = limits.velocity
-        servo = {joint: span for joint, span in _servos(model).items() if joint in slides and joint not in position}
+        servo = {
+            joint: span for joint, span in servo_ranges(model).items() if joint in slides and joint not in position
+        }
         return cls(position, velocity, slides, servo)
-
-
-def _servos(model: Any) -> dict[str, tuple[float, float]]:
-    """Range of the set points that a position servo takes, by joint, in the joint's own direction and unit."""
-    import mujoco
-
-    found = {}
-    for k in range(model.nu):
-        joint, stiffness = int(model.actuator_trnid[k, 0]), -float(model.actuator_biasprm[k, 1])
-        low, high = (float(end) for end in model.actuator_ctrlrange[k])
-        of_joint = int(model.actuator_trntype[k]) == int(mujoco.mjtTrn.mjTRN_JOINT)
-        integrates = int(model.actuator_dyntype[k]) == int(mujoco.mjtDyn.mjDYN_INTEGRATOR)
-        plain = stiffness > 0 and np.isclose(model.actuator_gainprm[k, 0], stiffness) and model.actuator_gear[k, 0] == 1
-        if of_joint and plain and not integrates and model.actuator_ctrllimited[k] and low < high:
-            found[model.joint(joint).name] = (low, high)
-    return found
 
 
 def check(trials: Sequence[Trial], ranges: JointRanges) -> Iterator[Finding]:
