@@ -127,3 +127,14 @@ def test_every_nominal_number_can_be_met_on_either_side(pressing):
         down, up = (np.abs(moved[2 * k + side] - nominal).max() for side in (0, 1))
         assert down >= 0.1 * up, term
         assert up >= 0.1 * down, term
+
+
+def test_at_the_truth_no_more_of_a_large_effect_is_left_than_its_form_may_differ():
+    """Where an effect changes more than 900 noise variances, what chance adds to the worst channel hardly counts."""
+    rows = json.loads((command.RESULTS / "truth_audit.json").read_text())["results"]["rows"]
+    large = [row for row in rows if len(row["effects"]) == 1 and row["without"] > 900]
+    assert len(large) > 50
+    for row in large:
+        declared = EFFECTS[row["effects"][0]["name"]]
+        left = max(row["fine"]["worst"] - 1, 0) / row["without"]
+        assert left**0.5 < 1.2 * declared.form_known_to, row["case"]

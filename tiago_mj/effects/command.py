@@ -10,7 +10,7 @@ import numpy as np
 
 from tiago_mj.effects.declare import Array, Effect, effect
 from tiago_mj.effects.fields import detail, form, known_to, parameter
-from tiago_mj.effects.memory import Conveyor, Held, HeldLowPass, InARow
+from tiago_mj.effects.memory import SHIFTED, Conveyor, Held, HeldLowPass, InARow
 from tiago_mj.effects.now import Now
 
 LENGTH = ("m", "rad")
@@ -45,6 +45,7 @@ class CommandDelay(Effect):
 
     clause = "{t} act{s} on commands {seconds} later than in the simulator"
     nominal_prior = known_to(1e-3, each=False)
+    form_known_to = SHIFTED
     twins = ("clock_offset",)
     signal_only = True
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from tiago_mj.effects.declare import Array, Effect, effect
 from tiago_mj.effects.fields import known_to, parameter
-from tiago_mj.effects.memory import DelayLine
+from tiago_mj.effects.memory import SHIFTED, DelayLine
 from tiago_mj.effects.now import Now
 
 
@@ -27,6 +27,7 @@ class ClockOffset(Effect):
 
     clause = "the measured channels are stamped {seconds} late"
     clause_less = "the measured channels are stamped {seconds} early"
+    form_known_to = SHIFTED
     signal_only = True
     delays_readings = "seconds"
     effort_prior = known_to(0.5, share_of="row")
