@@ -14,10 +14,13 @@ distance from 1 have that distance halved and doubled.
 from __future__ import annotations
 
 import argparse
+import itertools
 import json
-import shutil
 import sys
+import tempfile
+import threading
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
@@ -124,6 +127,7 @@ class Study:
         self.drawn = drawn
         self.cases = [k for k in range(drawn["cases"]) if self._store.answer(k) is not None]
         out.mkdir(parents=True, exist_ok=True)
+        self._lock = threading.Lock()
         self._kept = out / "answers.jsonl"
         lines = self._kept.read_text().splitlines() if self._kept.exists() else []
         self._known = {
@@ -144,22 +148,22 @@ class Study:
         factors = dict(group)
         if (known := self._known.get(self._key(case, factors))) is not None:
             return known
-        folder = self._out / "diagnosis"
-        shutil.rmtree(folder, ignore_errors=True)
-        words = run.Diagnoser(jobs=1).command(self._planned[case], self._store.recordings(case), folder)
-        at = words.index("diagnose")
-        status, said = run.call_command(
-            [sys.executable, "-m", "benchmarks.varied.changed", json.dumps(factors), *words[at:]]
-        )
-        if status:
-            print(f"case {case}: exit status {status}: {said.strip().splitlines()[-1:]}", flush=True)
-        made = json.loads((folder / "diagnosis.json").read_text()) if status == 0 else None
-        answer = Answer.of(self._label(case), made)
-        with self._kept.open("a") as file:
+        with tempfile.TemporaryDirectory(dir=self._out) as apart:
+            answer = Answer.of(self._label(case), self._diagnosed(case, factors, Path(apart) / "diagnosis"))
+        with self._lock, self._kept.open("a") as file:
             row = {"case": case, "factors": factors, "answer": vars(answer)}
             file.write(json.dumps(row, sort_keys=True) + "\n")
-        self._known[self._key(case, factors)] = answer
+            self._known[self._key(case, factors)] = answer
         return answer
+
+    def _diagnosed(self, case: int, factors: Mapping[str, float], folder: Path) -> dict[str, Any] | None:
+        words = run.Diagnoser(jobs=1).command(self._planned[case], self._store.recordings(case), folder)
+        changed = [sys.executable, "-m", "benchmarks.varied.changed", json.dumps(factors)]
+        status, said = run.call_command([*changed, *words[words.index("diagnose") :]])
+        if status:
+            print(f"case {case}: exit status {status}: {said.strip().splitlines()[-1:]}", flush=True)
+            return None
+        return dict(json.loads((folder / "diagnosis.json").read_text()))
 
     def _label(self, case: int) -> dict[str, Any]:
         return dict(json.loads(self._store.label_file(case).read_text()))
@@ -169,30 +173,44 @@ class Study:
         return case, tuple(sorted((name, float(by)) for name, by in factors.items()))
 
 
-def tallied(study: Study, numbers: Sequence[str], passes: int, size: int, seed: int) -> dict[str, dict[str, Tally]]:
-    """Every number halved and doubled so many times, each time in the next case of the run."""
+def tallied(
+    study: Study, numbers: Sequence[str], passes: int, size: int, seed: int, at_once: int = 1
+) -> dict[str, dict[str, Tally]]:
+    """Every number halved and doubled so many times, each time in the next case of the run.
+
+    Args:
+        study: answers.
+        numbers: that are varied.
+        passes: how many times.
+        size: of a group.
+        seed: of the groups.
+        at_once: groups that are looked at side by side.
+    """
     rng = np.random.default_rng(seed)
     out = {name: {word: Tally() for word in FACTORS.values()} for name in numbers}
-    at = 0
+    cases = itertools.cycle(study.cases)
     for turn in range(passes):
-        for group in groups(numbers, size, rng):
-            case = study.cases[at % len(study.cases)]
-            at += 1
-            before = study.unchanged(case)
-            key = (before.kind, before.classes)
-
-            def changes(some: tuple[Change, ...], case: int = case, key: tuple[str, Any] = key) -> bool:
-                now = study.answer(case, some)
-                return (now.kind, tuple(now.classes)) != key
-
-            alone, unclear = deciding(group, changes)
+        todo = [(next(cases), group) for group in groups(numbers, size, rng)]
+        with ThreadPoolExecutor(at_once) as pool:
+            found = list(pool.map(lambda one: _looked_at(study, *one), todo))
+        for (case, group), (alone, unclear) in zip(todo, found, strict=True):
             for name, factor in group:
-                if (name, factor) not in unclear:
-                    out[name][FACTORS[factor]].tried += 1
+                out[name][FACTORS[factor]].tried += (name, factor) not in unclear
             for name, factor in alone:
-                _count(out[name][FACTORS[factor]], case, before, study.answer(case, [(name, factor)]))
+                _count(out[name][FACTORS[factor]], case, study.unchanged(case), study.answer(case, [(name, factor)]))
         print(f"pass {turn + 1} of {passes}: {study.runs} diagnoses", flush=True)
     return out
+
+
+def _looked_at(study: Study, case: int, group: tuple[Change, ...]) -> tuple[tuple[Change, ...], tuple[Change, ...]]:
+    """As of :func:`deciding`, of a case's answer."""
+    before = study.unchanged(case)
+
+    def changes(some: tuple[Change, ...]) -> bool:
+        now = study.answer(case, some)
+        return (now.kind, tuple(now.classes)) != (before.kind, before.classes)
+
+    return deciding(group, changes)
 
 
 def _count(tally: Tally, case: int, before: Answer, now: Answer) -> None:
@@ -207,6 +225,7 @@ def main(words: Sequence[str] | None = None) -> int:
     parser.add_argument("run", type=Path, metavar="RUN", help="folder of the blind check, answered with --jobs 1")
     parser.add_argument("--passes", type=int, default=8, metavar="N", help="cases that each number is varied in (8)")
     parser.add_argument("--group", type=int, default=12, metavar="N", help="numbers that are changed at once (12)")
+    parser.add_argument("--at-once", type=int, default=1, metavar="N", help="diagnoses that run side by side (1)")
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="another one gives other groups")
     parser.add_argument("--out", type=Path, required=True, metavar="DIR")
     parser.add_argument("--save", default="varied", metavar="NAME", help="results/NAME.json")
@@ -215,7 +234,7 @@ def main(words: Sequence[str] | None = None) -> int:
     if not study.cases:
         parser.error(f"{asked.run.name}: no case is answered yet; run python -m benchmarks.blind … --out RUN")
     numbers = [site for site in sites.sites() if not site.startswith(OF_COMPARISONS)]
-    found = tallied(study, numbers, asked.passes, asked.group, asked.seed)
+    found = tallied(study, numbers, asked.passes, asked.group, asked.seed, asked.at_once)
     results = {
         "run": study.drawn,
         "cases": len(study.cases),
