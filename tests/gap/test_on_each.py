@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import mujoco
 import numpy as np
@@ -63,7 +64,8 @@ def leg(tmp_path_factory):
 
 def test_one_friction_for_all_joints_gives_way_to_one_on_each_where_it_leaves_a_gap(leg):
     assert ranking.discrepancy(leg.best) > ranking.INADEQUATE_DISCREPANCY
-    best = on_each.target(leg).best
+    spent = replace(leg, full=replace(leg.full, out_of_time=lambda: True))  # its budget
+    best = on_each.target(spent, lambda: False).best
     found = {part.target[0]: value for part, value in zip(best.parts, best.values, strict=True)}
     assert [found[name] for name in JOINTS] == pytest.approx(RUBS, rel=0.1)
     assert best.evidence > leg.best.evidence + 100
@@ -72,4 +74,8 @@ def test_one_friction_for_all_joints_gives_way_to_one_on_each_where_it_leaves_a_
 
 def test_one_friction_that_leaves_no_gap_is_kept(leg, monkeypatch):
     monkeypatch.setattr(ranking, "INADEQUATE_DISCREPANCY", np.inf)
-    assert on_each.target(leg) is leg
+    assert on_each.target(leg, lambda: False) is leg
+
+
+def test_nothing_is_fitted_once_the_time_is_over(leg):
+    assert on_each.target(leg, lambda: True) is leg

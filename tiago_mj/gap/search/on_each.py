@@ -7,7 +7,8 @@ that it is tried only where one magnitude for all leaves a gap.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -21,18 +22,25 @@ from tiago_mj.gap.search.state import State
 DEVIATIONS: Final = ranking.MIN_MAGNITUDE_DEVIATIONS
 
 
-def target(state: State) -> State:
-    """The search with each effect of its best explanation on every target that needs it."""
-    if state.full.predict.replays and ranking.discrepancy(state.best) <= ranking.INADEQUATE_DISCREPANCY:
+def target(state: State, out_of_time: Callable[[], bool]) -> State:
+    """The search with each effect of its best explanation on every target that needs it.
+
+    Args:
+        state: of the search.
+        out_of_time: whether the user's time is over. The search's budget of physics steps is no limit: of a leg whose
+            every joint rubs it is spent on single effects.
+    """
+    full = replace(state.full, out_of_time=out_of_time)
+    if full.predict.replays and ranking.discrepancy(state.best) <= ranking.INADEQUATE_DISCREPANCY:
         return state
     for effect in dict.fromkeys(part.effect for part in state.best.parts):
         start = _on_each(state.best, effect, state.pool)
-        if start is None or state.full.out_of_time():
+        if start is None or out_of_time():
             continue
-        found = state.full.fit_all([start])
+        found = full.fit_all([start])
         needed = [k for k in range(len(found[0].parts)) if ranking.differs_from_identity(found[0], k, DEVIATIONS)]
         fewer = rounds.reduced_to(found[0], needed)
-        state = state.with_fits([*found, *(state.full.fit_all([fewer]) if fewer is not None else [])])
+        state = state.with_fits([*found, *(full.fit_all([fewer]) if fewer is not None else [])])
     return state
 
 
