@@ -9,7 +9,7 @@ import sys
 import numpy as np
 import pytest
 
-from benchmarks.varied import sites
+from benchmarks.varied import sites, told
 from benchmarks.varied.__main__ import deciding, groups
 
 
@@ -105,3 +105,12 @@ def test_nothing_more_is_asked_of_a_group_that_changes_nothing():
     asked = []
     assert deciding((("a", 2.0), ("b", 0.5)), lambda some: bool(asked.append(some))) == ((), ())
     assert len(asked) == 1
+
+
+def test_a_comment_says_how_many_answers_changed():
+    still = {"tried": 8, "changed": 0, "mended": 0, "broken": 0}
+    moved = {"tried": 7, "changed": 2, "mended": 0, "broken": 1}
+    assert told.sentence([still, still]) == "Halved and doubled, none of 16 answers changes (varied.json)."
+    assert told.sentence([still, moved]) == (
+        "Halved and doubled, 2 of 15 answers change, 0 to right, 1 to wrong (varied.json)."
+    )
