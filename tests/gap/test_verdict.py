@@ -6,9 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tiago_mj.gap.decision.verdict import Calibration, Doubt, Option, decide
+from tiago_mj.gap.decision.verdict import Calibration, Doubt, Option, calibration, decide
 from tiago_mj.gap.inference.hypotheses import FORM_COMPENSATION, Candidate
 from tiago_mj.gap.result import FitQuality
+from tiago_mj.gap.search import ranking
+from tiago_mj.io.quantities import NINETY
 
 BY = Calibration(temperature=1.0, stands=0.333, rival=0.05, fails=3.0, remains=3.0)
 
@@ -133,3 +135,7 @@ def test_a_magnitude_is_known_no_better_than_the_form_of_its_effect() -> None:
     assert heavier.known_to(2.0) == pytest.approx(FORM_COMPENSATION * 0.03)
     slow = Candidate("velocity_limit", None, "velocity", (), math.inf, 0.1, 2.0, (), "m/s")
     assert slow.known_to(0.5) == 0.0
+
+
+def test_no_effect_is_named_whose_own_interval_holds_none_of_it():
+    assert pytest.approx(NINETY * calibration().widens, abs=0.01) == ranking.MIN_MAGNITUDE_DEVIATIONS
