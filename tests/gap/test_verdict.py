@@ -130,7 +130,7 @@ def test_a_magnitude_is_known_no_better_than_the_form_of_its_effect() -> None:
     """What its nominal number is uncertain by is none of its own uncertainty: recordings show the sum of both."""
     late = Candidate("command_delay", None, "seconds", (), 0.0, 0.0, 0.2, (), "s", tolerance=0.002)
     assert late.known_to(0.0) == 0.0
-    assert late.known_to(0.1) == pytest.approx(FORM_COMPENSATION * 0.003)  # of 3 %
+    assert late.known_to(0.1) == pytest.approx(FORM_COMPENSATION * 0.001)  # of 1 %, which is a delay's
     heavier = Candidate("object_mass", None, "factor", (), 1.0, 0.2, 5.0, (), "-", tolerance=0.12)
     assert heavier.known_to(2.0) == pytest.approx(FORM_COMPENSATION * 0.03)
     slow = Candidate("velocity_limit", None, "velocity", (), math.inf, 0.1, 2.0, (), "m/s")
