@@ -295,13 +295,13 @@ def test_an_effect_that_may_be_nothing_is_not_shown(grasps):
         return Fitted(tuple(p for p, _ in parts), values, deviations, np.zeros(0), evidence, 1.0)
 
     none = fit(0.0)
-    assert ranking.reportable([fit(9.0, (friction, (0.033, 0.02))), none]) == [none]
-    assert ranking.reportable([fit(9.0, (limit, (limit.high, 0.02))), none]) == [none]
+    assert ranking.reportable([fit(9.0, (friction, (0.033, 0.02))), none], replays=True) == [none]
+    assert ranking.reportable([fit(9.0, (limit, (limit.high, 0.02))), none], replays=True) == [none]
     sure, drawn = (
         fit(9.0, (friction, (0.07, 0.02))),
         fit(9.0, (replace(friction, selection_penalty=(3.0,)), (0.033, 0.02))),
     )
-    assert ranking.reportable([sure, drawn, none]) == [sure, drawn, none]
+    assert ranking.reportable([sure, drawn, none], replays=True) == [sure, drawn, none]
 
 
 def test_a_second_effect_that_leaves_more_than_the_first_alone_is_not_shown(grasps):
@@ -317,7 +317,7 @@ def test_a_second_effect_that_leaves_more_than_the_first_alone_is_not_shown(gras
     alone, none = fit(100.0, 0.9, lag), fit(0.0, 400.0)
     for left, shown in ((1.9, False), (0.95, True)):
         pair = fit(140.0, left, lag, coupling)
-        assert any(f is pair for f in ranking.reportable([pair, alone, none])) is shown
+        assert any(f is pair for f in ranking.reportable([pair, alone, none], replays=True)) is shown
 
 
 @pytest.mark.parametrize("rate", [0.04, 0.0], ids=["two effects", "one effect"])

@@ -138,4 +138,4 @@ def test_a_magnitude_is_known_no_better_than_the_form_of_its_effect() -> None:
 
 
 def test_no_effect_is_named_whose_own_interval_holds_none_of_it():
-    assert pytest.approx(NINETY * calibration().widens, abs=0.01) == ranking.MIN_MAGNITUDE_DEVIATIONS
+    assert pytest.approx(NINETY * calibration().widens, abs=0.01) == ranking.least_deviations(replays=True)

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Final
 
 import numpy as np
 
@@ -17,9 +16,6 @@ from tiago_mj.gap.inference.fit import Fitted, Start
 from tiago_mj.gap.inference.hypotheses import GROUP, Candidate
 from tiago_mj.gap.search import ranking, rounds
 from tiago_mj.gap.search.state import State
-
-#: A target is left out where its magnitude is closer to none than this [deviations].
-DEVIATIONS: Final = ranking.MIN_MAGNITUDE_DEVIATIONS
 
 
 def target(state: State, out_of_time: Callable[[], bool]) -> State:
@@ -33,12 +29,13 @@ def target(state: State, out_of_time: Callable[[], bool]) -> State:
     full = replace(state.full, out_of_time=out_of_time)
     if full.predict.replays and ranking.discrepancy(state.best) <= ranking.INADEQUATE_DISCREPANCY:
         return state
+    least = ranking.least_deviations(replays=full.predict.replays)
     for effect in dict.fromkeys(part.effect for part in state.best.parts):
         start = _on_each(state.best, effect, state.pool)
         if start is None or out_of_time():
             continue
         found = full.fit_all([start])
-        needed = [k for k in range(len(found[0].parts)) if ranking.differs_from_identity(found[0], k, DEVIATIONS)]
+        needed = [k for k in range(len(found[0].parts)) if ranking.differs_from_identity(found[0], k, least)]
         fewer = rounds.reduced_to(found[0], needed)
         state = state.with_fits([*found, *(full.fit_all([fewer]) if fewer is not None else [])])
     return state

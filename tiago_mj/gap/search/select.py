@@ -179,7 +179,7 @@ def _search(
 
 def _shown(state: State, asked: Question, shared: NDArray[np.bool_], wide: Fitter | None) -> tuple[Fitted, ...]:
     """Explanations as they are told; ``wide``: the first fitter, for how they do in the noise assumed at first."""
-    shown = ranking.reportable(ranking.unique_by_labels(state.fits))
+    shown = ranking.reportable(ranking.unique_by_labels(state.fits), replays=state.full.predict.replays)
     if wide is not None:
         shown = sharpen.misfits_by(wide, state.full, agreement.with_agreement(state.full, shown))
     return tuple(with_readings(fit, asked.known, shared) for fit in shown)

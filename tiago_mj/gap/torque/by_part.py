@@ -189,7 +189,7 @@ def _together(
         state = state.with_fits(state.full.fit_all([Start(tuple(mine), np.array(values))]))
         state = _reduced(sharpen.sharpened(state))
     state = state if over() else _of_the_whole(state, asked)
-    shown = ranking.reportable(ranking.unique_by_labels(state.fits))
+    shown = ranking.reportable(ranking.unique_by_labels(state.fits), replays=False)
     shown = sharpen.misfits_by(first, state.full, agreement.with_agreement(state.full, shown))
     searches = list(found.values())
     unseen = [name for name in searches[0].not_excited if all(name in one.not_excited for one in searches)]
@@ -210,9 +210,8 @@ def _together(
 def _reduced(state: State) -> State:
     """With the best explanation without magnitudes that are close to none."""
     best = state.best
-    needed = [
-        k for k in range(len(best.parts)) if ranking.differs_from_identity(best, k, ranking.MIN_MAGNITUDE_DEVIATIONS)
-    ]
+    least = ranking.least_deviations(replays=False)
+    needed = [k for k in range(len(best.parts)) if ranking.differs_from_identity(best, k, least)]
     fewer = rounds.reduced_to(best, needed)
     return state if fewer is None else state.with_fits(state.full.fit_all([fewer]))
 
