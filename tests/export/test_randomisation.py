@@ -48,11 +48,18 @@ def posterior():
     )
 
 
+@pytest.fixture(scope="module")
+def table(tmp_path_factory):
+    """The draws, which are the same whatever is written of them."""
+    return draws_of(robot(tmp_path_factory.mktemp("table")), posterior())
+
+
 @pytest.fixture
-def exported(tmp_path, monkeypatch, capsys):
+def exported(tmp_path, monkeypatch, capsys, table):
     """Folder that the command wrote for a target, with what it printed."""
     folder = diagnosed(tmp_path, [effect("servo_stiffness", "elbow", factor=0.5)])
     monkeypatch.setattr(command.reading, "read", lambda path: posterior())
+    monkeypatch.setattr(command, "draws_of", lambda robot, posterior: table)
 
     def run(to, *words):
         out = tmp_path / to

@@ -241,6 +241,7 @@ def test_the_real_arms_wrist_and_torso_efforts_are_left_out_and_why(found: Diagn
     assert any("velocities trail" in note for note in found.notes)
 
 
+@pytest.mark.slow
 def test_the_real_arm_with_its_joints_exchanged_is_another_story(arm: Trial, found: Diagnosis) -> None:
     efforts = dict(arm.efforts)
     efforts["arm_2_joint"], efforts["arm_4_joint"] = efforts["arm_4_joint"], -efforts["arm_2_joint"]

@@ -109,6 +109,7 @@ def test_the_lint_of_a_servo_alone_finds_the_unsigned_torque_and_the_encoders_st
     assert any("0.001534" in message for message in said)
 
 
+@pytest.mark.slow
 def test_the_wrist_of_the_small_arm_rubs(wrist):
     names = ("coulomb_friction", "viscous_friction", "command_delay")
     found = diagnosed(wrist, names=names)

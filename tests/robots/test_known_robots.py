@@ -180,7 +180,8 @@ def test_what_is_known_is_listed(tmp_path, capsys):
     assert json.loads(capsys.readouterr().out)[0]["map"]["columns"]["actual_q_0"]["name"] == "shoulder_pan_joint"
 
 
-@pytest.mark.parametrize("robot", [pytest.param(r, marks=[] if r.name == "2f85" else pytest.mark.slow) for r in ROBOTS])
+@pytest.mark.slow
+@pytest.mark.parametrize("robot", ROBOTS, ids=lambda robot: robot.name)
 def test_friction_of_one_joint_is_found_from_logs_by_one_command(tmp_path, robot):
     folder = menagerie(tmp_path / "menagerie", robot)
     logs, out = recorded(tmp_path / "logs", robot, rubs=1.0), tmp_path / "out"
