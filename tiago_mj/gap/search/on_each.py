@@ -26,10 +26,11 @@ def target(state: State, out_of_time: Callable[[], bool]) -> State:
         out_of_time: whether the user's time is over. The search's budget of physics steps is no limit: of a leg whose
             every joint rubs it is spent on single effects.
     """
-    full = replace(state.full, out_of_time=out_of_time)
-    if full.predict.replays and ranking.discrepancy(state.best) <= ranking.INADEQUATE_DISCREPANCY:
+    replays = state.full.predict.replays
+    if replays and ranking.discrepancy(state.best) <= ranking.INADEQUATE_DISCREPANCY:
         return state
-    least = ranking.least_deviations(replays=full.predict.replays)
+    full = replace(state.full, out_of_time=out_of_time)
+    least = ranking.least_deviations(replays=replays)
     for effect in dict.fromkeys(part.effect for part in state.best.parts):
         start = _on_each(state.best, effect, state.pool)
         if start is None or out_of_time():
