@@ -17,6 +17,7 @@ it stays there.
   what it was developed on has the forms that it knows.
 * ``doubt``: the log loss of whether the best explanation is right, of the same runs: on what a method was developed on
   it is wrong less often.
+  With ``--along-a-motion`` it is fitted to runs of efforts, and that of replays stays.
 * ``widens``: 90 % of the intervals of rightly named effects hold the true magnitude, of the same runs.
 
 Not a part of ``benchmarks.blind``, which knows nothing of the diagnosis's code. The runs' seeds are written down, too;
@@ -302,6 +303,22 @@ def written(
     }
 
 
+def _along_a_motion(cases: Sequence[Case], runs: Sequence[Mapping[str, Any]], out: Path | None) -> int:
+    """Show, and write beside the other numbers, how often answers are wrong where efforts were compared."""
+    old = verdict.calibration(replays=False)
+    new = replace(old, doubt=_doubt(cases, old))
+    print(table(cases, old, new))
+    if out is not None:
+        data = json.loads(out.read_text())
+        data.setdefault("along_a_motion", {})["doubt"] = asdict(new.doubt)
+        told = data["calibration"]
+        told["along_a_motion"] = {"doubt": carried(cases)["doubt"]}
+        told["seeds"] = sorted({*told["seeds"], *(run["seed"] for run in runs)})
+        atomic.write_text(out, json.dumps(data, indent=2) + "\n")
+        print(f"Written: {out}")
+    return 0
+
+
 def main(words: Sequence[str] | None = None) -> int:
     """Command line."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.calibrate", description=(__doc__ or "").split("\n")[0])
@@ -315,6 +332,9 @@ def main(words: Sequence[str] | None = None) -> int:
         help="runs not seen before: for further, widens, doubt",
     )
     parser.add_argument("--out", type=Path, metavar="FILE", help="where to write; without it, only the table is shown")
+    parser.add_argument(
+        "--along-a-motion", action="store_true", help="runs of --efforts: their own doubt, written into that of FILE"
+    )
     arguments = parser.parse_args(words)
     cases: list[Case] = []
     unseen: list[Case] = []
@@ -332,6 +352,8 @@ def main(words: Sequence[str] | None = None) -> int:
     except ValueError as error:
         print(f"calibrate: {error}", file=sys.stderr)
         return 2
+    if arguments.along_a_motion:
+        return _along_a_motion(cases, runs, arguments.out)
     new = fit(cases, unseen=unseen)
     print(table(cases, verdict.calibration(), new, unseen))
     if arguments.out is not None:

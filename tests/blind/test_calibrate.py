@@ -182,6 +182,22 @@ def test_the_command_writes_numbers_that_the_diagnosis_reads(
     assert str(tmp_path) not in out.read_text()
 
 
+def test_answers_of_efforts_have_a_doubt_of_their_own(tmp_path: Path) -> None:
+    last = explanation(None, -1e5, lasting=900.0)
+    cases = [files("one", [TRUE if k % 3 else RIVAL], [explanation(TRUE, 0.0), last]) for k in range(60)]
+    write_run(tmp_path / "run", cases)
+    out = tmp_path / "verdict.json"
+    assert calibrate.main([str(tmp_path / "run"), "--out", str(out)]) == 0
+    before = json.loads(out.read_text())
+    assert calibrate.main([str(tmp_path / "run"), "--along-a-motion", "--out", str(out)]) == 0
+    after = json.loads(out.read_text())
+    assert after["doubt"] == before["doubt"]
+    assert after["calibration"]["along_a_motion"] == {"doubt": 60}
+    met = FitQuality(met=0.0, price=0.0, misfit=1.0, lasting=0.5)
+    along = calibration_of({**after, **after["along_a_motion"]}).doubt
+    assert wrong(1, met, along) == pytest.approx(1 / 3, abs=0.12)  # two deviations of 60
+
+
 def test_an_unfinished_run_is_refused_in_a_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert calibrate.main([str(tmp_path), "--out", str(tmp_path / "verdict.json")]) == 2
     said = capsys.readouterr().err

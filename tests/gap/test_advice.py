@@ -180,6 +180,7 @@ def test_the_highest_probability_is_explained_where_it_is_reached():
     assert verdict.ceiling(Explanation((COULOMB,), 0.8 * most, 1.0, met)) == ""
     why = verdict.why_ceiling()
     assert re.search(r"On \d{2,} simulated cases", why)
+    assert verdict.why_ceiling(replays=False) != why, "efforts along a motion were tried on cases of their own"
     sure = Explanation((COULOMB,), most, 1.0, met)
     page = html.render(replace(CASES["effect"], best=sure))
     assert 'href="#why-not-surer"' in page

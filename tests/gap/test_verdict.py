@@ -6,7 +6,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tiago_mj.gap.decision.verdict import Calibration, Doubt, Option, calibration, decide
+from tiago_mj.gap.decision.verdict import (
+    Calibration,
+    Doubt,
+    Option,
+    calibration,
+    decide,
+    measured_on,
+    wrong,
+)
 from tiago_mj.gap.inference.hypotheses import FORM_COMPENSATION, Candidate
 from tiago_mj.gap.result import FitQuality
 from tiago_mj.gap.search import ranking
@@ -139,3 +147,11 @@ def test_a_magnitude_is_known_no_better_than_the_form_of_its_effect() -> None:
 
 def test_no_effect_is_named_whose_own_interval_holds_none_of_it():
     assert pytest.approx(NINETY * calibration().widens, abs=0.01) == ranking.least_deviations(replays=True)
+
+
+def test_answers_along_a_motion_are_doubted_by_cases_of_their_own():
+    met = FitQuality(met=0.0, price=0.0, misfit=1.0, lasting=0.5)
+    replayed, along = (calibration(replays=replays).doubt for replays in (True, False))
+    assert wrong(0, met, along) > wrong(0, met, replayed)
+    assert measured_on("doubt", replays=False) != measured_on("doubt")
+    assert measured_on("temperature", replays=False) == measured_on("temperature")

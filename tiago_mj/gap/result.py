@@ -267,7 +267,7 @@ class Result:
         stopped: how far it was then; None: it came to its end.
         seed, version: of what was drawn at random, and of this package.
         seconds: that it took.
-        physics_steps: that were simulated; None where efforts were explained along the measured motion.
+        physics_steps: that were simulated, or rows of efforts that were computed along the measured motion.
         trial_models: how the simulations of candidate effects went, which is no sign of a fault in the user's model;
             None as for ``physics_steps``.
     """
@@ -301,6 +301,11 @@ class Result:
     def kind(self) -> str:
         """Of the verdict."""
         return self.verdict.kind
+
+    @property
+    def replays(self) -> bool:
+        """Whether commands were replayed; else efforts alone were compared, along the measured motion."""
+        return not self.where or any(not place.channel.startswith("effort.") for place in self.where)
 
     @property
     def best(self) -> Explanation:

@@ -113,10 +113,11 @@ def calibration_of(data: Mapping[str, Any]) -> Calibration:
 
 
 @cache
-def measured_on(name: str) -> int:
-    """Number of cases from which a number of the calibration was determined."""
+def measured_on(name: str, *, replays: bool = True) -> int:
+    """Number of cases from which a number of the calibration was determined; ``replays`` as of :func:`calibration`."""
     data = json.loads(resources.files("tiago_mj.gap.decision").joinpath(CALIBRATION).read_text(encoding="utf-8"))
-    return int(data["calibration"]["carried_by"][name])
+    alone = {} if replays else data["calibration"].get("along_a_motion", {})
+    return int({**data["calibration"]["carried_by"], **alone}[name])
 
 
 @dataclass(frozen=True)
@@ -242,9 +243,14 @@ def wrong(effects: int, evidence: FitQuality, by: Doubt) -> float:
     return float(1 / (1 + np.exp(-log_odds)))
 
 
-def most_probable(one: Explanation) -> float:
-    """Largest probability that an explanation can have, that without any rival; 1 where its evidence is not known."""
-    return 1.0 if one.evidence is None else 1 - wrong(_number(one), one.evidence, calibration().doubt)
+def most_probable(one: Explanation, *, replays: bool = True) -> float:
+    """Largest probability that an explanation can have, that without any rival; 1 where its evidence is not known.
+
+    Args:
+        one: explanation.
+        replays: as of :func:`calibration`.
+    """
+    return 1.0 if one.evidence is None else 1 - wrong(_number(one), one.evidence, calibration(replays=replays).doubt)
 
 
 def _number(one: Explanation) -> int:

@@ -148,7 +148,7 @@ def _with_its_kind(diagnosis: Diagnosis) -> Diagnosis:
     if not best.effects or refuted(diagnosis) or (best.evidence is not None and best.evidence.edge):
         return diagnosis.with_verdict(kind="unknown")
     if diagnosis.kind == "ambiguous" and len({identity(one) for one in (best, *diagnosis.alternatives)}) < 2:
-        likely = not best.probability < MIN_NAMED_PROBABILITY * most_probable(best)
+        likely = not best.probability < MIN_NAMED_PROBABILITY * most_probable(best, replays=diagnosis.replays)
         return diagnosis.with_verdict(kind="effect" if likely else "unknown")
     return diagnosis
 

@@ -273,17 +273,17 @@ def first(diagnosis: Diagnosis) -> str:
     return "likelier"
 
 
-def ceiling(explanation: Explanation) -> str:
+def ceiling(explanation: Explanation, *, replays: bool = True) -> str:
     """Why an answer that is as sure as one can be has no higher probability; empty where another one shares it."""
-    most = most_probable(explanation)
+    most = most_probable(explanation, replays=replays)
     if not NEARLY * most <= explanation.probability <= most + 1e-6:  # an older version knew another ceiling
         return ""
     return f"Of answers like this one it is never above {percent(most)}, however clear the recordings are."
 
 
-def why_ceiling() -> str:
-    """What the highest probability of an answer rests on."""
-    by, cases = calibration().doubt, int(measured_on("doubt"))
+def why_ceiling(*, replays: bool = True) -> str:
+    """What the highest probability of an answer rests on; ``replays``: commands were replayed."""
+    by, cases = calibration(replays=replays).doubt, measured_on("doubt", replays=replays)
     nothing, one, more = (percent(wrong(effects, FitQuality(0.0, 0.0, 1.0, 1.0), by)) for effects in range(3))
     return (
         f"On {cases} simulated cases, whose effects the diagnosis was not told, some answers were wrong even with "
