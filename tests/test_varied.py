@@ -110,7 +110,20 @@ def test_nothing_more_is_asked_of_a_group_that_changes_nothing():
 def test_a_comment_says_how_many_answers_changed():
     still = {"tried": 8, "changed": 0, "mended": 0, "broken": 0}
     moved = {"tried": 7, "changed": 2, "mended": 0, "broken": 1}
-    assert told.sentence([still, still]) == "Halved and doubled, none of 16 answers changes (varied.json)."
+    assert told.sentence([still, still]) == "Halved and doubled, none of 16 answers about hinges changes (varied.json)."
     assert told.sentence([still, moved]) == (
-        "Halved and doubled, 2 of 15 answers change, 0 to right, 1 to wrong (varied.json)."
+        "Halved and doubled, 2 of 15 answers about hinges change, 0 to right, 1 to wrong (varied.json)."
     )
+
+
+def test_every_comment_says_what_came_of_its_numbers():
+    """As counted in the result; a number that hinges never meet keeps its old comment."""
+    together = {}
+    for name, tally in told.tallies().items():
+        module, own = name.split(":")
+        above = sites.comment((sites.ROOT / f"{module.replace('.', '/')}.py").read_text(), own)
+        if "varied.json" in above:
+            together.setdefault((module, above), []).append(tally)
+    assert len(together) > 50
+    for (module, above), tallies in together.items():
+        assert told.sentence(tallies) in above, module

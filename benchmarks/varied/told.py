@@ -9,9 +9,9 @@ from typing import Any, Final
 
 RESULT: Final = Path(__file__).resolve().parents[1] / "results" / "varied.json"
 #: A sentence of a comment, by what came of it.
-UNCHANGED: Final = "Halved and doubled, none of {tried} answers changes (varied.json)."
+UNCHANGED: Final = "Halved and doubled, none of {tried} answers about hinges changes (varied.json)."
 CHANGED: Final = (
-    "Halved and doubled, {changed} of {tried} answers change, {mended} to right, {broken} to wrong (varied.json)."
+    "Halved and doubled, {changed} of {tried} answers about hinges change, {mended} to right, {broken} to wrong (varied.json)."
 )
 
 

@@ -21,7 +21,8 @@ from tiago_mj.gap.search.screen import Screened, misfit_by_trial, screen
 
 Array = NDArray[np.float64]
 
-#: Single effects that are fitted to the screening trials, and fewest of them. Chosen by hand; no ablation.
+#: Single effects that are fitted to the screening trials, and fewest of them. Halved and doubled, none of 32 answers
+#: about hinges changes (varied.json).
 MAX_SINGLES: Final = 8
 MIN_SINGLES: Final = 3
 #: Where screening gains this much [nats], effects that gain less than this share of the most are not fitted. Of 46
@@ -31,19 +32,22 @@ MIN_SHARE_OF_BEST_GAIN: Final = 0.4
 #: Where no gain is decisive, effects whose gain is this much below the largest are not fitted, apart from the first few
 #: [nats]: a Bayes factor of 150 against them, "very strong" (Kass & Raftery 1995).
 MAX_GAIN_DEFICIT_NATS: Final = 5.0
-#: Extensions of an explanation that are fitted to the screening trials. Chosen by hand; no ablation.
+#: Extensions of an explanation that are fitted to the screening trials. Halved and doubled, 1 of 16 answers about
+#: hinges change, 1 to right, 0 to wrong (varied.json).
 MAX_EXTENSIONS: Final = 4
-#: Others of its class for which an effect of an explanation is exchanged. Chosen by hand; no ablation.
+#: Others of its class for which an effect of an explanation is exchanged. Halved and doubled, none of 16 answers
+#: about hinges changes (varied.json).
 MAX_EXCHANGED: Final = 3
-#: Pairs found by superposition that are fitted to the screening trials, and magnitudes tried of each effect.
-#: Chosen by hand; no ablation.
+#: Pairs found by superposition that are fitted to the screening trials, and magnitudes tried of each effect. Halved
+#: and doubled, none of 32 answers about hinges changes (varied.json).
 MAX_SUPERPOSED_PAIRS: Final = 6
 MAGNITUDES_PER_EFFECT: Final = 7
-#: Classes considered per joint or cell for pairs that act on different ones. Chosen by hand; no ablation.
+#: Classes considered per joint or cell for pairs that act on different ones. Halved and doubled, none of 16 answers
+#: about hinges changes (varied.json).
 CLASSES_PER_PART: Final = 6
 #: Smallest predicted gain of log-likelihood for which another effect is fitted [nats]: less would not outweigh its
-#: prior. Where what is there explains the recordings, an effect's form may leave this much. Chosen by hand; no
-#: ablation.
+#: prior. Where what is there explains the recordings, an effect's form may leave this much. Halved and doubled, none
+#: of 32 answers about hinges changes (varied.json).
 MIN_PREDICTED_GAIN_NATS: Final = MIN_EVIDENCE_GAIN_NATS
 MIN_GAIN_BESIDE_ADEQUATE_NATS: Final = 15.0
 

@@ -32,31 +32,33 @@ Mask = NDArray[np.bool_]
 EFFECT: Final = LOSES
 #: Shares of lost commands that are looked at.
 SHARES: Final = tuple(np.geomspace(0.01, 0.5, 7).tolist())
-#: Rounds of decoding and fitting at most, Gauss-Newton steps of each fit, and ratio of a round's cost to the last one's
-#: above which the rounds end. Chosen by hand; no ablation.
+#: Rounds of decoding and fitting at most, Gauss-Newton steps of each fit, and ratio of a round's cost to the last
+#: one's above which the rounds end. Halved and doubled, none of 48 answers about hinges changes (varied.json).
 MAX_DECODING_ROUNDS: Final = 6
 FIT_ITERATIONS: Final = 2
 CONVERGED_COST_RATIO: Final = 0.97
-#: Number of latest commands that a state of the Viterbi decoder holds. Chosen by hand; no ablation.
+#: Number of latest commands that a state of the Viterbi decoder holds. Halved and doubled, none of 16 answers about
+#: hinges changes (varied.json).
 STATE_COMMANDS: Final = 5
 #: Time constant of the estimate of slow errors, in lengths of a response: what errs for longer is no lost command.
-#: Chosen by hand; no ablation.
+#: Halved and doubled, none of 15 answers about hinges changes (varied.json).
 DRIFT_RESPONSES: Final = 3.0
 #: Weight of a sample while commands are decoded: as elsewhere, but for its correlation in time.
 DECODING_SAMPLE_WEIGHT: Final = 1 / ranking.SAMPLES_PER_INDEPENDENT
-#: Lost commands are not pursued where their cost exceeds this share of the cost without losses. Chosen by hand; no
-#: ablation.
+#: Lost commands are not pursued where their cost exceeds this share of the cost without losses. Halved and doubled,
+#: none of 15 answers about hinges changes (varied.json).
 MAX_COST_RATIO: Final = 0.85
 #: Beside the best single effect it was 0.54 and 0.65 where commands were lost, 0.82 where few servos could show it, and
 #: 0.88 to 1 where none was; once 0.58, where a speed was limited.
 LIKELY_COST_RATIO: Final = 0.7
-#: The same with the sample weights of the fit. Chosen by hand; no ablation.
+#: The same with the sample weights of the fit. Halved and doubled, none of 16 answers about hinges changes
+#: (varied.json).
 MAX_WEIGHTED_COST_RATIO: Final = 0.7
-#: Standard deviation of the share of lost commands due to wrong decoding, relative to the share. Chosen by hand; no
-#: ablation.
+#: Standard deviation of the share of lost commands due to wrong decoding, relative to the share. Halved and doubled,
+#: none of 16 answers about hinges changes (varied.json).
 RELATIVE_DECODING_ERROR: Final = 0.2
-#: Fewest lost commands, and smallest gain of log-likelihood [nats], at which lost commands are a candidate. Chosen by
-#: hand; no ablation.
+#: Fewest lost commands, and smallest gain of log-likelihood [nats], at which lost commands are a candidate. Halved
+#: and doubled, none of 32 answers about hinges changes (varied.json).
 MIN_LOST: Final = 4
 MIN_GAIN_NATS: Final = 10.0
 

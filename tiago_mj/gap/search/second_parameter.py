@@ -20,8 +20,9 @@ from tiago_mj.gap.inference.points import Point
 from tiago_mj.gap.search import ranking, scan, starts
 from tiago_mj.gap.search.state import State
 
-#: Explanations, the best first, whose second parameters and forms are refined, and how many where all leave a gap: the
-#: right effect may be far behind in the wrong form. Chosen by hand; no ablation.
+#: Explanations, the best first, whose second parameters and forms are refined, and how many where all leave a gap:
+#: the right effect may be far behind in the wrong form. Halved and doubled, none of 31 answers about hinges changes
+#: (varied.json).
 MAX_REFINED: Final = 2
 MAX_REFINED_IF_INADEQUATE: Final = 4
 #: Second numbers and first ones (as shares of the way from none to what was fitted) that are tried in pairs, all in the
