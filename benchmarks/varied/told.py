@@ -11,7 +11,8 @@ RESULT: Final = Path(__file__).resolve().parents[1] / "results" / "varied.json"
 #: A sentence of a comment, by what came of it.
 UNCHANGED: Final = "Halved and doubled, none of {tried} answers about hinges changes (varied.json)."
 CHANGED: Final = (
-    "Halved and doubled, {changed} of {tried} answers about hinges change, {mended} to right, {broken} to wrong (varied.json)."
+    "Halved and doubled, {changed} of {tried} answers about hinges change, {mended} to right, {broken} to wrong "
+    "(varied.json)."
 )
 
 
