@@ -8,6 +8,7 @@ What gives way to what:
     an effect that closes nothing on trials kept aside, by itself or with the simulator's own numbers as they were
     fitted, is not named: what it explains is told as what is known (``unknown``)
     an effect at the bound of what is possible is not named (``unknown``)
+    "no gap" that leaves more than noise with everything accounted for is ``unknown``
     a verdict that names nothing, or one of a set, is what its effects and alternatives make it
     what is named leaves more than noise and a share of the gap on trials kept aside: it is told as a part of the cause
     with "no gap" nothing remains; only what is ambiguous has a next motion
@@ -133,18 +134,23 @@ def _with_its_shape(diagnosis: Diagnosis, shape: ResidualShape) -> Diagnosis:
 
 def must_remain(diagnosis: Diagnosis) -> bool:
     """Whether a gap is left that has to be said to remain."""
-    accounted = diagnosis.shrink.accounted
     if diagnosis.kind == "no_gap" or not diagnosis.complete:
         return False
     nothing = diagnosis.kind == "unknown" and not diagnosis.best.effects
-    return nothing or (accounted is not None and is_known(accounted) and accounted > LEFT)
+    return nothing or leaves_more(diagnosis.shrink)
+
+
+def leaves_more(shrink: Shrink) -> bool:
+    """Whether more than noise is left on trials that were kept aside, with the model's own numbers as fitted."""
+    return shrink.accounted is not None and is_known(shrink.accounted) and shrink.accounted > LEFT
 
 
 def _with_its_kind(diagnosis: Diagnosis) -> Diagnosis:
     """With the kind that its effects, its alternatives and the trials kept aside allow."""
     best = diagnosis.best
     if diagnosis.kind not in NAMING:
-        return diagnosis.with_verdict(kind="unknown") if diagnosis.kind == "no_gap" and best.effects else diagnosis
+        gap = diagnosis.kind == "no_gap" and (best.effects or leaves_more(diagnosis.shrink))
+        return diagnosis.with_verdict(kind="unknown") if gap else diagnosis
     if not best.effects or refuted(diagnosis) or (best.evidence is not None and best.evidence.edge):
         return diagnosis.with_verdict(kind="unknown")
     if diagnosis.kind == "ambiguous" and len({identity(one) for one in (best, *diagnosis.alternatives)}) < 2:
