@@ -16,6 +16,7 @@ from benchmarks.blind.score import Judged
 from tiago_mj.gap.analysis import promises
 from tiago_mj.gap.analysis.outcome import STRANGE
 from tiago_mj.gap.decision.verdict import Calibration, Option, decide
+from tiago_mj.gap.report.consistency import LEFT
 from tiago_mj.gap.result import FitQuality
 
 #: Notes of kept answers, which are worded as they were then, and what they are now.
@@ -121,7 +122,9 @@ def again(one: Case, by: Calibration) -> Judged:
             said, kind="no_gap", rivals=(next(k for k, option in enumerate(one.options) if not option.effects),)
         )
     gave_way = {promises.CLOSES_NOTHING, promises.NOT_THOSE_ASIDE} & notes
-    unknown = bool(gave_way) or any(STRANGE in note for note in notes)
+    left = (one.answer.get("shrink") or {}).get("accounted")  # of trials kept aside, too
+    loud = said.kind == "no_gap" and left is not None and left > LEFT
+    unknown = bool(gave_way) or loud or any(STRANGE in note for note in notes)
     best = said.rivals[0]
     named = [k for k in said.rivals if ranking[k]["effects"]]
     told = {
