@@ -112,6 +112,12 @@ def read(root: Path) -> tuple[list[Case], dict[str, Any]]:
     return [one for one in found if one is not None], run
 
 
+def _leaves_a_gap(shrink: Mapping[str, Any]) -> bool:
+    """As :func:`tiago_mj.gap.report.consistency.leaves_a_gap`, of what is stored; kept answers may have no numbers."""
+    left = shrink.get("accounted")
+    return left is not None and left > LEFT and not any(name.startswith("force.") for name in shrink["per_channel"])
+
+
 def again(one: Case, by: Calibration) -> Judged:
     """A case as it would be answered with other numbers."""
     said = promises.standing(decide(one.options, by, measured_on_readings=one.betrayed), one.options, by)
@@ -122,8 +128,7 @@ def again(one: Case, by: Calibration) -> Judged:
             said, kind="no_gap", rivals=(next(k for k, option in enumerate(one.options) if not option.effects),)
         )
     gave_way = {promises.CLOSES_NOTHING, promises.NOT_THOSE_ASIDE} & notes
-    left = (one.answer.get("shrink") or {}).get("accounted")  # of trials kept aside, too
-    loud = said.kind == "no_gap" and left is not None and left > LEFT
+    loud = said.kind == "no_gap" and _leaves_a_gap(one.answer["shrink"])  # of trials kept aside, too
     unknown = bool(gave_way) or loud or any(STRANGE in note for note in notes)
     best = said.rivals[0]
     named = [k for k in said.rivals if ranking[k]["effects"]]

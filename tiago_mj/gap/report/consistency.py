@@ -8,7 +8,7 @@ What gives way to what:
     an effect that closes nothing on trials kept aside, by itself or with the simulator's own numbers as they were
     fitted, is not named: what it explains is told as what is known (``unknown``)
     an effect at the bound of what is possible is not named (``unknown``)
-    "no gap" that leaves more than noise with everything accounted for is ``unknown``
+    "no gap" that leaves more than noise with everything accounted for is ``unknown``, where no contact is measured
     a verdict that names nothing, or one of a set, is what its effects and alternatives make it
     what is named leaves more than noise and a share of the gap on trials kept aside: it is told as a part of the cause
     with "no gap" nothing remains; only what is ambiguous has a next motion
@@ -145,11 +145,21 @@ def leaves_more(shrink: Shrink) -> bool:
     return shrink.accounted is not None and is_known(shrink.accounted) and shrink.accounted > LEFT
 
 
+def leaves_a_gap(shrink: Shrink) -> bool:
+    """Whether the nominal model with its own numbers as fitted leaves a gap, so that "no gap" is no answer.
+
+    Not where contact forces are measured: the numbers of a contact, fitted to few grasps, do not predict another one to
+    the noise of a force. Four cases of the slow tests without a visible effect (seed 12, three grasps of 1 s at 240 Hz)
+    left 5.7 to 9.2 noise variances.
+    """
+    return leaves_more(shrink) and not any(channel.startswith("force.") for channel in shrink.per_channel)
+
+
 def _with_its_kind(diagnosis: Diagnosis) -> Diagnosis:
     """With the kind that its effects, its alternatives and the trials kept aside allow."""
     best = diagnosis.best
     if diagnosis.kind not in NAMING:
-        gap = diagnosis.kind == "no_gap" and (best.effects or leaves_more(diagnosis.shrink))
+        gap = diagnosis.kind == "no_gap" and (best.effects or leaves_a_gap(diagnosis.shrink))
         return diagnosis.with_verdict(kind="unknown") if gap else diagnosis
     if not best.effects or refuted(diagnosis) or (best.evidence is not None and best.evidence.edge):
         return diagnosis.with_verdict(kind="unknown")
