@@ -12,6 +12,7 @@ from tiago_mj.gap.inference.fit import Fitted, Fitter
 from tiago_mj.gap.inference.hypotheses import Candidate, Term
 from tiago_mj.gap.inference.noise_model import Data
 from tiago_mj.gap.inference.points import Point, Start
+from tiago_mj.gap.simulation.subset import Subset
 
 MOTOR = Candidate("torque_constant", None, "factor", (), 1.0, 0.1, 3.0, (), "-")
 STIFF = Term("servo_stiffness", ("hinge",), "factor", 1.0, 0.04, False)
@@ -24,7 +25,7 @@ def fitter(terms, predicted, measured):
     zeros = np.zeros((1, ROWS, 1))
     data = Data(("position.hinge",), np.arange(1), measured[None, :, None], np.ones(1), zeros + 1.0, zeros)
     predict = SimpleNamespace(journal=SimpleNamespace(path=None))
-    made = Fitter(predict, (0,), data, np.ones(1), terms, np.zeros((len(terms), 1, ROWS, 1)))
+    made = Fitter(predict, Subset((0,)), data, np.ones(1), terms, np.zeros((len(terms), 1, ROWS, 1)))
 
     def predictions(points, *, keep=False):
         each = []

@@ -21,6 +21,7 @@ from tiago_mj.gap.inference.predictor import predictor
 from tiago_mj.gap.parts import Named, Value
 from tiago_mj.gap.search.state import Ranked
 from tiago_mj.gap.simulation.plant import plant_of
+from tiago_mj.gap.simulation.subset import Subset
 from tiago_mj.recordings.read import read_recordings
 
 NOTHING = Point((), np.zeros(0), np.zeros(0))
@@ -62,7 +63,7 @@ def test_a_candidate_acts_in_the_changed_set_alone(hinges):
     data, part = predict.data, friction(predict)
     fitter = JointFitter(
         predict,
-        (0, 4),
+        Subset((0, 4)),
         noise_model.select_trials(data, [0, 4]),
         np.ones(2),
         (),
@@ -98,7 +99,7 @@ def test_a_difference_of_recordings_is_predicted_by_the_difference_of_simulation
     base = predict.all_trials([()], range(8))[0]
     pairs = [(4, 0), (5, 1)]
     data, part = differences(predict.data, base, pairs), friction(predict)
-    fitter = DifferenceFitter(predict, (4, 5), data, np.ones(2), (), np.zeros((0, 2)), partner=dict(pairs))
+    fitter = DifferenceFitter(predict, Subset((4, 5)), data, np.ones(2), (), np.zeros((0, 2)), partner=dict(pairs))
     point = Point((part,), np.array([0.25]), np.zeros(0))
     changed = predict.all_trials([(part.entry(0.25),)], [4, 5])[0]
     np.testing.assert_allclose(fitter.predictions([point])[0], changed - base[:2])
@@ -113,7 +114,7 @@ def test_an_effect_of_one_set_gains_over_the_same_effect_in_both(hinges):
     predict, _ = hinges
     data, part = noise_model.select_trials(predict.data, [0, 4]), friction(predict)
     fitter = JointFitter(
-        predict, (0, 4), data, np.ones(2), (), np.zeros((0, *data.value.shape)), changed=frozenset({4})
+        predict, Subset((0, 4)), data, np.ones(2), (), np.zeros((0, *data.value.shape)), changed=frozenset({4})
     )
     fit = fitter.fit_all([Start((part,), np.array([0.2]))])[0]
     ranked = Ranked((fit,), (), 0, 1, True, np.ones(2), predict)
@@ -121,7 +122,9 @@ def test_an_effect_of_one_set_gains_over_the_same_effect_in_both(hinges):
     assert gain > 50
     assert fit.values[0] == pytest.approx(0.25, rel=0.1)
     pair = differences(predict.data, predict.all_trials([()], range(8))[0], [(4, 0)])
-    alike = DifferenceFitter(predict, (4,), pair, np.ones(2), (), np.zeros((0, *pair.value.shape)), partner={4: 0})
+    alike = DifferenceFitter(
+        predict, Subset((4,)), pair, np.ones(2), (), np.zeros((0, *pair.value.shape)), partner={4: 0}
+    )
     (gain,) = search.gains_of_change(search.Found(ranked, 1, alike), [0])
     assert gain > 50
 

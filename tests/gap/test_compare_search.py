@@ -19,6 +19,7 @@ from tiago_mj.gap.inference.fit import Fitted, Fitter, Point, Start
 from tiago_mj.gap.inference.predictor import Predictor
 from tiago_mj.gap.search import lost_commands, set_point_starts
 from tiago_mj.gap.search.state import State
+from tiago_mj.gap.simulation.subset import Subset
 from tiago_mj.io.deadline import Deadline
 
 NONE = np.zeros(0)
@@ -66,7 +67,9 @@ def test_a_grid_of_one_set_is_found_in_both_sets_together(hinge: tuple[Predictor
     grid = (Entry("command_quantization", None, {"step": STEP}),)
     predict = measured(predict, {2: grid, 3: grid})
     ones = np.ones(len(predict.data.channels))
-    both = JointFitter(predict, (0, 1, 2, 3), predict.data, ones, (), flat(predict, 4), changed=frozenset({2, 3}))
+    both = JointFitter(
+        predict, Subset((0, 1, 2, 3)), predict.data, ones, (), flat(predict, 4), changed=frozenset({2, 3})
+    )
     assert both.acting_trials == (2, 3)
     tried = steps_found(searching(both, motion))
     assert min(abs(step - STEP) for step in tried) < 0.003 * STEP
@@ -85,7 +88,7 @@ def test_a_grid_of_one_set_is_found_in_differences_whatever_both_have(hinge: tup
     apart = differences(doubled, np.concatenate([base, base]), [(2, 0), (3, 1)])
     ones = np.ones(len(predict.data.channels))
     fitter = DifferenceFitter(
-        predict, (0, 1), replace(apart, value=value), ones, (), flat(predict, 2), (play,), partner={0: 0, 1: 1}
+        predict, Subset((0, 1)), replace(apart, value=value), ones, (), flat(predict, 2), (play,), partner={0: 0, 1: 1}
     )
     tried = steps_found(searching(fitter, motion))
     assert min(abs(step - STEP) for step in tried) < 0.003 * STEP
@@ -96,10 +99,12 @@ def test_which_commands_were_lost_costs_where_they_are_lost(hinge: tuple[Predict
     (losing,) = candidates(predict, lost_commands.EFFECT)
     losing = replace(losing, selection_penalty=(1.0, 2.0, 4.0, 8.0))
     ones = np.ones(len(predict.data.channels))
-    both = JointFitter(predict, (0, 1, 2, 3), predict.data, ones, (), flat(predict, 4), changed=frozenset({2, 3}))
+    both = JointFitter(
+        predict, Subset((0, 1, 2, 3)), predict.data, ones, (), flat(predict, 4), changed=frozenset({2, 3})
+    )
     assert both.selection_penalty(losing) == 12.0
     assert both.of_both().selection_penalty(losing) == 15.0
-    pairs = DifferenceFitter(predict, (2, 3), predict.data, ones, (), flat(predict, 2), partner={2: 0, 3: 1})
+    pairs = DifferenceFitter(predict, Subset((2, 3)), predict.data, ones, (), flat(predict, 2), partner={2: 0, 3: 1})
     assert pairs.selection_penalty(losing) == 12.0
     assert pairs.of_both().selection_penalty(losing) == 15.0
 

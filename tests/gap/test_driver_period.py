@@ -11,6 +11,7 @@ from tiago_mj.gap.inference import hypotheses
 from tiago_mj.gap.inference.fit import Fitter, Point, Start
 from tiago_mj.gap.search import driver_period
 from tiago_mj.gap.search.state import State
+from tiago_mj.gap.simulation.subset import Subset
 
 WIDTH = 0.017
 
@@ -25,7 +26,7 @@ def searching(tmp_path_factory: pytest.TempPathFactory) -> State:
     value = value + predict.data.noise * np.random.default_rng(0).standard_normal(value.shape)
     predict = replace(predict, data=replace(predict.data, value=value))
     flat = np.zeros((0, *value.shape))
-    fitter = Fitter(predict, tuple(range(len(trials))), predict.data, np.ones(len(predict.data.channels)), (), flat)
+    fitter = Fitter(predict, Subset.of(range(len(trials))), predict.data, np.ones(len(predict.data.channels)), (), flat)
     return State(fitter.part([0]), fitter, (), np.zeros(0), Point((), np.zeros(0), np.zeros(0)))
 
 

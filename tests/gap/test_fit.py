@@ -17,6 +17,7 @@ from tiago_mj.gap.search.beginning import acting_on_misfit
 from tiago_mj.gap.search.screen import Screened, _with_refined_peak
 from tiago_mj.gap.search.state import Question
 from tiago_mj.gap.simulation import replay
+from tiago_mj.gap.simulation.subset import Subset
 from tiago_mj.io.quantities import NINETY
 
 
@@ -47,7 +48,7 @@ def test_responses_foretell_the_step_that_corrected_them(grasps):
     base = Predictor(plant, on, data).all_trials([()], range(2))[0]
     terms = tuple(t for t in hypotheses.terms(plant) if not t.per_trial)[:4]
     fitter = Fitter(
-        Predictor(plant, on, data), (0, 1), data, np.ones(len(data.channels)), terms, np.zeros((4, *base.shape))
+        Predictor(plant, on, data), Subset((0, 1)), data, np.ones(len(data.channels)), terms, np.zeros((4, *base.shape))
     )
     rng = np.random.default_rng(0)
     part = next(c for c in hypotheses.candidates(plant, ["viscous_friction"]) if c.target is None)
@@ -120,7 +121,7 @@ def test_a_fit_begins_where_the_recordings_are_met_best(grasps):
     terms = tuple(t for t in hypotheses.terms(plant) if t.effect == "viscous_friction")
     zeros = np.zeros((len(terms), *data.value.shape))
     part = next(c for c in hypotheses.candidates(plant, ["object_size"]))
-    one = Fitter(predict, (0, 1), data, np.ones(len(data.channels)), terms, zeros, iterations=0)
+    one = Fitter(predict, Subset((0, 1)), data, np.ones(len(data.channels)), terms, zeros, iterations=0)
     far, none = np.array([0.01]), np.zeros(1)
     (fit,) = one.fit_all([Start((part,), far, np.zeros(len(terms)), ((none, np.zeros(len(terms))),))])
     assert fit.values == pytest.approx(none)
@@ -130,7 +131,12 @@ def test_what_nominal_numbers_were_moved_for_is_given_back_to_the_effect(grasps)
     plant, on, data = grasps
     terms = tuple(t for t in hypotheses.terms(plant) if t.effect in ("force_gain", "force_bias"))
     fitter = Fitter(
-        Predictor(plant, on, data), (0, 1), data, np.ones(len(data.channels)), terms, np.zeros((4, *data.value.shape))
+        Predictor(plant, on, data),
+        Subset((0, 1)),
+        data,
+        np.ones(len(data.channels)),
+        terms,
+        np.zeros((4, *data.value.shape)),
     )
     gain, bias = (
         next(c for c in hypotheses.candidates(plant, [name]) if c.target is None)
@@ -156,7 +162,9 @@ def test_an_effect_begins_without_the_numbers_that_were_moved_for_it_too(grasps)
     beside them (blind check, seed 9, case 28)."""
     plant, on, data = grasps
     terms = tuple(t for t in hypotheses.terms(plant) if t.effect == "object_offset")
-    fitter = Fitter(Predictor(plant, on, data), (0, 1), data, np.ones(6), terms, np.zeros((1, *data.value.shape)))
+    fitter = Fitter(
+        Predictor(plant, on, data), Subset((0, 1)), data, np.ones(6), terms, np.zeros((1, *data.value.shape))
+    )
     (offset,) = (c for c in hypotheses.candidates(plant, ["object_offset"]) if c.target is None)
     found = Screened(offset, offset.grid[0], 9.0, offset.grid, np.zeros((1, *data.value.shape)), 40.0)
 
@@ -182,7 +190,7 @@ def test_an_object_off_in_every_trial_is_given_back_as_one_offset(grasps):
     plant, on, data = grasps
     terms = tuple(t for t in hypotheses.terms(plant) if t.effect in ("force_gain", "object_offset"))
     zeros = np.zeros((len(terms), *data.value.shape))
-    fitter = Fitter(Predictor(plant, on, data), (0, 1), data, np.ones(6), terms, zeros)
+    fitter = Fitter(Predictor(plant, on, data), Subset((0, 1)), data, np.ones(6), terms, zeros)
     (offset,) = (c for c in hypotheses.candidates(plant, ["object_offset"]) if c.target is None)
     nuisance = np.array([0.5, -0.5, 2.0, 3.0])  # two gains; an offset for each of two trials
     assert fitter.nuisance_indices(next(k for k, t in enumerate(terms) if t.per_trial)) == [2, 3]
@@ -199,7 +207,7 @@ def test_a_nominal_number_that_was_moved_far_makes_its_effect_a_candidate(grasps
     plant, on, data = grasps
     terms = tuple(t for t in hypotheses.terms(plant) if t.effect in ("force_gain", "contact_stiffness", "object_mass"))
     fitter = Fitter(
-        Predictor(plant, on, data), (0, 1), data, np.ones(6), terms, np.zeros((len(terms), *data.value.shape))
+        Predictor(plant, on, data), Subset((0, 1)), data, np.ones(6), terms, np.zeros((len(terms), *data.value.shape))
     )
     pool = hypotheses.candidates(plant, ["force_gain", "contact_stiffness", "object_mass", "object_size"])
     among = {c.label for c in pool}
@@ -223,7 +231,7 @@ def test_a_nominal_number_that_was_moved_far_makes_its_effect_a_candidate(grasps
 
 def test_what_a_third_effect_led_to_is_tried_without_the_first(grasps):
     plant, on, data = grasps
-    fitter = Fitter(Predictor(plant, on, data), (0, 1), data, np.ones(6), (), np.zeros((0, *data.value.shape)))
+    fitter = Fitter(Predictor(plant, on, data), Subset((0, 1)), data, np.ones(6), (), np.zeros((0, *data.value.shape)))
     gain, bias, lag = (
         next(c for c in hypotheses.candidates(plant, [name]) if c.target is None)
         for name in ("force_gain", "force_bias", "force_lag")
@@ -252,7 +260,7 @@ def test_an_interval_says_how_large_an_effect_is_that_is_there(grasps):
 def test_what_both_fingers_have_apart_is_tried_as_one_effect(grasps):
     """A recording of 3 N of friction and 40 ms of delay led to friction on one finger, and then on the other."""
     plant, on, data = grasps
-    fitter = Fitter(Predictor(plant, on, data), (0, 1), data, np.ones(6), (), np.zeros((0, *data.value.shape)))
+    fitter = Fitter(Predictor(plant, on, data), Subset((0, 1)), data, np.ones(6), (), np.zeros((0, *data.value.shape)))
     pool = hypotheses.candidates(plant, ["coulomb_friction", "command_delay"])
     left, right = (c for c in pool if c.effect == "coulomb_friction" and c.target is not None)
     delay = next(c for c in pool if c.effect == "command_delay" and c.target is None)
@@ -332,7 +340,7 @@ def test_a_second_effect_is_sought_as_if_samples_told_what_they_tell_beside_both
     pool = hypotheses.candidates(plant, ["force_nonlinearity", "force_drift", "force_crosstalk"])
     predict = Predictor(plant, on, data)
     base = predict.all_trials([()], range(2))[0]
-    found = select.select(Question(predict, data, range(2), pool, (), base))
+    found = select.select(Question(predict, data, Subset((0, 1)), pool, (), base))
     named = {(part.effect, part.target) for part in found.fits[0].parts}
     assert (
         named == {("force_nonlinearity", None), ("force_drift", ("right",))} if rate else {("force_nonlinearity", None)}
@@ -350,7 +358,9 @@ def test_what_is_far_behind_is_not_brought_to_its_end_and_changes_nothing_else(g
 
     bias = Entry("force_bias", None, {"offset": 0.3})
     shifted = replace(data, value=Predictor(plant, on, data).all_trials([(bias,)], range(2))[0])
-    fitter = Fitter(Counted(plant, on, shifted), (0, 1), shifted, np.ones(6), (), np.zeros((0, *data.value.shape)))
+    fitter = Fitter(
+        Counted(plant, on, shifted), Subset((0, 1)), shifted, np.ones(6), (), np.zeros((0, *data.value.shape))
+    )
     names = ("force_bias", "viscous_friction")
     pool = hypotheses.candidates(plant, names)
     right, hopeless = (next(c for c in pool if c.effect == name and c.target is None) for name in names)

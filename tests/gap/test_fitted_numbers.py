@@ -146,7 +146,7 @@ def test_confirmed_numbers_close_the_gap_on_the_trial_kept_aside(twin):
     ranked, fit = searched(session, BOTH)
     numbers, _ = fitted_numbers.confirmed(session, ranked, ranked.predict.data, fit)
     entries = tuple(entry(one.effect) for one in numbers)
-    test, data = session.indices("test"), ranked.predict.data
+    test, data = session.subset("test"), ranked.predict.data
     before, after = ranked.predict.as_simulated().all_trials([(), entries], test)
     left = [float(np.nanmean(((data.value[test] - one) / data.noise) ** 2)) for one in (before, after)]
     assert left[0] > 10

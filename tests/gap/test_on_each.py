@@ -15,6 +15,7 @@ from tiago_mj.gap.inference.predictor import predictor
 from tiago_mj.gap.search import on_each, ranking
 from tiago_mj.gap.search.state import State
 from tiago_mj.gap.simulation.plant import plant_of
+from tiago_mj.gap.simulation.subset import Subset
 from tiago_mj.recordings.read import read_recordings
 
 JOINTS = ("hip", "thigh", "calf")
@@ -56,7 +57,7 @@ def leg(tmp_path_factory):
     predict, _ = predictor(plant_of(trials, model=folder / "leg.xml"), trials, threads=1)
     pool = hypotheses.candidates(predict.plant, ["coulomb_friction"])
     none = np.zeros((0, *predict.data.value.shape))
-    full = Fitter(predict, (0, 1), predict.data, np.ones(len(predict.data.channels)), (), none)
+    full = Fitter(predict, Subset((0, 1)), predict.data, np.ones(len(predict.data.channels)), (), none)
     every = next(one for one in pool if one.target is None)
     fits = full.fit_all([Start((), np.zeros(0)), Start((every,), np.array([0.4]))])
     return State(full, full, tuple(fits), np.zeros(0), Point((), np.zeros(0), np.zeros(0)), pool=tuple(pool))

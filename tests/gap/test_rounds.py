@@ -8,6 +8,7 @@ from tiago_mj.gap.inference import hypotheses
 from tiago_mj.gap.inference.fit import Fitter, Point, Start
 from tiago_mj.gap.inference.predictor import Predictor
 from tiago_mj.gap.search import ranking, rounds
+from tiago_mj.gap.simulation.subset import Subset
 
 
 def test_fits_go_on_around_themselves_as_long_as_that_brings_something(grasps, monkeypatch):
@@ -16,7 +17,9 @@ def test_fits_go_on_around_themselves_as_long_as_that_brings_something(grasps, m
     plant, on, data = grasps
     predict, rng = Predictor(plant, on, data), np.random.default_rng(0)
     terms = tuple(t for t in hypotheses.terms(plant) if t.effect in ("contact_stiffness", "object_offset", "armature"))
-    none = Fitter(predict, (0, 1), data, np.ones(6), terms, np.zeros((len(terms), *data.value.shape)), iterations=1)
+    none = Fitter(
+        predict, Subset((0, 1)), data, np.ones(6), terms, np.zeros((len(terms), *data.value.shape)), iterations=1
+    )
     lag = next(c for c in hypotheses.candidates(plant, ["force_lag"]) if c.target is None)
     moved = np.where(np.arange(none.size) % 2, 1.0, -1.0)
     exact = none.predictions([Point((lag,), np.array([0.03]), moved)])[0]

@@ -19,6 +19,7 @@ from tiago_mj.gap.inference import noise_model, sensor_noise, step_tolerance
 from tiago_mj.gap.inference.fit import Array, Fitter, Point
 from tiago_mj.gap.inference.hypotheses import Candidate
 from tiago_mj.gap.inference.noise_model import Data
+from tiago_mj.gap.simulation.subset import Subset
 
 #: Share of the tolerance of any two simulators that is left in a difference of two recordings of the same commands,
 #: in which what the model gets wrong cancels to first order. Chosen by hand; as beside an explanation
@@ -73,13 +74,13 @@ class DifferenceFitter(Fitter):
         penalty = super().selection_penalty(part)
         if not self.both:
             return penalty
-        others = replace(self, trials=tuple(self.partner[trial] for trial in self.trials))
+        others = replace(self, trials=Subset.of(self.partner[trial] for trial in self.trials))
         return penalty + Fitter.selection_penalty(others, part)
 
     def predictions(self, points: Sequence[Point], *, keep: bool = False) -> Array:
         """Differences of simulations, (npoints, ntrials, T, C); ``keep``: remember the physics."""
         changed = super().predictions(points, keep=keep)
-        others = replace(self, trials=tuple(self.partner[trial] for trial in self.trials))
+        others = replace(self, trials=Subset.of(self.partner[trial] for trial in self.trials))
         if self.both:
             return changed - Fitter.predictions(others, points)
         bare = [Point((), np.zeros(0), point.nuisance) for point in points]

@@ -20,6 +20,7 @@ from tiago_mj.gap.inference.noise_model import Data
 from tiago_mj.gap.search import beginning, ranking, select
 from tiago_mj.gap.search.state import Question
 from tiago_mj.gap.simulation import replay
+from tiago_mj.gap.simulation.subset import Subset
 from tiago_mj.io.deadline import Deadline
 
 Array = NDArray[np.float64]
@@ -47,7 +48,7 @@ class Reference:
         delivered: where both sets lose commands, those that arrived, (ntrials, T - 1, nactuators) of all trials.
     """
 
-    trials: tuple[int, ...]
+    trials: Subset
     fit: Fitted
     common: tuple[Entry, ...]
     found: tuple[Entry, ...]
@@ -61,7 +62,7 @@ class Reference:
         return ranking.is_adequate(self.fit)
 
 
-def question(compared: Compared, trials: Sequence[int], deadline: Deadline) -> Question:
+def question(compared: Compared, trials: Subset, deadline: Deadline) -> Question:
     """What explains some of the trials, beside the nominal model. Which commands were lost is decoded for all."""
     predict, proposed = compared.predict, compared.proposed
     base = predict.all_trials([()], trials)[0]
@@ -96,10 +97,10 @@ def nominal(compared: Compared, sets: Sequence[Sequence[int]], deadline: Deadlin
     """Each set as the reference: the nominal model with its own numbers fitted to :data:`FITTED_TRIALS` of it."""
     out = []
     for trials in sets:
-        asked = question(compared, spread(trials, FITTED_TRIALS), deadline)
+        asked = question(compared, Subset.of(spread(trials, FITTED_TRIALS)), deadline)
         state = beginning.with_nominal(beginning.fitter(asked, deadline.over)[0], asked.first_trials)
         own = _own_numbers(state.full.terms, state.nominal)
-        out.append(Reference(tuple(trials), state.nominal, own, (), asked))
+        out.append(Reference(Subset.of(trials), state.nominal, own, (), asked))
     return out
 
 

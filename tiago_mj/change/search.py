@@ -21,6 +21,7 @@ from tiago_mj.gap.search import beginning, ranking, select
 from tiago_mj.gap.search.screen import worst_predicted
 from tiago_mj.gap.search.state import Question, Ranked
 from tiago_mj.gap.simulation import replay
+from tiago_mj.gap.simulation.subset import Subset
 from tiago_mj.io.deadline import Deadline
 from tiago_mj.recordings.recording import Trial
 
@@ -169,13 +170,13 @@ def changes(
     if pairs:
         pairs = [pairs[k] for k in spread(range(len(pairs)), FITTED_TRIALS)]
         apart = differences(data, common, pairs)
-        one, other = ([pair[k] for pair in pairs] for k in (0, 1))
+        one, other = (Subset.of(pair[k] for pair in pairs) for k in (0, 1))
         asked = Question(predict, apart, one, pool, (), common[one] - common[other], motion=motion, **limits)
         begin = _of_differences(dict(pairs), known)
     else:
         residual = likelihood.residual(data, common)
         wide = with_what_is_left(data, residual, known.trials)
-        mine = sorted([*spread(known.trials, FITTED_TRIALS), *spread(changed, FITTED_TRIALS)])
+        mine = Subset.of(sorted([*spread(known.trials, FITTED_TRIALS), *spread(changed, FITTED_TRIALS)]))
         part = noise_model.select_trials(wide, mine)
         asked = Question(predict, part, mine, pool, terms, common[mine], motion=motion, **limits)
         begin = _of_both(frozenset(changed), known)
@@ -205,7 +206,7 @@ def _of_differences(partner: dict[int, int], known: Reference) -> Begin:
     def begin(asked: Question, over: Callable[[], bool]) -> tuple[JointFitter | DifferenceFitter, NDArray[np.bool_]]:
         chosen = worst_predicted(asked.base, asked.data, asked.fitted_trials)
         data, base = noise_model.select_trials(asked.data, chosen), asked.base[chosen]
-        trials = tuple(asked.trials[k] for k in chosen)
+        trials = asked.trials.at(chosen)
         weight = np.maximum(ranking.sample_weight(data, base), select.MIN_WEIGHT_WHILE_UNEXPLAINED)
         fitter = DifferenceFitter(
             asked.predict,
@@ -235,7 +236,7 @@ def _of_both(changed: frozenset[int], known: Reference) -> Begin:
             rows += [index[k] for k in worst_predicted(asked.base[index], some, asked.fitted_trials)]
         rows = sorted(rows)
         data, base = noise_model.select_trials(asked.data, rows), asked.base[rows]
-        trials = tuple(asked.trials[k] for k in rows)
+        trials = asked.trials.at(rows)
         terms = tuple(sorted(asked.terms, key=lambda term: term.per_trial))
         weight = ranking.sample_weight(data, base)
         moved = asked.predict.all_trials([(*known.common, term.entry(NUISANCE_STEP)) for term in terms], trials)

@@ -94,7 +94,7 @@ def concluded(compared: Compared, asked: Request, so_far: SoFar, ranked: Ranked)
     session, proposed, phase = compared.session, compared.proposed, compared.phase
     plant, data = session.plant, proposed.data
     recorded = Recorded(session, data, phase, seed)
-    everything, fitted_on = range(len(session.trials)), session.indices(*FITTED)
+    everything, fitted_on = range(len(session.trials)), session.subset(*FITTED)
     part = noise_model.select_trials(data, fitted_on)
     placed, ranked = _unless_ended(ranked, partial(place.refined, plant, ranked, part, fitted_on), None)
     ranked = placed or ranked
@@ -262,8 +262,8 @@ def provisional(found: Diagnosis, stopped: Stopped) -> Diagnosis:
 
 def simulations(session: Session) -> int:
     """How many trials :func:`concluded` simulates at most, all explanations together."""
-    tests, judging = (len(session.indices(name)) for name in ("test", "validation"))
-    judging = judging or len(session.indices(*FITTED))
+    tests, judging = (len(session.subset(name)) for name in ("test", "validation"))
+    judging = judging or len(session.subset(*FITTED))
     return 3 * len(session.trials) + SHOWN * judging + REMAINDERS * tests
 
 
@@ -278,14 +278,14 @@ def _if_time(choose: Callable[[], NextMotion | None]) -> tuple[NextMotion | None
 def _judged(recorded: Recorded, proposed: Proposals, ranked: Ranked, base: Array) -> tuple[verdict.Judged, Array]:
     """The verdict before the trials kept aside are looked at, and what each explanation gains on validation trials."""
     by, session = verdict.calibration(replays=ranked.predict.replays), recorded.session
-    judging = [k for k in session.indices("validation") if k not in ranked.excluded]
+    judging = session.subset("validation").without(ranked.excluded)
     found = held_out.validated(
         recorded,
         ranked.predict.as_simulated(between=True),  # what is judged is the explanation, not who plays it back
         base,
         ranked.fits,
         outcome.nominal(ranked),
-        judging or session.indices(*FITTED),
+        judging or session.subset(*FITTED),
     )
     beaten = found.far_worse(by.fails, recorded.seed) if judging else None
     judged = verdict.judge(ranked, strange=bool(proposed.tones), refuted=beaten)

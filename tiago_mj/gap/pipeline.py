@@ -58,7 +58,7 @@ def diagnose(trials: Sequence[Trial], **asked: Any) -> Diagnosis:
     so_far = SoFar(Ahead(request.tick))
     with mujoco_log.counted() as warned:
         session = session_of(trials, env=request.env, model=request.model, given=request.given)
-        tested = [session.trials[k] for k in session.indices("test")]
+        tested = [session.trials[k] for k in session.subset("test")]
         question = task.ask(session.plant, tested, request.policy, trust=request.trust, seed=request.seed)
         with (
             kept(request.journal, lambda: begun_with(session, request), resume=request.resume) as so_far.journal,
@@ -108,7 +108,7 @@ def _replayed(session: Session, asked: Request, so_far: SoFar) -> Compared:
     fastest = sizes.largest(session.trials, nominal.velocity)
     pool = hypotheses.candidates(plant, asked.names, fastest, sizes.sizes(plant, session.trials, nominal))
     with mujoco_log.counted(so_far.warned):
-        proposed = proposals(predict, nominal, base, pool, session.indices(*FITTED))
+        proposed = proposals(predict, nominal, base, pool, session.subset(*FITTED))
     return Compared(session, predict, nominal, phase, proposed, a_simulation, reserve)
 
 
@@ -151,7 +151,7 @@ def _explained(compared: Compared, asked: Request, so_far: SoFar) -> Diagnosis:
     """Search, decide, try on the trials kept aside."""
     session, predict, proposed = compared.session, compared.predict, compared.proposed
     tick, deadline = so_far.tick, asked.deadline
-    fitted_on = session.indices(*FITTED)
+    fitted_on = session.subset(*FITTED)
     said, tied = like.prefixes(session.trials), like.tied(session.trials)
     searching = deadline.sooner(compared.reserve)
     steps = replay.physics_steps(session.plant, predict.on) if predict.replays else predict.data.value.shape[1]

@@ -37,6 +37,7 @@ from tiago_mj.gap.search.state import Ranked
 from tiago_mj.gap.simulation import replay
 from tiago_mj.gap.simulation.plant import Plant
 from tiago_mj.gap.simulation.session import Session
+from tiago_mj.gap.simulation.subset import Subset
 from tiago_mj.io.quantities import NINETY
 
 Array = NDArray[np.float64]
@@ -131,11 +132,11 @@ def confirmed(
     kept = [k for k in _supported(ranked, data, folds, effects) if all(fold.numbers[k].possible for fold in folds)]
     if not kept:
         return (), None
-    beside = [folds[0].numbers[k] for k in kept]
-    found = _refitted(plant, ranked, data, [*train, *validation], effects, beside)
+    beside, both = [folds[0].numbers[k] for k in kept], Subset.of([*train, *validation])
+    found = _refitted(plant, ranked, data, both, effects, beside)
     if not all(one.possible for one in found):
         kept = [k for k, one in zip(kept, found, strict=True) if one.possible]
-        found = _refitted(plant, ranked, data, [*train, *validation], effects, [folds[0].numbers[k] for k in kept])
+        found = _refitted(plant, ranked, data, both, effects, [folds[0].numbers[k] for k in kept])
     if not kept or not all(one.possible for one in found):
         return (), None
     deviations = [max(fold.numbers[k].deviation for fold in folds) for k in kept]
@@ -166,9 +167,9 @@ def open_numbers(plant: Plant, best: Fitted, numbers: Sequence[FittedNumber]) ->
     return tuple(out)
 
 
-def _each_apart(trials: Sequence[int]) -> list[tuple[list[int], list[int]]]:
+def _each_apart(trials: Subset) -> list[tuple[Subset, Subset]]:
     """Each trial beside the others, which are fitted without it; of one trial nothing."""
-    return [([other for other in trials if other != one], [one]) for one in trials] if len(trials) > 1 else []
+    return [(trials.without({one}), Subset((one,))) for one in trials] if len(trials) > 1 else []
 
 
 def eliminated(worth: Callable[[Sequence[int]], tuple[float, float]], count: int, least: float) -> list[int]:
@@ -208,16 +209,16 @@ def _needless(
     return None
 
 
-def _simulated(session: Session, ranked: Ranked, split: str) -> list[int]:
-    """Indices of a split's trials that were not excluded; of long ones no more than fits are made to."""
-    trials = [k for k in session.indices(split) if k not in ranked.excluded]
+def _simulated(session: Session, ranked: Ranked, split: str) -> Subset:
+    """A split's trials that were not excluded; of long ones no more than fits are made to."""
+    trials = session.subset(split).without(ranked.excluded)
     if not ranked.predict.replays:
         return trials
     return trials[: max(MAX_STEPS // max(replay.physics_steps(session.plant, ranked.predict.on), 1), 1)]
 
 
 def _refitted(
-    plant: Plant, ranked: Ranked, data: Data, trials: Sequence[int], effects: tuple[Entry, ...], given: Sequence[Sized]
+    plant: Plant, ranked: Ranked, data: Data, trials: Subset, effects: tuple[Entry, ...], given: Sequence[Sized]
 ) -> list[Sized]:
     """Numbers fitted to some trials beside effects that are held, each object where it stood."""
     own = tuple(term for term in terms(plant) if term.per_trial)
@@ -225,7 +226,7 @@ def _refitted(
     some = noise_model.select_trials(data, trials)
     flat = np.zeros((len(all_terms), *some.value.shape))
     simulator = replace(ranked.predict, corrected=False)
-    fitter = Fitter(simulator, tuple(trials), some, ranked.weight, all_terms, flat, effects)
+    fitter = Fitter(simulator, trials, some, ranked.weight, all_terms, flat, effects)
     begin = np.zeros(fitter.size)
     begin[: len(given)] = [one.size for one in given]
     fitter = fitter.linearized_at(Point((), np.zeros(0), begin))

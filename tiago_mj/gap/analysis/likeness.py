@@ -133,11 +133,11 @@ def told(session: Session, ranked: Ranked, best: Fitted, said: Sequence[str]) ->
 
 def _fitted(session: Session, ranked: Ranked, parts: tuple[Candidate, ...], start: Array) -> Fitted:
     """Magnitudes fitted to all trials that explanations are fitted to, with the nominal numbers around them."""
-    trials = [k for k in session.indices(*FITTED) if k not in ranked.excluded]
+    trials = session.subset(*FITTED).without(ranked.excluded)
     some, nuisances = noise_model.select_trials(ranked.predict.data, trials), terms(session.plant)
     nuisances = tuple(sorted(nuisances, key=lambda term: term.per_trial))
     flat = np.zeros((len(nuisances), *some.value.shape))
-    fitter = Fitter(ranked.predict, tuple(trials), some, ranked.weight, nuisances, flat)
+    fitter = Fitter(ranked.predict, trials, some, ranked.weight, nuisances, flat)
     fitter = fitter.linearized_at(Point(parts, start, np.zeros(fitter.size)))
     return fitter.fit_all([Start(parts, start)])[0]
 

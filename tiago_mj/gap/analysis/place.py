@@ -23,6 +23,7 @@ from tiago_mj.gap.inference.noise_model import Data
 from tiago_mj.gap.inference.whitening import Normal, Whitening
 from tiago_mj.gap.search.state import Ranked
 from tiago_mj.gap.simulation.plant import Plant
+from tiago_mj.gap.simulation.subset import Subset
 
 Array = NDArray[np.float64]
 
@@ -61,14 +62,14 @@ class Optimum:
     predicted: Array
 
 
-def refined(plant: Plant, ranked: Ranked, data: Data, trials: Sequence[int]) -> Ranked:
+def refined(plant: Plant, ranked: Ranked, data: Data, trials: Subset) -> Ranked:
     """Explanations, the best one with the fitted centre of mass of its payload where the evidence favours that.
 
     Args:
         plant: the nominal simulator.
         ranked: explanations, best first.
         data: measured, of the trials that were fitted.
-        trials: indices of those.
+        trials: those.
     """
     own = terms(plant)
     if _which(ranked.fits[0]) is None or not ranked.complete or any(term.per_trial for term in own):
@@ -76,7 +77,7 @@ def refined(plant: Plant, ranked: Ranked, data: Data, trials: Sequence[int]) -> 
     rows = [row for row, trial in enumerate(trials) if trial not in ranked.excluded][:TRIALS]
     selected = noise_model.select_trials(data, rows)
     flat = np.zeros((len(own), *selected.value.shape))
-    fitter = Fitter(ranked.predict, tuple(trials[row] for row in rows), selected, ranked.weight, own, flat)
+    fitter = Fitter(ranked.predict, trials.at(rows), selected, ranked.weight, own, flat)
     # A second effect may stand for an off-centre mass: the explanation by the payload alone is given a centre, too.
     alone = (k for k, fit in enumerate(ranked.fits) if len(fit.parts) == ranked.known + 1 and _which(fit) is not None)
     chosen = {0, next(alone, 0)}

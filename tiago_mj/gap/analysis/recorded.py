@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from tiago_mj.gap.inference.noise_model import Data
 from tiago_mj.gap.simulation.plant import Plant
 from tiago_mj.gap.simulation.session import Session
+from tiago_mj.gap.simulation.subset import Subset
 
 
 @dataclass(frozen=True)
@@ -34,6 +35,6 @@ class Recorded:
         return self.session.plant
 
     @property
-    def test(self) -> list[int]:
-        """Indices of the trials that are kept aside."""
-        return self.session.indices("test")
+    def test(self) -> Subset:
+        """The trials that are kept aside."""
+        return self.session.subset("test")

@@ -65,7 +65,7 @@ def remainder(recorded: Recorded, predict: Predictor, fit: Fitted, weight: Array
     predicted = predict.all_trials([known], test)[0]
     if own:  # where each object stood: nobody measured it, so that the test trials tell it themselves
         flat = np.zeros((len(own), *predicted.shape))
-        fitter = Fitter(predict, tuple(test), selected, weight, own, flat, known)
+        fitter = Fitter(predict, test, selected, weight, own, flat, known)
         fitter = fitter.linearized_at(Point((), np.zeros(0), np.zeros(fitter.size)))
         (placed,) = fitter.fit_all([Start((), np.zeros(0))])
         predicted = fitter.predictions([Point.of(placed)])[0]

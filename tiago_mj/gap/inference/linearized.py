@@ -15,6 +15,7 @@ from tiago_mj.gap.inference.hypotheses import Candidate, Term
 from tiago_mj.gap.inference.noise_model import Data
 from tiago_mj.gap.inference.points import NUISANCE_STEP, Point
 from tiago_mj.gap.inference.predictor import Predictor
+from tiago_mj.gap.simulation.subset import Subset
 
 Array = NDArray[np.float64]
 
@@ -35,7 +36,7 @@ class Linearized:
     """
 
     predict: Predictor
-    trials: tuple[int, ...]
+    trials: Subset
     data: Data
     weight: Array
     terms: tuple[Term, ...]
@@ -107,7 +108,7 @@ class Linearized:
         """Of some of the trials, by their positions among them."""
         return replace(
             self,
-            trials=tuple(self.trials[k] for k in rows),
+            trials=self.trials.at(rows),
             data=noise_model.select_trials(self.data, rows),
             responses=self.responses[:, list(rows)],
         )

@@ -18,6 +18,7 @@ from tiago_mj.gap.inference.fit import MAX_ITERATIONS, Fitted, Fitter, Start
 from tiago_mj.gap.inference.points import Point
 from tiago_mj.gap.search import additions, beginning, ranking, rounds, sharpen, starts
 from tiago_mj.gap.search.state import Question, State
+from tiago_mj.gap.simulation.subset import Subset
 
 Array = NDArray[np.float64]
 
@@ -100,10 +101,10 @@ def wide(asked: Question, first: Fitter, excluded: Sequence[int]) -> Fitter:
     others = [trial for trial in asked.trials if trial not in (*first.trials, *excluded)]
     more = max(MAX_STEPS // max(asked.steps, 1) - len(first.trials), 0)
     chosen = {*first.trials, *others[:more]} - set(excluded)
-    trials = tuple(trial for trial in asked.trials if trial in chosen)
-    data = noise_model.select_trials(asked.data, [asked.trials.index(trial) for trial in trials])
+    trials = Subset.of(trial for trial in asked.trials if trial in chosen)
+    data = noise_model.select_trials(asked.data, asked.trials.rows_of(trials))
     rows = [k for k, trial in enumerate(first.trials) if trial in trials]
-    known = [trials.index(first.trials[k]) for k in rows]
+    known = trials.rows_of(first.trials.at(rows))
     data = noise_model.with_trials_replaced(data, known, noise_model.select_trials(first.data, rows))
     return replace(first, trials=trials, data=data, responses=np.zeros((len(first.terms), *data.value.shape)))
 
@@ -111,7 +112,7 @@ def wide(asked: Question, first: Fitter, excluded: Sequence[int]) -> Fitter:
 def _linearized(before: Fitter, wide: Fitter, best: Fitted) -> Fitter:
     """The fitter on all trials, with the responses of all nuisances linearized around an explanation."""
     trials, empty = wide.trials, wide.responses
-    known = [trials.index(trial) for trial in before.trials]
+    known = trials.rows_of(before.trials)
     full = replace(wide, predict=before.predict, weight=before.weight, given=before.given, iterations=ITERATIONS)
     new = [k for k in range(len(trials)) if k not in known]
     start = _start(best, before, full)
@@ -145,6 +146,5 @@ def _own(nuisance: Array, before: Fitter, full: Fitter) -> Array:
     """Nuisances of some trials as those of all trials; those of trials that were not fitted are 0."""
     shared = len(before.shared)
     own = np.zeros((len(full.trials), (full.size - shared) // len(full.trials)))
-    for row, trial in zip(nuisance[shared:].reshape(len(before.trials), -1), before.trials, strict=True):
-        own[full.trials.index(trial)] = row
+    own[full.trials.rows_of(before.trials)] = nuisance[shared:].reshape(len(before.trials), -1)
     return np.concatenate([nuisance[:shared], own.ravel()])

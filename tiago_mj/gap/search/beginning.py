@@ -52,7 +52,7 @@ def fitter(asked: Question, over: Callable[[], bool]) -> tuple[Fitter, NDArray[n
     weight = ranking.sample_weight(asked.data, asked.base)
     chosen = worst_predicted(asked.base, asked.data, asked.fitted_trials)
     data, base = noise_model.select_trials(asked.data, chosen), asked.base[chosen]
-    trials = tuple(asked.trials[k] for k in chosen)
+    trials = asked.trials.at(chosen)
     terms = tuple(sorted(asked.terms, key=lambda term: term.per_trial))
     responses = np.zeros((0, *base.shape))
     if terms:
@@ -89,7 +89,7 @@ def sharpened(state: State) -> State:
         return state
     state = sharpen.sharpened(state)
     nominal_nuisance = state.nominal.nuisance
-    rows = [state.full.trials.index(trial) for trial in state.screening.trials]
+    rows = state.full.trials.rows_of(state.screening.trials)
     return replace(
         state,
         nominal_nuisance=nominal_nuisance,

@@ -72,9 +72,9 @@ def worth_all_trials(on_screening: Sequence[Fitted], nominal: Fitted, times: flo
 def expected_to_add(on_screening: Sequence[Fitted], seed: Fitted, screening: Fitter, full: Fitter) -> bool:
     """Whether the best explanation with one more effect, extrapolated from the screening trials to all trials, is
     expected to gain enough evidence to be reported."""
-    if not on_screening or not set(screening.trials) <= set(full.trials):
+    if not on_screening or not full.trials.holds(screening.trials):
         return bool(on_screening)
-    rows = [full.trials.index(trial) for trial in screening.trials]
+    rows = full.trials.rows_of(screening.trials)
     best = by_evidence(on_screening)[0]
     prediction = screening.predictions([Point.of(best)])[0]
     screening = replace(

@@ -37,7 +37,7 @@ def likeliest(fitter: Fitter, points: Sequence[Point], count: int) -> list[int]:
 def likeliest_on_screening_trials(state: State, points: Sequence[Point], count: int) -> list[int]:
     """As :func:`likeliest`, on the screening trials; on all trials where those were not fitted."""
     screening, full = state.screening, state.full
-    if not set(screening.trials) <= set(full.trials):
+    if not full.trials.holds(screening.trials):
         return likeliest(full, points, count)
-    rows = [full.trials.index(trial) for trial in screening.trials]
+    rows = full.trials.rows_of(screening.trials)
     return likeliest(screening, [replace(one, nuisance=full.of(rows, one.nuisance)) for one in points], count)

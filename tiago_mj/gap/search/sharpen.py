@@ -23,10 +23,9 @@ MAX_REFITTED: Final = 4
 def sharpened(state: State) -> State:
     """The search with noise and step error estimated beside its best explanation, all explanations weighed anew."""
     full = beside(state.full, state.best)
-    screening, shared = state.screening, [t for t in state.screening.trials if t in full.trials]
-    if len(shared) == len(screening.trials):
-        rows = [full.trials.index(t) for t in screening.trials]
-        data = noise_model.select_trials(full.data, rows)
+    screening = state.screening
+    if full.trials.holds(screening.trials):
+        data = noise_model.select_trials(full.data, full.trials.rows_of(screening.trials))
         screening = replace(screening, data=data, predict=full.predict, weight=full.weight)
     state = replace(state, screening=screening, full=full)
     return replace(state, fits=tuple(rounds.reweighted(full, state.fits, MAX_REFITTED)))
@@ -59,8 +58,7 @@ def misfits_by(before: Fitter, full: Fitter, fits: Sequence[Fitted]) -> list[Fit
     Another simulator, or a robot, need not agree with this simulator to within the noise of its sensors. The larger of
     the two in units of the estimated noise is kept as ``sharp``.
     """
-    rows = [before.trials.index(trial) for trial in full.trials]
-    data = noise_model.select_trials(before.data, rows)
+    data = noise_model.select_trials(before.data, before.trials.rows_of(full.trials))
     there = replace(full, data=data).evaluated(fits)
     return [
         replace(f, misfit=g.misfit, lasting=g.lasting, sharp=ranking.discrepancy(f))

@@ -17,6 +17,7 @@ from tiago_mj.gap.inference.noise_model import Data
 from tiago_mj.gap.inference.predictor import Predictor
 from tiago_mj.gap.search import ranking
 from tiago_mj.gap.search.screen import Screened
+from tiago_mj.gap.simulation.subset import Subset
 
 Array = NDArray[np.float64]
 
@@ -66,7 +67,7 @@ class Question:
 
     predict: Predictor
     data: Data
-    trials: Sequence[int]
+    trials: Subset
     pool: Sequence[Candidate]
     terms: Sequence[Term]
     base: Array

@@ -10,6 +10,7 @@ from typing import Final
 from tiago_mj.effects import Entry
 from tiago_mj.gap.simulation.along_a_motion import torques_along_a_motion
 from tiago_mj.gap.simulation.plant import Plant, plant_of
+from tiago_mj.gap.simulation.subset import Subset
 from tiago_mj.recordings.recording import Trial
 from tiago_mj.recordings.trials import cut_long
 
@@ -33,10 +34,10 @@ class Session:
     recorded: int
     splits: Mapping[str, tuple[str, ...]]
 
-    def indices(self, *splits: str) -> list[int]:
-        """Of the trials of some splits."""
+    def subset(self, *splits: str) -> Subset:
+        """The trials of some splits."""
         wanted = {name for split in splits for name in self.splits[split]}
-        return [k for k, trial in enumerate(self.trials) if trial.name in wanted]
+        return Subset.of(k for k, trial in enumerate(self.trials) if trial.name in wanted)
 
 
 def split(names: Sequence[str]) -> dict[str, tuple[str, ...]]:

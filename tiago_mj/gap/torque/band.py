@@ -62,7 +62,7 @@ def most_informative(
             hypotheses.candidates(plant, None, None, sizes.sizes(plant, one.session.trials, one.motion)),
             one.predict.torques,
         )
-        remains, data = left(one.predict, one.session.indices(*FITTED), pool), one.predict.data
+        remains, data = left(one.predict, one.session.subset(*FITTED), pool), one.predict.data
         known = replace(data, sigma=np.maximum(data.sigma, remains.spread))
         found.append(replace(one, predict=replace(one.predict, data=known)))
         told.append(information(found[-1], 1 / remains.rows))
