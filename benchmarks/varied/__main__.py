@@ -2,13 +2,16 @@
 
     python -m benchmarks.blind --cases 100 --seed 3737 --settings plain --out RUN --jobs 1
     python -m benchmarks.varied RUN --passes 8 --out VARIED
+    python -m benchmarks.changed_pairs --pairs 16 --seed 4343 --first 8 --out PAIRS
+    python -m benchmarks.varied PAIRS --passes 8 --out VARIED --save varied_pairs
 
 Several numbers are changed at once (group testing, Dorfman 1943): where the answer, its kind and the classes that it
 names, is as before, none of them decided it; where it is another one, the group is cut into halves until single numbers
 are left that change it alone. A pass changes every number twice, each time in another case. ``VARIED`` keeps every
 answer as it is made and goes on where it stopped; ``results/varied.json`` tells of each number how often it was
 halved and doubled, how many answers changed, and how many of these became right or wrong. Numbers that stand for a
-distance from 1 have that distance halved and doubled.
+distance from 1 have that distance halved and doubled. Of diagnoses all numbers are varied but those of comparisons, of
+pairs of sessions only these; ``--numbers`` takes some by name.
 """
 
 from __future__ import annotations
@@ -23,15 +26,13 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
-from benchmarks.blind import plan, run, score
-from benchmarks.blind.cases import Case
-from benchmarks.blind.store import Store
 from benchmarks.machine import save
 from benchmarks.varied import sites
+from benchmarks.varied.subjects import Answer, Comparisons, Diagnoses
 
 #: A number and the factor that it is multiplied with.
 Change = tuple[str, float]
@@ -54,27 +55,6 @@ class Tally:
     changed: list[int] = field(default_factory=list)
     mended: int = 0
     broken: int = 0
-
-
-@dataclass(frozen=True)
-class Answer:
-    """What is compared of a diagnosis.
-
-    Attributes:
-        kind: of the verdict.
-        classes: that the best explanation names.
-        right: by the label.
-    """
-
-    kind: str
-    classes: tuple[str, ...]
-    right: bool
-
-    @classmethod
-    def of(cls, label: Mapping[str, Any], answer: Mapping[str, Any] | None) -> Answer:
-        """From a label and a ``diagnosis.json``."""
-        judged = score.Judged(label, answer)
-        return cls(judged.verdict, judged.best or (), bool(score.right(judged)))
 
 
 def groups(numbers: Sequence[str], size: int, rng: np.random.Generator) -> list[tuple[Change, ...]]:
@@ -104,28 +84,17 @@ def deciding(
 
 
 class Study:
-    """Answers to the cases of a run with numbers changed, each kept as it is made."""
+    """Answers with numbers changed, each kept as it is made."""
 
-    def __init__(self, root: Path, out: Path) -> None:
+    def __init__(self, of: Diagnoses | Comparisons, out: Path) -> None:
         """Go on with what lies there.
 
         Args:
-            root: of the blind check's run, answered by this checkout.
+            of: what is answered.
             out: where answers are kept.
         """
-        self._store, self._out = Store(root), out
-        drawn = self._store.run()
-        self._planned: Sequence[Case] = plan.plan(
-            drawn["cases"],
-            drawn["seed"],
-            only=drawn["kinds"],
-            settings=drawn["settings"],
-            rates=drawn["rates"],
-            trials=drawn["trials"],
-            seconds=drawn["seconds"],
-        )
-        self.drawn = drawn
-        self.cases = [k for k in range(drawn["cases"]) if self._store.answer(k) is not None]
+        self._of, self._out = of, out
+        self.cases = of.cases
         out.mkdir(parents=True, exist_ok=True)
         self._lock = threading.Lock()
         self._kept = out / "answers.jsonl"
@@ -136,37 +105,26 @@ class Study:
 
     @property
     def runs(self) -> int:
-        """Diagnoses with numbers changed."""
+        """Answers with numbers changed."""
         return len(self._known)
 
     def unchanged(self, case: int) -> Answer:
         """The answer with all numbers as they are."""
-        return Answer.of(self._label(case), self._store.answer(case))
+        return self._of.unchanged(case)
 
     def answer(self, case: int, group: Sequence[Change]) -> Answer:
-        """The answer with numbers changed; a diagnosis that ends in a fault has the kind ``failed``."""
+        """The answer with numbers changed; one that ends in a fault has the kind ``failed``."""
         factors = dict(group)
         if (known := self._known.get(self._key(case, factors))) is not None:
             return known
         with tempfile.TemporaryDirectory(dir=self._out) as apart:
-            answer = Answer.of(self._label(case), self._diagnosed(case, factors, Path(apart) / "diagnosis"))
+            changed = [sys.executable, "-m", "benchmarks.varied.changed", json.dumps(factors)]
+            answer = self._of.answered(case, changed, Path(apart) / "answer")
         with self._lock, self._kept.open("a") as file:
             row = {"case": case, "factors": factors, "answer": vars(answer)}
             file.write(json.dumps(row, sort_keys=True) + "\n")
             self._known[self._key(case, factors)] = answer
         return answer
-
-    def _diagnosed(self, case: int, factors: Mapping[str, float], folder: Path) -> dict[str, Any] | None:
-        words = run.Diagnoser(jobs=1).command(self._planned[case], self._store.recordings(case), folder)
-        changed = [sys.executable, "-m", "benchmarks.varied.changed", json.dumps(factors)]
-        status, said = run.call_command([*changed, *words[words.index("diagnose") :]])
-        if status:
-            print(f"case {case}: exit status {status}: {said.strip().splitlines()[-1:]}", flush=True)
-            return None
-        return dict(json.loads((folder / "diagnosis.json").read_text()))
-
-    def _label(self, case: int) -> dict[str, Any]:
-        return dict(json.loads(self._store.label_file(case).read_text()))
 
     @staticmethod
     def _key(case: int, factors: Mapping[str, float]) -> tuple[int, tuple[Change, ...]]:
@@ -222,26 +180,35 @@ def _count(tally: Tally, case: int, before: Answer, now: Answer) -> None:
 def main(words: Sequence[str] | None = None) -> int:
     """Command line."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.varied", description=(__doc__ or "").split("\n")[0])
-    parser.add_argument("run", type=Path, metavar="RUN", help="folder of the blind check, answered with --jobs 1")
+    parser.add_argument("run", type=Path, metavar="RUN", help="folder of the blind check or of pairs")
     parser.add_argument("--passes", type=int, default=8, metavar="N", help="cases that each number is varied in (8)")
     parser.add_argument("--group", type=int, default=12, metavar="N", help="numbers that are changed at once (12)")
     parser.add_argument("--at-once", type=int, default=1, metavar="N", help="diagnoses that run side by side (1)")
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="another one gives other groups")
     parser.add_argument("--out", type=Path, required=True, metavar="DIR")
     parser.add_argument("--save", default="varied", metavar="NAME", help="results/NAME.json")
+    parser.add_argument("--numbers", nargs="+", metavar="NAME", help="only these")
     asked = parser.parse_args(words)
-    study = Study(asked.run.resolve(), asked.out.resolve())
+    root = asked.run.resolve()
+    of = Comparisons(root) if (root / "000" / "label.json").exists() else Diagnoses(root)
+    study = Study(of, asked.out.resolve())
     if not study.cases:
         parser.error(f"{asked.run.name}: no case is answered yet; run python -m benchmarks.blind … --out RUN")
-    numbers = [site for site in sites.sites() if not site.startswith(OF_COMPARISONS)]
+    numbers = [site for site in sites.sites() if site.startswith(OF_COMPARISONS) == isinstance(of, Comparisons)]
+    if asked.numbers:
+        numbers = [site for site in sites.sites() if site.split(":")[1] in asked.numbers]
+        if unknown := set(asked.numbers) - {site.split(":")[1] for site in numbers}:
+            parser.error(f"no number that is varied: {', '.join(sorted(unknown))}")
     found = tallied(study, numbers, asked.passes, asked.group, asked.seed, asked.at_once)
     results = {
-        "run": study.drawn,
+        "run": of.drawn,
         "cases": len(study.cases),
         "diagnoses": study.runs,
         "numbers": {name: {word: vars(tally) for word, tally in both.items()} for name, both in found.items()},
     }
     command = f"python -m benchmarks.varied RUN --passes {asked.passes} --group {asked.group} --seed {asked.seed}"
+    command += f" --numbers {' '.join(asked.numbers)}" if asked.numbers else ""
+    command += f" --save {asked.save}" if asked.save != "varied" else ""
     print(save(asked.save, results, f"{command} --out VARIED"))
     return 0
 

@@ -1,8 +1,8 @@
 """Where the numbers stand that are varied, and a program in which some of them are other ones.
 
-A number is varied where the comment above its assignment says ``varied.json``. A program is changed as it is imported:
-the assignment's value is multiplied before anything else sees it, so that whatever is derived from it, a default of an
-argument or another constant, follows.
+A number is varied where the comment above its assignment names a result, as ``varied.json``, or says that it was
+chosen. A program is changed as it is imported: the assignment's value is multiplied before anything else sees it, so
+that whatever is derived from it, a default of an argument or another constant, follows.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from typing import Any, Final
 
 ROOT: Final = Path(__file__).resolve().parents[2]
 #: What the comment above such a number holds.
-MARK: Final = re.compile(r"varied\.json|chosen by\s+(?:#:?\s*)?hand", re.IGNORECASE)
+MARK: Final = re.compile(r"varied(_\w+)?\.json|chosen by\s+(?:#:?\s*)?hand", re.IGNORECASE)
 #: Numbers that stand for how far something may be from 1: that distance is what is multiplied.
 ABOUT_ONE: Final = frozenset(
     {

@@ -21,6 +21,7 @@ from tiago_mj.gap.report.repaired import entry
 from tiago_mj.gap.search.state import Ranked
 from tiago_mj.gap.simulation import replay
 from tiago_mj.gap.simulation.plant import Plant
+from tiago_mj.gap.simulation.subset import Subset
 from tiago_mj.recordings.recording import Trial
 
 NOISE = 2e-4
@@ -51,7 +52,7 @@ def after(plant: Plant, trials: list[Trial], mass: float) -> Fitted:
     data = noise_model.select_trials(predict.data, [0, 1])
     weight = np.full(len(data.channels), 0.5)
     ranked = Ranked((fit,), (), 0, 1, True, weight, predict)
-    return place.refined(plant, ranked, data, [0, 1]).fits[0]
+    return place.refined(plant, ranked, data, Subset((0, 1))).fits[0]
 
 
 def test_a_payload_beside_the_centre_is_placed_in_the_plane_of_the_motion(tmp_path):
