@@ -56,6 +56,7 @@ from tiago_mj.gap.inference.hypotheses import Candidate, Term
 from tiago_mj.gap.inference.predictor import Predictor
 from tiago_mj.gap.simulation import replay
 from tiago_mj.gap.simulation.plant import Plant, plant_of
+from tiago_mj.gap.simulation.subset import Subset
 from tiago_mj.models import compliance, names, scene
 from tiago_mj.recordings.record.environment import Plan, record
 from tiago_mj.recordings.recording import Trial
@@ -135,7 +136,7 @@ def make_case(seed: int) -> Case:
 
 def ours(case: Case, terms: Sequence[Term] = ()) -> Callable[[], tuple[Array, int]]:
     """A fit, ready to run: values (5,) and the number of simulations."""
-    chosen, predict = tuple(range(TRIALS)), Predictor(case.plant, case.on, case.data)
+    chosen, predict = Subset.of(range(TRIALS)), Predictor(case.plant, case.on, case.data)
 
     def run() -> tuple[Array, int]:
         predict.runs = 0

@@ -111,7 +111,7 @@ def test_which_commands_were_lost_costs_where_they_are_lost(hinge: tuple[Predict
 
 def side(left: float, prior: float, parts: tuple[Any, ...] = ()) -> Reference:
     fit = Fitted(parts, np.ones(len(parts)), np.ones(len(parts)), NONE, -100.0, left, prior=prior)
-    return Reference((0,), fit, (), (), SimpleNamespace())  # type: ignore[arg-type]
+    return Reference(Subset((0,)), fit, (), (), SimpleNamespace())  # type: ignore[arg-type]
 
 
 def test_where_only_noise_is_left_the_set_with_likelier_numbers_is_the_reference(
@@ -170,7 +170,7 @@ def test_the_share_of_lost_commands_is_counted_in_each_set(hinge: tuple[Predicto
         predict=there,
         proposed=SimpleNamespace(servo_motion=motion, pool=candidates(predict, lost_commands.EFFECT)),
     )
-    known = replace(side(0.4, -0.1), trials=(0, 1), common=(losing,), found=(losing,), delivered=delivered)
+    known = replace(side(0.4, -0.1), trials=Subset((0, 1)), common=(losing,), found=(losing,), delivered=delivered)
     (few,), (many,) = lost.counted(compared, known, [(0, 1), (2, 3)])
     assert few.value == pytest.approx(shares[0], abs=3 * few.deviation)
     assert many.value == pytest.approx(shares[1], abs=3 * many.deviation)

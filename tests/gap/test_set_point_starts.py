@@ -16,6 +16,7 @@ from tiago_mj.gap.inference.hypotheses import Candidate
 from tiago_mj.gap.inference.predictor import Predictor
 from tiago_mj.gap.search import additions, set_point_starts, starts
 from tiago_mj.gap.search.state import State
+from tiago_mj.gap.simulation.subset import Subset
 
 
 @pytest.fixture(scope="module")
@@ -42,7 +43,7 @@ def searching(predict: Predictor, motion: ServoMotion | None, *names: str) -> St
     """A search for effects, by name, in all trials, that knows the nominal numbers."""
     data = predict.data
     flat = np.zeros((0, *data.value.shape))
-    fitter = Fitter(predict, tuple(range(len(data.value))), data, np.ones(len(data.channels)), (), flat)
+    fitter = Fitter(predict, Subset.of(range(len(data.value))), data, np.ones(len(data.channels)), (), flat)
     pool = tuple(hypotheses.candidates(predict.plant, names))
     return State(fitter, fitter, (), np.zeros(0), Point((), np.zeros(0), np.zeros(0)), pool=pool, motion=motion)
 
