@@ -127,7 +127,7 @@ def again(one: Case, by: Calibration) -> Judged:
         said = replace(
             said, kind="no_gap", rivals=(next(k for k, option in enumerate(one.options) if not option.effects),)
         )
-    gave_way = {promises.CLOSES_NOTHING, promises.NOT_THOSE_ASIDE} & notes
+    gave_way = {promises.CLOSES_NOTHING, promises.SMALLER_PART, promises.NOT_THOSE_ASIDE} & notes
     loud = said.kind == "no_gap" and _leaves_a_gap(one.answer["shrink"])  # of trials kept aside, too
     unknown = bool(gave_way) or loud or any(STRANGE in note for note in notes)
     best = said.rivals[0]

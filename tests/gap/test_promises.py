@@ -137,6 +137,15 @@ def test_the_larger_part_of_a_gap_is_named_as_a_part() -> None:
     assert promises.aside(judged("unknown", [0.6, 0.3, 0.0], 0, 1), part, two, BY)[0].kind == "ambiguous"
 
 
+def test_the_smaller_part_of_a_gap_is_not_named_where_more_than_noise_is_left() -> None:
+    """A spring that stiffens is no bias of an encoder, though that closes some of it (seed 3737, cases 33 and 77)."""
+    before, seen = judged("effect", [0.9, 0.0, 0.0], 0), Aside(closed=0.42, left=8.1, misfit=1.0, smaller_part=True)
+    kept, said = promises.aside(before, seen, NAMED, BY)
+    assert (kept.kind, kept.rivals, kept.remains, said) == ("unknown", (0,), True, (promises.SMALLER_PART,))
+    assert promises.aside(before, replace(seen, can_close=False), NAMED, BY)[0].kind == "effect"
+    assert promises.aside(judged("no_gap", [0.0, 0.0, 0.9], 2), seen, NAMED, BY)[0].kind == "no_gap"
+
+
 def test_there_is_no_no_gap_where_the_trials_kept_aside_have_one() -> None:
     before = judged("no_gap", [0.0, 0.0, 0.9], 2)
     kept, said = promises.aside(before, Aside(closed=None, left=55.0, misfit=9.0), NAMED, BY)

@@ -16,7 +16,7 @@ from tiago_mj.effects import Entry
 from tiago_mj.gap.ahead import Ahead
 from tiago_mj.gap.analysis import fitted_numbers, held_out, locate, outcome, place, promises, shrink, unexplained
 from tiago_mj.gap.analysis.recorded import Recorded
-from tiago_mj.gap.analysis.remainder import remainder, with_accounted
+from tiago_mj.gap.analysis.remainder import LEFT, remainder, with_accounted
 from tiago_mj.gap.compared import Compared
 from tiago_mj.gap.decision import verdict
 from tiago_mj.gap.design.next_motion import next_motion
@@ -327,6 +327,10 @@ def _tried(
         and recorded.plant.environment is None
         and ranked.predict.replays
         and (closing.low or 0.0) > promises.LARGER_PART,
+        smaller_part="force" not in recorded.data.kinds
+        and closing.closed is not None
+        and closing.closed < promises.LARGER_PART
+        and rest.gap > LEFT,
     )
     kept, said = promises.aside(judged, aside, [verdict.option(fit, ranked) for fit in ranked.fits], by)
     if kept.rivals[0] != judged.rivals[0]:

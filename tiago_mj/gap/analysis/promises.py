@@ -6,6 +6,7 @@
     an effect that is named closes part of the gap on the test trials
     a large residual on the test trials is reported as remaining
     what explains the larger part of a gap is named as that, where the model is the user's own
+    what explains the smaller part, and leaves a gap, is not named
     "no gap" is not said where the test trials have one
 
 Where a check fails, the verdict is replaced by a weaker one, or the explanation by its rival. Everything is computed
@@ -37,12 +38,19 @@ DRAWS: Final = 400
 #: the lower end of the interval, is named as a part of it, whatever is left: the larger part. On 43 kept blind cases of
 #: such models (hinges and arms, all versions) whose best explanation fails, 1 of 12 whose cause is outside the library
 #: closes as much, and 8 of 12 whose cause is one of its effects or two. Of the gripper's, whose numbers are known, as
-#: many close as much by wrong names (6 of 21).
+#: many close as much by wrong names (6 of 21). One that closes less, and leaves more than noise with the model's own
+#: numbers as fitted, is not named where no contact is measured: of 95 names in 84 hinges and 60 cases with efforts
+#: (seeds 3737, 61 and 62) two do, springs outside the library that an encoder's bias stands in for; of 13 that close
+#: less and leave no more than noise seven are right.
 LARGER_PART: Final = 0.5
 #: Sentences on the check on the test trials that failed.
 CLOSES_NOTHING: Final = (
     "The explanation that fits the other recordings best closes nothing of the gap on those that were kept aside, so "
     "it is not named."
+)
+SMALLER_PART: Final = (
+    "The explanation that fits the other recordings best closes less than half of the gap on those that were kept "
+    "aside, and leaves more than noise there, so it is not named."
 )
 NOTHING_TO_CLOSE: Final = (
     "The explanation that fits the other recordings best closes nothing on those that were kept aside, where the "
@@ -69,6 +77,8 @@ class Aside:
         comparable: whether ``misfit`` has all tolerances of the fits. Replays of commands have not: of 41 cases of the
             blind check (seed 14) three without an effect worth naming left so much on the trials kept aside, and none
             of those that lack an effect.
+        larger_part: whether it closes more than half of the gap of a robot whose model is the user's own.
+        smaller_part: whether it closes less than half, and leaves more than noise where no contact is measured.
     """
 
     closed: float | None
@@ -79,6 +89,7 @@ class Aside:
     loud: bool = False
     without: float | None = None
     larger_part: bool = False
+    smaller_part: bool = False
 
 
 def beaten(energy: Array, samples: Array, misfit: Array, fails: float, seed: int = 0) -> NDArray[np.bool_]:
@@ -173,6 +184,9 @@ def aside(judged: Judged, seen: Aside, options: Sequence[Option], by: Calibratio
             return replace(left, kind="no_gap", rivals=(nominal,), remains=False), (NOTHING_TO_CLOSE,)
         kind, remains, rivals = "unknown", True, (nominal,)
         said.append(CLOSES_NOTHING)
+    elif named and seen.can_close and seen.smaller_part:
+        kind, remains = "unknown", True
+        said.append(SMALLER_PART)
     if kind == "no_gap" and seen.comparable and seen.left > LEFT and seen.misfit > by.fails:
         kind = "unknown"
         said.append(NOT_THOSE_ASIDE)
