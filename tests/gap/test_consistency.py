@@ -386,3 +386,12 @@ def test_of_grasps_no_gap_stands_beside_what_their_contacts_leave():
     found = consistency.reconciled(replace(CASES["no_gap"], shrink=replace(made, accounted=9.2, per_channel=forces)))
     assert found.kind == "no_gap"
     assert not found.remains
+
+
+@pytest.mark.parametrize(("closed", "said"), [(0.42, "closes only 42 % of the gap on those"), (0.9, "that is not all")])
+def test_a_best_guess_that_closes_the_smaller_part_is_told_as_no_cause(closed, said):
+    made = CASES["unknown_with_known"]
+    found = replace(made, shrink=replace(made.shrink, closed=closed, low=closed - 0.1, high=closed + 0.05))
+    headline = verdict.headline(consistency.reconciled(found))
+    assert said in headline
+    assert ("no cause is named" in headline) == (closed < 0.5)

@@ -6,7 +6,7 @@ import math
 from typing import Final
 
 from tiago_mj.gap.analysis.outcome import STRANGE
-from tiago_mj.gap.analysis.promises import CLOSES
+from tiago_mj.gap.analysis.promises import CLOSES, LARGER_PART
 from tiago_mj.gap.analysis.remainder import LEFT
 from tiago_mj.gap.decision.verdict import calibration, measured_on, most_probable, wrong
 from tiago_mj.gap.report.consistency import (
@@ -337,6 +337,14 @@ def _unknown(diagnosis: Diagnosis) -> str:
             return begin(
                 f"{what} explain{s} the recordings that were fitted, and close{s} nothing of the gap "
                 f"on those that were kept aside ({percent(diagnosis.shrink.closed)}): no cause is named."
+            )
+        if can_close(diagnosis) and closes(diagnosis.shrink) and (diagnosis.shrink.closed or 0) < LARGER_PART:
+            what = labels(diagnosis.best, joints(diagnosis))
+            where = f"; most of what is left lies in {place}" if place else ""
+            return begin(
+                f"{what} explain{s} the recordings that were fitted, and close{s} only "
+                f"{percent(diagnosis.shrink.closed)} of the gap on those that were kept aside: no cause is named"
+                f"{where}."
             )
         if not diagnosis.remains:
             return begin(f"{_named(diagnosis)}, {_why_not(diagnosis)}.")
