@@ -21,9 +21,9 @@ from tiago_mj.gap.simulation.plant import Plant
 from tiago_mj.gap.simulation.sizes import Size
 from tiago_mj.recordings.nominal_priors import deviation
 
-#: Targets from which on an effect with a magnitude of its own on each counts as one effect: two may be two accidents,
-#: as of a finger that rubs and another that was mended; what all joints of an arm have is how its gears are. Chosen by
-#: hand; no ablation.
+#: Targets from which on an effect with a magnitude of its own on each counts as one effect: two may be two
+#: accidents, as of a finger that rubs and another that was mended; what all joints of an arm have is how its gears
+#: are. Halved and doubled, none of 16 answers about efforts changes (varied_efforts.json).
 GROUP: Final = 3
 
 Array = NDArray[np.float64]
