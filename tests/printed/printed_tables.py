@@ -253,7 +253,7 @@ LEFT_OUT: Final = (
     LeftOut("docs/blind-check.md", r"python -m benchmarks\.blind\.kept write DIR .*", HOURS_BEFORE),
     LeftOut("docs/blind-check.md", r"python -m benchmarks\.blind\.fitters .*", HOURS_BEFORE),
     LeftOut("docs/blind-check.md", r"python -m benchmarks\.calibrate RUN .*", HOURS_BEFORE),
-    LeftOut("docs/blind-check.md", r"python -m benchmarks\.varied HINGES .*", HOURS_BEFORE),
+    LeftOut("docs/blind-check.md", r"python -m benchmarks\.varied [A-Z]+ .*", HOURS_BEFORE),
     LeftOut("docs/blind-check.md", r"python -m benchmarks\.blind\.bullet .*", ENGINE),
     LeftOut("docs/evaluating.md", r"python benchmarks/(force_bound|pi_search)\.py.*", "needs the extra blind, for cma"),
     LeftOut(
@@ -329,6 +329,7 @@ FAR: Final = (
     Far(r"^tiago-mj train .*--seeds (5|10|3)", Way("line", 120), HOURS),
     Far(r"^tiago-mj train .*--out trained", Way("line", 120), HOURS, pages=False),
     Far(r"^python -m benchmarks\.blind --", Way("line", 120), HOURS),
+    Far(r"^python -m benchmarks\.changed_pairs --", Way("line", 120), HOURS),
     Far(r"^python -m benchmarks\.house", Way("line", 60), "counts for seconds"),
     Far(r"^python (-m )?benchmarks[./](?!blind\.kept)", Way("line", 12), HOURS),
     Far(r"^python tests/long/", Way("line", 12), HOURS),

@@ -33,12 +33,14 @@ Begin = Callable[[Question, Callable[[], bool]], tuple[JointFitter | DifferenceF
 #: Commands are repeated where they differ by no more than this share of their range, and rows by this [s].
 SAME_COMMANDS: Final = 1e-6
 SAME_ROWS: Final = 2e-3
-#: Trials of each set that changes are fitted to. Chosen by hand; no ablation.
+#: Trials of each set that changes are fitted to. Halved and doubled, none of 12 answers about pairs of sessions
+#: changes (varied_pairs.json).
 FITTED_TRIALS: Final = 5
-#: Share of a diagnosis's physics steps that the search for a change may take: a comparison has two searches, and is to
-#: take seconds, too. Chosen by hand; no ablation.
+#: Share of a diagnosis's physics steps that the search for a change may take: a comparison has two searches, and is
+#: to take seconds, too. Halved and doubled, none of 12 answers about pairs of sessions changes (varied_pairs.json).
 SHARE: Final = 0.4
-#: Effects that may have changed at once. Chosen by hand; no ablation.
+#: Effects that may have changed at once. Halved and doubled, none of 12 answers about pairs of sessions changes
+#: (varied_pairs.json).
 MOST: Final = 2
 
 

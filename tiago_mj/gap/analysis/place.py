@@ -69,7 +69,7 @@ def refined(plant: Plant, ranked: Ranked, data: Data, trials: Subset) -> Ranked:
         plant: the nominal simulator.
         ranked: explanations, best first.
         data: measured, of the trials that were fitted.
-        trials: those.
+        trials: the session's, as the data has them.
     """
     own = terms(plant)
     if _which(ranked.fits[0]) is None or not ranked.complete or any(term.per_trial for term in own):
