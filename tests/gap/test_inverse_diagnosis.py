@@ -41,6 +41,7 @@ def rubbed() -> Diagnosis:
 # What is there is found -----------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_friction_of_an_arm_is_named_joint_by_joint_with_its_values(rubbed: Diagnosis) -> None:
     assert rubbed.kind == "effect"
     assert named(rubbed.best) == {"coulomb_friction", "viscous_friction"}
@@ -54,6 +55,7 @@ def test_friction_of_an_arm_is_named_joint_by_joint_with_its_values(rubbed: Diag
     assert rubbed.best.probability > 0.98 * most_probable(rubbed.best, replays=False)
 
 
+@pytest.mark.slow
 def test_the_gap_closes_on_blocks_that_were_kept_aside(rubbed: Diagnosis) -> None:
     shrink = rubbed.shrink
     assert shrink.before is not None
@@ -168,6 +170,7 @@ def test_a_cable_at_one_joint_of_an_arm_is_placed_there() -> None:
     assert found.remains_where[0].channel == "effort.arm_1_joint"
 
 
+@pytest.mark.slow
 def test_what_a_log_without_commands_cannot_show_is_listed(rubbed: Diagnosis) -> None:
     assert {"command_delay", "servo_stiffness", "backlash", "force_lag"} <= set(rubbed.not_excited)
     assert not {"coulomb_friction", "viscous_friction", "payload"} & set(rubbed.not_excited)
@@ -216,6 +219,7 @@ def found(arm: Trial) -> Diagnosis:
     return diagnosed(arm)
 
 
+@pytest.mark.slow
 def test_the_real_arm_rubs_in_all_four_joints_whatever_else_may_be(found: Diagnosis) -> None:
     for one in (found.best, *found.alternatives):
         rubbing = {e.target for e in one.effects if EFFECTS[e.name].gap_class in ("friction", "damping")}
@@ -225,6 +229,7 @@ def test_the_real_arm_rubs_in_all_four_joints_whatever_else_may_be(found: Diagno
     assert found.remains  # a quarter of the rms is left, ten times the noise: no effect of the library takes it away
 
 
+@pytest.mark.slow
 def test_the_real_arm_needs_neither_a_payload_nor_another_scale_beside_its_friction(found: Diagnosis) -> None:
     for one in (found.best, *found.alternatives):
         assert not named(one) & {"payload", "torque_constant"}
@@ -233,6 +238,7 @@ def test_the_real_arm_needs_neither_a_payload_nor_another_scale_beside_its_frict
     assert found.shrink.after < 8  # noise floors; 16.8 with a payload or another scale beside friction of fewer joints
 
 
+@pytest.mark.slow
 def test_the_real_arms_wrist_and_torso_efforts_are_left_out_and_why(found: Diagnosis) -> None:
     codes = {(f.code, f.channel) for f in found.findings}
     assert {("dead_channel", f"effort.arm_{k}_joint") for k in (5, 6, 7)} <= codes
