@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy import optimize
 
 from tiago_mj.effects.spec import Entry
 from tiago_mj.gap.analysis import outcome
@@ -408,3 +409,44 @@ def test_unknowns_that_do_the_same_share_a_step_and_end_nothing():
     alone = Normal(np.diag([4.0, 25.0]), np.array([8.0, 50.0]), np.array([1.0, 2.0]))
     assert alone.step() == pytest.approx([2.0, 4.0])
     assert alone.variances() == pytest.approx([0.25, 0.16])
+
+
+def test_a_step_within_bounds_is_the_lowest_point_there_and_not_a_step_cut_off():
+    """Unknowns that nearly make up for each other, as a servo's stiffness, its damping and a delay do."""
+    rng = np.random.default_rng(3)
+    beaten = 0
+    for _ in range(20):
+        columns = rng.standard_normal((40, 1)) + 0.2 * rng.standard_normal((40, 6))
+        curvature, gradient, scale = columns.T @ columns, columns.T @ rng.standard_normal(40), rng.uniform(0.5, 2.0, 6)
+        room = np.stack([-rng.uniform(0.0, 0.3, 6), rng.uniform(0.0, 0.3, 6)])
+        normal = Normal(curvature, gradient, scale, room)
+
+        def cost(step, curvature=curvature, gradient=gradient, scale=scale):
+            return float(0.5 * (step / scale) @ curvature @ (step / scale) - gradient @ (step / scale))
+
+        step, cut = normal.step(), np.clip(Normal(curvature, gradient, scale).step(), *room)
+        assert (step >= room[0] - 1e-9).all()
+        assert (step <= room[1] + 1e-9).all()
+        assert normal.predicted_drop == pytest.approx(-cost(step))
+        found = optimize.minimize(cost, np.zeros(6), bounds=list(zip(*room, strict=True)), method="L-BFGS-B", tol=1e-12)
+        assert cost(step) <= found.fun + 1e-6
+        beaten += cost(cut) > 0.0 > cost(step)
+    assert beaten  # cut off, a step may even lead upwards
+
+
+def test_within_its_room_a_step_is_as_without():
+    normal = Normal(np.diag([4.0, 25.0]), np.array([8.0, 50.0]), np.array([1.0, 2.0]))
+    wide = replace(normal, room=np.array([[-9.0, -9.0], [9.0, 9.0]]))
+    assert (wide.step() == normal.step()).all()
+    assert wide.first(1).step() == pytest.approx([2.0])
+    assert replace(normal, room=np.array([[-1.0, -1.0], [1.0, 1.0]])).first(1).step() == pytest.approx([1.0])
+
+
+@pytest.mark.parametrize("effect", ["joint_elasticity", "coulomb_friction", "rate_limit"])
+def test_the_room_of_a_magnitude_ends_at_its_bounds(grasps, effect):
+    part = next(c for c in hypotheses.candidates(grasps[0], [effect]) if c.target is None)
+    value = 0.7 * part.low + 0.3 * part.high
+    down, up = part.room(value)
+    assert down < 0 < up
+    assert part.moved(value, down) == pytest.approx(part.low)
+    assert part.moved(value, up * (1 - 1e-12)) == pytest.approx(part.high, rel=1e-3)

@@ -264,7 +264,11 @@ class Fitter(Linearized):
         r, weighted = on.weighted(base, columns)
         weighted = weighted * scale
         gradient = weighted.T @ r - prior * np.concatenate([at.values * 0, at.nuisance])[:count]
-        return Normal(weighted.T @ weighted + np.diag(prior + 1e-6), gradient, scale)
+        bound = likelihood.NUISANCE_BOUND
+        of_values = [part.room(float(v)) for part, v in zip(at.parts, at.values, strict=True)]
+        of_nuisances = np.stack([-bound - at.nuisance, bound - at.nuisance], axis=1)
+        room = np.concatenate([np.reshape(of_values, (-1, 2)), of_nuisances])[:count].T
+        return Normal(weighted.T @ weighted + np.diag(prior + 1e-6), gradient, scale, room)
 
     def _points(self, normal: Normal, at: Point, steps: Sequence[tuple[float, float, bool]]) -> list[Point]:
         """Points to try: shares of damped Gauss-Newton steps, of magnitudes and nuisances together, or of magnitudes

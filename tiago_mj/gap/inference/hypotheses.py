@@ -135,6 +135,12 @@ class Candidate:
             value += step
         return min(max(value, self.low), self.high)
 
+    def room(self, value: float) -> tuple[float, float]:
+        """Steps down and up by which a magnitude comes to its bounds, see :meth:`moved`."""
+        stiff = _is_stiffness(self.identity, self.low, self.high)
+        down, up = ((value * (1 - value / b) if stiff else b - value) for b in (self.low, self.high))
+        return down, up
+
     @property
     def label(self) -> Label:
         """Effect and targets."""

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import optimize
 
 from tiago_mj.gap.inference import likelihood
 from tiago_mj.gap.inference.noise_model import Data
@@ -76,19 +77,27 @@ class Normal:
         curvature: (k, k), of magnitudes and nuisances.
         gradient: (k,).
         scale: (k,).
+        room: how far each may go down and up, (2, k), in its own unit; None: as far as it likes.
     """
 
     curvature: Array
     gradient: Array
     scale: Array
+    room: Array | None = None
 
     def step(self, damping: float = 0.0) -> Array:
-        """(k,); where two unknowns do the same, to within rounding, the shortest of the steps that fit alike."""
+        """(k,), the lowest point within the room; where two unknowns do the same, to within rounding, the shortest of
+        the steps that fit alike."""
         damped = self.curvature + damping * np.diag(np.diag(self.curvature))
         try:
-            return self.scale * np.linalg.solve(damped, self.gradient)
+            step = np.linalg.solve(damped, self.gradient)
         except np.linalg.LinAlgError:
-            return self.scale * np.linalg.lstsq(damped, self.gradient, rcond=None)[0]
+            step = np.linalg.lstsq(damped, self.gradient, rcond=None)[0]
+        if self.room is not None:
+            low, high = self.room / self.scale
+            if (step < low).any() or (step > high).any():
+                step = _within(damped, self.gradient, low, high)
+        return self.scale * step
 
     def variances(self) -> Array:
         """Of the unknowns, (k,); where two do the same, of what both determine."""
@@ -100,9 +109,31 @@ class Normal:
 
     def first(self, count: int) -> Normal:
         """Of the first unknowns alone, the others where they are."""
-        return Normal(self.curvature[:count, :count], self.gradient[:count], self.scale[:count])
+        room = None if self.room is None else self.room[:, :count]
+        return Normal(self.curvature[:count, :count], self.gradient[:count], self.scale[:count], room)
 
     @property
     def predicted_drop(self) -> float:
         """Drop of the cost by the full step if responses are linear [nats]."""
-        return 0.5 * float(self.gradient @ (self.step() / self.scale))
+        step = self.step() / self.scale
+        return float(self.gradient @ step - 0.5 * step @ self.curvature @ step)
+
+
+def _within(curvature: Array, gradient: Array, low: Array, high: Array) -> Array:
+    """The lowest point of a quadratic cost within bounds. A step that is cut off at its bounds is not: where unknowns
+    make up for each other, the others have to go another way when one of them can go no further.
+
+    Args:
+        curvature, gradient: of the cost, (k, k), (k,).
+        low, high: bounds, (k,), 0 within them.
+    """
+    unit = 1 / np.sqrt(np.diag(curvature))
+    values, vectors = np.linalg.eigh(curvature * unit * unit[:, None])
+    root = np.sqrt(np.maximum(values, np.finfo(float).eps * values[-1]))
+    found = optimize.lsq_linear(
+        root[:, None] * vectors.T,
+        vectors.T @ (gradient * unit) / root,
+        (np.minimum(low, 0.0) / unit, np.maximum(high, 0.0) / unit),
+        method="bvls",
+    )
+    return np.asarray(found.x * unit)
