@@ -42,6 +42,18 @@ def test_a_driver_that_looks_now_and_then_is_found(searching: State) -> None:
     assert found.evidence > state.best.evidence + 20.0
 
 
+def test_a_driver_is_found_from_behind_another_explanation(searching: State) -> None:
+    plant = searching.full.predict.plant
+    band, rub = (hypotheses.candidates(plant, (name,))[0] for name in ("command_deadband", "coulomb_friction"))
+    at_every_command = replace(band, fixed=(("period", 0.0),))
+    begin = [Start((rub,), np.array([0.5])), Start((at_every_command,), np.array([1.02 * WIDTH]))]
+    friction, behind = searching.full.fit_all(begin)
+    state = replace(searching, fits=(replace(friction, evidence=behind.evidence + 10.0), behind))
+    found = driver_period.tried(state).best
+    assert [part.effect for part in found.parts] == ["command_deadband"]
+    assert dict(found.parts[0].fixed)["period"] == pytest.approx(0.005, rel=0.01)
+
+
 def test_what_has_no_driver_stays_as_it_is(searching: State) -> None:
     late = hypotheses.candidates(searching.full.predict.plant, ("command_delay",))[0]
     fits = searching.full.fit_all([Start((), np.zeros(0)), Start((late,), np.array([0.01]))])

@@ -1,5 +1,5 @@
 """Period at which a motor driver reads its set point, found by simulating a grid of periods and widths beside the best
-explanation.
+explanation by one.
 
 A driver that samples its set point at its own period, not when commands arrive, produces other steps of a dead band or
 a quantization. The likelihood has no useful gradient in the period or the width, and the two are confounded, so both
@@ -37,12 +37,16 @@ FINE_WIDTHS: Final = tuple(np.linspace(0.997, 1.003, 25).tolist())
 
 
 def tried(state: State) -> State:
-    """The search with a grid of driver periods tried for the best explanation; unchanged where that has no driver."""
-    best, full = state.best, state.full
-    mine = [k for k, part in enumerate(best.parts) if has_driver(part)]
-    if not mine or full.out_of_time():
+    """The search with a grid of driver periods tried for the best explanation by a driver; unchanged where none is.
+
+    At a wrong period that may be far behind: of a dead band of 0.61 mm, read every 5 ms, one of 0.63 mm at 2.5 ms was
+    138 nats behind friction (blind check, seed 3741, case 15).
+    """
+    full = state.full
+    driven = [fit for fit in by_evidence(state.fits) if any(map(has_driver, fit.parts))]
+    if not driven or full.out_of_time():
         return state
-    which, point = mine[0], Point.of(best)
+    which, point = next(k for k, part in enumerate(driven[0].parts) if has_driver(part)), Point.of(driven[0])
     point = replace(
         point, nuisance=np.zeros_like(point.nuisance)
     )  # above all the delay has absorbed what the period does
