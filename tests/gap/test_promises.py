@@ -108,9 +108,12 @@ def test_where_there_is_nothing_to_close_there_is_no_gap() -> None:
     assert kept.probability[2] == pytest.approx(1 - wrong(0, NAMED[2].evidence, BY.doubt))
     rival = judged("effect", [0.5, 0.3, 0.05], 0)  # the payload, which may close something, is likelier than nothing
     gap = [option("armature"), option("payload"), option(left=3.0)]
-    left = replace(seen, without=9.0)
-    for odd in ((rival, seen, NAMED), (before, seen, gap), (before, left, NAMED)):
+    left, some = replace(seen, without=9.0), replace(seen, without=3.0)
+    for odd in ((rival, some, NAMED), (before, seen, gap), (before, left, NAMED)):
         assert promises.aside(*odd, BY)[0].kind == "unknown"
+    kept, _ = promises.aside(rival, seen, NAMED, BY)  # where noise alone is left, that can close nothing either
+    assert kept.kind == "no_gap"
+    assert kept.probability.tolist() == [0.0, 0.0, pytest.approx(1 - wrong(0, NAMED[2].evidence, BY.doubt))]
 
 
 def test_what_is_left_remains() -> None:

@@ -180,6 +180,8 @@ def aside(judged: Judged, seen: Aside, options: Sequence[Option], by: Calibratio
     if named and seen.can_close and seen.closed is not None and seen.closed <= CLOSES:
         left = _without_classes(judged, options, rivals[0], by)
         explains = discrepancy(options[nominal]) <= by.remains and seen.without is not None and seen.without <= LEFT
+        if explains and seen.without is not None and seen.without <= by.remains:  # nor can another effect close more
+            left = _without_effects(judged, options, by)
         if explains and left.probability[nominal] >= left.probability.max() > 0:
             return replace(left, kind="no_gap", rivals=(nominal,), remains=False), (NOTHING_TO_CLOSE,)
         kind, remains, rivals = "unknown", True, (nominal,)
@@ -217,6 +219,13 @@ def _without_classes(judged: Judged, options: Sequence[Option], out: int, by: Ca
     nominal = next(one for one in options if not one.effects)
     sure = 1 - wrong(0, nominal.evidence, by.doubt)
     return replace(judged, probability=rest * (sure / total if total > 0 else 0.0), sure=sure)
+
+
+def _without_effects(judged: Judged, options: Sequence[Option], by: Calibration) -> Judged:
+    """The verdict with all probability moved to the nominal model."""
+    nominal = next(one for one in options if not one.effects)
+    sure = 1 - wrong(0, nominal.evidence, by.doubt)
+    return replace(judged, probability=np.where([not one.effects for one in options], sure, 0.0), sure=sure)
 
 
 def spoiled(

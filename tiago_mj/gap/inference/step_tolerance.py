@@ -9,7 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tiago_mj.gap.inference import sensor_noise
-from tiago_mj.gap.inference.noise_model import EVENT_ROWS, Data, dilated, repeat_over_blocks, sum_by_block
+from tiago_mj.gap.inference.noise_model import (
+    CONTACT_DEVIATIONS,
+    EVENT_ROWS,
+    Data,
+    dilated,
+    repeat_over_blocks,
+    sum_by_block,
+)
 from tiago_mj.gap.simulation.replay import Signals
 
 Array = NDArray[np.float64]
@@ -46,7 +53,7 @@ def with_step_tolerance(data: Data, predicted: Array, finer: Array) -> Data:
     )
 
 
-def beside(data: Data, predicted: Array, step_error: Array) -> Data:
+def beside(data: Data, predicted: Array, step_error: Array, *, in_contact: bool = True) -> Data:
     """With what is not known beside a prediction that explains what was measured: the noise of what that leaves, in
     which no motion hides the sensor's, and a small share of the step's error there, which is put right.
 
@@ -54,6 +61,7 @@ def beside(data: Data, predicted: Array, step_error: Array) -> Data:
         data: measured.
         predicted: the prediction, its step's error put right, (ntrials, T, C).
         step_error: what was put right, (ntrials, T, C).
+        in_contact: whether less than what is assumed for any two simulators is left in contacts, too.
     """
     sigma, common = data.stepless or (data.sigma, data.common)
     own = data.own.copy()
@@ -68,17 +76,27 @@ def beside(data: Data, predicted: Array, step_error: Array) -> Data:
                 sensor_noise.by_differences(left), own[c] if data.least is None else min(data.least[c], own[c]), own[c]
             )
     grid = 0.0 if data.step is None else data.step**2 / 12
-    apart, alike = (0.0, 0.0) if data.assumed is None else ((1 - BESIDE**2) * one for one in data.assumed)
+    kept = None if in_contact else touched(data, predicted)
+    assumed = None if data.assumed is None else [one if kept is None else one * ~kept for one in data.assumed]
+    apart, alike = (0.0, 0.0) if assumed is None else ((1 - BESIDE**2) * one for one in assumed)
     there = replace(
         data,
         noise=np.sqrt(own**2 + grid),
         sigma=np.sqrt(np.maximum(sigma**2 - data.own**2 - apart - alike, 0.0) + own**2),
         common=np.sqrt(np.maximum(common**2 - alike, 0.0)),
         stepless=None,
-        assumed=None,
+        assumed=None if data.assumed is None or kept is None else (data.assumed[0] * kept, data.assumed[1] * kept),
     )
     uncertain = STEP_ERROR_KNOWN_TO * step_error * (STEP_REFINEMENT - 1) / STEP_REFINEMENT
     return with_step_tolerance(there, uncertain, np.zeros_like(uncertain))
+
+
+def touched(data: Data, predicted: Array) -> NDArray[np.bool_]:
+    """Rows in which a load cell is pressed, measured or predicted, or soon will be or just was, (ntrials, T, 1)."""
+    forces = [c for c, kind in enumerate(data.kinds) if kind == "force"]
+    either = np.maximum(np.abs(np.nan_to_num(data.value[:, :, forces])), np.abs(predicted[:, :, forces]))
+    pressed = (either > CONTACT_DEVIATIONS * data.noise[forces]).any(axis=2, keepdims=True)
+    return dilated(pressed.astype(float), EVENT_ROWS) > 0
 
 
 def with_scatter(data: Data, alike: Array) -> Data:

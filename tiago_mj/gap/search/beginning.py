@@ -82,12 +82,12 @@ def sharpened(state: State) -> State:
     """Where the nominal model explains the recordings: the search with sensor noise and step error estimated from its
     residual, as the wider tolerances assumed between two simulators hide small effects.
 
-    Not where forces are measured: two simulators differ by more than noise in contacts, and of twelve grasps at 25 Hz
-    (blind check, seed 941) two without any effect were then given one.
+    Not in contacts: two simulators differ by more than noise there, and of twelve grasps at 25 Hz (blind check, seed
+    941) two without any effect were then given one.
     """
-    if not ranking.is_adequate(state.nominal) or "force" in state.full.data.kinds:
+    if not ranking.is_adequate(state.nominal):
         return state
-    state = sharpen.sharpened(state)
+    state = sharpen.sharpened(state, in_contact=False)
     nominal_nuisance = state.nominal.nuisance
     rows = state.full.trials.rows_of(state.screening.trials)
     return replace(

@@ -20,9 +20,10 @@ from tiago_mj.gap.search.state import State
 MAX_REFITTED: Final = 4
 
 
-def sharpened(state: State) -> State:
-    """The search with noise and step error estimated beside its best explanation, all explanations weighed anew."""
-    full = beside(state.full, state.best)
+def sharpened(state: State, *, in_contact: bool = True) -> State:
+    """The search with noise and step error estimated beside its best explanation, all explanations weighed anew;
+    without ``in_contact`` the wider tolerances stay where something is touched."""
+    full = beside(state.full, state.best, in_contact=in_contact)
     screening = state.screening
     if full.trials.holds(screening.trials):
         data = noise_model.select_trials(full.data, full.trials.rows_of(screening.trials))
@@ -31,8 +32,8 @@ def sharpened(state: State) -> State:
     return replace(state, fits=tuple(rounds.reweighted(full, state.fits, MAX_REFITTED)))
 
 
-def beside(full: Fitter, best: Fitted) -> Fitter:
-    """The fitter with noise and step error estimated beside an explanation."""
+def beside(full: Fitter, best: Fitted, *, in_contact: bool = True) -> Fitter:
+    """The fitter with noise and step error estimated beside an explanation, as of :func:`sharpened`."""
     point, predict = Point.of(best), full.predict
     if predict.corrected:
         effects = [
@@ -44,7 +45,7 @@ def beside(full: Fitter, best: Fitted) -> Fitter:
     error = np.zeros_like(prediction)
     if predict.corrected and predict.off is not None:
         error = replace(there, predict=replace(predict, corrected=False)).predictions([point])[0] - prediction
-    there = replace(there, data=step_tolerance.beside(full.data, prediction, error))
+    there = replace(there, data=step_tolerance.beside(full.data, prediction, error, in_contact=in_contact))
     sigma, common = predict.data.sigma.copy(), predict.data.common.copy()
     sigma[list(there.trials)], common[list(there.trials)] = there.data.sigma, there.data.common
     measured = replace(predict.data, noise=there.data.noise, sigma=sigma, common=common)
