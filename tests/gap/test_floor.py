@@ -165,3 +165,29 @@ def test_noise_beside_an_explanation_is_at_least_what_is_believed():
         least=np.array([NOISE / 4]),
     )
     assert step_tolerance.beside(data, np.zeros_like(data.value), np.zeros_like(data.value)).noise[0] == NOISE / 4
+
+
+def test_where_something_is_touched_two_simulators_may_differ_as_before():
+    """A finger that closes on an object after half of the rows: its position's tolerance is what is assumed there."""
+    values = np.zeros((2, ROWS, 2))
+    values[0, ROWS // 2 :, 1] = 5.0
+    predicted = values.copy()
+    predicted[1, : ROWS // 3, 1] = 5.0  # in the prediction alone
+    assumed = (np.full_like(values, 0.04), np.full_like(values, 0.09))
+    sigma, common = np.sqrt(NOISE**2 + sum(assumed)), np.sqrt(assumed[1])
+    names = ("position.finger", "force.finger")
+    noise = np.full(2, NOISE)
+    data = Data(names, np.zeros(2, dtype=int), values, noise, sigma, common, least=noise, assumed=assumed)
+    beside = step_tolerance.beside(data, predicted, np.zeros_like(values), in_contact=False)
+    rows = np.arange(ROWS)
+    near = noise_model.EVENT_ROWS
+    touched = np.stack([rows >= ROWS // 2 - near, rows < ROWS // 3 + near])
+    assert (step_tolerance.touched(data, predicted)[..., 0] == touched).all()
+    for mask, share in ((touched, 1.0), (~touched, step_tolerance.BESIDE)):
+        assert beside.common[mask] == pytest.approx(share * common[mask])
+        assert beside.sigma[mask] ** 2 == pytest.approx(NOISE**2 + share**2 * sum(assumed)[mask])
+    everywhere = step_tolerance.beside(data, predicted, np.zeros_like(values))
+    later = step_tolerance.beside(beside, predicted, np.zeros_like(values))  # once something explains them
+    assert later.sigma == pytest.approx(everywhere.sigma)
+    assert later.common == pytest.approx(everywhere.common)
+    assert later.assumed is None

@@ -179,9 +179,10 @@ def aside(judged: Judged, seen: Aside, options: Sequence[Option], by: Calibratio
     named = kind in ("effect", "ambiguous") and bool(options[rivals[0]].effects)
     if named and seen.can_close and seen.closed is not None and seen.closed <= CLOSES:
         left = _without_classes(judged, options, rivals[0], by)
-        explains = discrepancy(options[nominal]) <= by.remains and seen.without is not None and seen.without <= LEFT
-        if explains and seen.without is not None and seen.without <= by.remains:  # nor can another effect close more
+        without = np.inf if seen.without is None else seen.without
+        if without <= by.remains:  # nor can another effect close anything
             left = _without_effects(judged, options, by)
+        explains = discrepancy(options[nominal]) <= by.remains and without <= LEFT
         if explains and left.probability[nominal] >= left.probability.max() > 0:
             return replace(left, kind="no_gap", rivals=(nominal,), remains=False), (NOTHING_TO_CLOSE,)
         kind, remains, rivals = "unknown", True, (nominal,)

@@ -61,7 +61,7 @@ def beside(data: Data, predicted: Array, step_error: Array, *, in_contact: bool 
         data: measured.
         predicted: the prediction, its step's error put right, (ntrials, T, C).
         step_error: what was put right, (ntrials, T, C).
-        in_contact: whether less than what is assumed for any two simulators is left in contacts, too.
+        in_contact: whether in contacts, too, less is left than what is assumed for any two simulators.
     """
     sigma, common = data.stepless or (data.sigma, data.common)
     own = data.own.copy()
@@ -76,16 +76,16 @@ def beside(data: Data, predicted: Array, step_error: Array, *, in_contact: bool 
                 sensor_noise.by_differences(left), own[c] if data.least is None else min(data.least[c], own[c]), own[c]
             )
     grid = 0.0 if data.step is None else data.step**2 / 12
-    kept = None if in_contact else touched(data, predicted)
-    assumed = None if data.assumed is None else [one if kept is None else one * ~kept for one in data.assumed]
-    apart, alike = (0.0, 0.0) if assumed is None else ((1 - BESIDE**2) * one for one in assumed)
+    assumed = data.assumed or (np.zeros(1), np.zeros(1))
+    kept = np.zeros(1, dtype=bool) if in_contact else touched(data, predicted)
+    apart, alike = ((1 - BESIDE**2) * np.where(kept, 0.0, one) for one in assumed)
     there = replace(
         data,
         noise=np.sqrt(own**2 + grid),
         sigma=np.sqrt(np.maximum(sigma**2 - data.own**2 - apart - alike, 0.0) + own**2),
         common=np.sqrt(np.maximum(common**2 - alike, 0.0)),
         stepless=None,
-        assumed=None if data.assumed is None or kept is None else (data.assumed[0] * kept, data.assumed[1] * kept),
+        assumed=(assumed[0] * kept, assumed[1] * kept) if data.assumed and kept.any() else None,
     )
     uncertain = STEP_ERROR_KNOWN_TO * step_error * (STEP_REFINEMENT - 1) / STEP_REFINEMENT
     return with_step_tolerance(there, uncertain, np.zeros_like(uncertain))
