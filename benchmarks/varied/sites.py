@@ -8,9 +8,10 @@ that whatever is derived from it, a default of an argument or another constant, 
 from __future__ import annotations
 
 import ast
+import functools
 import re
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from importlib.abc import MetaPathFinder
 from importlib.machinery import ModuleSpec, PathFinder, SourceFileLoader
 from pathlib import Path
@@ -53,7 +54,7 @@ def comment(source: str, name: str) -> str:
         KeyError: nothing of that name is assigned at the module's top.
     """
     lines = source.splitlines()
-    for node in ast.parse(source).body:
+    for node in _body(source):
         if _name(node) == name:
             at = node.lineno - 1
             while at > 0 and lines[at - 1].strip() and not lines[at - 1].startswith("#"):
@@ -66,10 +67,16 @@ def comment(source: str, name: str) -> str:
 
 
 def _marked(source: str) -> Iterator[str]:
-    for node in ast.parse(source).body:
+    for node in _body(source):
         name = _name(node)
         if name and not _is_text(node) and MARK.search(comment(source, name)):
             yield name
+
+
+@functools.cache
+def _body(source: str) -> Sequence[ast.stmt]:
+    """Statements of a module; each is asked for once per name."""
+    return ast.parse(source).body
 
 
 def _is_text(node: ast.stmt) -> bool:

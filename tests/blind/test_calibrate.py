@@ -71,6 +71,7 @@ def bank(count: int, seed: int = 1) -> list[Case]:
     return out
 
 
+@pytest.mark.slow
 def test_many_cases_find_the_temperature_at_which_probabilities_are_true() -> None:
     # With 120 cases the likelihood of log T is a bell of about 0.13.
     assert calibrate.fit(honest(120, 40.0)).temperature == pytest.approx(40.0, rel=0.3)
@@ -94,6 +95,7 @@ def test_thresholds_keep_their_limits_and_catch_what_is_unknown() -> None:
     assert fitted.remains <= fitted.fails
 
 
+@pytest.mark.slow
 def test_sets_grow_until_they_hold_the_truth() -> None:
     def cases(behind: float) -> list[Case]:
         """In a fifth of the cases the truth is so far behind."""
@@ -110,6 +112,7 @@ def test_sets_grow_until_they_hold_the_truth() -> None:
     assert far.rival < near.rival
 
 
+@pytest.mark.slow
 def test_intervals_widen_until_nine_in_ten_hold_the_truth() -> None:
     rng = np.random.default_rng(3)
 

@@ -94,6 +94,7 @@ def test_late_stamps_go_on_and_show_in_what_is_replayed(tmp_path: Path) -> None:
     assert not oracle.judge(cases.simulate(replace(session, effects=(hardly,)), tmp_path), tmp_path)["detectable"]
 
 
+@pytest.mark.slow
 def test_what_a_narrow_session_can_tell_is_judged_by_what_is_fitted(tmp_path: Path) -> None:
     """What shows where only the test trials go is nothing that a fit could have found."""
     (tmp_path / robots.PLAIN_FILE).write_text(robots.PLAIN)
@@ -105,6 +106,7 @@ def test_what_a_narrow_session_can_tell_is_judged_by_what_is_fitted(tmp_path: Pa
     assert narrow["distance"] < wide["distance"]
 
 
+@pytest.mark.slow
 def test_a_coarse_grid_hides_what_it_hides_from_the_oracle_too(tmp_path: Path) -> None:
     noisy = EffectChoice("force_noise", "all", {"factor": 3.0})
     session = Case(seed=14, rate=240.0, seconds=1.0, trials=2, effects=(noisy,))

@@ -82,7 +82,7 @@ def test_a_pair_is_found_of_which_neither_effect_alone_explains_much(tmp_path: P
     assert {(e.name, e.target) for e in found.best.effects} == {("force_drift", "left"), ("force_hysteresis", "right")}
 
 
-@pytest.mark.parametrize("step", [0.00095, 0.0004])
+@pytest.mark.parametrize("step", [pytest.param(0.00095, marks=pytest.mark.slow), 0.0004])
 def test_the_grid_of_fast_set_points_is_found_to_a_tenth_of_a_line(tmp_path: Path, step: float) -> None:
     """A grid a per cent off fits no better than none: fifty lines away it is half a step off."""
     choice = EffectChoice("command_quantization", "all", {"step": step})

@@ -34,7 +34,11 @@ def ambiguous(tmp_path: Path, interface: str, file: str) -> tuple[Case, Store, d
 
 
 @pytest.mark.parametrize(
-    ("interface", "file"), [("velocity", "touch_release_25hz.csv"), ("position", "position_steps_25hz.csv")]
+    ("interface", "file"),
+    [
+        ("velocity", "touch_release_25hz.csv"),
+        pytest.param("position", "position_steps_25hz.csv", marks=pytest.mark.slow),
+    ],
 )
 def test_a_motion_of_the_menu_is_recorded_beside_the_others_and_what_is_said_then_counts(tmp_path, interface, file):
     case, store, label = ambiguous(tmp_path, interface, file)

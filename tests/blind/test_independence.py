@@ -47,7 +47,7 @@ def test_an_import_of_the_diagnosis_would_be_found(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("interface", "rate"),
-    [("velocity", 25.0), pytest.param("position", 25.0, marks=pytest.mark.slow), ("velocity", 240.0)],
+    [*(pytest.param(one, 25.0, marks=pytest.mark.slow) for one in ("velocity", "position")), ("velocity", 240.0)],
 )
 def test_without_effect_and_jitter_reality_is_the_environment_up_to_the_integrator(interface: str, rate: float) -> None:
     case = cases.Case(seed=3, interface=interface, rate=rate, spread=0.0, placement=0.0, trials=3, seconds=6.0)

@@ -117,6 +117,7 @@ def test_play_costs_its_width_at_a_reversal() -> None:
     assert back == pytest.approx(-width / 2, rel=0.2)
 
 
+@pytest.mark.slow
 def test_a_spring_in_series_softens_the_grasp() -> None:
     plain, soft = squeezed(), play(SQUEEZE, EffectChoice("joint_elasticity", "all", {"stiffness": 2000.0}))
     held = 60
@@ -168,6 +169,7 @@ def test_loading_and_unloading_differ_by_the_hysteresis() -> None:
     assert lost[-1] == pytest.approx(-0.1, rel=0.15)  # let go a little: half the width above
 
 
+@pytest.mark.slow
 def test_a_cold_motor_fades() -> None:
     commands = both((0.4, 0.0), (1.3, -0.025), (4.8, 0.0))
     choice = EffectChoice("thermal_fade", "all", {"heating": 4.0, "time_constant": 1.2})

@@ -18,6 +18,8 @@ from tiago_mj.gap.inference.predictor import Predictor
 
 #: A sample of the audit, over stages, rates and robots; docs/truth-audit.md has all. The slow ones take 3 to 20 s.
 SLOW = (
+    "gripper/none/1",
+    "plain/joint_elasticity/0",
     "gripper/pad_creep/1",
     "plain/none/0",
     "plain/rate_limit/0",
@@ -26,10 +28,8 @@ SLOW = (
     "arm/payload/0",
 )
 SAMPLE = (
-    "gripper/none/1",
     "plain/command_deadband/0",
     "plain/servo_damping/1",
-    "plain/joint_elasticity/0",
     *(pytest.param(name, marks=pytest.mark.slow) for name in SLOW),
 )
 PLANNED = plan.planned()

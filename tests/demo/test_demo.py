@@ -137,6 +137,7 @@ def test_a_ghost_stands_farther_from_the_robot_than_its_simulator_does_and_is_se
 
 @needs_recording
 @pytest.mark.usefixtures("undiagnosed")
+@pytest.mark.slow
 def test_the_demo_with_a_recording_compares_the_arm_too(capsys, tmp_path):
     printed, data, shown = run(capsys, tmp_path / "out", "--data", str(REALDATA))
     check_grasp_and_curve(printed, data, shown)

@@ -89,6 +89,7 @@ def run_python(path, monkeypatch, **modules):
 # The table ------------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_table_of_draws_keeps_what_goes_together(tmp_path):
     draws = draws_of(robot(tmp_path), posterior(), count=800, seed=1)
     stiffness, friction = draws.drives["stiffness"]["elbow"], draws.drives["friction"]["elbow"]

@@ -87,7 +87,7 @@ def test_sensor_effects_on_kept_runs_are_those_of_a_new_run(tmp_path):
     ("effects", "within", "episodes"),
     [
         ({"coulomb_friction": {"force": 2.5}}, (2.4, 2.6), 2),
-        ({"force_lag": {"time_constant": 0.02}}, (0.018, 0.022), 3),
+        pytest.param({"force_lag": {"time_constant": 0.02}}, (0.018, 0.022), 3, marks=pytest.mark.slow),
     ],
     ids=str,
 )

@@ -68,6 +68,7 @@ def test_the_lint_of_the_tiago_arm_says_what_the_recording_truly_holds(tiago):
     assert {code for code, _ in codes(findings)} == said
 
 
+@pytest.mark.slow
 def test_so101s_motions_are_trials_with_commands_and_measurements_on_the_same_clock(arm):
     assert {trial.name for trial in arm} == {path.name for path in real("so101").iterdir() if path.is_dir()}
     for trial in arm:
@@ -80,6 +81,7 @@ def test_so101s_motions_are_trials_with_commands_and_measurements_on_the_same_cl
                 assert np.corrcoef(command[:-5], trial.positions[joint][5:])[0, 1] > 0.8, (trial.name, joint)
 
 
+@pytest.mark.slow
 def test_the_lint_of_so101_finds_its_traps_and_no_others(arm):
     findings = inspect(arm)
     refuse(arm, findings)

@@ -106,6 +106,7 @@ def test_legs_move_each_other_by_nothing_and_an_arm_on_a_leg_does():
     assert not apart(chain, alike(("A_x", "B_x"), ("A", "B")))
 
 
+@pytest.mark.slow
 def test_torques_of_a_leg_alone_are_those_of_the_whole(tmp_path):
     trials = read_recordings([recorded(tmp_path, (0, 0, 0, 0), seconds=8.0)]).trials
     whole = beside_nominal(session_of(trials), Request(), SoFar(Ahead(lambda stage, done, left: None))).predict

@@ -146,6 +146,7 @@ def test_what_is_proposed_does_not_press_too_hard_on_the_object_at_hand(told, sh
             assert np.abs(effort).max() <= PRESS * trial.sidecar.servo["effort_limit"][joint]
 
 
+@pytest.mark.slow
 def test_the_answer_does_not_depend_on_the_order_of_explanations_or_on_threads(short_menu):
     trials = squeezes()
     two = {name: ALIKE[name] for name in ("coulomb_friction", "backlash")}

@@ -172,6 +172,7 @@ def test_efforts_that_are_none_end_in_one_line(tmp_path, capsys):
     assert "\n" not in said
 
 
+@pytest.mark.slow
 def test_a_pendulum_is_tried_with_inertia_that_it_can_lack(tmp_path, capsys):
     """TIAGo's magnitudes took all inertia of two small links, and what diverged was visible from 6e-9 kg·m²."""
     example = Path(__file__).parents[2] / "examples" / "pendulum"

@@ -63,6 +63,7 @@ def diagnosed(trials, **options):
 # XL-330 ---------------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_the_pendulums_servo_rubs_and_reflects_its_rotors_inertia(pendulum):
     found = diagnosed(pendulum, names=SOME)
     assert found.kind in ("effect", "ambiguous")
@@ -78,6 +79,7 @@ def test_the_pendulums_servo_rubs_and_reflects_its_rotors_inertia(pendulum):
     assert any("torque_constant is known to 0.3" in note for note in found.notes)
 
 
+@pytest.mark.slow
 def test_torques_of_other_trajectories_do_not_name_the_pendulums_friction(pendulum):
     """The same numbers in another order: each trajectory with the torques of another."""
     efforts = [trial.commands["pendulum"] for trial in pendulum]
@@ -90,6 +92,7 @@ def test_torques_of_other_trajectories_do_not_name_the_pendulums_friction(pendul
     assert found.kind in ("unknown", "no_gap") or (found.shrink.closed or 0.0) < 0.5
 
 
+@pytest.mark.slow
 def test_a_pendulum_that_counts_the_other_way_is_told_so(pendulum):
     flipped = [
         dataclasses.replace(trial, efforts={"pendulum": -trial.efforts["pendulum"]}, commands={}) for trial in pendulum
@@ -173,6 +176,7 @@ def test_one_without_rests_is_cut_into_blocks_farther_apart_than_its_error_lasts
     assert middle.sidecar.initial["set_point"]["hinge"] == whole.commands["hinge"][row]
 
 
+@pytest.mark.slow
 def test_a_lone_long_recording_is_diagnosed_as_several_trials(tmp_path):
     model = tmp_path / "servo.xml"
     model.write_text(so101.servo("hinge"))

@@ -78,6 +78,7 @@ def test_a_drivers_dead_band_and_period_are_found_together(hinge: tuple[Predicto
     assert best.values[0] == pytest.approx(width, rel=0.005)  # flat between two widths that set points tell apart
 
 
+@pytest.mark.slow
 def test_where_no_grid_is_none_is_tried(hinge: tuple[Predictor, ServoMotion]) -> None:
     predict, motion = hinge
     measured = with_effects(predict, Entry("command_delay", None, {"seconds": 0.04}))

@@ -82,6 +82,7 @@ def test_friction_and_a_dead_zone_are_dead_bands_of_the_same_size():
         assert line.slope == pytest.approx(330, rel=0.01)
 
 
+@pytest.mark.slow
 def test_a_dead_band_is_named_with_the_measured_width():
     trials = squeezes("A-wood", every=5)
     names = ("coulomb_friction", "contact_stiffness")

@@ -95,6 +95,7 @@ def test_seeds_differ_and_the_same_seed_does_not(trained, small, tmp_path):
         np.testing.assert_array_equal(again[name], value)
 
 
+@pytest.mark.slow
 def test_a_killed_training_goes_on_to_the_same_agent(trained, small, tmp_path):
     out = tmp_path / "killed"
     run = [sys.executable, "-m", "tiago_mj.cli", *words(out, small)]

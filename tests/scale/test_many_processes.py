@@ -65,6 +65,7 @@ def test_an_episode_depends_on_its_seed_alone(capsys):
     assert last == three[2:]
 
 
+@pytest.mark.slow
 def test_a_folder_is_diagnosed_among_others_as_alone_and_none_hinders_another(tmp_path, capsys):
     pytest.importorskip("joblib", reason="needs the extra 'scale'")
     pytest.importorskip("pyarrow", reason="needs the extra 'gap'")

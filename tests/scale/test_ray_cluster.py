@@ -66,6 +66,7 @@ def began(folder):
     return [tuple(mark.name.split("-")) for mark in folder.iterdir()]
 
 
+@pytest.mark.slow
 def test_a_rollout_and_a_fault_are_on_a_cluster_what_they_are_here(cluster, capsys):
     assert cli.main([*ROLLOUT, "--backend", "ray", "--jobs", "2"]) == 0
     there = json.loads(capsys.readouterr().out)
@@ -94,6 +95,7 @@ def test_no_process_is_started_for_nothing(cluster, monkeypatch):
     assert started == [3, 2, 4, 2]
 
 
+@pytest.mark.slow
 def test_every_result_arrives_once_though_a_node_is_killed_in_the_middle(cluster, tmp_path, capfd):
     tasks = [scale_bench.Slow(number, str(tmp_path), 0.3) for number in range(TASKS)]
     killed = []
