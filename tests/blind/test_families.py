@@ -38,7 +38,6 @@ def test_a_lag_of_two_poles_is_one_effect_and_its_time_constant_is_found(
 
 
 @pytest.mark.slow
-@pytest.mark.xfail(reason="a clock's offset is named for the lag, which is not tried beside the limit", strict=True)
 def test_of_a_pair_the_form_of_one_effect_is_found_although_another_effect_comes_nearer_in_the_wrong_form(
     tmp_path: Path,
 ) -> None:

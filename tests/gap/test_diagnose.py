@@ -127,7 +127,6 @@ def test_a_grasp_that_goes_another_way_is_set_aside_and_said(tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.xfail(reason="a lag of two poles, 29 ms, is named for the delay of 30 ms, which is not tried", strict=True)
 def test_a_pair_is_named_though_neither_of_it_is_the_best_single(tmp_path):
     """A dead band alone explains friction and delay better than either: what finds the pair is the sum of changes."""
     trials = record(tmp_path, {"coulomb_friction": {"force": 3.0}, "command_delay": {"seconds": 0.03}}, episodes=4)

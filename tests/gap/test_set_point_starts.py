@@ -98,12 +98,27 @@ def test_an_effect_is_exchanged_for_another_of_its_class(hinge: tuple[Predictor,
     state = searching(measured, motion, *names)
     parts = candidate(measured, "torque_constant"), candidate(measured, "armature")
     (best,) = state.full.fit_all([Start(parts, np.array([0.6, 0.02]))])
-    exchanged = additions.of_the_same_class(state.full, best, 2, state.pool)
+    exchanged = additions.exchanged(state.full, best, 2, state.pool, gap=True)
     assert [[part.effect for part in start.parts] for start in exchanged] == [["joint_elasticity", "armature"]]
     (fit,) = state.full.fit_all(exchanged)
     assert fit.evidence > best.evidence + 20.0
     (again,) = state.full.fit_all([starts.restart(fit)])  # what yields and what is heavy change with each other
     assert again.values[0] == pytest.approx(stiffness, rel=0.1)
+
+
+def test_a_twin_is_tried_in_its_place_even_where_no_gap_is_left(hinge: tuple[Predictor, ServoMotion]) -> None:
+    """A lag is behind by as much as a delay at a constant speed."""
+    predict, motion = hinge
+    measured = with_effects(predict, Entry("command_delay", None, {"seconds": 0.04}))
+    state = searching(measured, motion, "command_lag", "command_delay", "armature")
+    (lag,) = state.full.fit_all([Start((candidate(measured, "command_lag"),), np.array([0.04]))])
+    exchanged = additions.exchanged(state.full, lag, 2, state.pool, gap=False)
+    assert [[part.effect for part in start.parts] for start in exchanged] == [["command_delay"]]
+    (fit,) = state.full.fit_all(exchanged)
+    assert fit.evidence > lag.evidence + 20.0
+    assert fit.values[0] == pytest.approx(0.04, abs=1e-3)
+    known = {frozenset(part.label for part in fit.parts)}
+    assert additions.exchanged(state.full, lag, 2, state.pool, known, gap=False) == []
 
 
 def test_a_stiffness_is_tried_over_all_its_decades(hinge: tuple[Predictor, ServoMotion]) -> None:

@@ -17,6 +17,7 @@ MAGNITUDES = {
     "servo_stiffness": {"factor": 1.05},
     "torque_constant": {"factor": 1.05},
     "command_delay": {"seconds": 0.004},
+    "command_lag": {"time_constant": 0.004},
     "clock_offset": {"seconds": 0.004},
     "viscous_friction": {"damping": 0.1},
     "servo_damping": {"damping": 0.1},

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Sequence
+from collections.abc import Container, Iterable, Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tiago_mj.effects import EFFECTS
+from tiago_mj.effects.declare import twins
 from tiago_mj.gap.inference import likelihood
 from tiago_mj.gap.inference.fit import Fitted, Fitter, Point, Start
 from tiago_mj.gap.inference.hypotheses import Candidate, Label
@@ -177,28 +178,35 @@ def superposed_pairs(screening: Fitter, linearization_point: Point, promising: S
     return list(out.values())[:MAX_SUPERPOSED_PAIRS]
 
 
-def of_the_same_class(full: Fitter, best: Fitted, count: int, pool: Sequence[Candidate]) -> list[Start]:
-    """Starts in which one effect of an explanation is exchanged for another of its class, at the magnitude with the
-    largest gain beside the remaining effects.
+def exchanged(
+    full: Fitter, best: Fitted, count: int, pool: Sequence[Candidate], tried: Container[object] = (), *, gap: bool
+) -> list[Start]:
+    """Starts in which one effect of an explanation is exchanged for a twin or, where it leaves a gap, for another of
+    its class, at the magnitude with the largest gain beside the remaining effects.
 
-    Screening keeps only the most promising effects of a class, so that the right one may be missing.
+    Screening keeps only the most promising effects of a class, and a twin may have been the better single, so that the
+    right one may be missing.
 
     Args:
         full: of all trials.
         best: the explanation.
         count: of trials that are simulated.
         pool: candidates.
+        tried: sets of labels of explanations that were fitted.
+        gap: whether the explanation leaves one.
     """
     there = {part.label for part in best.parts}
     point = Point.of(best)
     worst = worst_trials(full.predictions([point])[0], full.data, count)
     worst_fitter, out = full.part(worst), []
     for k, part in enumerate(best.parts):
+        alike = {other for twin in twins(part.effect) for other in (twin, *twins(twin))}
         others = [
             c
             for c in pool
             if c.label not in there
-            and EFFECTS[c.effect].gap_class == EFFECTS[part.effect].gap_class
+            and (gap or (there - {part.label}) | {c.label} not in tried)
+            and (c.effect in alike or (gap and EFFECTS[c.effect].gap_class == EFFECTS[part.effect].gap_class))
             and (c.target is None) == (part.target is None)
         ]
         if not others:

@@ -170,6 +170,9 @@ def _search(
         state = replace(state, full=replace(state.full, out_of_time=out_of_time))
         state = _with_losses_at_last(state, over, fitted)
         tell(state)
+    if not out_of_time():  # whatever the budget: a twin may be all that is wrong
+        state = _exchanged(replace(state, full=replace(state.full, out_of_time=out_of_time)), gap=False)
+        tell(state)
     # Not by the search's budget of physics steps: whatever that found is not told before it was seen on all trials.
     wide = replace(all_trials.wide(asked, first, state.excluded), out_of_time=out_of_time)
     if not out_of_time():
@@ -313,9 +316,8 @@ def _fitted_to_all(state: State, begin: Sequence[Start], tell: Callable[[State],
     full = state.full
     state = state.with_fits(full.fit_all(begin))
     tell(state)
-    if len(state.best.parts) > 1 and _leaves_a_gap(state.best) and not full.out_of_time():
-        exchanged = additions.of_the_same_class(full, state.best, len(state.screening.trials), state.pool)
-        state = state.with_fits(full.fit_all(exchanged))
+    if len(state.best.parts) > 1 and _leaves_a_gap(state.best):
+        state = _exchanged(state, gap=True)
     nothing = state.best.evidence - state.nominal.evidence < ranking.MIN_EVIDENCE_GAIN_NATS
     if full.out_of_time() or (nothing and ranking.is_adequate(state.nominal)):
         return state
@@ -327,6 +329,15 @@ def _fitted_to_all(state: State, begin: Sequence[Start], tell: Callable[[State],
     if _leaves_a_gap(state.best):
         state = driver_period.tried(state)
     return state.with_fits(full.fit_all(rounds.variations(state.fits, full)))
+
+
+def _exchanged(state: State, *, gap: bool) -> State:
+    """The search with one effect of its best explanation exchanged for others, see :func:`additions.exchanged`."""
+    if not state.best.parts or state.full.out_of_time():
+        return state
+    tried = {ranking.labels_of(fit) for fit in state.fits}
+    begin = additions.exchanged(state.full, state.best, len(state.screening.trials), state.pool, tried, gap=gap)
+    return state.with_fits(state.full.fit_all(begin))
 
 
 def _departing_left_out(state: State) -> State:
