@@ -4,7 +4,7 @@ import pytest
 
 from tiago_mj.effects import EFFECTS
 from tiago_mj.effects.checks import SYMPTOMS
-from tiago_mj.effects.declare import is_random, only_measures, twins
+from tiago_mj.effects.declare import is_random, only_measures, resembling, twins
 from tiago_mj.effects.nominal import ORDER, known_to_some_percent
 from tiago_mj.gap.detectors import readings
 from tiago_mj.gap.simulation.sizes import Size
@@ -20,11 +20,13 @@ def test_what_a_nominal_number_is_known_to_is_declared_for_every_place_in_the_or
 @pytest.mark.parametrize("name", LIBRARY)
 def test_effects_that_a_declaration_names_are_declared(name):
     declared = LIBRARY[name]
-    for other in (*declared.twins, *declared.taken_up_by):
+    for other in (*declared.twins, *declared.resembles, *declared.taken_up_by):
         assert other in LIBRARY
         assert other != name
     assert all(name in twins(other) for other in twins(name))
     assert all(LIBRARY[other].gap_class == declared.gap_class for other in twins(name)), "twins are of one class"
+    assert all(LIBRARY[other].gap_class != declared.gap_class for other in declared.resembles), "else it is a twin"
+    assert all(name in resembling(other) for other in (*twins(name), *declared.resembles))
     assert all(LIBRARY[other].nominal_prior for other in declared.taken_up_by), "else nothing is taken up"
 
 

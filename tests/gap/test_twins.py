@@ -1,4 +1,4 @@
-"""Effects that are declared to be twins do nearly the same to a swinging hinge or to a grasp."""
+"""Effects that are declared to be twins, or to resemble each other, do nearly the same to a hinge or to a grasp."""
 
 import numpy as np
 import pytest
@@ -22,7 +22,8 @@ MAGNITUDES = {
     "viscous_friction": {"damping": 0.1},
     "servo_damping": {"damping": 0.1},
 }
-PAIRS = sorted({frozenset((name, other)) for name in EFFECTS for other in twins(name)}, key=sorted)
+ALIKE = {name: (*twins(name), *EFFECTS[name].resembles) for name in EFFECTS}
+PAIRS = sorted({frozenset((name, other)) for name, others in ALIKE.items() for other in others}, key=sorted)
 
 
 @pytest.fixture(scope="module")

@@ -118,7 +118,7 @@ class CommandLag(Effect):
     state.
     """
 
-    twins = ("command_delay",)
+    resembles = ("command_delay",)
     clause = "the commands to {t} pass a lag of {time_constant}"
     signal_only = True
 

@@ -54,7 +54,16 @@ STAGES: Final = (
 TARGETS: Final = ("command", "joint", "sensor", "object", "clock")
 
 #: What is so of one effect, and not of those that are built on it.
-NOT_INHERITED: Final = ("clause", "clause_less", "nominal_prior", "shows_as", "twins", "taken_up_by", "loses_commands")
+NOT_INHERITED: Final = (
+    "clause",
+    "clause_less",
+    "nominal_prior",
+    "shows_as",
+    "twins",
+    "resembles",
+    "taken_up_by",
+    "loses_commands",
+)
 #: Hooks that any effect may have, beside those whose arrays have the shape of its targets.
 COMMON_HOOKS: Final = ("start", "change", "place", "model_attributes")
 HOOKS: Final = {
@@ -116,6 +125,9 @@ class Effect:
     shows_as: ClassVar[str] = ""
     #: Names of effects that do nearly the same to many recordings, declared on one of each two.
     twins: ClassVar[tuple[str, ...]] = ()
+    #: Names of effects of another class that do nearly the same where motions are slow, declared on one of each two:
+    #: beside a further effect each is tried in the other's place.
+    resembles: ClassVar[tuple[str, ...]] = ()
     #: Names of effects whose nominal numbers may take up a part of what it does: it is sought without them, too.
     taken_up_by: ClassVar[tuple[str, ...]] = ()
     #: Whether commands are lost to it, the one before staying in force: which ones is decoded from the servos' motion.
@@ -332,6 +344,23 @@ def _check_hooks(name: str, declared: type[Effect], stage: str, targets: str) ->
 def twins(name: str) -> tuple[str, ...]:
     """Names of an effect's twins (:attr:`Effect.twins`), be they declared on it or on them."""
     return tuple(other for other, one in EFFECTS.items() if other in EFFECTS[name].twins or name in one.twins)
+
+
+def resembling(name: str) -> frozenset[str]:
+    """Names of the effects that may stand in an effect's place: its twins, those that it resembles
+    (:attr:`Effect.resembles`), and theirs."""
+    found, ends = {name}, {name}
+    while ends:
+        near = {other for one in ends for other in twins(one)}
+        near |= {
+            other
+            for one in ends
+            for other, it in EFFECTS.items()
+            if other in EFFECTS[one].resembles or one in it.resembles
+        }
+        ends = near - found
+        found |= ends
+    return frozenset(found - {name})
 
 
 def is_random(declared: type[Effect]) -> bool:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tiago_mj.effects import EFFECTS
-from tiago_mj.effects.declare import twins
+from tiago_mj.effects.declare import resembling
 from tiago_mj.gap.inference import likelihood
 from tiago_mj.gap.inference.fit import Fitted, Fitter, Point, Start
 from tiago_mj.gap.inference.hypotheses import Candidate, Label
@@ -181,11 +181,11 @@ def superposed_pairs(screening: Fitter, linearization_point: Point, promising: S
 def exchanged(
     full: Fitter, best: Fitted, count: int, pool: Sequence[Candidate], tried: Container[object] = (), *, gap: bool
 ) -> list[Start]:
-    """Starts in which one effect of an explanation is exchanged for a twin or, where it leaves a gap, for another of
-    its class, at the magnitude with the largest gain beside the remaining effects.
+    """Starts in which one effect of an explanation is exchanged for one that it resembles or, where it leaves a gap,
+    for another of its class, at the magnitude with the largest gain beside the remaining effects.
 
-    Screening keeps only the most promising effects of a class, and a twin may have been the better single, so that the
-    right one may be missing.
+    Screening keeps only the most promising effects of a class, and one that resembles it may have been the better
+    single, so that the right one may be missing.
 
     Args:
         full: of all trials.
@@ -200,7 +200,7 @@ def exchanged(
     worst = worst_trials(full.predictions([point])[0], full.data, count)
     worst_fitter, out = full.part(worst), []
     for k, part in enumerate(best.parts):
-        alike = {other for twin in twins(part.effect) for other in (twin, *twins(twin))}
+        alike = resembling(part.effect)
         others = [
             c
             for c in pool
