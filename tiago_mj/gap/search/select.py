@@ -170,7 +170,7 @@ def _search(
         state = replace(state, full=replace(state.full, out_of_time=out_of_time))
         state = _with_losses_at_last(state, over, fitted)
         tell(state)
-    if not out_of_time():  # whatever the budget: it may be all that is wrong
+    if not out_of_time():  # whatever the budget: one effect for its like may be all that is wrong
         state = _exchanged(replace(state, full=replace(state.full, out_of_time=out_of_time)), gap=False)
         tell(state)
     # Not by the search's budget of physics steps: whatever that found is not told before it was seen on all trials.
