@@ -1,5 +1,6 @@
 """Frames without a display, and what is said where there can be none."""
 
+import gc
 import os
 import subprocess
 import sys
@@ -45,6 +46,18 @@ def test_an_environment_still_renders_when_another_was_closed():
         env.reset(seed=0)
         first = env.render()
     other.close()
+    np.testing.assert_array_equal(one.render(), first)
+    one.close()
+
+
+@pytest.mark.usefixtures("opengl")
+def test_an_environment_still_renders_when_another_was_forgotten_without_being_closed():
+    one, other = (gymnasium.make("tiago_mj/GripperTactile-v0", render_mode="rgb_array", width=64) for _ in range(2))
+    for env in (one, other, one):  # the last one's context stays current
+        env.reset(seed=0)
+        first = env.render()
+    del env, other
+    gc.collect()
     np.testing.assert_array_equal(one.render(), first)
     one.close()
 

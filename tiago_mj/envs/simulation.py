@@ -34,6 +34,7 @@ from tiago_mj.models.files import model_file
 from tiago_mj.models.objects import GraspObject
 from tiago_mj.sensing.load_cell import MovingAverage
 from tiago_mj.sensing.noise import NoiseBlocks
+from tiago_mj.view import headless
 
 Array = NDArray[np.float64]
 
@@ -280,6 +281,9 @@ class RobotSimulation(SteppedRobot, ABC):
         viewer = self.mujoco_renderer.viewer
         if viewer is not None:
             viewer.make_context_current()  # another environment may have made its own current, or freed it
-        return checks.rendered(
+        frame = checks.rendered(
             super().render, self.render_mode, lambda: getattr(self.mujoco_renderer, "viewer", None) is not None
         )
+        if viewer is None and self.render_mode != "human":
+            headless.free_apart(self.mujoco_renderer.viewer)
+        return frame

@@ -7,9 +7,10 @@ import ctypes
 import importlib.util
 import os
 import sys
+import weakref
 from collections.abc import Mapping, MutableMapping
 from types import MappingProxyType
-from typing import Final
+from typing import Any, Final
 
 #: Libraries of which one must be there, on Linux, for a value of ``MUJOCO_GL``; and what brings them.
 LIBRARIES: Final[Mapping[str, tuple[tuple[str, ...], str]]] = MappingProxyType(
@@ -82,3 +83,19 @@ def _loads(backend: str) -> bool:
             continue
         return True
     return False
+
+
+def free_apart(viewer: Any) -> None:
+    """Make gymnasium's offscreen viewer free its OpenGL objects in its own context, whenever it is freed or collected.
+
+    ``mjr_freeContext`` deletes by number in whichever context is current. Where that is another viewer's, which counts
+    from the same number, the frames of the other would be black from then on.
+    """
+    viewer.free = weakref.finalize(viewer, _free, viewer.opengl_context, viewer.con)
+    viewer.free.atexit = False  # MuJoCo has ended the display by then
+
+
+def _free(context: Any, objects: Any) -> None:
+    context.make_current()
+    objects.free()
+    context.free()
