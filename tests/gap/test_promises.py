@@ -140,6 +140,15 @@ def test_the_larger_part_of_a_gap_is_named_as_a_part() -> None:
     assert promises.aside(judged("unknown", [0.6, 0.3, 0.0], 0, 1), part, two, BY)[0].kind == "ambiguous"
 
 
+@pytest.mark.parametrize(("sure", "kind"), [(0.4, "unknown"), (0.55, "effect")])
+def test_a_part_is_named_only_where_that_is_rather_right_than_wrong(sure: float, kind: str) -> None:
+    """What is left says how likely an answer is wrong, though nothing else is as likely."""
+    before = replace(judged("unknown", [sure, 0.0, 0.0], 0), sure=sure)
+    seen = Aside(closed=0.9, left=60.0, misfit=60.0, larger_part=True)
+    options = [option("coulomb_friction", left=60.0), option("payload", left=800.0), option(left=900.0)]
+    assert promises.aside(before, seen, options, BY)[0].kind == kind
+
+
 def test_the_smaller_part_of_a_gap_is_not_named_where_more_than_noise_is_left() -> None:
     """A spring that stiffens is no bias of an encoder, though that closes some of it (seed 3737, cases 33 and 77)."""
     before, seen = judged("effect", [0.9, 0.0, 0.0], 0), Aside(closed=0.42, left=8.1, misfit=1.0, smaller_part=True)

@@ -198,14 +198,14 @@ def aside(judged: Judged, seen: Aside, options: Sequence[Option], by: Calibratio
 
 def as_part(judged: Judged, options: Sequence[Option]) -> Judged:
     """The verdict where the best explanation fails and yet explains the larger part of the gap: it is named, with what
-    is about as likely, and a gap remains.
+    is about as likely, and a gap remains. What is left counts: the answer has to be rather right than wrong.
 
     Args:
         judged: as decided: that nothing explains the gap.
         options: the explanations.
     """
     best = judged.rivals[0]
-    likely = judged.probability[best] >= MIN_NAMED_PROBABILITY * judged.sure
+    likely = judged.probability[best] >= MIN_NAMED_PROBABILITY
     if not options[best].effects or options[best].evidence.edge or not likely:
         return judged
     rivals = tuple(k for k in judged.rivals if not options[k].evidence.edge)
