@@ -1,0 +1,180 @@
+"""Fit of the centre of mass of a payload, with its mass and the nominal numbers: a short Gauss-Newton fit."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tiago_mj.effects import EFFECTS
+from tiago_mj.effects.fields import Detail
+from tiago_mj.gap.inference import likelihood
+from tiago_mj.gap.inference.fit import Fitted, Fitter, Point
+from tiago_mj.gap.inference.hypotheses import Candidate
+from tiago_mj.gap.inference.whitening import Normal, Whitening
+
+Array = NDArray[np.float64]
+
+#: Steps of a fit, and the shares of one that are tried.
+STEPS: Final = 8
+SHARES: Final = (1.0, 0.4, 0.15)
+#: A fit ends where a step lowers the cost by less than this [nats].
+SETTLED: Final = 0.05
+#: Drop of the cost after which the Jacobian of the nominal numbers is computed again [nats].
+ANEW: Final = 3.0
+#: Finite-difference step of a coordinate, as a share of its prior deviation; of the mass, of itself.
+NUDGE: Final = 0.02
+#: A coordinate is reported where its deviation is below this share of its prior deviation.
+MAX_DEVIATION_SHARE: Final = 0.5
+
+
+@dataclass(frozen=True)
+class Optimum:
+    """Local optimum of a fit.
+
+    Attributes:
+        parameters: mass, coordinates of the centre of mass, nuisances.
+        cost: negative log likelihood, half the sum of squares of the whitened residual [nats].
+        prior: log prior of coordinates and nuisances with the Occam factor (log of posterior over prior volume) [nats].
+        deviations: standard deviations of mass and coordinates.
+        predicted: prediction at the optimum.
+    """
+
+    parameters: Array
+    cost: float
+    prior: float
+    deviations: Array
+    predicted: Array
+
+
+def details(effect: str) -> tuple[Detail, ...]:
+    """Coordinates of an effect that are fitted."""
+    return tuple(d for d in EFFECTS[effect].details.values() if d.sought)
+
+
+class Sought:
+    """Gauss-Newton fit of the centre of mass of one effect; the other effects stay as they were fitted."""
+
+    def __init__(self, fitter: Fitter, best: Fitted, which: int, coordinates: tuple[Detail, ...]) -> None:
+        self._best, self._which, self._coordinates = best, which, coordinates
+        self._wide = np.array([(d.bounds[1] - d.bounds[0]) / np.sqrt(12) for d in coordinates])
+        self._begin = np.concatenate([[best.values[which]], np.zeros(len(coordinates)), best.nuisance])
+        point = self._point(self._begin)
+        self._fitter = fitter
+        base, without = self._fitter.predictions([point, point.without_effect(which)])
+        form = EFFECTS[best.parts[which].effect].form_known_to
+        self._on = Whitening(fitter.data, fitter.weight).with_form_tolerance(np.abs(form * (base - without)))
+        self._columns = self._of_nuisances(self._begin)
+
+    def _of_nuisances(self, parameters: Array) -> Array:
+        """Whitened Jacobian with respect to the nominal numbers, (n, size)."""
+        near = self._fitter.linearized_at(self._point(parameters))
+        return self._on.columns(near.responses, near.per_trial)
+
+    def _point(self, parameters: Array) -> Point:
+        count = 1 + len(self._coordinates)
+        parts, values = list(self._best.parts), self._best.values.copy()
+        parts[self._which] = self._part(parameters)
+        values[self._which] = parameters[0]
+        return Point(tuple(parts), values, parameters[count:])
+
+    def _part(self, parameters: Array) -> Candidate:
+        part = self._best.parts[self._which]
+        place = tuple((d.name, float(value)) for d, value in zip(self._coordinates, parameters[1:], strict=False))
+        return replace(part, fixed=(*part.fixed, *place))
+
+    def descend(self, *, place: bool) -> Optimum:
+        """Fit mass and nuisances, and with ``place`` the centre of mass."""
+        count = 1 + len(self._coordinates)
+        free = np.ones(len(self._begin), dtype=bool)
+        free[1:count] = place
+        scale = np.concatenate([[max(abs(self._begin[0]), 1e-6)], self._wide, np.ones(len(self._begin) - count)])
+        prior = np.concatenate([[0.0], np.ones(len(self._begin) - 1)])
+        parameters, predicted = self._begin, self._predicted([self._begin])[0]
+        begun, nuisances = self._cost(parameters, predicted), self._columns
+        for step in range(STEPS + 1):
+            now = self._cost(parameters, predicted)
+            if place and now < begun - ANEW:  # what the nominal numbers do depends on where the mass is
+                begun, nuisances = now, self._of_nuisances(parameters)
+            columns = np.concatenate([self._responses(parameters, predicted), nuisances], axis=1) * scale
+            residual, weighted = self._on.weighted(predicted, columns[:, free])
+            curvature = weighted.T @ weighted + np.diag(prior[free] + 1e-9)
+            if step == STEPS:
+                break
+            gradient = weighted.T @ residual - (prior * parameters / scale)[free]
+            move = np.zeros(len(parameters))
+            move[free] = Normal(curvature, gradient, scale[free]).step()
+            tried = [self._inside(parameters + share * move) for share in SHARES]
+            seen = self._predicted(tried)
+            costs = [self._cost(one, p) for one, p in zip(tried, seen, strict=True)]
+            best = int(np.argmin(costs))
+            if costs[best] > now - SETTLED:
+                break
+            parameters, predicted = tried[best], seen[best]
+        deviations = np.zeros(count)
+        known = Normal(curvature, np.zeros(len(curvature)), scale[free]).variances()
+        deviations[free[:count]] = np.sqrt(known)[: free[:count].sum()]
+        away = (parameters / scale)[1:]
+        spread = -0.5 * float(np.linalg.slogdet(curvature)[1])
+        cost = self._on.cost(predicted, np.zeros(0))
+        return Optimum(parameters, cost, spread - 0.5 * float(away @ away), deviations, predicted)
+
+    def fitted(self, optimum: Optimum, gain: float, prior: float) -> Fitted:
+        """The explanation with the centre of mass; coordinates that the motion does not determine are 0."""
+        best, which, count = self._best, self._which, 1 + len(self._coordinates)
+        told = optimum.deviations[1:] < MAX_DEVIATION_SHARE * self._wide
+        parameters = optimum.parameters.copy()
+        parameters[1:count] = np.where(told, parameters[1:count], 0.0)
+        part = self._part(parameters)
+        shown = {d.name for d, seen in zip(self._coordinates, told, strict=True) if seen}
+        kept = tuple((name, value) for name, value in part.fixed if name in shown or name not in self._names())
+        values, deviations = best.values.copy(), best.deviations.copy()
+        values[which], deviations[which] = parameters[0], optimum.deviations[0]
+        residual = self._on.data.value - optimum.predicted
+        return replace(
+            best,
+            parts=(*best.parts[:which], replace(part, fixed=kept), *best.parts[which + 1 :]),
+            values=values,
+            deviations=deviations,
+            nuisance=parameters[count:],
+            evidence=best.evidence + gain + prior,
+            prior=best.prior + prior,
+            misfit=min(best.misfit, float(self._on.misfit(optimum.predicted).max(initial=0.0))),
+            lasting=min(
+                best.lasting, float(np.nan_to_num(likelihood.lasting(self._on.data, residual)).max(initial=0.0))
+            ),
+            spreads={d.name: float(sd) for d, sd in zip(self._coordinates, optimum.deviations[1:], strict=True)},
+        )
+
+    def _names(self) -> set[str]:
+        return {d.name for d in self._coordinates}
+
+    def _predicted(self, places: Sequence[Array]) -> Array:
+        return self._fitter.predictions([self._point(parameters) for parameters in places])
+
+    def _responses(self, parameters: Array, predicted: Array) -> Array:
+        """Whitened Jacobian with respect to mass and centre of mass, (n, 1 + ndetails), by finite differences."""
+        steps = np.concatenate([[NUDGE * max(abs(parameters[0]), 1e-3)], NUDGE * self._wide])
+        moved = []
+        for k, step in enumerate(steps):
+            shifted = parameters.copy()
+            shifted[k] += step
+            moved.append(shifted)
+        return np.asarray(self._on.white((self._predicted(moved) - predicted) / steps[:, None, None, None]).T)
+
+    def _inside(self, parameters: Array) -> Array:
+        part, out = self._best.parts[self._which], parameters.copy()
+        out[0] = np.clip(out[0], part.low, part.high)
+        for k, detail in enumerate(self._coordinates, start=1):
+            out[k] = np.clip(out[k], *detail.bounds)
+        count = 1 + len(self._coordinates)
+        out[count:] = np.clip(out[count:], -likelihood.NUISANCE_BOUND, likelihood.NUISANCE_BOUND)
+        return out
+
+    def _cost(self, parameters: Array, predicted: Array) -> float:
+        count = 1 + len(self._coordinates)
+        place = parameters[1:count] / self._wide
+        return self._on.cost(predicted, parameters[count:]) + 0.5 * float(place @ place)
