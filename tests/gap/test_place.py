@@ -44,10 +44,10 @@ def measured(plant: Plant, trial: Trial, truth: dict[str, float]) -> tuple[Plant
     return plant, trials
 
 
-def after(plant: Plant, trials: list[Trial], mass: float) -> Fitted:
+def after(plant: Plant, trials: list[Trial], mass: float, fixed: tuple[tuple[str, float], ...] = ()) -> Fitted:
     """The best explanation with its place, where one was found."""
     predict, _ = predictor(plant, trials, threads=1)
-    part = next(c for c in candidates(plant, ["payload"]))
+    part = replace(next(c for c in candidates(plant, ["payload"])), fixed=fixed)
     fit = Fitted((part,), np.array([mass]), np.array([0.02]), np.zeros(len(terms(plant))), 0.0, 9.0)
     data = noise_model.select_trials(predict.data, [0, 1])
     weight = np.full(len(data.channels), 0.5)

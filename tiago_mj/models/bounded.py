@@ -88,6 +88,16 @@ def load_model(path: Path, lead: str, error: type[ValueError] = ValueError) -> m
     return model
 
 
+def with_movable_masses(path: Path) -> mujoco.MjModel:
+    """The model of a file whose bodies' centres of mass may be moved: none is compiled as ``simple``, of which MuJoCo
+    has to know that its centre stays where its joints are (manual, ``body/simple``). The file was compiled before
+    (:func:`load_model`)."""
+    spec = mujoco.MjSpec.from_file(str(path))
+    for body in spec.bodies:
+        body.simple = 0
+    return spec.compile()
+
+
 def check_speed(model: mujoco.MjModel, lead: str, error: type[ValueError] = ValueError) -> None:
     """Refuse a model that is too slow to simulate, measured over a few steps from its initial state.
 

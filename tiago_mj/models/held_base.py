@@ -45,6 +45,8 @@ def with_held_base(path: Path, error: type[ValueError] = ValueError) -> mujoco.M
             key.qpos = qpos[kept]
         if len(qvel) == model.nv:
             key.qvel = qvel[moving]
+    for body in spec.bodies:
+        body.simple = 0  # its centre of mass may be moved
     return spec.compile()
 
 

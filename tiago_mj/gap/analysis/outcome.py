@@ -96,8 +96,11 @@ def named(plant: Plant, fit: Fitted, k: int) -> Named:
                 parameters[name] = Value(fixed, None, None, "-")
             continue
         if name in declared.details:
-            off = NINETY * verdict.calibration().widens * fit.spreads[name]
             detail = declared.details[name]
+            if name not in fit.spreads:  # proposed, and not fitted since: this is not the best explanation
+                parameters[name] = Value(fixed, None, None, detail.unit)
+                continue
+            off = NINETY * verdict.calibration().widens * fit.spreads[name]
             ends = max(fixed - off, detail.bounds[0]), min(fixed + off, detail.bounds[1])
             parameters[name] = Value(fixed, *ends, detail.unit, fit.spreads[name])
             continue

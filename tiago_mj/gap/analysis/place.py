@@ -13,7 +13,7 @@ import numpy as np
 
 from tiago_mj.gap.decision import verdict
 from tiago_mj.gap.inference import noise_model, placing
-from tiago_mj.gap.inference.fit import Fitted, Fitter
+from tiago_mj.gap.inference.fit import Fitted, Fitter, Point
 from tiago_mj.gap.inference.hypotheses import terms
 from tiago_mj.gap.inference.noise_model import Data
 from tiago_mj.gap.search.state import Ranked
@@ -55,11 +55,16 @@ def _which(fit: Fitted) -> int | None:
 
 
 def _placed(fitter: Fitter, fit: Fitted) -> Fitted:
+    """The fit with its payload's place as it is likeliest, if that is worth its price. A place that the search proposed
+    had the price of one among others; the width of its distribution takes the place of that."""
     which = _which(fit)
     assert which is not None
-    sought = placing.Sought(fitter, fit, which, placing.details(fit.parts[which].effect))
-    centre, beside = sought.descend(place=False), sought.descend(place=True)
-    gain, prior = centre.cost - beside.cost, beside.prior - centre.prior
-    if gain / verdict.calibration().temperature + prior < WORTH:
+    sought = placing.Sought(fitter, Point.of(fit), which)
+    held, beside = sought.descend(place=False), sought.descend(place=True)
+    proposed = fit.parts[which].log_prior(fit.values[which]) - placing.without_place(fit.parts[which]).log_prior(
+        fit.values[which]
+    )
+    gain, prior = held.cost - beside.cost, beside.prior - held.prior - proposed
+    if not proposed and gain / verdict.calibration().temperature + prior < WORTH:
         return fit
-    return sought.fitted(beside, gain, prior)
+    return sought.fitted(fit, beside, gain, prior)

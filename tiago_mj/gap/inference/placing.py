@@ -55,17 +55,36 @@ def details(effect: str) -> tuple[Detail, ...]:
     return tuple(d for d in EFFECTS[effect].details.values() if d.sought)
 
 
-class Sought:
-    """Gauss-Newton fit of the centre of mass of one effect; the other effects stay as they were fitted."""
+def without_place(part: Candidate) -> Candidate:
+    """A candidate at the body's own centre of mass."""
+    names = {d.name for d in details(part.effect)}
+    return replace(part, fixed=tuple((name, value) for name, value in part.fixed if name not in names))
 
-    def __init__(self, fitter: Fitter, best: Fitted, which: int, coordinates: tuple[Detail, ...]) -> None:
-        self._best, self._which, self._coordinates = best, which, coordinates
-        self._wide = np.array([(d.bounds[1] - d.bounds[0]) / np.sqrt(12) for d in coordinates])
-        self._begin = np.concatenate([[best.values[which]], np.zeros(len(coordinates)), best.nuisance])
+
+def _with(parts: tuple[Candidate, ...], which: int, part: Candidate) -> tuple[Candidate, ...]:
+    return (*parts[:which], part, *parts[which + 1 :])
+
+
+class Sought:
+    """Fit of the centre of mass of one effect; the other effects stay as they were fitted.
+
+    Args:
+        fitter: of the trials.
+        at: where it begins: from the place that the effect has there, else from the body's own centre of mass.
+        which: of its effects is placed.
+    """
+
+    def __init__(self, fitter: Fitter, at: Point, which: int) -> None:
+        part = at.parts[which]
+        self._coordinates, place = details(part.effect), dict(part.fixed)
+        self._wide = np.array([(d.bounds[1] - d.bounds[0]) / np.sqrt(12) for d in self._coordinates])
+        self._fitter, self._which = fitter, which
+        self._at = Point(_with(at.parts, which, without_place(part)), at.values, at.nuisance)
+        begun = [place.get(d.name, 0.0) for d in self._coordinates]
+        self._begin = np.concatenate([[at.values[which]], begun, at.nuisance])
         point = self._point(self._begin)
-        self._fitter = fitter
         base, without = self._fitter.predictions([point, point.without_effect(which)])
-        form = EFFECTS[best.parts[which].effect].form_known_to
+        form = EFFECTS[part.effect].form_known_to
         self._on = Whitening(fitter.data, fitter.weight).with_form_tolerance(np.abs(form * (base - without)))
         self._columns = self._of_nuisances(self._begin)
 
@@ -76,27 +95,26 @@ class Sought:
 
     def _point(self, parameters: Array) -> Point:
         count = 1 + len(self._coordinates)
-        parts, values = list(self._best.parts), self._best.values.copy()
-        parts[self._which] = self._part(parameters)
+        values = self._at.values.copy()
         values[self._which] = parameters[0]
-        return Point(tuple(parts), values, parameters[count:])
+        return Point(_with(self._at.parts, self._which, self._part(parameters)), values, parameters[count:])
 
     def _part(self, parameters: Array) -> Candidate:
-        part = self._best.parts[self._which]
+        part = self._at.parts[self._which]
         place = tuple((d.name, float(value)) for d, value in zip(self._coordinates, parameters[1:], strict=False))
         return replace(part, fixed=(*part.fixed, *place))
 
     def descend(self, *, place: bool) -> Optimum:
-        """Fit mass and nuisances, and with ``place`` the centre of mass."""
+        """Fit mass and nuisances, and with ``place`` the centre of mass, whose prior then counts."""
         count = 1 + len(self._coordinates)
         free = np.ones(len(self._begin), dtype=bool)
         free[1:count] = place
         scale = np.concatenate([[max(abs(self._begin[0]), 1e-6)], self._wide, np.ones(len(self._begin) - count)])
-        prior = np.concatenate([[0.0], np.ones(len(self._begin) - 1)])
+        prior = np.concatenate([[0.0], np.full(count - 1, float(place)), np.ones(len(self._begin) - count)])
         parameters, predicted = self._begin, self._predicted([self._begin])[0]
-        begun, nuisances = self._cost(parameters, predicted), self._columns
+        begun, nuisances = self._cost(parameters, predicted, place=place), self._columns
         for step in range(STEPS + 1):
-            now = self._cost(parameters, predicted)
+            now = self._cost(parameters, predicted, place=place)
             if place and now < begun - ANEW:  # what the nominal numbers do depends on where the mass is
                 begun, nuisances = now, self._of_nuisances(parameters)
             columns = np.concatenate([self._responses(parameters, predicted), nuisances], axis=1) * scale
@@ -109,7 +127,7 @@ class Sought:
             move[free] = Normal(curvature, gradient, scale[free]).step()
             tried = [self._inside(parameters + share * move) for share in SHARES]
             seen = self._predicted(tried)
-            costs = [self._cost(one, p) for one, p in zip(tried, seen, strict=True)]
+            costs = [self._cost(one, p, place=place) for one, p in zip(tried, seen, strict=True)]
             best = int(np.argmin(costs))
             if costs[best] > now - SETTLED:
                 break
@@ -117,26 +135,26 @@ class Sought:
         deviations = np.zeros(count)
         known = Normal(curvature, np.zeros(len(curvature)), scale[free]).variances()
         deviations[free[:count]] = np.sqrt(known)[: free[:count].sum()]
-        away = (parameters / scale)[1:]
+        away = (parameters / scale)[1 if place else count :]
         spread = -0.5 * float(np.linalg.slogdet(curvature)[1])
         cost = self._on.cost(predicted, np.zeros(0))
         return Optimum(parameters, cost, spread - 0.5 * float(away @ away), deviations, predicted)
 
-    def fitted(self, optimum: Optimum, gain: float, prior: float) -> Fitted:
+    def fitted(self, best: Fitted, optimum: Optimum, gain: float, prior: float) -> Fitted:
         """The explanation with the centre of mass; coordinates that the motion does not determine are 0."""
-        best, which, count = self._best, self._which, 1 + len(self._coordinates)
+        which, count = self._which, 1 + len(self._coordinates)
         told = optimum.deviations[1:] < MAX_DEVIATION_SHARE * self._wide
         parameters = optimum.parameters.copy()
         parameters[1:count] = np.where(told, parameters[1:count], 0.0)
         part = self._part(parameters)
-        shown = {d.name for d, seen in zip(self._coordinates, told, strict=True) if seen}
-        kept = tuple((name, value) for name, value in part.fixed if name in shown or name not in self._names())
+        hidden = {d.name for d, seen in zip(self._coordinates, told, strict=True) if not seen}
+        kept = tuple((name, value) for name, value in part.fixed if name not in hidden)
         values, deviations = best.values.copy(), best.deviations.copy()
         values[which], deviations[which] = parameters[0], optimum.deviations[0]
         residual = self._on.data.value - optimum.predicted
         return replace(
             best,
-            parts=(*best.parts[:which], replace(part, fixed=kept), *best.parts[which + 1 :]),
+            parts=_with(best.parts, which, replace(part, fixed=kept)),
             values=values,
             deviations=deviations,
             nuisance=parameters[count:],
@@ -148,9 +166,6 @@ class Sought:
             ),
             spreads={d.name: float(sd) for d, sd in zip(self._coordinates, optimum.deviations[1:], strict=True)},
         )
-
-    def _names(self) -> set[str]:
-        return {d.name for d in self._coordinates}
 
     def _predicted(self, places: Sequence[Array]) -> Array:
         return self._fitter.predictions([self._point(parameters) for parameters in places])
@@ -166,7 +181,7 @@ class Sought:
         return np.asarray(self._on.white((self._predicted(moved) - predicted) / steps[:, None, None, None]).T)
 
     def _inside(self, parameters: Array) -> Array:
-        part, out = self._best.parts[self._which], parameters.copy()
+        part, out = self._at.parts[self._which], parameters.copy()
         out[0] = np.clip(out[0], part.low, part.high)
         for k, detail in enumerate(self._coordinates, start=1):
             out[k] = np.clip(out[k], *detail.bounds)
@@ -174,7 +189,7 @@ class Sought:
         out[count:] = np.clip(out[count:], -likelihood.NUISANCE_BOUND, likelihood.NUISANCE_BOUND)
         return out
 
-    def _cost(self, parameters: Array, predicted: Array) -> float:
+    def _cost(self, parameters: Array, predicted: Array, *, place: bool) -> float:
         count = 1 + len(self._coordinates)
-        place = parameters[1:count] / self._wide
-        return self._on.cost(predicted, parameters[count:]) + 0.5 * float(place @ place)
+        away = parameters[1:count] / self._wide * place
+        return self._on.cost(predicted, parameters[count:]) + 0.5 * float(away @ away)

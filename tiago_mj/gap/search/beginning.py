@@ -15,7 +15,7 @@ from tiago_mj.gap.inference.fit import NUISANCE_STEP, Fitted, Fitter, Point, Sta
 from tiago_mj.gap.inference.hypotheses import Candidate
 from tiago_mj.gap.inference.noise_model import Data
 from tiago_mj.gap.inference.whitening import Whitening
-from tiago_mj.gap.search import lost_commands, ranking, sharpen, starts
+from tiago_mj.gap.search import lost_commands, mounting, ranking, sharpen, starts
 from tiago_mj.gap.search.screen import screen, worst_predicted
 from tiago_mj.gap.search.state import Question, State
 
@@ -106,6 +106,7 @@ def screened(
 ) -> State:
     """The search with the results of screening: promising effects, visible candidates, and effects that these
     recordings do not excite."""
+    pool = [*pool, *mounting.proposed(state.screening, state.linearization_point, pool)]
     losing = tuple(c for c in pool if c.effect == lost_commands.EFFECT) if motion is not None else ()
     found = screen(state.screening, [c for c in pool if c not in losing], state.linearization_point, how_far, tried)
     tried(c.effect for c in losing)  # what was lost is decoded beside what is found, if it calls for that

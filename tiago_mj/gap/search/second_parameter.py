@@ -108,8 +108,9 @@ def _other_forms(fit: Fitted) -> list[Start]:
 
 
 def _second_parameters(part: Candidate) -> list[str]:
-    """Names of the fixed parameters, without those of the form; none that is 0, which is another form."""
-    return [name for name, value in part.fixed if name not in EFFECTS[part.effect].forms and value]
+    """Names of the fixed parameters, without those of the form and coordinates; none that is 0, which is another
+    form."""
+    return [name for name, value in part.fixed if name in EFFECTS[part.effect].parameters and value]
 
 
 def _start_on_second_parameter(fitter: Fitter, fit: Fitted, k: int, name: str) -> Start:

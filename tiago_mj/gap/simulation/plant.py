@@ -27,7 +27,7 @@ from tiago_mj.io.loading import is_file
 from tiago_mj.io.quoting import quoted
 from tiago_mj.models import scene
 from tiago_mj.models.actuators import driven_joint, replayed_interfaces
-from tiago_mj.models.bounded import check_speed, load_model
+from tiago_mj.models.bounded import check_speed, load_model, with_movable_masses
 from tiago_mj.models.held_base import with_held_base
 from tiago_mj.models.objects import KEYS, SHAPES, GraspObject
 from tiago_mj.recordings.grid import grid_step
@@ -364,6 +364,8 @@ def _plain(trials: Sequence[Trial], path: Path) -> Plant:
     model = load_model(path, f"{path.name} does not compile", RecordingError)
     if trials[0].sidecar.raw.get("base") == "fixed":
         model = with_held_base(path, RecordingError)
+    elif model.body_simple.any():
+        model = with_movable_masses(path)
     check_speed(model, path.name, RecordingError)
     robot = Robot.of_model(model)
     for finding in check_names(trials, robot.joints, robot.actuators, ()):
