@@ -33,6 +33,7 @@ from tiago_mj.gap.search import (
     sharpen,
     starts,
     step_error,
+    wider,
 )
 from tiago_mj.gap.search.beside_readings import with_readings
 from tiago_mj.gap.search.state import Question, Ranked, State, Tick
@@ -231,7 +232,7 @@ def _with_singles(state: State, tell: Callable[[State], None], tick: Tick) -> St
     hurried = screening.out_of_time()  # the first few are fitted all the same: else there would be no answer
     chosen = additions.singles(state.promising, moved, additions.MIN_SINGLES if hurried else additions.MAX_SINGLES)
     begin = [starts.start_of_screened(s, screening, linearization_point.nuisance) for s in chosen]
-    on_screening = screening.fit_all([starts.start_at(linearization_point), *begin])
+    on_screening = wider.fitted(screening, screening.fit_all([starts.start_at(linearization_point), *begin]))
     other = None if hurried else step_error.better_step_correction(screening, ranking.by_evidence(on_screening))
     if other is not None:
         state = replace(state, screening=replace(screening, predict=other), full=replace(state.full, predict=other))
@@ -293,7 +294,7 @@ def _further(state: State, size: int) -> list[Start]:
     ]
     if size == 2 and not adequate:
         tried = [*additions.superposed_pairs(screening, state.linearization_point, state.promising), *tried]
-    on_screening = ranking.unique_by_labels(screening.fit_all(additions.unique(tried)))
+    on_screening = ranking.unique_by_labels(wider.fitted(screening, screening.fit_all(additions.unique(tried))))
     gap = not seeds or ranking.discrepancy(seeds[0]) > ranking.INADEQUATE_DISCREPANCY
     begin = [
         start
@@ -314,7 +315,7 @@ def _fitted_to_all(state: State, begin: Sequence[Start], tell: Callable[[State],
     """The search with further explanations fitted to all trials, then with fits linearized around the best and
     simplified."""
     full = state.full
-    state = state.with_fits(full.fit_all(begin))
+    state = state.with_fits(wider.fitted(full, full.fit_all(begin)))
     tell(state)
     if len(state.best.parts) > 1 and _leaves_a_gap(state.best):
         state = _exchanged(state, gap=True)

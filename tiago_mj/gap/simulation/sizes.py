@@ -30,6 +30,8 @@ FRICTION: Final = 1.0
 DAMPING: Final = 3.0
 INERTIA: Final = 30.0
 MASS: Final = (-0.9, 3.0)
+#: Units of what has such bounds.
+ESTIMATED: Final = frozenset({"N", "N·m", "N·s/m", "N·m·s/rad", "kg", "kg·m²"})
 
 
 @dataclass(frozen=True)
