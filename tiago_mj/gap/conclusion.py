@@ -311,10 +311,12 @@ def _tried(
     if not recorded.test or not ranked.complete:  # what is provisional needs no more than how far it closes the gap
         return Tried(judged, repaired, closing, ())
     rest = leave(fit=best)
-    closed, none = closing.closed, None
-    if closed is not None and closed <= promises.CLOSES:  # where the object stood may hide it
+    closed, none, along = closing.closed, None, not ranked.predict.replays
+    # Where the object stood may hide it; along a motion the model's masses may, which act on the same torques.
+    if closed is not None and closed <= (promises.LARGER_PART if along else promises.CLOSES):
         none = leave(fit=ranked.fits[outcome.nominal(ranked)])
         closed = max(closed, shrink.gone(none.gap, rest.gap))
+    share = closed if along else closing.closed
     aside = promises.Aside(
         closed,
         rest.gap,
@@ -328,8 +330,8 @@ def _tried(
         and ranked.predict.replays
         and (closing.low or 0.0) > promises.LARGER_PART,
         smaller_part="force" not in recorded.data.kinds
-        and closing.closed is not None
-        and closing.closed < promises.LARGER_PART
+        and share is not None
+        and share < promises.LARGER_PART
         and rest.gap > LEFT,
     )
     kept, said = promises.aside(judged, aside, [verdict.option(fit, ranked) for fit in ranked.fits], by)
