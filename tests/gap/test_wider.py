@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from test_mounting import searched
 
 from tiago_mj.gap.inference.fit import Fitted, Start
