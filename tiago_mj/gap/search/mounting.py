@@ -21,7 +21,8 @@ from tiago_mj.gap.inference.whitening import Whitening
 
 Array = NDArray[np.float64]
 
-#: A mass below this share of what is possible has no place: its moments would be divided by next to nothing.
+#: A mass below this share of what is possible has no place: its moments would be divided by next to nothing. Halved and
+#: doubled, the answers about two real loads are the same.
 LEAST_SHARE: Final = 1e-3
 
 
