@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 import re
 import time
+import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final, NoReturn
@@ -95,7 +96,9 @@ def with_movable_masses(path: Path) -> mujoco.MjModel:
     spec = mujoco.MjSpec.from_file(str(path))
     for body in spec.bodies:
         body.simple = 0
-    return spec.compile()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # what MuJoCo warns of, it warned of when the file was loaded
+        return spec.compile()
 
 
 def check_speed(model: mujoco.MjModel, lead: str, error: type[ValueError] = ValueError) -> None:
