@@ -4,17 +4,21 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import mujoco
 import numpy as np
 import pytest
+from made_motions import holds, named, record
 from test_place import after, measured
 from test_repaired import robot
 
 from tiago_mj.effects import read_effects
 from tiago_mj.gap.inference import noise_model
-from tiago_mj.gap.inference.fit import Fitter, Start
+from tiago_mj.gap.inference.fit import Fitter
 from tiago_mj.gap.inference.hypotheses import Candidate, candidates, terms
 from tiago_mj.gap.inference.points import Point
 from tiago_mj.gap.inference.predictor import predictor
+from tiago_mj.gap.pipeline import diagnose
+from tiago_mj.gap.result import Diagnosis
 from tiago_mj.gap.search import mounting, second_parameter
 from tiago_mj.gap.simulation import replay, sizes
 from tiago_mj.gap.simulation.plant import plant_of
@@ -23,11 +27,36 @@ from tiago_mj.recordings.recording import Sidecar, Trial
 
 AXIS = """<mujoco><worldbody><body name="carriage"><joint name="axis" type="slide" axis="1 0 0"/>
 <geom size="0.1" mass="3"/></body></worldbody><actuator><motor name="axis" joint="axis"/></actuator></mujoco>"""
+REACHES = """
+<mujoco>
+  <option timestep="0.002" integrator="implicitfast"/>
+  <default><joint damping="0.1" frictionloss="0.05" armature="0.01"/><geom type="capsule" size="0.02"/></default>
+  <worldbody>
+    <body name="upper">
+      <joint name="turn" axis="0 0 1"/>
+      <geom fromto="0 0 0 0.1 0 0" mass="2"/>
+      <body name="middle" pos="0.1 0 0">
+        <joint name="lift" axis="0 1 0"/>
+        <geom fromto="0 0 0 0.3 0 0" mass="1.5"/>
+        <body name="last" pos="0.3 0 0">
+          <joint name="roll" axis="1 0 0"/>
+          <geom fromto="0 0 0 0.06 0 0" mass="0.4"/>
+        </body>
+      </body>
+    </body>
+  </worldbody>
+  <actuator>
+    <motor joint="turn" name="turn"/><motor joint="lift" name="lift"/><motor joint="roll" name="roll"/>
+  </actuator>
+</mujoco>
+"""
+#: Of the last link, along its axis [m].
+CENTRE = 0.03
 TRUTH = {"mass": 0.5, "x": 0.2, "z": -0.1}
 
 
 def searched(tmp_path, truth: dict[str, float]) -> tuple[Fitter, tuple[Candidate, ...]]:
-    """A fitter to recordings of an arm with a load, and the payload of the library."""
+    """A fitter to recordings of commands of an arm with a load, and the payload of the library."""
     plant, trial, _ = robot(tmp_path)
     plant, trials = measured(plant, trial, truth)
     predict, nominal = predictor(plant, trials, threads=1)
@@ -39,30 +68,41 @@ def searched(tmp_path, truth: dict[str, float]) -> tuple[Fitter, tuple[Candidate
     return fitter.linearized_at(Point((), np.zeros(0), np.zeros(fitter.size))), pool
 
 
-def proposed(fitter: Fitter, pool: tuple[Candidate, ...]) -> tuple[Candidate, ...]:
-    return mounting.proposed(fitter, Point((), np.zeros(0), np.zeros(fitter.size)), pool)
+def loaded(mass: float, at: tuple[float, float, float]) -> Trial:
+    """Motion and drive torques of an arm with a mass at a place of its last link [m]."""
+    spec = mujoco.MjSpec.from_string(REACHES)
+    ball = spec.body("last").add_body(pos=at)
+    ball.explicitinertial, ball.mass, ball.inertia, ball.ipos = True, mass, np.full(3, 1e-9), np.zeros(3)
+    return record(spec.compile(), ("turn", "lift", "roll"), spread=1.0)
 
 
-def test_a_load_beside_the_link_is_proposed_where_it_hangs(tmp_path):
+def diagnosed(tmp_path, recorded: Trial) -> Diagnosis:
+    file = tmp_path / "reaches.xml"
+    file.write_text(REACHES)
+    return diagnose([recorded], model=file, seed=0, threads=1)
+
+
+def test_a_load_is_found_where_it_hangs_along_a_motion(tmp_path):
+    found = diagnosed(tmp_path, loaded(0.8, (0.2, 0.0, 0.15)))
+    assert (found.kind, named(found.best)) == ("effect", {"payload"})
+    load = found.best.effects[0].parameters
+    assert holds(load["mass"], 0.8)
+    for key, truth in (("x", 0.2 - CENTRE), ("y", 0.0), ("z", 0.15)):
+        assert holds(load[key], truth), key
+    assert load["z"].value == pytest.approx(0.15, abs=0.03)
+    assert found.shrink.closed > 0.99
+
+
+def test_a_load_at_the_centre_is_given_no_other_place_along_a_motion(tmp_path):
+    found = diagnosed(tmp_path, loaded(0.8, (CENTRE, 0.0, 0.0)))
+    assert (found.kind, named(found.best)) == ("effect", {"payload"})
+    assert set(found.best.effects[0].parameters) == {"mass"}
+    assert holds(found.best.effects[0].parameters["mass"], 0.8)
+
+
+def test_no_place_is_proposed_where_commands_are_replayed(tmp_path):
     fitter, pool = searched(tmp_path, TRUTH)
-    (found,) = proposed(fitter, pool)
-    place = dict(found.fixed)
-    assert place["x"] == pytest.approx(TRUTH["x"], abs=0.03)
-    assert place["z"] == pytest.approx(TRUTH["z"], abs=0.03)
-    beside, centre = fitter.fit_all([Start((c,), np.array([0.3])) for c in (found, *pool)])
-    assert beside.evidence > centre.evidence + 100
-    assert beside.values[0] == pytest.approx(TRUTH["mass"], abs=0.05)
-
-
-@pytest.mark.parametrize("truth", [{"mass": 0.5}, {"mass": 0.0}])
-def test_no_place_is_proposed_where_there_is_none(tmp_path, truth):
-    assert proposed(*searched(tmp_path, truth)) == ()
-
-
-def test_the_place_of_a_robot_of_the_package_is_known(tmp_path):
-    fitter, pool = searched(tmp_path, TRUTH)
-    predict = replace(fitter.predict, plant=replace(fitter.predict.plant, environment="TiagoArmReach-v0"))
-    assert proposed(replace(fitter, predict=predict), pool) == ()
+    assert mounting.proposed(fitter, Point((), np.zeros(0), np.zeros(fitter.size)), pool) == ()
 
 
 def test_coordinates_of_a_place_are_no_second_parameters(tmp_path):

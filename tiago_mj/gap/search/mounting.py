@@ -1,7 +1,9 @@
-"""Where a load may hang on your robot: places of a payload, from the recordings, before effects are screened.
+"""Where a load may hang on your robot: places of a payload along a motion, before effects are screened.
 
 A load hangs where it was mounted, and not at the centre of mass of the link that carries it. Of one 0.2 m off an
 arm's last axis the link's own centre shows so little that the masses of links, a few per cent off, explain more.
+Efforts are linear in a mass and its moments, so that one least-squares fit tells the place. Where commands are replayed
+they are not, and a place is sought once a payload is the best explanation (:mod:`tiago_mj.gap.analysis.place`).
 """
 
 from __future__ import annotations
@@ -29,14 +31,12 @@ LEAST_SHARE: Final = 1e-3
 def proposed(fitter: Fitter, point: Point, pool: Sequence[Candidate]) -> tuple[Candidate, ...]:
     """Candidates of the pool that have a place, each at its likeliest one, where that is worth its price.
 
-    Nothing on the package's own robots: what their grippers carry is known.
-
     Args:
         fitter: of the trials that are screened.
         point: the nominal model, with its numbers.
         pool: candidates.
     """
-    if fitter.predict.plant.environment is not None:
+    if fitter.predict.replays:
         return ()
     found = (_placed(fitter, point, part) for part in pool if placing.details(part.effect))
     return tuple(part for part in found if part is not None)
@@ -45,41 +45,42 @@ def proposed(fitter: Fitter, point: Point, pool: Sequence[Candidate]) -> tuple[C
 def _placed(fitter: Fitter, point: Point, part: Candidate) -> Candidate | None:
     """A candidate with its likeliest place; None where its own centre of mass is as likely."""
     coordinates = placing.details(part.effect)
-    found = []
-    for place in (False, True):
-        mass, *moments = _if_linear(fitter, point, part, place=place)
-        if abs(mass) < LEAST_SHARE * (part.high - part.low):  # nothing to place
-            return None
-        at = zip(coordinates, np.divide(moments, mass), strict=False)
-        fixed = tuple((d.name, float(np.clip(x, *d.bounds))) for d, x in at)
-        begin = replace(part, fixed=(*part.fixed, *fixed))
-        sought = placing.Sought(fitter, point.with_effect(begin, float(mass)), len(point.parts))
-        found.append(sought.descend(place=place))
-    centre, beside = found
-    where = zip(coordinates, beside.parameters[1:], strict=False)
-    placed = replace(part, fixed=(*part.fixed, *((d.name, float(x)) for d, x in where)))
-    price = part.log_prior(beside.parameters[0]) - placed.log_prior(beside.parameters[0])
-    return placed if centre.cost - beside.cost > price else None
+    columns, wanted = _changes(fitter, point, part)
+    of_moments = range(1, 1 + len(coordinates))
+    centre, _ = _likeliest(fitter, point, part, np.delete(columns, of_moments, axis=1), wanted)
+    beside, (mass, *moments) = _likeliest(fitter, point, part, columns, wanted)
+    if abs(mass) < LEAST_SHARE * (part.high - part.low):  # nothing to place
+        return None
+    where = zip(coordinates, np.divide(moments, mass), strict=True)
+    placed = replace(part, fixed=(*part.fixed, *((d.name, float(np.clip(x, *d.bounds))) for d, x in where)))
+    return placed if centre - beside > part.log_prior(mass) - placed.log_prior(mass) else None
 
 
-def _if_linear(fitter: Fitter, point: Point, part: Candidate, *, place: bool) -> Array:
-    """Mass, and with ``place`` its first moments about the body's centre of mass, that are likeliest beside the nominal
-    numbers if all change predictions in proportion, (1 or 4,) [kg, kg·m]."""
-    size, coordinates = part.grid[-1], placing.details(part.effect) if place else ()
+def _changes(fitter: Fitter, point: Point, part: Candidate) -> tuple[Array, Array]:
+    """What a mass, its moments about the body's centre of mass and the nominal numbers change, whitened, (n, 4 + size)
+    per kg, kg·m and deviation, and what is to be explained, (n,)."""
+    size, coordinates = part.grid[-1], placing.details(part.effect)
     aside = [d.bounds[1] / 2 for d in coordinates]
     moved = [replace(part, fixed=(*part.fixed, (d.name, x))) for d, x in zip(coordinates, aside, strict=True)]
-    points = [point, *(point.with_effect(one, size) for one in (part, *moved))]
-    base, centre, *beside = fitter.predictions(points)
+    base, centre, *beside = fitter.predictions([point, *(point.with_effect(one, size) for one in (part, *moved))])
     changes = [centre - base, *((one - centre) / x for one, x in zip(beside, aside, strict=True))]
     on = Whitening(fitter.data, fitter.weight)
     of_terms = on.columns(fitter.responses, fitter.per_trial)
     columns = np.column_stack([on.white(np.stack(changes)).T / size, of_terms])
-    wanted = np.concatenate([on.white(likelihood.residual(fitter.data, base)), -point.nuisance])
-    known = np.eye(fitter.size, columns.shape[1], len(changes))
-    bound = likelihood.NUISANCE_BOUND
-    free = np.full(len(coordinates), np.inf)
+    return columns, on.white(likelihood.residual(fitter.data, base))
+
+
+def _likeliest(
+    fitter: Fitter, point: Point, part: Candidate, columns: Array, wanted: Array
+) -> tuple[float, Sequence[float]]:
+    """The negative log likelihood [nats] of the likeliest mass and moments beside the nominal numbers, and these; each
+    moment has a prior deviation of the largest mass at the bound of a place."""
+    count = columns.shape[1] - fitter.size
+    reach = [part.high * d.bounds[1] for d in placing.details(part.effect)][: count - 1]
+    known = np.diag([0.0, *(1 / x for x in reach), *np.ones(fitter.size)])
+    bound, free = likelihood.NUISANCE_BOUND, np.full(count - 1, np.inf)
     low = np.concatenate([[part.low], -free, -bound - point.nuisance])
     high = np.concatenate([[part.high], free, bound - point.nuisance])
-    found = lsq_linear(np.vstack([columns, known]), wanted, bounds=(low, high), lsmr_tol="auto")
-    out: Array = found.x[: len(changes)]
-    return out
+    rows = np.concatenate([wanted, np.zeros(count), -point.nuisance])
+    found = lsq_linear(np.vstack([columns, known]), rows, bounds=(low, high))
+    return float(found.cost), found.x[:count].tolist()
