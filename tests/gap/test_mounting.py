@@ -91,6 +91,9 @@ def test_a_load_is_found_where_it_hangs_along_a_motion(tmp_path):
         assert holds(load[key], truth), key
     assert load["z"].value == pytest.approx(0.15, abs=0.03)
     assert found.shrink.closed > 0.99
+    told = [e.parameters[k] for one in found.ranking for e in one.effects for k in ("x", "y", "z") if k in e.parameters]
+    assert told
+    assert all(place.low is not None for place in told), "a place that was proposed and not fitted"
 
 
 def test_a_load_at_the_centre_is_given_no_other_place_along_a_motion(tmp_path):

@@ -14,7 +14,7 @@ import numpy as np
 from tiago_mj.gap.decision import verdict
 from tiago_mj.gap.inference import noise_model, placing
 from tiago_mj.gap.inference.fit import Fitted, Fitter, Point
-from tiago_mj.gap.inference.hypotheses import terms
+from tiago_mj.gap.inference.hypotheses import Candidate, terms
 from tiago_mj.gap.inference.noise_model import Data
 from tiago_mj.gap.search.state import Ranked
 from tiago_mj.gap.simulation.plant import Plant
@@ -27,7 +27,8 @@ TRIALS: Final = 4
 
 
 def refined(plant: Plant, ranked: Ranked, data: Data, trials: Subset) -> Ranked:
-    """Explanations, the best one with the fitted centre of mass of its payload where the evidence favours that.
+    """Explanations, the best one, and those whose place was proposed, with the fitted centre of mass of their payload
+    where the evidence favours that.
 
     Args:
         plant: the nominal simulator.
@@ -35,18 +36,25 @@ def refined(plant: Plant, ranked: Ranked, data: Data, trials: Subset) -> Ranked:
         data: measured, of the trials that were fitted.
         trials: the session's, as the data has them.
     """
-    own = terms(plant)
-    if _which(ranked.fits[0]) is None or not ranked.complete or any(term.per_trial for term in own):
+    own, proposed = terms(plant), [k for k, fit in enumerate(ranked.fits) if any(map(_is_placed, fit.parts))]
+    nothing = _which(ranked.fits[0]) is None and not proposed
+    if nothing or not ranked.complete or any(term.per_trial for term in own):
         return ranked
     rows = [row for row, trial in enumerate(trials) if trial not in ranked.excluded][:TRIALS]
     selected = noise_model.select_trials(data, rows)
     flat = np.zeros((len(own), *selected.value.shape))
     fitter = Fitter(ranked.predict, trials.at(rows), selected, ranked.weight, own, flat)
-    # A second effect may stand for an off-centre mass: the explanation by the payload alone is given a centre, too.
+    # A second effect may stand for an off-centre mass: the explanation by the payload alone is given a centre, too. So
+    # is each whose place was only proposed: any of them may be told.
     alone = (k for k, fit in enumerate(ranked.fits) if len(fit.parts) == ranked.known + 1 and _which(fit) is not None)
-    chosen = {0, next(alone, 0)}
+    chosen = {k for k in (0, next(alone, 0), *proposed) if _which(ranked.fits[k]) is not None}
     fits = [_placed(fitter, fit) if k in chosen else fit for k, fit in enumerate(ranked.fits)]
     return replace(ranked, fits=tuple(sorted(fits, key=lambda fit: -fit.evidence)))
+
+
+def _is_placed(part: Candidate) -> bool:
+    """Whether a candidate has a place of its own."""
+    return placing.without_place(part) != part
 
 
 def _which(fit: Fitted) -> int | None:
