@@ -12,8 +12,7 @@ from benchmarks.blind.dictionary import CONSTANT, KINDS
 from benchmarks.truth_audit import __main__ as command
 from benchmarks.truth_audit import audit, plan, residuals
 from tiago_mj.effects import EFFECTS
-from tiago_mj.gap.analysis import place
-from tiago_mj.gap.inference import hypotheses
+from tiago_mj.gap.inference import hypotheses, placing
 from tiago_mj.gap.inference.predictor import Predictor
 
 #: A sample of the audit, over stages, rates and robots; docs/truth-audit.md has all. The slow ones take 3 to 20 s.
@@ -79,8 +78,8 @@ def test_what_the_audit_tells_an_effect_beyond_its_parameters_is_not_sought():
     )
     for name in told:
         assert EFFECTS[name].details
-        assert not place._details(name)
-    assert [d.name for d in place._details("payload")] == ["x", "y", "z"]
+        assert not placing.details(name)
+    assert [d.name for d in placing.details("payload")] == ["x", "y", "z"]
 
 
 def test_cases_measured_again_take_the_place_of_the_kept_ones(tmp_path, monkeypatch):
