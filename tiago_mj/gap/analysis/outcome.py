@@ -97,7 +97,7 @@ def named(plant: Plant, fit: Fitted, k: int) -> Named:
             continue
         if name in declared.details:
             detail = declared.details[name]
-            if name not in fit.spreads:  # proposed, and not fitted since: this is not the best explanation
+            if name not in fit.spreads:  # proposed, and the search ended before it was fitted
                 parameters[name] = Value(fixed, None, None, detail.unit)
                 continue
             off = NINETY * verdict.calibration().widens * fit.spreads[name]

@@ -69,10 +69,8 @@ def _placed(fitter: Fitter, fit: Fitted) -> Fitted:
     assert which is not None
     sought = placing.Sought(fitter, Point.of(fit), which)
     held, beside = sought.descend(place=False), sought.descend(place=True)
-    proposed = fit.parts[which].log_prior(fit.values[which]) - placing.without_place(fit.parts[which]).log_prior(
-        fit.values[which]
-    )
-    gain, prior = held.cost - beside.cost, beside.prior - held.prior - proposed
-    if not proposed and gain / verdict.calibration().temperature + prior < WORTH:
+    paid = placing.price(fit.parts[which], fit.values[which])
+    gain, prior = held.cost - beside.cost, beside.prior - held.prior + paid
+    if not paid and gain / verdict.calibration().temperature + prior < WORTH:
         return fit
     return sought.fitted(fit, beside, gain, prior)

@@ -61,6 +61,12 @@ def without_place(part: Candidate) -> Candidate:
     return replace(part, fixed=tuple((name, value) for name, value in part.fixed if name not in names))
 
 
+def price(part: Candidate, value: float) -> float:
+    """By how much less likely a candidate is for its place, one among others, before anything is seen [nats]; 0 at the
+    body's own centre of mass."""
+    return without_place(part).log_prior(value) - part.log_prior(value)
+
+
 def _with(parts: tuple[Candidate, ...], which: int, part: Candidate) -> tuple[Candidate, ...]:
     return (*parts[:which], part, *parts[which + 1 :])
 

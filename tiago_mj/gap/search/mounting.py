@@ -53,7 +53,7 @@ def _placed(fitter: Fitter, point: Point, part: Candidate) -> Candidate | None:
         return None
     where = zip(coordinates, np.divide(moments, mass), strict=True)
     placed = replace(part, fixed=(*part.fixed, *((d.name, float(np.clip(x, *d.bounds))) for d, x in where)))
-    return placed if centre - beside > part.log_prior(mass) - placed.log_prior(mass) else None
+    return placed if centre - beside > placing.price(placed, mass) else None
 
 
 def _changes(fitter: Fitter, point: Point, part: Candidate) -> tuple[Array, Array]:
