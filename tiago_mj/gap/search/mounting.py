@@ -2,7 +2,8 @@
 
 A load hangs where it was mounted, and not at the centre of mass of the link that carries it. Of one 0.2 m off an
 arm's last axis the link's own centre shows so little that the masses of links, a few per cent off, explain more.
-Efforts are linear in a mass and its moments, so that one least-squares fit tells the place. Where commands are replayed
+Efforts that hold a load are linear in its mass and moments, so that one least-squares fit tells about where it hangs,
+and a short Gauss-Newton fit from there, with its inertia, the place. Where commands are replayed
 they are not, and a place is sought once a payload is the best explanation (:mod:`tiago_mj.gap.analysis.place`).
 """
 
@@ -51,9 +52,20 @@ def _placed(fitter: Fitter, point: Point, part: Candidate) -> Candidate | None:
     beside, (mass, *moments) = _likeliest(fitter, point, part, columns, wanted)
     if abs(mass) < LEAST_SHARE * (part.high - part.low):  # nothing to place
         return None
-    where = zip(coordinates, np.divide(moments, mass), strict=True)
-    placed = replace(part, fixed=(*part.fixed, *((d.name, float(np.clip(x, *d.bounds))) for d, x in where)))
+    where = [float(np.clip(m / mass, *d.bounds)) for d, m in zip(coordinates, moments, strict=True)]
+    placed = _at(part, where)
+    # What turns has an inertia that grows with the square of its distance, which the fit above lacks.
+    sought = placing.Sought(fitter, Point((placed,), np.array([mass]), point.nuisance), 0)
+    mass, *where = sought.descend(place=True).parameters[: 1 + len(coordinates)]
+    placed = _at(part, where)
     return placed if centre - beside > placing.price(placed, mass) else None
+
+
+def _at(part: Candidate, where: Sequence[float]) -> Candidate:
+    """A candidate at a place."""
+    names = [d.name for d in placing.details(part.effect)]
+    place = tuple((name, float(x)) for name, x in zip(names, where, strict=True))
+    return replace(placing.without_place(part), fixed=(*placing.without_place(part).fixed, *place))
 
 
 def _changes(fitter: Fitter, point: Point, part: Candidate) -> tuple[Array, Array]:

@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from tiago_mj.gap.inference.fit import Fitted, Start
+from tiago_mj.gap.inference.fit import Fitted, Fitter, Start
 from tiago_mj.gap.inference.hypotheses import GROUP, Candidate
 from tiago_mj.gap.search import ranking, rounds
 from tiago_mj.gap.search.state import State
@@ -35,11 +35,19 @@ def target(state: State, out_of_time: Callable[[], bool]) -> State:
         start = _on_each(state.best, effect, state.pool)
         if start is None or out_of_time():
             continue
-        found = full.fit_all([start])
-        needed = [k for k in range(len(found[0].parts)) if ranking.differs_from_identity(found[0], k, least)]
-        fewer = rounds.reduced_to(found[0], needed)
-        state = state.with_fits([*found, *(full.fit_all([fewer]) if fewer is not None else [])])
+        state = state.with_fits(_without_needless(full, full.fit_all([start])[0], least))
     return state
+
+
+def _without_needless(full: Fitter, fit: Fitted, least: float) -> list[Fitted]:
+    """An explanation by what it needs: fitted without the effects that do not differ from none, until all do; itself
+    where none does. What is needless is never told, and what is built on it is not either."""
+    while True:
+        needed = [k for k in range(len(fit.parts)) if ranking.differs_from_identity(fit, k, least)]
+        fewer = rounds.reduced_to(fit, needed)
+        if fewer is None:
+            return [fit]
+        (fit,) = full.fit_all([fewer])
 
 
 def _on_each(best: Fitted, effect: str, pool: Sequence[Candidate]) -> Start | None:

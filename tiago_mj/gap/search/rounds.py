@@ -173,7 +173,8 @@ def on_all_targets(fit: Fitted, fitter: Fitter) -> list[Start]:
         rest = [k for k in range(len(fit.parts)) if k not in mine]
         paid = tuple(sum(each) for each in zip(*(fit.parts[k].selection_penalty for k in mine), strict=True))
         parts = (replace(fit.parts[mine[0]], target=None, selection_penalty=paid), *(fit.parts[k] for k in rest))
-        out.append(Start(parts, np.array([fit.values[mine].mean(), *fit.values[rest]]), fit.nuisance))
+        one = min(max(float(fit.values[mine].mean()), parts[0].low), parts[0].high)  # a joint's bounds are its own
+        out.append(Start(parts, np.array([one, *fit.values[rest]]), fit.nuisance))
     return out
 
 
