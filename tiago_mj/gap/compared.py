@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tiago_mj.gap.detectors.proposals import Proposals
+from tiago_mj.gap.inference.noise_model import Data
 from tiago_mj.gap.inference.predictor import Predictor
 from tiago_mj.gap.simulation.replay import Signals
 from tiago_mj.gap.simulation.session import Session
@@ -29,6 +30,8 @@ class Compared:
         notes: sentences on how it was compared.
         findings: of what was compared, beside those of the lint.
         hidden: effects that cannot show in it, whatever the motion.
+        sharp: what was measured, with the tolerance that the recordings themselves show, by which explanations are
+            sought; None: with that of ``proposed``, by which they are judged.
     """
 
     session: Session
@@ -41,3 +44,4 @@ class Compared:
     notes: tuple[str, ...] = ()
     findings: tuple[Finding, ...] = ()
     hidden: tuple[str, ...] = ()
+    sharp: Data | None = None

@@ -95,7 +95,7 @@ def concluded(compared: Compared, asked: Request, so_far: SoFar, ranked: Ranked)
     plant, data = session.plant, proposed.data
     recorded = Recorded(session, data, phase, seed)
     everything, fitted_on = range(len(session.trials)), session.subset(*FITTED)
-    part = noise_model.select_trials(data, fitted_on)
+    part = noise_model.select_trials(data if compared.sharp is None else compared.sharp, fitted_on)
     placed, ranked = _unless_ended(ranked, partial(place.refined, plant, ranked, part, fitted_on), None)
     ranked = placed or ranked
     ranked = replace(ranked, predict=replace(ranked.predict, deadline=asked.deadline))
@@ -327,7 +327,6 @@ def _tried(
         without=None if none is None else none.gap,
         larger_part=not proposed.tones
         and recorded.plant.environment is None
-        and ranked.predict.replays
         and (closing.low or 0.0) > promises.LARGER_PART,
         smaller_part="force" not in recorded.data.kinds
         and share is not None

@@ -128,10 +128,10 @@ def _along_the_motion(session: Session, asked: Request, so_far: SoFar) -> Compar
     so_far.tally = predict.tally
     simulated = deadline.spent()
     phase = phases.phases(plant, found.motion)
-    so_far.where = locate.locate(predict.data, base, phase, plant.period, asked.seed)
+    so_far.where = locate.locate(found.assumed, base, phase, plant.period, asked.seed)
     a_simulation = (simulated - begun) / max(predict.tally["simulations"], 1)
     reserve = a_simulation * simulations(along) + 3 * (deadline.spent() - simulated)
-    proposed = Proposals(pool, (), None, (), predict.data)
+    proposed = Proposals(pool, (), None, (), found.assumed)
     seen = {candidate.effect for candidate in proposed.pool}
     return Compared(
         along,
@@ -144,6 +144,7 @@ def _along_the_motion(session: Session, asked: Request, so_far: SoFar) -> Compar
         notes=of_method(trials, replace(found, predict=predict)),
         findings=found.usable.findings,
         hidden=tuple(name for name in asked.names or EFFECTS if EFFECTS[name].nameable and name not in seen),
+        sharp=predict.data,
     )
 
 
@@ -158,7 +159,7 @@ def _explained(compared: Compared, asked: Request, so_far: SoFar) -> Diagnosis:
     base = predict.all_trials([()], fitted_on)[0]
     question = Question(
         replace(predict, deadline=searching),
-        noise_model.select_trials(proposed.data, fitted_on),
+        noise_model.select_trials(proposed.data if compared.sharp is None else compared.sharp, fitted_on),
         fitted_on,
         proposed.pool,
         hypotheses.terms(session.plant),
@@ -166,6 +167,7 @@ def _explained(compared: Compared, asked: Request, so_far: SoFar) -> Diagnosis:
         proposed.known,
         proposed.servo_motion,
         steps,
+        assumed=None if compared.sharp is None else noise_model.select_trials(proposed.data, fitted_on),
     )
     if np.isfinite(question.budget):
         a_step = compared.a_simulation / max(steps, 1)

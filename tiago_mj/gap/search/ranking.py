@@ -51,6 +51,16 @@ MIN_MAGNITUDE_DEVIATIONS: Final = 3.08
 MIN_MAGNITUDE_DEVIATIONS_ALONG_A_MOTION: Final = 2.5
 
 
+def leaves_a_gap(fit: Fitted, *, replays: bool) -> bool:
+    """Whether another effect is sought beside an explanation whatever the evidence.
+
+    Along a motion another effect costs next to nothing, and what an explanation leaves is measured by what a flexible
+    model of the same recording leaves: there nothing but noise is enough. With 4 in place of 1.2 the real XL330's
+    friction and inertia (discrepancy 2.1) are never joined by its damping, for which there are 23 nats.
+    """
+    return discrepancy(fit) > (INADEQUATE_DISCREPANCY if replays else ADEQUATE_WITH_EFFECTS)
+
+
 def sample_weight(data: Data, predicted: Array) -> Array:
     """Square root of the weight of a sample of each channel, given the residuals of a prediction, (C,)."""
     return likelihood.independence(data, predicted) / np.sqrt(SAMPLES_PER_INDEPENDENT)

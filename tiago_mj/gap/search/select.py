@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tiago_mj.gap.detectors.readings import only_read_off
+from tiago_mj.gap.inference import noise_model
 from tiago_mj.gap.inference.fit import Fitted, Fitter, Start
 from tiago_mj.gap.inference.points import Point
 from tiago_mj.gap.search import (
@@ -187,7 +188,13 @@ def _shown(state: State, asked: Question, shared: NDArray[np.bool_], wide: Fitte
     """Explanations as they are told; ``wide``: the first fitter, for how they do in the noise assumed at first."""
     shown = ranking.reportable(ranking.unique_by_labels(state.fits), replays=state.full.predict.replays)
     if wide is not None:
-        shown = sharpen.misfits_by(wide, state.full, agreement.with_agreement(state.full, shown))
+        shown = agreement.with_agreement(state.full, shown)
+        if asked.assumed is None:
+            shown = sharpen.misfits_by(wide, state.full, shown)
+        else:
+            data = noise_model.select_trials(asked.assumed, asked.trials.rows_of(wide.trials))
+            judged = sharpen.misfits_by(replace(wide, data=data), state.full, shown)
+            shown = [replace(fit, sharp=None) for fit in judged]
     return tuple(with_readings(fit, asked.known, shared) for fit in shown)
 
 
@@ -216,7 +223,7 @@ def _is_warranted(state: State, size: int) -> bool:
     """Whether explanations with ``size`` effects are sought: two only where the best one gains evidence or leaves a
     gap, three only where the best two leave a gap."""
     best = state.best
-    gap = ranking.discrepancy(best) > ranking.INADEQUATE_DISCREPANCY
+    gap = ranking.leaves_a_gap(best, replays=state.full.predict.replays)
     if size == 1:
         return True
     if best.evidence - state.nominal.evidence < ranking.MIN_EVIDENCE_GAIN_NATS and not gap:
@@ -295,7 +302,7 @@ def _further(state: State, size: int) -> list[Start]:
     if size == 2 and not adequate:
         tried = [*additions.superposed_pairs(screening, state.linearization_point, state.promising), *tried]
     on_screening = ranking.unique_by_labels(wider.fitted(screening, screening.fit_all(additions.unique(tried))))
-    gap = not seeds or ranking.discrepancy(seeds[0]) > ranking.INADEQUATE_DISCREPANCY
+    gap = not seeds or ranking.leaves_a_gap(seeds[0], replays=full.predict.replays)
     begin = [
         start
         for seed in set_point_starts.worth(seeds)

@@ -63,6 +63,7 @@ class Question:
         beyond: whether further effects are sought beside an explanation that leaves nothing to explain.
         share: of the usual physics steps that the search may take.
         most: effects of one explanation at most; None: as many as a search ever seeks.
+        assumed: ``data`` with the tolerance by which what is found is judged; None: that of ``data``.
     """
 
     predict: Predictor
@@ -78,6 +79,7 @@ class Question:
     beyond: bool = True
     share: float = 1.0
     most: int | None = None
+    assumed: Data | None = None
 
     @property
     def fitted_trials(self) -> int:

@@ -23,6 +23,7 @@ from tiago_mj.gap.torque.shown import shown
 from tiago_mj.gap.torque.strips import HEADROOMS
 from tiago_mj.io.deadline import OutOfTimeError
 from tiago_mj.recordings.recording import RecordingError, Trial
+from tiago_mj.recordings.trials import ENOUGH
 
 
 def most_informative(
@@ -55,16 +56,16 @@ def most_informative(
             if not found:
                 raise
             break  # too short a recording for so long a filter, or no time for it
-        if found and one.course.channels != found[0].course.channels:
-            break
+        if found and (one.course.channels != found[0].course.channels or len(one.session.trials) < ENOUGH):
+            break  # with fewer parts nothing is left to judge by
         plant = one.session.plant
         pool = shown(
             hypotheses.candidates(plant, None, None, sizes.sizes(plant, one.session.trials, one.motion)),
             one.predict.torques,
         )
         remains, data = left(one.predict, one.session.subset(*FITTED), pool), one.predict.data
-        known = replace(data, sigma=np.maximum(data.sigma, remains.spread))
-        found.append(replace(one, predict=replace(one.predict, data=known)))
+        known, assumed = (replace(data, sigma=np.maximum(data.sigma, s)) for s in (remains.spread, remains.unseen))
+        found.append(replace(one, predict=replace(one.predict, data=known), assumed=assumed))
         told.append(information(found[-1], 1 / remains.rows))
     return found[int(np.argmax(told))]
 

@@ -91,6 +91,7 @@ def _of_part(asked: Question, predict: EffortPredictor, joints: tuple[str, ...])
         asked,
         predict=fewer,
         data=_channels(asked.data, columns, fewer.torques[0].course),
+        assumed=None if asked.assumed is None else _channels(asked.assumed, columns, fewer.torques[0].course),
         pool=pool,
         terms=hypotheses.terms(fewer.plant),
         base=fewer.all_trials([()], asked.trials)[0],

@@ -1,10 +1,12 @@
 """How small the residual of efforts gets with everything in the model: what a model of rigid joints can do at best.
 
 A real robot's efforts are known to its sensors' noise; to the motion they are known worse, by flexible links, gears and
-cables that no effect of the library has. How much worse is taken from the recording: a linear model of the gap, with
-smooth functions of a joint's own position, speed and of time beside every effect and every uncertain number, is
-fitted to all trials but one, and what it leaves of that one is what an explanation is measured
-against. What a named effect leaves and these functions explain is a gap.
+cables that no effect of the library has. How much worse is taken from the recording: it is the noise that is probable
+beside a linear model of the gap with every uncertain number, and with every effect, with smooth functions of a joint's
+own position, speed and of time, with both or with neither. Explanations are sought and weighed by that. Whether one
+explains as much as can be expected is asked of trials that it has not seen, and there such a model, fitted to the other
+trials, leaves more. What a named effect leaves and these functions explain is
+a gap.
 """
 
 from __future__ import annotations
@@ -23,27 +25,31 @@ from tiago_mj.recordings.autocorrelation import integrated_time
 
 #: Half waves over a joint's range that a function of its position may have.
 WAVES: Final = 6
-#: Prior deviation of each function's size, in units of the gap's own: a fit that swings between functions that are
-#: alike would leave more of the trial that it has not seen.
+#: Prior deviation of all functions together, in units of the gap's own. Were it that of each of twenty, twenty rows
+#: would never be explained by them.
 SIZE: Final = 1.0
+#: Deviations of the noise that are tried, as shares of the gap's size: 4 % apart.
+NOISES: Final = np.geomspace(1e-3, 1.2, 180)
 
 
 @dataclass(frozen=True)
 class Left:
-    """What the flexible model leaves of trials that it was not fitted to, by channel, (C,) each.
+    """What the flexible model leaves, by channel, (C,) each.
 
     Attributes:
-        spread: root mean square [N, N·m].
-        rows: integrated autocorrelation time [rows].
+        spread: standard deviation, of noise and of what the model cannot have [N, N·m].
+        unseen: root mean square of what a fit to the other trials leaves of one, at least ``spread`` [N, N·m].
+        rows: integrated autocorrelation time of what is left [rows].
     """
 
     spread: Array
+    unseen: Array
     rows: Array
 
 
 def left(predict: EffortPredictor, trials: Sequence[int], pool: Sequence[Candidate]) -> Left:
     """What is left by the nominal model with its uncertain numbers, alone, with the functions, with every effect, and
-    with both: where that is least.
+    with both, each of these as probable as the recording makes it.
 
     Args:
         predict: nominal predictions, and what was measured.
@@ -57,18 +63,56 @@ def left(predict: EffortPredictor, trials: Sequence[int], pool: Sequence[Candida
     each = {candidate.label: candidate for candidate in reversed(pool)}.values()
     effects = predict.all_trials([(one.entry(_middle(one)),) for one in each], some) - base
     gap = data.value[some] - base
-    out, rows = np.full(len(data.channels), np.inf), np.ones(len(data.channels))
+    spread, unseen, rows = np.zeros(len(data.channels)), np.zeros(len(data.channels)), np.ones(len(data.channels))
     for c in range(len(data.channels)):
+        seen = np.isfinite(gap[..., c])
+        size = float(np.sqrt(np.mean(gap[..., c][seen] ** 2))) if seen.any() else 0.0
+        if size == 0:
+            continue
         functions, own = _functions(predict, some, c), numbers[..., c] / NUISANCE_STEP
         changes = effects[..., c]
-        size = np.abs(changes).max(axis=(1, 2), initial=0.0)
-        changes = changes[size > 0] / size[size > 0, None, None]
-        for more in ((), (functions,), (changes,), (functions, changes)):
-            residual = _left_out(gap[..., c], np.concatenate([own, *more]), len(known))
-            size = float(np.sqrt(np.nanmean(residual**2)))
-            if size < out[c]:
-                out[c], rows[c] = size, _integrated(residual)
-    return Left(out, rows)
+        largest = np.abs(changes).max(axis=(1, 2), initial=0.0)
+        changes = changes[largest > 0] / largest[largest > 0, None, None]
+        models, aside = [own], []
+        for more in (functions, changes, np.concatenate([functions, changes])):
+            models.append(np.concatenate([own, SIZE * size / np.sqrt(max(len(more), 1)) * more]))
+        for more in (functions[:0], functions, changes, np.concatenate([functions, changes])):
+            aside.append(float(np.nanmean(_left_out(gap[..., c], np.concatenate([own, more]), len(own)) ** 2)))
+        spread[c], residual = noise_beside(gap[..., c][seen], [columns[:, seen] for columns in models])
+        unseen[c] = max(np.sqrt(min(aside)), spread[c])
+        whole = np.full(seen.shape, np.nan)
+        whole[seen] = residual
+        rows[c] = _integrated(whole)
+    return Left(spread, unseen, rows)
+
+
+def noise_beside(gap: Array, models: Sequence[Array]) -> tuple[float, Array]:
+    """Noise of a gap, whichever of several linear models it has (Bayesian linear regression; Bishop 2006, section 3.5).
+
+    The logarithm of its deviation and the models have flat priors; what many columns fit of few rows by chance counts
+    as little as it tells, so that few rows leave a noise too large and not none.
+
+    Args:
+        gap: (n,).
+        models: columns of each, (k, n), in prior deviations.
+
+    Returns:
+        Root mean square of the noise's deviation over its posterior, and the residual of the mean weights of the most
+        probable model and noise, (n,).
+    """
+    tried = np.sqrt(np.mean(gap**2)) * NOISES
+    evidence, residuals = np.empty((len(models), len(tried))), []
+    for k, columns in enumerate(models):
+        axes, stretch, _ = np.linalg.svd(columns.T, full_matrices=False)
+        along, power = axes.T @ gap, stretch**2
+        rest = max(float(gap @ gap - along @ along), 0.0)
+        total = power + tried[:, None] ** 2
+        fitted = np.log(total) + along**2 / total
+        evidence[k] = -0.5 * (fitted.sum(axis=1) + (len(gap) - len(power)) * 2 * np.log(tried) + rest / tried**2)
+        residuals.append(gap - axes @ (along * power / total[int(np.argmax(evidence[k]))]))
+    weight = np.exp(evidence - evidence.max())
+    likeliest = int(np.argmax(evidence.max(axis=1)))
+    return float(np.sqrt((weight * tried**2).sum() / weight.sum())), residuals[likeliest]
 
 
 def _integrated(residual: Array) -> float:
@@ -97,7 +141,7 @@ def _left_out(gap: Array, columns: Array, count: int) -> Array:
         return out
     grams = np.stack([columns[:, t][:, seen[t]] @ columns[:, t][:, seen[t]].T for t in range(len(gap))])
     rights = np.stack([columns[:, t][:, seen[t]] @ gap[t, seen[t]] for t in range(len(gap))])
-    scale = np.concatenate([np.ones(count), np.full(len(columns) - count, SIZE * size)])
+    scale = np.concatenate([np.ones(count), np.full(len(columns) - count, size)])
     for t in range(len(gap)):
         others = [k for k in range(len(gap)) if k != t] or [t]
         gram = grams[others].sum(axis=0) * np.outer(scale, scale) / size**2 + np.eye(len(columns))

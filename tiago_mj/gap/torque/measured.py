@@ -26,14 +26,13 @@ from tiago_mj.gap.torque.strips import Course
 from tiago_mj.gap.torque.torques import Torques
 from tiago_mj.io.deadline import Deadline
 from tiago_mj.recordings.recording import Trial
-from tiago_mj.recordings.trials import blocks
 
 Array = NDArray[np.float64]
 
 #: Fewer trials are cut into parts, about so many of all together, none shorter than so many periods of the cut-off.
 ENOUGH_TRIALS: Final = 6
 PARTS: Final = 12
-SHORTEST_PERIODS: Final = 12.0
+SHORTEST_PERIODS: Final = 6.0
 #: Share of a drive's limit that a motion is taken to use at least where it is asked how large efforts are: the zero of
 #: a torque sensor is a share of what it can measure, 0.5 % in the blind check, and 2 % of this is as much.
 USED: Final = 0.25
@@ -49,6 +48,7 @@ class Measured:
     Attributes:
         session: trials on the grid that is compared, by their splits, and the plant with the joints that move.
         predict: efforts along their motions.
+        assumed: what they are compared with, to what can be expected of trials that were not seen.
         motion: as it was measured, filtered, one row a trial.
         usable: channels, and what was found of them.
         course: motion and efforts on the finer grid of the torques.
@@ -56,6 +56,7 @@ class Measured:
 
     session: Session
     predict: EffortPredictor
+    assumed: Data
     motion: Signals
     usable: Usable
     course: Course
@@ -77,10 +78,7 @@ def measured(session: Session, trials: Sequence[Trial], wanted: Wanted, headroom
     """
     plant, deadline = session.plant, wanted.deadline
     usable = choose(trials, plant.model, wanted, headroom)
-    parts = _parts(trials, usable.course.cutoff)
-    if len(parts) > len(trials):
-        usable = choose(parts, plant.model, wanted, headroom)
-    course = usable.course
+    course = usable.course if len(trials) >= ENOUGH_TRIALS else _in_parts(usable.course)
     names = list(dict.fromkeys(strip.trial for strip in course.strips))
     every = max(int(course.rate / (ROWS_PER_PERIOD * course.cutoff)), 1)
     torques = tuple(Torques(plant.model, course.of_trial(name), plant.given, deadline) for name in names)
@@ -94,8 +92,11 @@ def measured(session: Session, trials: Sequence[Trial], wanted: Wanted, headroom
         cell=None,
         pads=None,
     )
-    there = {trial.name: trial for trial in parts}
-    resampled = [_resampled(there[one], torques[k].course, every) for k, one in enumerate(names)]
+    there = {trial.name: trial for trial in trials}
+    resampled = [
+        _resampled(replace(there.get(one) or there[one.rpartition("-")[0]], name=one), torques[k].course, every)
+        for k, one in enumerate(names)
+    ]
     compared = Session(along, resampled, session.recorded, split(names))
     data = _data(along, torques, every, wanted.seed)
     predict = EffortPredictor(
@@ -109,16 +110,13 @@ def measured(session: Session, trials: Sequence[Trial], wanted: Wanted, headroom
         whole=Torques(plant.model, whole, plant.given, deadline),
         every=every,
     )
-    return Measured(compared, predict, _motion(torques, every, data.value.shape[1]), usable, course)
+    return Measured(compared, predict, data, _motion(torques, every, data.value.shape[1]), usable, course)
 
 
-def _parts(trials: Sequence[Trial], cutoff: float) -> tuple[Trial, ...]:
-    """Few trials in parts, each long enough for the filter."""
-    if len(trials) >= ENOUGH_TRIALS:
-        return tuple(trials)
-    seconds = sum(float(trial.time[-1] - trial.time[0]) for trial in trials)
-    length = max(seconds / PARTS, SHORTEST_PERIODS / cutoff)
-    return tuple(part for trial in trials for part in blocks(trial, length))
+def _in_parts(course: Course) -> Course:
+    """Few trials in parts, each long enough to tell its rows from its neighbours'."""
+    seconds = sum(course.lengths) / course.rate
+    return course.in_parts(max(seconds / PARTS, SHORTEST_PERIODS / course.cutoff))
 
 
 def _resampled(trial: Trial, course: Course, every: int) -> Trial:

@@ -52,8 +52,8 @@ def _method(measured: Measured) -> str:
     known = [f"{noise:.2g} ({name})" for noise, name in zip(data.sigma[0, 0], course.channels, strict=True)]
     return (
         f"Positions and efforts were low-passed at {course.cutoff:.2g} Hz without phase shift; below that efforts are "
-        f"known to {_list(known, 'and')}: by their noise, by that of the positions, and by what a model with free "
-        "functions of position, speed and time leaves of parts that it has not seen."
+        f"known to {_list(known, 'and')}: by their noise, by that of the positions, and by what is probably "
+        "left beside a model with every effect and free functions of position, speed and time."
     )
 
 

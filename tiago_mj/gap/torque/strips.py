@@ -25,7 +25,7 @@ Mask = NDArray[np.bool_]
 
 #: Cut-offs that are tried, over the frequency below which 90 % of the motion's velocity power lies, and the greatest
 #: share of the rate.
-HEADROOMS: Final = (16.0, 11.0, 8.0, 6.0, 4.0)
+HEADROOMS: Final = (32.0, 16.0, 8.0, 4.0)
 LARGEST_SHARE: Final = 0.2
 #: Grid over cut-off: the torques are evaluated on it, jumps of dry friction included.
 GRID_PER_CUTOFF: Final = 10.0
@@ -38,6 +38,8 @@ SHORTEST: Final = 6.0
 REACH: Final = 0.5
 #: Periods of the cut-off at either end of a stretch that the filter spoils.
 EDGE: Final = 1.0
+#: Periods of the cut-off between the rows of two parts of a stretch: what the filter mixes.
+APART: Final = 1.0
 
 
 @dataclass(frozen=True)
@@ -59,6 +61,11 @@ class Strip:
     acceleration: Array
     effort: Array
     noise: Array
+
+    def rows(self, rows: slice, trial: str) -> Strip:
+        """Some of its rows, as a stretch of a trial of that name."""
+        time, position, velocity = self.time[rows], self.position[rows], self.velocity[rows]
+        return Strip(trial, time, position, velocity, self.acceleration[rows], self.effort[rows], self.noise)
 
 
 @dataclass(frozen=True)
@@ -103,8 +110,17 @@ class Course:
 
     def filtered(self, values: Array) -> Array:
         """Pass values (sum of T, n) through the filter that the efforts passed, strip by strip."""
-        parts = np.split(values, np.cumsum(self.lengths)[:-1])
-        return np.concatenate([signal.sosfiltfilt(self._sections, part, axis=0) for part in parts])
+        out = np.empty_like(values)
+        for rows in self._alike:
+            out[rows] = signal.sosfiltfilt(self._sections, values[rows], axis=1)
+        return out
+
+    @cached_property
+    def _alike(self) -> list[NDArray[np.intp]]:
+        """Rows of the strips of each length, (strips, T): they are filtered at once."""
+        begins = np.cumsum([0, *self.lengths[:-1]])
+        each = {length: begins[np.array(self.lengths) == length] for length in self.lengths}
+        return [begin[:, None] + np.arange(length) for length, begin in each.items()]
 
     @cached_property
     def _sections(self) -> Array:
@@ -126,6 +142,27 @@ class Course:
     def of_trial(self, trial: str) -> Course:
         """The strips of one trial."""
         return replace(self, strips=tuple(strip for strip in self.strips if strip.trial == trial))
+
+    def in_parts(self, shortest: float) -> Course:
+        """Every strip in parts of equal length, each a trial of its own (name-01, name-02, ...).
+
+        A part has the rows that it is compared in and at either end those that the filter spoils, which are its
+        neighbours': what is filtered whole and then cut loses nothing where it is cut. Between the rows of two parts
+        lie those that the filter mixes.
+
+        Args:
+            shortest: length of a part at least [s].
+        """
+        edge, apart = (math.ceil(periods * self.rate / self.cutoff) for periods in (EDGE, APART))
+        parts: list[Strip] = []
+        for strip in self.strips:
+            rows = len(strip.time) - 2 * edge
+            count = max(int((rows + apart) / (shortest * self.rate + apart)), 1)
+            length = (rows + apart) // count - apart + 2 * edge
+            for begin in range(0, count * (length - 2 * edge + apart), length - 2 * edge + apart):
+                number = sum(one.trial.startswith(f"{strip.trial}-") for one in parts) + 1
+                parts.append(strip.rows(slice(begin, begin + length), f"{strip.trial}-{number:02d}"))
+        return replace(self, strips=tuple(parts))
 
     def shifted(self, values: Array, seconds: float) -> Array:
         """Values (sum of T, n) as they are ``seconds`` later; a strip's last value stays."""

@@ -36,6 +36,10 @@ KEPT: Final = 256
 #: Departure from proportion at half the default, as a share of what the default changes, below which an effect is
 #: linear: rounding, and what is below the tolerance of a torque (:data:`tiago_mj.gap.torque.measured.METHOD`).
 EXACTLY: Final = 1e-9
+#: Rounds at most in which the load that friction follows is found, and the change of a torque, as a share of the
+#: largest, at which it is: a tenth of :data:`LINEAR`. A share of 0.8, the most there is, takes 40 rounds.
+MAX_LOAD_ROUNDS: Final = 40
+LOAD_SETTLED: Final = 1e-4
 LINEAR: Final = 1e-3
 
 
@@ -105,30 +109,33 @@ class Torques:
             OutOfTimeError: the deadline is over.
         """
         self.deadline.check()
-        found, follows = self._of(entries, effort)
-        return self._of(entries, found)[0] if follows and effort is None else found
-
-    def _of(self, entries: Sequence[Entry], effort: Array | None) -> tuple[Array, bool]:
-        """See :meth:`of`; and whether some effect asked for the torque that is transmitted."""
         host, now, effects = self._at_work(entries, effort)
-        motion = self.motion
         for effect in effects:
             if overrides(effect, "measure_position"):
-                motion = _true_motion(effect, motion, now)
-        host.motion = motion
-        friction = self._friction(host, now, effects)
-        damping, inertia = host.joint["dof_damping"], host.joint["dof_armature"]
+                host.motion = _true_motion(effect, host.motion, now)
         rigid = self._rigid_torque(entries)
-        force = np.zeros_like(motion[0])
+        found = rigid + self.course.filtered(self._drive(host, now, effects))
+        if not host.asked or effort is not None:
+            return found
+        # Friction by load is part of the load: a fixed point, of which each round is nearer by the friction's share.
+        for _ in range(MAX_LOAD_ROUNDS):
+            before = host.effort = found
+            found = rigid + self.course.filtered(self._drive(host, now, effects))
+            if np.abs(found - before).max() <= LOAD_SETTLED * np.abs(found).max():
+                break
+        return found
+
+    def _drive(self, host: _Host, now: Now, effects: Sequence[Effect]) -> Array:
+        """What drives need for friction, damping and their own inertia, (T, m) [N, N·m]."""
+        damping, force = host.joint["dof_damping"], np.zeros_like(host.motion[0])
         for effect in effects:
             if overrides(effect, "added_damping"):
                 damping = np.where(effect.present, damping + effect.added_damping(now), damping)
             if overrides(effect, "added_force"):
                 force = np.where(effect.present, force + effect.added_force(now), force)
-        _, velocity, acceleration = motion
-        drive = np.maximum(damping, 0) * velocity + inertia * acceleration - force
-        drive = drive + friction * np.clip(velocity / self.course.rest_speed, -1, 1)
-        return rigid + self.course.filtered(drive), host.asked
+        _, velocity, acceleration = host.motion
+        drive = np.maximum(damping, 0) * velocity + host.joint["dof_armature"] * acceleration - force
+        return drive + self._friction(host, now, effects) * np.clip(velocity / self.course.rest_speed, -1, 1)
 
     def _rigid_torque(self, entries: Sequence[Entry]) -> Array:
         """Gravity, inertia and springs, (T, m) [N, N·m], filtered: what entries change of them, added up.
@@ -244,7 +251,7 @@ class _Host:
     ) -> None:
         self.model = copy.copy(model)
         self.motion = motion
-        self._wiring, self._effort = wiring, effort
+        self._wiring, self.effort = wiring, effort
         self._fields: dict[str, Array] = {}
         self.asked = False
         for name, values in joint.items():
@@ -282,7 +289,7 @@ class _Host:
         if name not in ("qfrc_actuator", "qfrc_smooth"):  # the latter pushes a joint at rest: what its drive transmits
             raise KeyError(f"a recorded motion has no {name}")
         self.asked = True
-        return self._wide(np.zeros_like(self.motion[0]) if self._effort is None else self._effort, self._wiring.dof)
+        return self._wide(np.zeros_like(self.motion[0]) if self.effort is None else self.effort, self._wiring.dof)
 
     def set_timestep(self, seconds: Array) -> None:
         raise KeyError("a recorded motion has no time step")

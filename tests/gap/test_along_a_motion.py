@@ -1,0 +1,130 @@
+"""Efforts along a motion: how recordings become parts, how well efforts are known, and what friction by load needs."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from made_motions import pendulum, record
+
+from tiago_mj.effects import Entry
+from tiago_mj.gap.search import on_each
+from tiago_mj.gap.torque import flexible
+from tiago_mj.gap.torque.measured import SHORTEST_PERIODS, _in_parts
+from tiago_mj.gap.torque.strips import APART, EDGE, lay_out
+from tiago_mj.gap.torque.torques import Torques
+
+
+@pytest.fixture(scope="module")
+def course():
+    """Of one recording of twenty seconds."""
+    return lay_out([record(pendulum(), ("swing",), spread=2.0)], ["swing"], ["swing"])
+
+
+# Parts ----------------------------------------------------------------------------------------------------------------
+
+
+def test_a_recording_is_filtered_whole_and_compared_in_parts(course):
+    parts = _in_parts(course)
+    assert len(parts.strips) > 5
+    assert [strip.trial for strip in parts.strips[:2]] == ["trial-01", "trial-02"]
+    whole = dict(zip(course.stack("time"), course.stack("effort"), strict=True))
+    for strip in parts.strips:
+        np.testing.assert_array_equal(strip.effort, [whole[time] for time in strip.time])
+
+
+def test_rows_that_are_compared_lie_a_period_apart_from_those_of_the_next_part(course):
+    parts = _in_parts(course)
+    ends = [parts.of_trial(strip.trial) for strip in parts.strips]
+    edge, apart = EDGE / course.cutoff, APART / course.cutoff
+    for one, other in pairwise(ends):
+        last, first = one.stack("time")[-1] - edge, other.stack("time")[0] + edge
+        assert first - last >= apart - 1e-9
+        assert len(one.stack("time")) / one.rate >= SHORTEST_PERIODS / course.cutoff + 2 * edge - 2 / one.rate
+
+
+def test_nothing_is_lost_where_a_recording_is_cut(course):
+    """What the filter spoils at the ends of a part is its neighbours', so that more is compared than of parts that are
+    filtered alone."""
+    parts = _in_parts(course)
+    compared = sum(int(parts.of_trial(strip.trial).moving().sum()) for strip in parts.strips)
+    gaps = (len(parts.strips) - 1) * (APART + 1) / course.cutoff * course.rate
+    assert compared >= course.moving().sum() - gaps - 2 * len(parts.strips)
+
+
+def test_a_recording_too_short_for_two_parts_is_one():
+    short = lay_out([record(pendulum(), ("swing",), spread=2.0, seconds=4.0)], ["swing"], ["swing"], headroom=4.0)
+    assert len(_in_parts(short).strips) == 1
+
+
+def test_parts_of_one_length_are_filtered_as_each_alone(course):
+    parts, rng = _in_parts(course), np.random.default_rng(0)
+    values = rng.standard_normal((sum(parts.lengths), 2))
+    together = np.split(parts.filtered(values), np.cumsum(parts.lengths)[:-1])
+    for strip, found, one in zip(parts.strips, together, np.split(values, np.cumsum(parts.lengths)[:-1]), strict=True):
+        np.testing.assert_allclose(found, parts.of_trial(strip.trial).filtered(one), atol=1e-12)
+
+
+# How well efforts are known -------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("rows", "within"), [(6, 1.5), (12, 0.5), (30, 0.2), (200, 0.05)])
+def test_noise_is_found_beside_columns_that_could_fit_it(rows, within):
+    """Twenty columns, one of which is there, and a model with none: least squares would leave nothing of twelve rows.
+
+    The median of forty draws. Two hundred rows tell a deviation to 1/√400, thirty beside twenty columns to 1/√20.
+    """
+    rng, found = np.random.default_rng(1), []
+    for _ in range(40):
+        columns = rng.standard_normal((20, rows))
+        gap = 2.0 * columns[0] + 0.3 * rng.standard_normal(rows)
+        found.append(flexible.noise_beside(gap, [columns[:0], 2.0 / 20**0.5 * columns])[0])
+    assert np.median(found) == pytest.approx(0.3, rel=within)
+    assert min(found) > 0.05
+
+
+# Friction by load -----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("share", [0.1, 0.35, 0.7])
+def test_friction_by_load_is_part_of_the_load_that_it_follows(course, share):
+    """τ = τ₀ + c|τ| sign(v): τ₀/(1 − c) where the drive lifts, τ₀/(1 + c) where it brakes."""
+    torques = Torques(pendulum(), course)
+    alone = torques.nominal[:, 0]
+    found = torques.of([Entry("load_dependent_friction", None, {"coefficient": share})])[:, 0]
+    lifts = alone * course.stack("velocity")[:, 0] > 0
+    wanted = alone / np.where(lifts, 1 - share, 1 + share)
+    far = course.moving()[:, 0] & (np.abs(alone) > 0.5 * np.abs(alone).max())  # the filter rounds what is near a turn
+    assert 0 < lifts[far].sum() < far.sum()
+    error = np.abs(found[far] / wanted[far] - 1)
+    assert np.median(error) < 0.002
+    assert np.quantile(error, 0.98) < 0.05
+
+
+def test_an_effort_that_is_given_is_what_friction_follows(course):
+    torques = Torques(pendulum(), course)
+    entry = Entry("load_dependent_friction", None, {"coefficient": 0.5})
+    given = np.full_like(torques.nominal, 2.0)
+    more = torques.of([entry], effort=given) - torques.nominal
+    fast = np.abs(course.stack("velocity")[:, 0]) > 0.5 * np.abs(course.stack("velocity")[:, 0]).max()
+    np.testing.assert_allclose(np.abs(more[fast & course.moving()[:, 0]]), 1.0, rtol=0.01)
+
+
+# Needless effects -----------------------------------------------------------------------------------------------------
+
+
+def test_what_is_needless_on_a_joint_is_left_out_until_all_is_needed(monkeypatch):
+    def fit(*values):
+        parts = tuple(SimpleNamespace(label=k) for k in range(len(values)))
+        return SimpleNamespace(parts=parts, values=np.array(values), nuisance=np.zeros(0))
+
+    # The second fit finds one more that is needless, since the first one had shared with it.
+    again = iter([fit(3.0, 0.2), fit(3.0)])
+    fitter = SimpleNamespace(fit_all=lambda starts: [next(again)])
+    monkeypatch.setattr(on_each.ranking, "differs_from_identity", lambda one, k, least: one.values[k] > least)
+    (found,) = on_each._without_needless(fitter, fit(3.0, 0.0, 2.0), 1.0)
+    assert found.values.tolist() == [3.0]
+    whole = fit(3.0, 2.0)
+    assert on_each._without_needless(fitter, whole, 1.0) == [whole]
