@@ -3,8 +3,8 @@
 A load hangs where it was mounted, and not at the centre of mass of the link that carries it. Of one 0.2 m off an
 arm's last axis the link's own centre shows so little that the masses of links, a few per cent off, explain more.
 Efforts that hold a load are linear in its mass and moments, so that one least-squares fit tells about where it hangs,
-and a short Gauss-Newton fit from there, with its inertia, the place. Where commands are replayed
-they are not, and a place is sought once a payload is the best explanation (:mod:`tiago_mj.gap.analysis.place`).
+and a short Gauss-Newton fit from there, with its inertia, the place. Positions that replayed commands lead to are not
+linear in them: there a place is sought once a payload is the best explanation (:mod:`tiago_mj.gap.analysis.place`).
 """
 
 from __future__ import annotations

@@ -36,11 +36,11 @@ KEPT: Final = 256
 #: Departure from proportion at half the default, as a share of what the default changes, below which an effect is
 #: linear: rounding, and what is below the tolerance of a torque (:data:`tiago_mj.gap.torque.measured.METHOD`).
 EXACTLY: Final = 1e-9
+LINEAR: Final = 1e-3
 #: Rounds at most in which the load that friction follows is found, and the change of a torque, as a share of the
 #: largest, at which it is: a tenth of :data:`LINEAR`. A share of 0.8, the most there is, takes 40 rounds.
 MAX_LOAD_ROUNDS: Final = 40
 LOAD_SETTLED: Final = 1e-4
-LINEAR: Final = 1e-3
 
 
 class Torques:
