@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from tiago_mj.gap.inference import noise_model
 from tiago_mj.gap.inference.fit import MAX_ITERATIONS, Fitted, Fitter, Start
 from tiago_mj.gap.inference.points import Point
-from tiago_mj.gap.search import additions, beginning, ranking, rounds, sharpen, starts
+from tiago_mj.gap.search import additions, beginning, ranking, rounds, sharpen, starts, step_error
 from tiago_mj.gap.search.state import Question, State
 from tiago_mj.gap.simulation.subset import Subset
 
@@ -52,7 +52,12 @@ def fitted(state: State, wide: Fitter) -> tuple[State, Fitter]:
     if set(wide.trials) == set(before.trials) or losing or wide.out_of_time():
         return state, wide
     full = _linearized(before, wide, best)
+    full = step_error.corrected_beside(full, _start(best, before, full))
     (there,) = full.fit_all([_start(best, before, full)])
+    other = step_error.better_step_correction(full, [there])
+    if other is not None:
+        full = replace(full, predict=other)
+        (there,) = full.fit_all([starts.restart(there)])
     full = beginning.with_scatter(full, there)
     wide = replace(wide, data=full.data)
     full = sharpen.beside(full, there)
@@ -66,7 +71,8 @@ def fitted(state: State, wide: Fitter) -> tuple[State, Fitter]:
 
 def _around_themselves(full: Fitter, fits: Sequence[Fitted]) -> list[Fitted]:
     """Explanations near the best, fitted again with the nuisance responses linearized around each of them; and without
-    their effects that a nominal number can take, from where these led: a fit ends in the nearest optimum.
+    their effects that came out as good as none or that a nominal number can take, from where these led: a fit ends in
+    the nearest optimum.
 
     With the responses around the best explanation, whose nuisances were far away, the true coupling came out 114 nats
     behind the same coupling with a needless creep; with its own responses it is 11 behind (blind check's generator,
@@ -74,8 +80,9 @@ def _around_themselves(full: Fitter, fits: Sequence[Fitted]) -> list[Fitted]:
     """
     ahead = ranking.by_evidence(fits)
     near = [f for f in ahead if f.evidence > ahead[0].evidence - rounds.HOPELESS_DEFICIT_NATS][:MAX_AROUND_THEMSELVES]
-    absorbed = (starts.absorbed_by_nuisances(f, full) for f in near)
-    begin = [*(starts.restart(f) for f in near), *(start for start in absorbed if start is not None)]
+    simpler = [starts.absorbed_by_nuisances(f, full) for f in near]
+    simpler += [rounds.reduced_to(f, rounds.significant(f)) for f in near]
+    begin = [*(starts.restart(f) for f in near), *(start for start in simpler if start is not None)]
     if len(begin) < 2 or full.out_of_time():
         return []
     longer = replace(full, iterations=MAX_ITERATIONS)

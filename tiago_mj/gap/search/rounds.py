@@ -148,10 +148,15 @@ def variations(fits: Sequence[Fitted], full: Fitter) -> list[Start]:
     best, known = ahead[0], {labels_of(f) for f in fits}
     near = [f for f in ahead if f.evidence > best.evidence - ranking.NEAR_BEST_NATS]
     out = [s for s in (starts.absorbed_by_nuisances(f, full) for f in near) if s is not None]
-    dropped = [reduced_to(f, [k for k in range(len(f.parts)) if ranking.differs_from_identity(f, k)]) for f in near]
+    dropped = [reduced_to(f, significant(f)) for f in near]
     dropped += [reduced_to(best, [i for i in range(len(best.parts)) if i != k]) for k in range(len(best.parts))]
     out += [s for s in dropped if s is not None and frozenset(p.label for p in s.parts) not in known]
     return out + on_all_targets(best, full)
+
+
+def significant(fit: Fitted) -> list[int]:
+    """Which of an explanation's effects differ from none."""
+    return [k for k in range(len(fit.parts)) if ranking.differs_from_identity(fit, k)]
 
 
 def reduced_to(fit: Fitted, kept: Sequence[int]) -> Start | None:

@@ -161,7 +161,8 @@ def _search(
         found = _with_singles(state, fitted, tick) if size == 1 else _with_further_effect(state, size, fitted)
         if found is None:
             break
-        state = sharpen.sharpened(_departing_left_out(on_each.target(found, out_of_time)))
+        state = _departing_left_out(on_each.target(found, out_of_time))
+        state = sharpen.sharpened(state if over() else step_error.decided(state))
         tell(state)
         if size == 1 and not over() and _losses_are_likely(state):
             tick("lost commands", 1, gap=_leaves_a_gap(state.best))

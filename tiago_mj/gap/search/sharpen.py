@@ -12,7 +12,7 @@ import numpy as np
 from tiago_mj.gap.inference import noise_model, step_tolerance
 from tiago_mj.gap.inference.fit import Fitted, Fitter
 from tiago_mj.gap.inference.points import Point
-from tiago_mj.gap.search import ranking, rounds
+from tiago_mj.gap.search import ranking, rounds, step_error
 from tiago_mj.gap.search.state import State
 
 #: Explanations that are fitted anew, the best first: twins are to be told apart by the same effort. Halved and
@@ -34,13 +34,8 @@ def sharpened(state: State, *, in_contact: bool = True) -> State:
 
 def beside(full: Fitter, best: Fitted, *, in_contact: bool = True) -> Fitter:
     """The fitter with noise and step error estimated beside an explanation, as of :func:`sharpened`."""
-    point, predict = Point.of(best), full.predict
-    if predict.corrected:
-        effects = [
-            (trial, full.effects(point.parts, point.values, point.nuisance, k)) for k, trial in enumerate(full.trials)
-        ]
-        predict = predict.corrected_beside(effects)
-    there = replace(full, predict=predict)
+    point, there = Point.of(best), step_error.corrected_beside(full, best)
+    predict = there.predict
     prediction = there.predictions([point])[0]
     error = np.zeros_like(prediction)
     if predict.corrected and predict.off is not None:
