@@ -84,13 +84,10 @@ def _on_motors(real: robots.Robot, case: Case) -> Array:
 
 
 def _moved(real: robots.Robot, case: Case, link: Mapping[str, float]) -> float:
-    """What else the only joint has of inertia [kg·m²]: less by what its motor has behind a gear; more by what a payload
-    and the link's own change have about their common centre, which the library takes for one point."""
-    before = real.model.dof_armature[real.dof[0]]
+    """What else the only joint has of inertia [kg·m²]: what a payload and the link's own change have about their common
+    centre, which the library takes for one point."""
     moved = 0.0
-    for choice, effect in zip(case.effects, cases.effects_of(case), strict=True):
-        if isinstance(effect, TwoMass):
-            moved += max(before - ROTOR * real.inertia[0], 0.0) - before
+    for choice in case.effects:
         if choice.name == "payload":
             both = choice.parameters["mass"] * link["mass"] / (choice.parameters["mass"] + link["mass"])
             moved += both * sum(link[axis] ** 2 for axis in "xyz")

@@ -28,6 +28,15 @@ def take_limits(now: Now, where: NDArray[np.bool_]) -> Array:
     return out
 
 
+def take_inertia(now: Now, where: NDArray[np.bool_], motor: Array) -> None:
+    """Take the motors' inertia, (nsim, nactuators) [kg, kg·m²], off their joints, as far as these have one of their
+    own (``armature``, which is what a model says of its motors)."""
+    armature, dofs = now.host.field("dof_armature"), now.wiring.dof[list(now.wiring.targets.actuated)]
+    before = armature[:, dofs]
+    armature[:, dofs] = np.where(where, np.maximum(before - motor, np.minimum(before, 0.0)), before)
+    now.rebuild = True
+
+
 class Rotor:
     """Motors of some simulations, all arrays (nsim, nactuators) and in the actuators' units.
 

@@ -163,7 +163,7 @@ def split(mjcf: Mjcf, model: mujoco.MjModel, one: Play) -> None:
     tendon = {
         "name": one.both,
         **_limits(model, one.index),
-        **_nonzero("armature", model.dof_armature[dof]),
+        **_nonzero("armature", max(model.dof_armature[dof] - (0.0 if one.light else one.inertia), 0.0)),
         **_nonzero("damping", model.dof_damping[dof]),
         **_nonzero("frictionloss", model.dof_frictionloss[dof]),
     }

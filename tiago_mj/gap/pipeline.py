@@ -162,7 +162,7 @@ def _explained(compared: Compared, asked: Request, so_far: SoFar) -> Diagnosis:
         noise_model.select_trials(proposed.data if compared.sharp is None else compared.sharp, fitted_on),
         fitted_on,
         proposed.pool,
-        hypotheses.terms(session.plant),
+        (*hypotheses.terms(session.plant), *hypotheses.own_numbers(session.plant, (c.effect for c in proposed.pool))),
         base,
         proposed.known,
         proposed.servo_motion,

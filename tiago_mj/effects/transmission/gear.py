@@ -7,10 +7,10 @@ from typing import Final
 import numpy as np
 
 from tiago_mj.effects.declare import Array, Effect, effect
-from tiago_mj.effects.fields import detail, form, known_to, parameter
+from tiago_mj.effects.fields import Usual, detail, form, known_to, parameter, usually
 from tiago_mj.effects.inertia import inertia_at, removable_inertia
 from tiago_mj.effects.now import Now
-from tiago_mj.effects.rotor import Rotor, take_limits
+from tiago_mj.effects.rotor import Rotor, take_inertia, take_limits
 from tiago_mj.effects.servo import Servo
 
 #: Stiffness of teeth that meet, of what a physics step bears: times inertia over the step's square; their damping, of
@@ -18,6 +18,11 @@ from tiago_mj.effects.servo import Servo
 TEETH: Final = 0.25
 TEETH_DAMPING: Final = 0.6
 TEETH_SHARE: Final = 0.1
+#: A motor behind a gear: from a hundredth of its joint's inertia, of a link far larger than its drive, to all of it,
+#: as where a gear's ratio is chosen for the fastest acceleration (chosen).
+MOTOR: Final[Usual] = usually(0.1, share_of="inertia")
+#: Damping of what gives between motor and joint: structures of steel and belts have 0.3 to 30 % of critical (chosen).
+SPRING_DAMPING: Final[Usual] = usually(0.03, share_of="critical_damping")
 
 
 @effect("backlash", stage="transmission", targets="joint", gap_class="play")
@@ -25,8 +30,9 @@ class Backlash(Effect):
     """Play between motor and joint: the joint feels the motor only when that has crossed the gap.
 
     The servo moves the motor, and the motor moves the joint only at either side of the gap. Without an inertia of its
-    own the motor is taken to have none. An episode starts with the motor at the set point, or at the side of the gap
-    that is nearest to it. A joint that a load presses against one side follows the motor at once.
+    own the motor is taken to have none; what it has is taken off the joint's ``armature``. An episode starts with the
+    motor at the set point, or at the side of the gap that is nearest to it. A joint that a load presses against one
+    side follows the motor at once.
 
     Formula: |motor - joint| ≤ width / 2; between the sides no force, at a side the servo's
 
@@ -47,13 +53,14 @@ class Backlash(Effect):
     needs_servo = True
 
     width = parameter(("m", "rad"), identity=0.0, default=0.001, bounds=((0.0, 0.006), (0.0, 0.1)))
-    motor = detail("kg, kg·m²", (0.0, 1.0), sought=False)
+    motor = detail("kg, kg·m²", (0.0, 1.0), usual=MOTOR)
 
     def change(self, now: Now) -> None:
         joints = list(now.wiring.targets.actuated)
         self._has_mass = self.present[:, joints] & (self.motor[:, joints] > 0)
         if self._has_mass.any():
             self._limit = take_limits(now, self._has_mass)
+            take_inertia(now, self._has_mass, self.motor[:, joints])
 
     def start(self, now: Now) -> None:
         self._servo = servo = Servo(now)
@@ -102,9 +109,11 @@ class Backlash(Effect):
 
 @effect("joint_elasticity", stage="transmission", targets="joint", gap_class="gain")
 class JointElasticity(Effect):
-    """A spring between motor and joint, in series with the servo; by default the motor has no inertia.
+    """A spring between motor and joint, in series with the servo.
 
-    The motor's inertia and the spring's damping may be given.
+    The motor's inertia and the spring's damping may be given: by default they are 0. What the motor has is taken off
+    the joint's ``armature``. A diagnosis fits both with the stiffness: of 25 N·m/rad behind a motor of a twentieth of
+    the joint's inertia it is 32 without them.
 
     Formula: stiffness · (motor - joint) = kp · (set point - motor) - kv · motor velocity; at rest the stiffness felt at
     the joint is 1 / (1 / kp + 1 / stiffness)
@@ -128,8 +137,8 @@ class JointElasticity(Effect):
     stiffness = parameter(
         ("N/m", "N·m/rad"), identity=np.inf, default=3000.0, bounds=((300.0, 40_000.0), (1.0, 40_000.0))
     )
-    motor = detail("kg, kg·m²", (0.0, 1.0), sought=False)
-    damping = detail("N·s/m, N·m·s/rad", (0.0, 100.0), sought=False)
+    motor = detail("kg, kg·m²", (0.0, 1.0), usual=MOTOR)
+    damping = detail("N·s/m, N·m·s/rad", (0.0, 100.0), usual=SPRING_DAMPING)
 
     def change(self, now: Now) -> None:
         # The servo's damping acts on the motor; what of it reaches the joint at once is integrated implicitly, as the
@@ -143,6 +152,7 @@ class JointElasticity(Effect):
         self._has_mass = present & (self.motor[:, servo.joints] > 0)
         if self._has_mass.any():
             self._limit = take_limits(now, self._has_mass)
+            take_inertia(now, self._has_mass, self.motor[:, servo.joints])
         bias[:, now.wiring.actuators, 2] = -np.where(present, np.where(self._has_mass, 0.0, reaching), servo.kv)
 
     def start(self, now: Now) -> None:

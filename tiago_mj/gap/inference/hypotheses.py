@@ -98,9 +98,11 @@ class Candidate:
         magnitude: they may lie anywhere between their bounds. A second number, or a form, that was chosen among
         others has its share.
         """
-        forms = EFFECTS[self.effect].forms
+        forms, details = EFFECTS[self.effect].forms, EFFECTS[self.effect].details
         chosen = sum(
-            np.log(len(forms[name].values) if name in forms else SECOND_PARAMETER_VALUES) for name, _ in self.fixed
+            np.log(len(forms[name].values) if name in forms else SECOND_PARAMETER_VALUES)
+            for name, _ in self.fixed
+            if name not in details or details[name].usual is None  # those have priors of their own
         )
         if _is_stiffness(self.identity, self.low, self.high):  # of any order of magnitude
             return -float(np.log(value * np.log(self.high / self.low)) + chosen)
@@ -322,6 +324,62 @@ class Term:
     def factor(self) -> bool:
         """Whether the parameter multiplies what the model has: its deviations are then of its logarithm."""
         return EFFECTS[self.effect].parameters[self.parameter].identity == 1.0
+
+
+@dataclass(frozen=True)
+class OwnNumber(Term):
+    """A number of an effect itself beside its magnitude: it counts wherever that effect is part of an explanation.
+
+    Attributes:
+        medians: by target, (nominal) values at 0.
+    """
+
+    medians: tuple[tuple[str, float], ...] = ()
+
+    @property
+    def factor(self) -> bool:
+        """Whether deviations are of its logarithm: always."""
+        return True
+
+    def of(self, target: tuple[str, ...] | None, deviations: float) -> float:
+        """The number for the effect on some targets, at so many deviations: what is usual for their mean."""
+        logs = [np.log(value) for name, value in self.medians if target is None or name in target]
+        return float(np.clip(np.exp(np.mean(logs) + deviations * self.deviation), self.low, self.high))
+
+
+def own_numbers(plant: Plant, effects: Iterable[str]) -> tuple[OwnNumber, ...]:
+    """Numbers of some effects that are fitted with their magnitudes where commands are replayed."""
+    if plant.effort_row is not None:
+        return ()
+    out, targets = [], plant.wiring.targets
+    for name in dict.fromkeys(effects):
+        declared = EFFECTS[name]
+        for detail in declared.details.values():
+            if detail.usual is None:
+                continue
+            usual = {
+                target: detail.usual.median * _scale(plant, target, detail.usual.share_of) for target in targets.joint
+            }
+            medians = tuple((target, value) for target, value in usual.items() if value > 0)
+            if medians:
+                middle = float(np.exp(np.mean([np.log(value) for _, value in medians])))
+                out.append(
+                    OwnNumber(name, None, detail.name, middle, detail.usual.deviation, False, *detail.bounds, medians)
+                )
+    return tuple(out)
+
+
+def _scale(plant: Plant, joint: str, share_of: str) -> float:
+    """Of what a detail is a share, for a joint [kg, kg·m²; N·s/m, N·m·s/rad]; 0 where it has no servo."""
+    index = plant.wiring.targets.joint.index(joint)
+    if index not in plant.wiring.targets.actuated:
+        return 0.0
+    inertia = _inertia(plant, index)
+    if share_of == "inertia":
+        return inertia
+    actuator = plant.wiring.actuators[plant.wiring.targets.actuated.index(index)]
+    stiffness = -float(plant.model.actuator_biasprm[actuator, 1] * plant.model.actuator_gear[actuator, 0] ** 2)
+    return 2 * float(np.sqrt(max(stiffness, 0.0) * inertia))
 
 
 def terms(plant: Plant) -> tuple[Term, ...]:

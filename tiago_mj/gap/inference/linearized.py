@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from tiago_mj.effects.spec import Entry
 from tiago_mj.gap.inference import noise_model
-from tiago_mj.gap.inference.hypotheses import Candidate, Term
+from tiago_mj.gap.inference.hypotheses import Candidate, OwnNumber, Term
 from tiago_mj.gap.inference.noise_model import Data
 from tiago_mj.gap.inference.points import NUISANCE_STEP, Point
 from tiago_mj.gap.inference.predictor import Predictor
@@ -46,6 +46,8 @@ class Linearized:
     def __post_init__(self) -> None:
         self.shared = [k for k, term in enumerate(self.terms) if not term.per_trial]
         self._own = [k for k, term in enumerate(self.terms) if term.per_trial]
+        own = [(k, self.terms[term]) for k, term in enumerate(self.shared)]
+        self._of_effects = [(k, term) for k, term in own if isinstance(term, OwnNumber)]
         self.per_trial = np.array([term.per_trial for term in self.terms], dtype=bool)
 
     @property
@@ -86,9 +88,17 @@ class Linearized:
 
     def effects(self, parts: Sequence[Candidate], values: Array, nuisance: Array, trial: int) -> tuple[Entry, ...]:
         """What is simulated for a trial (by its position among the trials)."""
-        chosen = [*self.given, *(part.entry(float(v)) for part, v in zip(parts, values, strict=True))]
+        chosen = [part.entry(float(v)) for part, v in zip(parts, values, strict=True)]
+        for k, own in self._of_effects:
+            chosen = [
+                replace(one, parameters={**one.parameters, own.parameter: own.of(one.target, float(nuisance[k]))})
+                if one.name == own.effect
+                else one
+                for one in chosen
+            ]
+        chosen = [*self.given, *chosen]
         for k, term in enumerate(self.shared):
-            if nuisance[k]:
+            if nuisance[k] and not isinstance(self.terms[term], OwnNumber):
                 chosen.append(self.terms[term].entry(float(nuisance[k])))
         base = len(self.shared) + trial * len(self._own)
         for k, term in enumerate(self._own):

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from tiago_mj.gap.detectors.set_points import ServoMotion
 from tiago_mj.gap.inference import likelihood, noise_model, step_tolerance
 from tiago_mj.gap.inference.fit import NUISANCE_STEP, Fitted, Fitter, Point, Start
-from tiago_mj.gap.inference.hypotheses import Candidate
+from tiago_mj.gap.inference.hypotheses import Candidate, OwnNumber
 from tiago_mj.gap.inference.noise_model import Data
 from tiago_mj.gap.inference.whitening import Whitening
 from tiago_mj.gap.search import lost_commands, mounting, ranking, sharpen, starts
@@ -56,10 +56,13 @@ def fitter(asked: Question, over: Callable[[], bool]) -> tuple[Fitter, NDArray[n
     terms = tuple(sorted(asked.terms, key=lambda term: term.per_trial))
     responses = np.zeros((0, *base.shape))
     if terms:
-        moved = asked.predict.all_trials([(term.entry(NUISANCE_STEP),) for term in terms], trials)
+        # Beside the nominal model the numbers of effects change nothing.
+        moves = [() if isinstance(term, OwnNumber) else (term.entry(NUISANCE_STEP),) for term in terms]
+        moved = asked.predict.all_trials(moves, trials)
         responses = (moved - base) / NUISANCE_STEP
     white = likelihood.whiten(data, likelihood.mean_visible_change(data, responses), weight)
     sensitive = (white**2).sum(axis=(1, 2, 3)) > 2 * NEAR_ZERO_RESPONSE_NATS
+    sensitive |= np.array([isinstance(term, OwnNumber) for term in terms], dtype=bool)
     shared = sensitive[[not term.per_trial for term in terms]]
     terms = tuple(term for term, tells in zip(terms, sensitive, strict=True) if tells)
     given = tuple(k.candidate.entry(k.value) for k in asked.known)

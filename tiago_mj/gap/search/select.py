@@ -37,6 +37,7 @@ from tiago_mj.gap.search import (
     wider,
 )
 from tiago_mj.gap.search.beside_readings import with_readings
+from tiago_mj.gap.search.own_numbers import in_effects
 from tiago_mj.gap.search.state import Question, Ranked, State, Tick
 from tiago_mj.io.deadline import Deadline, OutOfTimeError
 
@@ -196,7 +197,8 @@ def _shown(state: State, asked: Question, shared: NDArray[np.bool_], wide: Fitte
             data = noise_model.select_trials(asked.assumed, asked.trials.rows_of(wide.trials))
             judged = sharpen.misfits_by(replace(wide, data=data), state.full, shown)
             shown = [replace(fit, sharp=None) for fit in judged]
-    return tuple(with_readings(fit, asked.known, shared) for fit in shown)
+    terms = sorted(asked.terms, key=lambda term: term.per_trial)
+    return tuple(in_effects(with_readings(fit, asked.known, shared), terms) for fit in shown)
 
 
 def _with_losses_at_last(state: State, over: Callable[[], bool], tell: Callable[[State], None]) -> State:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tiago_mj.gap.inference import likelihood
 from tiago_mj.gap.inference.fit import Fitted, Fitter, Point, Start
-from tiago_mj.gap.inference.hypotheses import Candidate, Label, Term
+from tiago_mj.gap.inference.hypotheses import Candidate, Label, OwnNumber, Term
 from tiago_mj.gap.search.screen import Screened
 
 Array = NDArray[np.float64]
@@ -114,7 +114,7 @@ def effects_of_far_nuisances(fitter: Fitter, nuisance: Array, among: Collection[
     places = [fitter.nuisance_indices(k) for k in range(len(fitter.terms))]
     moves = [abs(nuisance[there].mean()) * len(there) ** 0.5 for there in places]  # of all trials together
     for k in np.argsort(moves)[::-1]:
-        if moves[k] > FAR_NUISANCE_DEVIATIONS:
+        if moves[k] > FAR_NUISANCE_DEVIATIONS and not isinstance(fitter.terms[k], OwnNumber):
             far.setdefault(fitter.terms[k].effect, []).append(fitter.terms[k])
     out: list[Label] = []
     for effect, terms in far.items():
