@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tiago_mj.effects.declare import Array, Effect, effect
-from tiago_mj.effects.fields import detail, known_to, parameter
+from tiago_mj.effects.fields import Usual, detail, known_to, parameter, usually
 from tiago_mj.effects.now import Now
 from tiago_mj.effects.servo import Servo
 
@@ -118,7 +118,7 @@ class ServoDamping(Effect):
 
     damping = parameter(DAMPING, identity=0.0, default=(40.0, 5.0), bounds=((-60.0, 300.0), (-1.0, 60.0)))
     #: Time constant of the low-pass in which the drive takes the velocity from its encoder.
-    filter = detail("s", (0.0, 0.1), sought=False)
+    filter = detail("s", (0.0, 0.1), usual=usually(0.005))
     by_detail: ClassVar[Mapping[str, str]] = {"servo_force": "filter"}
 
     def change(self, now: Now) -> None:
@@ -225,7 +225,7 @@ class MotorCogging(Effect):
     period = parameter(("m", "rad"), identity=None, default=0.005, bounds=((0.001, 0.02), (0.001, 0.5)))
 
     #: Share of the second harmonic.
-    second = detail("-", (-1.0, 1.0), sought=False)
+    second = detail("-", (-1.0, 1.0), usual=Usual(0.0, 0.1))
 
     def added_force(self, now: Now) -> Array:
         angle = 2 * np.pi * now.joint_position / self.period

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from tiago_mj.effects.declare import Array, Effect, effect
-from tiago_mj.effects.fields import detail, form, known_to, parameter
+from tiago_mj.effects.fields import detail, form, known_to, parameter, usually
 from tiago_mj.effects.memory import SHIFTED, Conveyor, Held, HeldLowPass, InARow
 from tiago_mj.effects.now import Now
 
@@ -172,7 +172,7 @@ class RateLimit(Effect):
 
     velocity = parameter(SPEED, identity=np.inf, default=0.6, bounds=(0.05, 1.0), nominal="velocity")
     #: Time constant with which the set point's own speed follows.
-    ramp = detail("s", (0.0, 0.1), sought=False)
+    ramp = detail("s", (0.0, 0.1), usual=usually(0.005))
 
     def start(self, now: Now) -> None:
         self._wanted, self._value = now.set_point.copy(), now.set_point.copy()

@@ -85,58 +85,57 @@ USUAL_SHARES: Final = ("inertia", "critical_damping")
 
 @dataclass(frozen=True)
 class Usual:
-    """How large a detail usually is: its prior, normal in the logarithm.
+    """How large a detail usually is: a normal prior of its value, or of its logarithm.
 
     Attributes:
-        median: as a share.
-        deviation: one standard deviation of the logarithm.
-        share_of: one of :data:`USUAL_SHARES`.
+        middle: its mean, or its median where the logarithm is normal.
+        deviation: one standard deviation, of the value or of its logarithm.
+        of_logarithm: which of them is normal.
+        share_of: of which the middle is a share, one of :data:`USUAL_SHARES`; None: it is a value.
     """
 
-    median: float
+    middle: float
     deviation: float
-    share_of: str
+    of_logarithm: bool = False
+    share_of: str | None = None
 
 
 @dataclass(frozen=True)
 class Detail:
     """What more there is to say of an effect, 0 where nobody does: where that is of which its first parameter is the
-    amount, sought only once the amount is known (of two amounts on one target it is their common centre); a number that
-    is fitted with the amount wherever the effect is tried; or one that is not sought at all, as the recordings of a
-    robot hardly show it, but that who knows it may give.
+    amount, sought only once the amount is known (of two amounts on one target it is their common centre); or a number
+    of the effect's form, which is fitted with the amount wherever the effect is tried.
 
     Attributes:
         unit: as a parameter's.
         bounds: (low, high), what a fit may try.
         name: as in the class.
-        sought: whether a diagnosis looks for it once the amount is known.
-        usual: its prior, where it is fitted with the amount.
+        usual: prior of a number that is fitted with the amount; None: it says where the amount is.
     """
 
     unit: str
     bounds: tuple[float, float]
     name: str = ""
-    sought: bool = True
     usual: Usual | None = None
 
     def __set_name__(self, owner: type, name: str) -> None:
         object.__setattr__(self, "name", name)
 
 
-def detail(unit: str, bounds: tuple[float, float], *, sought: bool = True, usual: Usual | None = None) -> Any:
+def detail(unit: str, bounds: tuple[float, float], *, usual: Usual | None = None) -> Any:
     """Declare in an effect's body a number that says more of it; see :class:`Detail`."""
-    return Detail(unit, bounds, sought=sought and usual is None, usual=usual)
+    return Detail(unit, bounds, usual=usual)
 
 
-def usually(median: float, *, share_of: str, within: float = 10.0) -> Usual:
-    """Declare how large a detail usually is, as a share, and within which factor at two deviations; see
-    :class:`Usual`."""
-    if share_of not in USUAL_SHARES or not 0 < median < math.inf or not 1 < within < math.inf:
+def usually(median: float, *, within: float = 10.0, share_of: str | None = None) -> Usual:
+    """Declare how large a detail usually is: its median, in its unit or as a share, and within which factor of it the
+    detail lies at two standard deviations; see :class:`Usual`."""
+    if share_of not in (None, *USUAL_SHARES) or not 0 < median < math.inf or not 1 < within < math.inf:
         raise ValueError(
-            f"a detail is usually {median}, share_of={share_of!r}, within={within}: give a positive median, share_of="
-            f"{' or '.join(map(repr, USUAL_SHARES))}, and a factor above 1"
+            f"a detail is usually {median}, within={within}, share_of={share_of!r}: give a positive median, a factor "
+            f"above 1, and share_of={', '.join(map(repr, USUAL_SHARES))} or None"
         )
-    return Usual(median, math.log(within) / 2, share_of)
+    return Usual(median, math.log(within) / 2, True, share_of)
 
 
 #: Of what a prior's deviation may be a share: of what the nominal model has of it (``takes_from``), of the inertia that

@@ -8,7 +8,7 @@ import numpy as np
 
 from tiago_mj.effects.command import rounded
 from tiago_mj.effects.declare import Array, Effect, effect
-from tiago_mj.effects.fields import detail, form, known_to, parameter
+from tiago_mj.effects.fields import Usual, detail, form, known_to, parameter
 from tiago_mj.effects.memory import DelayLine, Held, InARow, LowPass, Play
 from tiago_mj.effects.now import Now
 
@@ -39,7 +39,7 @@ class PadCreep(Effect):
 
     fraction = parameter("-", identity=0.0, default=0.2, bounds=(0.0, 0.8), possible=(0.0, 1.0))
     time_constant = parameter("s", identity=None, default=0.3, bounds=(0.03, 3.0))
-    spread = detail("-", (0.0, 0.9), sought=False)
+    spread = detail("-", (0.0, 0.9), usual=Usual(0.45, 0.3))
 
     def start(self, now: Now) -> None:
         apart = (-1.0, 1.0) if self.spread.any() else (0.0,)
@@ -143,7 +143,7 @@ class ForceHysteresis(Effect):
     signal_only = True
 
     width = parameter(UNITS, identity=0.0, default=0.1, bounds=(0.0, 0.8))
-    spread = detail("-", (0.0, 1.0), sought=False)
+    spread = detail("-", (0.0, 1.0), usual=Usual(0.5, 0.3))
 
     def start(self, now: Now) -> None:
         apart = np.linspace(-1.0, 1.0, PLAYS) if self.spread.any() else np.zeros(1)

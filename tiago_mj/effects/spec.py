@@ -110,7 +110,7 @@ def arrays(declared: type[Effect], sims: Sequence[Sequence[Entry]], targets: Tar
                 continue
             for index in _reach(entry, declared, names):
                 for key, more in declared.details.items():
-                    if not more.sought:
+                    if more.usual is not None:
                         values[key][sim, index] = entry.parameters.get(key, values[key][sim, index])
                         continue
                     there = _amount(declared, entry, targets.side(declared.targets, index))

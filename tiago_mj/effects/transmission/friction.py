@@ -8,7 +8,7 @@ import numpy as np
 
 from tiago_mj.effects.actuator import DAMPING, FORCE
 from tiago_mj.effects.declare import Array, Effect, effect
-from tiago_mj.effects.fields import detail, known_to, parameter
+from tiago_mj.effects.fields import detail, known_to, parameter, usually
 from tiago_mj.effects.now import Now
 from tiago_mj.effects.transmission.bounded_speed import SPEED
 
@@ -182,7 +182,7 @@ class LoadDependentFriction(Effect):
     form_known_to = DRY
     coefficient = parameter("-", identity=0.0, default=0.15, bounds=(0.0, 0.8))
     #: Time constant with which friction follows the force, as a gear gives.
-    lag = detail("s", (0.0, 0.1), sought=False)
+    lag = detail("s", (0.0, 0.1), usual=usually(0.005))
     #: What the gear carries with its lag; None: it has none, or no simulation began (efforts along a measured motion).
     _carried: Array | None = None
 

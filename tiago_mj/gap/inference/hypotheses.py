@@ -331,41 +331,49 @@ class OwnNumber(Term):
     """A number of an effect itself beside its magnitude: it counts wherever that effect is part of an explanation.
 
     Attributes:
-        medians: by target, (nominal) values at 0.
+        usual: by target, values at 0.
+        of_logarithm: whether deviations are of its logarithm.
     """
 
-    medians: tuple[tuple[str, float], ...] = ()
+    usual: tuple[tuple[str, float], ...] = ()
+    of_logarithm: bool = False
 
     @property
     def factor(self) -> bool:
-        """Whether deviations are of its logarithm: always."""
-        return True
+        """Whether deviations are of its logarithm."""
+        return self.of_logarithm
 
     def of(self, target: tuple[str, ...] | None, deviations: float) -> float:
-        """The number for the effect on some targets, at so many deviations: what is usual for their mean."""
-        logs = [np.log(value) for name, value in self.medians if target is None or name in target]
-        return float(np.clip(np.exp(np.mean(logs) + deviations * self.deviation), self.low, self.high))
+        """The number for the effect on some targets, at so many deviations from the mean of what is usual for them."""
+        values = np.array([value for name, value in self.usual if target is None or name in target])
+        move = deviations * self.deviation
+        value = np.exp(np.log(values).mean() + move) if self.factor else values.mean() + move
+        return float(np.clip(value, self.low, self.high))
+
+    def spread(self, target: tuple[str, ...] | None, deviations: float, deviation: float) -> float:
+        """Its standard deviation there, if it is known to so many deviations."""
+        return self.deviation * deviation * (self.of(target, deviations) if self.factor else 1.0)
 
 
 def own_numbers(plant: Plant, effects: Iterable[str]) -> tuple[OwnNumber, ...]:
     """Numbers of some effects that are fitted with their magnitudes where commands are replayed."""
     if plant.effort_row is not None:
         return ()
-    out, targets = [], plant.wiring.targets
+    out = []
     for name in dict.fromkeys(effects):
         declared = EFFECTS[name]
         for detail in declared.details.values():
-            if detail.usual is None:
+            prior = detail.usual
+            if prior is None:
                 continue
-            usual = {
-                target: detail.usual.median * _scale(plant, target, detail.usual.share_of) for target in targets.joint
-            }
-            medians = tuple((target, value) for target, value in usual.items() if value > 0)
-            if medians:
-                middle = float(np.exp(np.mean([np.log(value) for _, value in medians])))
-                out.append(
-                    OwnNumber(name, None, detail.name, middle, detail.usual.deviation, False, *detail.bounds, medians)
+            names = plant.wiring.targets.names(declared.targets)
+            scales = {one: 1.0 if prior.share_of is None else _scale(plant, one, prior.share_of) for one in names}
+            usual = tuple((one, prior.middle * scale) for one, scale in scales.items() if scale)
+            if usual:
+                found = OwnNumber(
+                    name, None, detail.name, 0.0, prior.deviation, False, *detail.bounds, usual, prior.of_logarithm
                 )
+                out.append(replace(found, nominal=found.of(None, 0.0)))
     return tuple(out)
 
 

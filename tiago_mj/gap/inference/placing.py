@@ -52,7 +52,7 @@ class Optimum:
 
 def details(effect: str) -> tuple[Detail, ...]:
     """Coordinates of an effect that are fitted."""
-    return tuple(d for d in EFFECTS[effect].details.values() if d.sought)
+    return tuple(d for d in EFFECTS[effect].details.values() if d.usual is None)
 
 
 def without_place(part: Candidate) -> Candidate:

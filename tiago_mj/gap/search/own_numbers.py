@@ -26,10 +26,11 @@ def in_effects(fit: Fitted, terms: Sequence[Term]) -> Fitted:
     for k, term in own.items():
         for i, part in enumerate(parts):
             if part.effect == term.effect:
-                value = term.of(part.target, float(fit.nuisance[k]))
-                parts[i] = _with(part, term.parameter, value)
+                there = float(fit.nuisance[k])
+                parts[i] = _with(part, term.parameter, term.of(part.target, there))
                 if fit.nuisance_deviations is not None:
-                    spreads[term.parameter] = value * term.deviation * float(fit.nuisance_deviations[k])
+                    known_to = float(fit.nuisance_deviations[k])
+                    spreads[term.parameter] = term.spread(part.target, there, known_to)
     correlation = fit.correlation and (fit.correlation[0], fit.correlation[1][np.ix_(rest, rest)])
     return replace(
         fit,
