@@ -281,7 +281,7 @@ def _judged(recorded: Recorded, proposed: Proposals, ranked: Ranked, base: Array
     judging = session.subset("validation").without(ranked.excluded)
     found = held_out.validated(
         recorded,
-        ranked.predict.as_simulated(between=True),  # what is judged is the explanation, not who plays it back
+        ranked.predict,  # what is judged is the explanation, not who plays it back
         base,
         ranked.fits,
         outcome.nominal(ranked),

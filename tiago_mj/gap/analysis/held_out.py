@@ -75,7 +75,7 @@ def validated(
     known = [(*fit.effects(), *own_numbers(plant, fit)) for fit in fits]
     nothing = own_numbers(plant, fits[nominal])
     simulated = known if nothing in known else [*known, nothing]
-    every = predict.all_trials(simulated, trials)
+    every = predict.beside_each(simulated, trials)
     predicted = every[: len(fits)]
     selected = noise_model.select_trials(recorded.data, trials)
     length = shrink.block_rows(selected, base[list(trials)], predicted[0])
@@ -100,7 +100,7 @@ def spoiled(recorded: Recorded, predict: Predictor, fit: Fitted) -> tuple[str, .
         return ()
     shared = [term for term in terms(plant) if not term.per_trial]
     far = sorted(zip(shared, fit.nuisance, strict=False), key=lambda one: -abs(float(one[1])))[:MAX_LISTED_NUMBERS]
-    fitted, stated = predict.all_trials([(*fit.effects(), *own), tuple(fit.effects())], trials)
+    fitted, stated = predict.beside_each([(*fit.effects(), *own), tuple(fit.effects())], trials)
     selected = noise_model.select_trials(recorded.data, trials)
     energy, samples = _blocks(selected, np.stack([fitted, stated]), shrink.block_rows(selected, stated, fitted))
     slides = [name for name, slides in zip(plant.joints, plant.wiring.targets.slides, strict=True) if slides]

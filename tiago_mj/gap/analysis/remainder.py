@@ -62,6 +62,7 @@ def remainder(recorded: Recorded, predict: Predictor, fit: Fitted, weight: Array
     selected = noise_model.select_trials(data, test)
     known = (*fit.effects(), *own_numbers(plant, fit))
     own = tuple(term for term in terms(plant) if term.per_trial)
+    predict = predict.corrected_beside([(trial, known) for trial in test])
     predicted = predict.all_trials([known], test)[0]
     if own:  # where each object stood: nobody measured it, so that the test trials tell it themselves
         flat = np.zeros((len(own), *predicted.shape))

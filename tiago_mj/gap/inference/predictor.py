@@ -156,13 +156,20 @@ class Predictor:
         }
         return replace(self, on=replace(self.on, delivered=delivered), runs=0, _kept=kept)
 
-    def as_simulated(self, *, between: bool = False) -> Predictor:
+    def as_simulated(self) -> Predictor:
         """The same with the error of the physics step in it, its readings rounded, and its sensors at work at the rows
-        alone, unless also ``between`` them: what the environment, or the repaired model, does."""
-        return replace(self, corrected=False, rounded=True, between=between)
+        alone: what the environment, or the repaired model, does."""
+        return replace(self, corrected=False, rounded=True, between=False)
+
+    def beside_each(self, explanations: Sequence[Effects], trials: Sequence[int]) -> Array:
+        """(nexplanations, ntrials, T, C), as :meth:`all_trials`: each with its own step's error put right, readings
+        rounded where an effect rounds them."""
+        by = [replace(self, rounded=True).corrected_beside([(t, one) for t in trials]) for one in explanations]
+        return np.stack([one.all_trials([effects], trials)[0] for one, effects in zip(by, explanations, strict=True)])
 
     def corrected_beside(self, wanted: Sequence[tuple[int, Effects]]) -> Predictor:
-        """The same with the step's error in some trials found beside an explanation, not beside the nominal model.
+        """The same with the step's error in some trials found beside an explanation, not beside the nominal model;
+        itself where that is not put right.
 
         Args:
             wanted: trial and effects on the physics, of each; where these draw at random, nothing is found.
@@ -170,7 +177,7 @@ class Predictor:
         drawn = self.on.delivered is None
         sims = [(trial, tuple(e for e in effects if not sensor_only(e))) for trial, effects in wanted]
         some = any(is_random(EFFECTS[e.name]) for _, effects in sims for e in (*self.plant.given, *effects))
-        if self.off is None or not sims or (drawn and some):
+        if self.off is None or not self.corrected or not sims or (drawn and some):
             return self
         bare, parts = replay.unmeasured(self.plant), replay.parts_of(self.plant)
         how, runs = replay.Run(self.threads, self.seed, self.deadline, parts), []

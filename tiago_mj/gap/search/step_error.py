@@ -53,8 +53,6 @@ def better_step_correction(fitter: Fitter, fits: Sequence[Fitted]) -> Predictor 
 def corrected_beside(fitter: Fitter, fit: Fitted | Start) -> Fitter:
     """The fitter with the step's error found beside an explanation, where it is put right: beside the nominal model,
     which lacks an effect, it is another one."""
-    if not fitter.predict.corrected:
-        return fitter
     at, trials = Point.of(fit), enumerate(fitter.trials)
     effects = [(trial, fitter.effects(at.parts, at.values, at.nuisance, k)) for k, trial in trials]
     return replace(fitter, predict=fitter.predict.corrected_beside(effects))

@@ -69,9 +69,13 @@ class EffortPredictor(Predictor):
         """The same: nothing was commanded."""
         return self
 
-    def as_simulated(self, *, between: bool = False) -> Predictor:
+    def as_simulated(self) -> Predictor:
         """The same: there is no physics step whose error could be put right."""
         return self
+
+    def beside_each(self, explanations: Sequence[Effects], trials: Sequence[int]) -> Array:
+        """As :meth:`all_trials`, as of :meth:`as_simulated`."""
+        return self.all_trials(explanations, trials)
 
     def corrected_beside(self, wanted: Sequence[tuple[int, Effects]]) -> Predictor:
         """The same, as of :meth:`as_simulated`."""
