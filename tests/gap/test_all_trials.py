@@ -62,8 +62,8 @@ def test_a_nominal_number_goes_on_from_where_an_effect_on_it_led(grasps, monkeyp
     full = Fitter(Predictor(plant, on, data), Subset((0, 1)), data, np.ones(len(data.channels)), terms, empty)
     part = next(c for c in hypotheses.candidates(plant, ["object_offset"]) if c.target is None)
     begun = []
-    monkeypatch.setattr(Fitter, "linearized_at_each", lambda self, points: [self] * len(points))
-    monkeypatch.setattr(Fitter, "fit_each", lambda self, each, starts: begun.extend(starts) or [])
+    monkeypatch.setattr(Fitter, "linearized_at", lambda self, point: self)
+    monkeypatch.setattr(Fitter, "fit_all", lambda self, starts: begun.extend(starts) or [])
     places = np.zeros(full.size)
 
     def fit(offset: float, evidence: float, *parts) -> Fitted:

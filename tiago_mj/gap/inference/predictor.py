@@ -80,6 +80,8 @@ class Predictor:
     deadline: Deadline = field(default_factory=Deadline)
     journal: Journal = field(default_factory=Journal)
     _kept: dict[tuple[int, Effects], Run] = field(default_factory=dict)
+    #: Step's errors by trial and effects on the physics.
+    _beside: dict[tuple[int, Effects], Run] = field(default_factory=dict)
 
     def __call__(self, wanted: Sequence[tuple[int, Effects]], *, keep: bool = False) -> Array:
         """Predicted channels, (nwanted, T, C), of (trial, effects) pairs.
@@ -154,7 +156,7 @@ class Predictor:
             for key, run in self._kept.items()
             if not given and all(not is_random(EFFECTS[e.name]) for e in key[1])
         }
-        return replace(self, on=replace(self.on, delivered=delivered), runs=0, _kept=kept)
+        return replace(self, on=replace(self.on, delivered=delivered), runs=0, _kept=kept, _beside={})
 
     def as_simulated(self) -> Predictor:
         """The same with the error of the physics step in it, its readings rounded, and its sensors at work at the rows
@@ -179,6 +181,17 @@ class Predictor:
         some = any(is_random(EFFECTS[e.name]) for _, effects in sims for e in (*self.plant.given, *effects))
         if self.off is None or not self.corrected or not sims or (drawn and some):
             return self
+        missing = [key for key in dict.fromkeys(sims) if key not in self._beside]
+        if missing and not self._find_step_errors(missing):
+            return self
+        off = {f: getattr(self.off, f).copy() for f in Signals.__dataclass_fields__}
+        for key in sims:
+            for one, found in zip(off.values(), self._beside[key], strict=True):
+                one[key[0]] = found
+        return replace(self, off=Signals(**off))
+
+    def _find_step_errors(self, sims: Sequence[tuple[int, Effects]]) -> bool:
+        """Remember the step's error of some simulations; False where one of them diverges, with none remembered."""
         bare, parts = replay.unmeasured(self.plant), replay.parts_of(self.plant)
         how, runs = replay.Run(self.threads, self.seed, self.deadline, parts), []
         for plant in (bare, _refined(bare, parts)):
@@ -188,12 +201,11 @@ class Predictor:
             self.simulated(steps)
             runs.append(run)
         if any(run.diverged.any() for run in runs):
-            return self
-        found, index = step_tolerance.step_errors(*runs), [trial for trial, _ in sims]
-        off = {f: getattr(self.off, f).copy() for f in Signals.__dataclass_fields__}
-        for f, one in off.items():
-            one[index] = getattr(found, f)
-        return replace(self, off=Signals(**off))
+            return False
+        found = step_tolerance.step_errors(*runs)
+        for k, key in enumerate(sims):
+            self._beside[key] = tuple(getattr(found, f)[k].copy() for f in Signals.__dataclass_fields__)
+        return True
 
     def with_other_step_correction(self) -> Predictor | None:
         """The same with the step's error put right where it was not, or the other way round; None: it is not known."""

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from tiago_mj.gap.inference import likelihood
 from tiago_mj.gap.inference.fit import Fitted, Fitter
 from tiago_mj.gap.inference.points import Point
-from tiago_mj.gap.search import ranking
+from tiago_mj.gap.search import ranking, step_error
 
 Array = NDArray[np.float64]
 
@@ -25,7 +25,7 @@ def with_agreement(full: Fitter, fits: Sequence[Fitted]) -> list[Fitted]:
     """
     if not fits:
         return []
-    costs = _costs(full, full.predictions([Point.of(f) for f in fits]))
+    costs = _costs(full, np.stack([step_error.own(full, f, fits).predictions([Point.of(f)])[0] for f in fits]))
     out = []
     for k, fit in enumerate(fits):
         fewer = [j for j, other in enumerate(fits) if ranking.labels_of(other) < ranking.labels_of(fit)]

@@ -54,7 +54,8 @@ def fitted(state: State, wide: Fitter) -> tuple[State, Fitter]:
     full = _linearized(before, wide, best)
     full = step_error.corrected_beside(full, _start(best, before, full))
     (there,) = full.fit_all([_start(best, before, full)])
-    other = step_error.better_step_correction(full, [there])
+    rivals = step_error.leaders(state.fits)[1:]
+    other = step_error.better_step_correction(full, [starts.restart(there), *(_start(f, before, full) for f in rivals)])
     if other is not None:
         full = replace(full, predict=other)
         (there,) = full.fit_all([starts.restart(there)])
@@ -70,9 +71,9 @@ def fitted(state: State, wide: Fitter) -> tuple[State, Fitter]:
 
 
 def _around_themselves(full: Fitter, fits: Sequence[Fitted]) -> list[Fitted]:
-    """Explanations near the best, fitted again with the nuisance responses linearized around each of them; and without
-    their effects that came out as good as none or that a nominal number can take, from where these led: a fit ends in
-    the nearest optimum.
+    """Explanations near the best, fitted again with the nuisance responses linearized around each of them and the
+    step's error found beside each of them; and without their effects that came out as good as none or that a nominal
+    number can take, from where these led: a fit ends in the nearest optimum.
 
     With the responses around the best explanation, whose nuisances were far away, the true coupling came out 114 nats
     behind the same coupling with a needless creep; with its own responses it is 11 behind (blind check's generator,
@@ -86,7 +87,8 @@ def _around_themselves(full: Fitter, fits: Sequence[Fitted]) -> list[Fitted]:
     if len(begin) < 2 or full.out_of_time():
         return []
     longer = replace(full, iterations=MAX_ITERATIONS)
-    return full.fit_each(longer.linearized_at_each([Point.of(s) for s in begin]), begin)
+    own = [step_error.corrected_beside(longer, s).linearized_at(Point.of(s)) for s in begin]
+    return [fit for by, start in zip(own, begin, strict=True) for fit in by.fit_all([start])]
 
 
 def settled(state: State) -> State:
@@ -95,7 +97,8 @@ def settled(state: State) -> State:
     ahead = ranking.by_evidence(state.fits)
     near = [f for f in ahead if f.evidence > ahead[0].evidence - ranking.NEAR_BEST_NATS][:MAX_AROUND_THEMSELVES]
     rest = [f for f in state.fits if all(f is not one for one in near)]
-    return replace(state, fits=(*state.full.settled(near), *rest))
+    full = state.full
+    return replace(state, fits=(*(step_error.corrected_beside(full, f).settled([f])[0] for f in near), *rest))
 
 
 def wide(asked: Question, first: Fitter, excluded: Sequence[int]) -> Fitter:

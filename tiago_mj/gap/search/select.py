@@ -243,7 +243,7 @@ def _with_singles(state: State, tell: Callable[[State], None], tick: Tick) -> St
     chosen = additions.singles(state.promising, moved, additions.MIN_SINGLES if hurried else additions.MAX_SINGLES)
     begin = [starts.start_of_screened(s, screening, linearization_point.nuisance) for s in chosen]
     on_screening = wider.fitted(screening, screening.fit_all([starts.start_at(linearization_point), *begin]))
-    other = None if hurried else step_error.better_step_correction(screening, ranking.by_evidence(on_screening))
+    other = None if hurried else step_error.better_step_correction(screening, step_error.leaders(on_screening))
     if other is not None:
         state = replace(state, screening=replace(screening, predict=other), full=replace(state.full, predict=other))
         state = replace(state, fits=tuple(state.full.fit_all([starts.restart(state.nominal)])))

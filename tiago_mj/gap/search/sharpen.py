@@ -55,7 +55,7 @@ def misfits_by(before: Fitter, full: Fitter, fits: Sequence[Fitted]) -> list[Fit
     the two in units of the estimated noise is kept as ``sharp``.
     """
     data = noise_model.select_trials(before.data, before.trials.rows_of(full.trials))
-    there = replace(full, data=data).evaluated(fits)
+    there = [step_error.own(replace(full, data=data), f, fits).evaluated([f])[0] for f in fits]
     return [
         replace(f, misfit=g.misfit, lasting=g.lasting, sharp=ranking.discrepancy(f))
         for f, g in zip(fits, there, strict=True)

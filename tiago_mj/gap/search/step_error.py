@@ -22,15 +22,25 @@ from tiago_mj.gap.search.state import State
 #: Recordings are taken to be free of integration error, as a robot's are, unless they are met better with it by this
 #: much [nats]: a Bayes factor of 3.
 KEPT_NATS: Final = 1.1
+#: Explanations beside which both ways are tried, the likeliest of other classes: one that is wrong may go with a wrong
+#: step (a spring and a lag with the error of a step of 2 ms for a late clock and a weak motor, hinges_5002.json, 83).
+MAX_BESIDE: Final = 3
 
 
-def better_step_correction(fitter: Fitter, fits: Sequence[Fitted]) -> Predictor | None:
+def leaders(fits: Sequence[Fitted]) -> list[Fitted]:
+    """The best explanation, and those of other classes that are not far behind it."""
+    ahead = ranking.by_evidence(fits)
+    near = [f for f in ahead if f.evidence > ahead[0].evidence - rounds.HOPELESS_DEFICIT_NATS]
+    return ranking.unique_by_classes(near)[:MAX_BESIDE]
+
+
+def better_step_correction(fitter: Fitter, fits: Sequence[Fitted] | Sequence[Start]) -> Predictor | None:
     """The predictor with the correction for integration error switched; None where the present choice is the more
     likely one.
 
     Args:
         fitter: of the trials.
-        fits: explanations of them, the likeliest first.
+        fits: explanations of them: each way may have its own best.
     """
     switched = fitter.predict.with_other_step_correction()
     if switched is None or not fits:
@@ -40,11 +50,15 @@ def better_step_correction(fitter: Fitter, fits: Sequence[Fitted]) -> Predictor 
     on = Whitening(replace(fitter.data, sigma=noise, common=np.zeros_like(noise)), fitter.weight)
 
     def cost(predict: Predictor) -> float:
-        # Each way has its own best magnitudes: a late command and a late step look alike.
-        by = corrected_beside(replace(fitter, predict=predict), fits[0]).linearized_at(Point.of(fits[0]))
-        (refitted,) = by.fit_all([starts.restart(fits[0])])
-        point = Point.of(refitted)
-        return on.cost(by.predictions([point])[0], point.nuisance)
+        # Each way has its own best explanation and magnitudes: a late command and a late step look alike.
+        costs = []
+        for fit in fits:
+            at = Point.of(fit)
+            by = corrected_beside(replace(fitter, predict=predict), fit).linearized_at(at)
+            (refitted,) = by.fit_all([starts.start_at(at)])
+            point = Point.of(refitted)
+            costs.append(on.cost(by.predictions([point])[0], point.nuisance))
+        return min(costs)
 
     drop = cost(fitter.predict) - cost(switched)
     return switched if drop > (-KEPT_NATS if switched.corrected else KEPT_NATS) else None
@@ -58,6 +72,13 @@ def corrected_beside(fitter: Fitter, fit: Fitted | Start) -> Fitter:
     return replace(fitter, predict=fitter.predict.corrected_beside(effects))
 
 
+def own(fitter: Fitter, fit: Fitted, among: Sequence[Fitted]) -> Fitter:
+    """The fitter for one of several explanations: near the best of them with the step's error found beside it, which
+    would else be that of the best, in whose favour it is."""
+    near = fit.evidence > max(f.evidence for f in among) - rounds.HOPELESS_DEFICIT_NATS
+    return corrected_beside(fitter, fit) if near else fitter
+
+
 def decided(state: State) -> State:
     """The search with the better choice beside its best explanation of all trials, its explanations fitted anew where
     that is another one than before.
@@ -66,7 +87,7 @@ def decided(state: State) -> State:
     speed four were left with the error of a step of 2 ms, and time constants and delays came out 1 ms short
     (hinges_5002.json).
     """
-    other = better_step_correction(state.full, [state.best])
+    other = better_step_correction(state.full, leaders(state.fits))
     if other is None:
         return state
     full, screening = replace(state.full, predict=other), replace(state.screening, predict=other)
