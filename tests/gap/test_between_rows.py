@@ -84,10 +84,10 @@ def lagged(time: NDArray[np.float64], frequency: float, seconds: float) -> NDArr
     return lasting + w * seconds / (1 + (w * seconds) ** 2) * np.exp(-time / seconds)
 
 
-def test_rows_are_cut_into_whole_physics_steps_of_at_most_five_milliseconds(tmp_path: Path) -> None:
+def test_rows_are_cut_into_whole_physics_steps_of_two_milliseconds_or_so(tmp_path: Path) -> None:
     plant = plant_of(hinge(tmp_path, even()))
     parts = {rate: replay.parts_of(replace(plant, period=1 / rate)) for rate in (25.0, 50.0, 100.0, 200.0, 240.0)}
-    assert parts == {25.0: 10, 50.0: 5, 100.0: 5, 200.0: 1, 240.0: 1}
+    assert parts == {25.0: 20, 50.0: 10, 100.0: 5, 200.0: 3, 240.0: 3}
     assert replay.parts_of(replace(plant, max_timestep=0.04 / 19)) == 19  # a prime number of steps
     assert replay.parts_of(replace(plant, max_timestep=0.04)) == 1
 
@@ -177,25 +177,22 @@ def test_predictions_with_a_filter_are_measured_in_parts_and_those_as_simulated_
     predict, nominal = predictor(plant, trials, threads=1)
     assert nominal.position.shape[1] == 40
     assert predict.off is not None
-    assert predict.off.position.shape[1] == 391
+    assert predict.off.position.shape[1] == 781
     sims = [(k, effects) for k in range(2) for effects in ((), (FILTERED,), (LATE, *PHYSICS[1]))]
     bare = [(k, [e for e in es if not replay.sensor_only(e)]) for k, es in sims]
-    fine = replay.simulate(plant, predict.on, bare, replay.Run(parts=10))
-    expected = replay.measure(plant, predict.on, fine, sims, parts=10)
+    fine = replay.simulate(plant, predict.on, bare, replay.Run(parts=20))
+    expected = replay.measure(plant, predict.on, fine, sims, parts=20)
     np.testing.assert_array_equal(
         replace(predict, corrected=False)(sims), noise_model.predicted(predict.data, expected)
     )
     corrected = Signals(*(getattr(fine, f) - np.repeat(getattr(predict.off, f), 3, axis=0) for f in FIELDS))
     np.testing.assert_array_equal(
         replace(predict, corrected=True)(sims),
-        noise_model.predicted(predict.data, replay.measure(plant, predict.on, corrected, sims, parts=10)),
+        noise_model.predicted(predict.data, replay.measure(plant, predict.on, corrected, sims, parts=20)),
     )
     at_rows = replay.simulate(plant, predict.on, sims)
     np.testing.assert_allclose(
         predict.as_simulated()(sims), noise_model.predicted(predict.data, at_rows), rtol=0, atol=1e-12
-    )
-    np.testing.assert_array_equal(
-        replace(predict, corrected=False)(sims), noise_model.predicted(predict.data, expected)
     )
     assert np.abs(expected.velocity - at_rows.velocity).max() > 0.02
 
@@ -218,4 +215,4 @@ def test_parts_that_cannot_be_are_refused(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="20 physics steps of a row in 3 parts"):
         replay.simulate(plant, replay.grid(plant, trials), [(0, ())], replay.Run(parts=3))
     with pytest.raises(ValueError, match="then measure"):
-        replay.simulate(plant, replay.grid(plant, trials), [(0, (LATE,))], replay.Run(parts=10))
+        replay.simulate(plant, replay.grid(plant, trials), [(0, (LATE,))], replay.Run(parts=20))
