@@ -54,10 +54,9 @@ def fitted(state: State, wide: Fitter) -> tuple[State, Fitter]:
     full = _linearized(before, wide, best)
     full = step_error.corrected_beside(full, _start(best, before, full))
     (there,) = full.fit_all([_start(best, before, full)])
-    rivals = step_error.leaders(state.fits)[1:]
-    other = step_error.better_step_correction(full, [starts.restart(there), *(_start(f, before, full) for f in rivals)])
-    if other is not None:
-        full = replace(full, predict=other)
+    if best.parts and not full.predict.corrected:  # so many trials may tell that it should be
+        leaders = [starts.restart(there), *(_start(f, before, full) for f in step_error.leaders(state.fits)[1:])]
+        full = replace(full, predict=step_error.better_step_correction(full, leaders) or full.predict)
         (there,) = full.fit_all([starts.restart(there)])
     full = beginning.with_scatter(full, there)
     wide = replace(wide, data=full.data)

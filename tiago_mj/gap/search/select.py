@@ -163,7 +163,8 @@ def _search(
         if found is None:
             break
         state = _departing_left_out(on_each.target(found, out_of_time))
-        state = sharpen.sharpened(state if over() else step_error.decided(state))
+        open_still = size == 1 or not state.full.predict.corrected
+        state = sharpen.sharpened(step_error.decided(state) if open_still and not over() else state)
         tell(state)
         if size == 1 and not over() and _losses_are_likely(state):
             tick("lost commands", 1, gap=_leaves_a_gap(state.best))

@@ -80,14 +80,14 @@ def own(fitter: Fitter, fit: Fitted, among: Sequence[Fitted]) -> Fitter:
 
 
 def decided(state: State) -> State:
-    """The search with the better choice beside its best explanation of all trials, its explanations fitted anew where
-    that is another one than before.
+    """The search with the better choice beside its best explanations of all trials, its explanations fitted anew where
+    that is another one than before. Where no effect leads, what was decided beside the nominal model stands.
 
     Screening trials beside single effects tell too little: of 12 hinges whose readings are filtered, late or limited in
     speed four were left with the error of a step of 2 ms, and time constants and delays came out 1 ms short
     (hinges_5002.json).
     """
-    other = better_step_correction(state.full, leaders(state.fits))
+    other = better_step_correction(state.full, leaders(state.fits)) if state.best.parts else None
     if other is None:
         return state
     full, screening = replace(state.full, predict=other), replace(state.screening, predict=other)
