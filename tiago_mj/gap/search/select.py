@@ -129,7 +129,8 @@ def _search(
     count = so_far.effects = len({c.effect for c in pool})
 
     def over() -> bool:
-        return out_of_time() or asked.predict.tally["physics_steps"] - asked.already > asked.budget
+        tally = asked.predict.tally
+        return out_of_time() or tally["physics_steps"] - tally[step_error.DECIDING] - asked.already > asked.budget
 
     tick("fitting the nominal model", beginning.MAX_NOMINAL_ROUNDS)
     full, shared = begin(asked, over)

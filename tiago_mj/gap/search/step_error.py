@@ -22,6 +22,8 @@ from tiago_mj.gap.search.state import State
 #: Recordings are taken to be free of integration error, as a robot's are, unless they are met better with it by this
 #: much [nats]: a Bayes factor of 3.
 KEPT_NATS: Final = 1.1
+#: Physics steps of these decisions in a predictor's tally: no part of a search's budget, as nothing is found by them.
+DECIDING: Final = "deciding"
 #: Explanations beside which both ways are tried, the likeliest of other classes: one that is wrong may go with a wrong
 #: step (a spring and a lag with the error of a step of 2 ms for a late clock and a weak motor, hinges_5002.json, 83).
 MAX_BESIDE: Final = 3
@@ -60,7 +62,10 @@ def better_step_correction(fitter: Fitter, fits: Sequence[Fitted] | Sequence[Sta
             costs.append(on.cost(by.predictions([point])[0], point.nuisance))
         return min(costs)
 
+    tally = fitter.predict.tally
+    before = tally["physics_steps"]
     drop = cost(fitter.predict) - cost(switched)
+    tally[DECIDING] += tally["physics_steps"] - before
     return switched if drop > (-KEPT_NATS if switched.corrected else KEPT_NATS) else None
 
 
