@@ -45,10 +45,10 @@ def test_a_recording_with_two_effects_is_replayed_by_one_that_is_given_and_the_o
             np.testing.assert_allclose(signals.velocity[k, :, j], trial.velocities[joint], atol=1e-12)
         for s, sensor in enumerate(plant.sensors):
             assert (trial.forces[sensor] - signals.reading[k, :, s]).std() == pytest.approx(0.0077, rel=0.3)
-    # The same through what the fits call, where sensors' effects are applied to kept runs.
+    # The same through what the fits call, where sensors' effects are applied to kept runs, as here at rows alone.
     predict, _ = predictor(plant, trials)
     np.testing.assert_allclose(
-        replace(predict, off=None)(sims), noise_model.predicted(predict.data, signals), rtol=0, atol=1e-9
+        replace(predict, off=None, between=False)(sims), noise_model.predicted(predict.data, signals), rtol=0, atol=1e-9
     )
 
 
