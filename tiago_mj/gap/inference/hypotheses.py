@@ -356,7 +356,11 @@ class OwnNumber(Term):
 
 
 def own_numbers(plant: Plant, effects: Iterable[str]) -> tuple[OwnNumber, ...]:
-    """Numbers of some effects that are fitted with their magnitudes where commands are replayed."""
+    """Numbers of some effects that are fitted with their magnitudes where commands are replayed.
+
+    What is a share of a joint's inertia, of your own models only: in the project's environments a motor has none, and
+    the audit at the truth meets grasps and arms without one (docs/truth-audit.md).
+    """
     if plant.effort_row is not None:
         return ()
     out = []
@@ -364,7 +368,7 @@ def own_numbers(plant: Plant, effects: Iterable[str]) -> tuple[OwnNumber, ...]:
         declared = EFFECTS[name]
         for detail in declared.details.values():
             prior = detail.usual
-            if prior is None:
+            if prior is None or (prior.share_of is not None and plant.environment is not None):
                 continue
             names = plant.wiring.targets.names(declared.targets)
             scales = {one: 1.0 if prior.share_of is None else _scale(plant, one, prior.share_of) for one in names}
