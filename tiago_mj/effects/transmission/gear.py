@@ -112,7 +112,7 @@ class JointElasticity(Effect):
     """A spring between motor and joint, in series with the servo.
 
     The motor's inertia and the spring's damping may be given: by default they are 0. What the motor has is taken off
-    the joint's ``armature``. A diagnosis fits both with the stiffness: of 25 N·m/rad behind a motor of a twentieth of
+    the joint's ``armature``. In your own model a diagnosis fits both: of 25 N·m/rad behind a motor of a twentieth of
     the joint's inertia it is 32 without them.
 
     Formula: stiffness · (motor - joint) = kp · (set point - motor) - kv · motor velocity; at rest the stiffness felt at
