@@ -147,7 +147,8 @@ def row(p: Parameter) -> str:
 def more(detail: Detail) -> str:
     """A number that says more of an effect, as a row of its table."""
     low, high = (number(bound) for bound in detail.bounds)
-    return f"| `{detail.name}` | {detail.unit} | 0 | 0 | {low} to {high} |"
+    unit = pair(detail.unit).replace("-", "–")
+    return f"| `{detail.name}` | {unit} | 0 | 0 | {low} to {high} |"
 
 
 def section(name: str, declared: type[Effect]) -> str:

@@ -8,6 +8,7 @@ from made_hinge import recorded
 
 from tiago_mj.effects.fields import usually
 from tiago_mj.effects.spec import Entry
+from tiago_mj.gap.analysis import outcome
 from tiago_mj.gap.inference import hypotheses
 from tiago_mj.gap.inference.fit import Fitter, Start
 from tiago_mj.gap.inference.points import Point
@@ -67,6 +68,7 @@ def test_the_motor_s_inertia_is_fitted_with_what_connects_it(hinge: Predictor, e
     for name, value in dict(told.parts[0].fixed).items():
         # Where teeth meet, the step decides: a motor is known to a per cent, whatever the noise says.
         assert abs(value - effect.parameters[name]) < max(4 * told.spreads[name], 0.01 * value), name
+        assert outcome.named(predict.plant, told, 0).parameters[name].unit == {"motor": "kg·m²"}.get(name, "N·m·s/rad")
     (same,) = fitter_of(predict).predictions([Point(told.parts, told.values, told.nuisance)])
     np.testing.assert_allclose(same, fitter.predictions([at])[0], atol=1e-9)
 

@@ -107,13 +107,13 @@ class Detail:
     of the effect's form, which is fitted with the amount wherever the effect is tried.
 
     Attributes:
-        unit: as a parameter's.
+        unit: (on a sliding joint, on a hinge); one serves both.
         bounds: (low, high), what a fit may try.
         name: as in the class.
         usual: prior of a number that is fitted with the amount; None: it says where the amount is.
     """
 
-    unit: str
+    unit: tuple[str, str]
     bounds: tuple[float, float]
     name: str = ""
     usual: Usual | None = None
@@ -122,9 +122,9 @@ class Detail:
         object.__setattr__(self, "name", name)
 
 
-def detail(unit: str, bounds: tuple[float, float], *, usual: Usual | None = None) -> Any:
+def detail(unit: str | tuple[str, str], bounds: tuple[float, float], *, usual: Usual | None = None) -> Any:
     """Declare in an effect's body a number that says more of it; see :class:`Detail`."""
-    return Detail(unit, bounds, usual=usual)
+    return Detail((unit, unit) if isinstance(unit, str) else unit, bounds, usual=usual)
 
 
 def usually(median: float, *, within: float = 10.0, share_of: str | None = None) -> Usual:

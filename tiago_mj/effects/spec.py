@@ -278,7 +278,7 @@ def _check_possible(name: str, p: Parameter, number: float) -> None:
 def _check_detail(name: str, detail: Detail, number: float) -> None:
     low, high = (FAR * bound for bound in detail.bounds)
     if not low <= number <= high:
+        unit = " or ".join(dict.fromkeys(detail.unit))
         raise ValueError(
-            f"effect {name!r}: {detail.name} is {number:g} {detail.unit}, give a number from {low:g} to {high:g} "
-            f"{detail.unit}"
+            f"effect {name!r}: {detail.name} is {number:g} {unit}, give a number from {low:g} to {high:g} {unit}"
         )

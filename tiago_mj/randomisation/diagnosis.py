@@ -80,7 +80,7 @@ def _explanation(one: Explanation) -> Block:
         for k, effect in enumerate(one.effects)
     ]
     further = [
-        (Number(k, name, False, *detail.bounds, detail.unit), _deviation(effect.parameters[name]) ** 2)
+        (Number(k, name, False, *detail.bounds, effect.parameters[name].unit), _deviation(effect.parameters[name]) ** 2)
         for k, effect in enumerate(one.effects)
         for name, detail in EFFECTS[effect.name].details.items()
         if name in effect.parameters

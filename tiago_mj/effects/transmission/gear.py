@@ -53,7 +53,7 @@ class Backlash(Effect):
     needs_servo = True
 
     width = parameter(("m", "rad"), identity=0.0, default=0.001, bounds=((0.0, 0.006), (0.0, 0.1)))
-    motor = detail("kg, kg·m²", (0.0, 1.0), usual=MOTOR)
+    motor = detail(("kg", "kg·m²"), (0.0, 1.0), usual=MOTOR)
 
     def change(self, now: Now) -> None:
         joints = list(now.wiring.targets.actuated)
@@ -137,8 +137,8 @@ class JointElasticity(Effect):
     stiffness = parameter(
         ("N/m", "N·m/rad"), identity=np.inf, default=3000.0, bounds=((300.0, 40_000.0), (1.0, 40_000.0))
     )
-    motor = detail("kg, kg·m²", (0.0, 1.0), usual=MOTOR)
-    damping = detail("N·s/m, N·m·s/rad", (0.0, 100.0), usual=SPRING_DAMPING)
+    motor = detail(("kg", "kg·m²"), (0.0, 1.0), usual=MOTOR)
+    damping = detail(("N·s/m", "N·m·s/rad"), (0.0, 100.0), usual=SPRING_DAMPING)
 
     def change(self, now: Now) -> None:
         # The servo's damping acts on the motor; what of it reaches the joint at once is integrated implicitly, as the

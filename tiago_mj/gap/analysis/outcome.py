@@ -87,6 +87,8 @@ def named(plant: Plant, fit: Fitted, k: int) -> Named:
     declared = EFFECTS[part.effect]
     value, sd = float(fit.values[k]), float(fit.deviations[k])
     fitted, known = _deviations(part, value, sd)
+    targets = plant.wiring.targets
+    side = targets.side(declared.targets, targets.first(declared.targets, part.target))
     reach, (least, most) = NINETY * float(np.hypot(fitted, known)), _bounds(part, value)
     low, high = max(value - reach, least), min(value + reach, most)
     parameters: dict[str, Value] = {part.parameter: Value(value, low, high, part.unit, sd, known)}
@@ -96,16 +98,14 @@ def named(plant: Plant, fit: Fitted, k: int) -> Named:
                 parameters[name] = Value(fixed, None, None, "-")
             continue
         if name in declared.details:
-            detail = declared.details[name]
+            detail, unit = declared.details[name], declared.details[name].unit[side]
             if name not in fit.spreads:  # proposed, and the search ended before it was fitted
-                parameters[name] = Value(fixed, None, None, detail.unit)
+                parameters[name] = Value(fixed, None, None, unit)
                 continue
             off = NINETY * verdict.calibration().widens * fit.spreads[name]
             ends = max(fixed - off, detail.bounds[0]), min(fixed + off, detail.bounds[1])
-            parameters[name] = Value(fixed, *ends, detail.unit, fit.spreads[name])
+            parameters[name] = Value(fixed, *ends, unit, fit.spreads[name])
             continue
-        targets = plant.wiring.targets
-        side = targets.side(declared.targets, targets.first(declared.targets, part.target))
         parameters[name] = Value(fixed, None, None, declared.parameters[name].unit[side])
     return Named(part.effect, target_of(part.target), parameters)
 
