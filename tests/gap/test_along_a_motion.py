@@ -124,7 +124,7 @@ def test_what_is_needless_on_a_joint_is_left_out_until_all_is_needed(monkeypatch
     again = iter([fit(3.0, 0.2), fit(3.0)])
     fitter = SimpleNamespace(fit_all=lambda starts: [next(again)])
     monkeypatch.setattr(on_each.ranking, "differs_from_identity", lambda one, k, least: one.values[k] > least)
-    (found,) = on_each._without_needless(fitter, fit(3.0, 0.0, 2.0), 1.0)
+    (found,) = on_each.without_needless(fitter, fit(3.0, 0.0, 2.0), 1.0)
     assert found.values.tolist() == [3.0]
     whole = fit(3.0, 2.0)
-    assert on_each._without_needless(fitter, whole, 1.0) == [whole]
+    assert on_each.without_needless(fitter, whole, 1.0) == [whole]

@@ -16,6 +16,7 @@ from tiago_mj.gap.inference import noise_model, placing
 from tiago_mj.gap.inference.fit import Fitted, Fitter, Point
 from tiago_mj.gap.inference.hypotheses import Candidate, terms
 from tiago_mj.gap.inference.noise_model import Data
+from tiago_mj.gap.search import ranking
 from tiago_mj.gap.search.state import Ranked
 from tiago_mj.gap.simulation.plant import Plant
 from tiago_mj.gap.simulation.subset import Subset
@@ -27,8 +28,8 @@ TRIALS: Final = 4
 
 
 def refined(plant: Plant, ranked: Ranked, data: Data, trials: Subset) -> Ranked:
-    """Explanations, the best one, and those whose place was proposed, with the fitted centre of mass of their payload
-    where the evidence favours that.
+    """Explanations: the best one, and those near it whose place was proposed, have the fitted centre of mass of their
+    payload where the evidence favours that.
 
     Args:
         plant: the nominal simulator.
@@ -36,7 +37,9 @@ def refined(plant: Plant, ranked: Ranked, data: Data, trials: Subset) -> Ranked:
         data: measured, of the trials that were fitted.
         trials: the session's, as the data has them.
     """
-    own, proposed = terms(plant), [k for k, fit in enumerate(ranked.fits) if any(map(_is_placed, fit.parts))]
+    least = ranked.fits[0].evidence - ranking.LOCAL_OPTIMUM_NATS
+    near = [k for k, fit in enumerate(ranked.fits) if fit.evidence > least]
+    own, proposed = terms(plant), [k for k in near if any(map(_is_placed, ranked.fits[k].parts))]
     nothing = _which(ranked.fits[0]) is None and not proposed
     if nothing or not ranked.complete or any(term.per_trial for term in own):
         return ranked

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
 from tiago_mj.gap.inference import likelihood, placing
-from tiago_mj.gap.inference.fit import Fitter, Point
+from tiago_mj.gap.inference.fit import Fitted, Fitter, Point, Start
 from tiago_mj.gap.inference.hypotheses import Candidate
 from tiago_mj.gap.inference.whitening import Whitening
 
@@ -43,22 +43,40 @@ def proposed(fitter: Fitter, point: Point, pool: Sequence[Candidate]) -> tuple[C
     return tuple(part for part in found if part is not None)
 
 
+def placed_again(fitter: Fitter, fit: Fitted) -> Fitted:
+    """The fit with its load at the place that is likeliest beside its other effects, where that gains evidence."""
+    which = next((k for k, part in enumerate(fit.parts) if placing.without_place(part) != part), None)
+    if fitter.predict.replays or which is None:
+        return fit
+    part, point = fit.parts[which], Point.of(fit)
+    mass, *where = placing.Sought(fitter, point, which).descend(place=True).parameters
+    parts, values = list(fit.parts), fit.values.copy()
+    parts[which], values[which] = _at(part, where[: len(placing.details(part.effect))]), mass
+    (found,) = fitter.fit_all([Start(tuple(parts), values, fit.nuisance)])
+    return max(fit, found, key=lambda one: one.evidence)
+
+
 def _placed(fitter: Fitter, point: Point, part: Candidate) -> Candidate | None:
     """A candidate with its likeliest place; None where its own centre of mass is as likely."""
     coordinates = placing.details(part.effect)
-    columns, wanted = _changes(fitter, point, part)
+    columns, wanted = changes(fitter, point, part)
     of_moments = range(1, 1 + len(coordinates))
     centre, _ = _likeliest(fitter, point, part, np.delete(columns, of_moments, axis=1), wanted)
     beside, (mass, *moments) = _likeliest(fitter, point, part, columns, wanted)
     if abs(mass) < LEAST_SHARE * (part.high - part.low):  # nothing to place
         return None
-    where = [float(np.clip(m / mass, *d.bounds)) for d, m in zip(coordinates, moments, strict=True)]
-    placed = _at(part, where)
+    placed = at_moments(part, mass, moments)
     # What turns has an inertia that grows with the square of its distance, which the fit above lacks.
     sought = placing.Sought(fitter, Point((placed,), np.array([mass]), point.nuisance), 0)
     mass, *where = sought.descend(place=True).parameters[: 1 + len(coordinates)]
     placed = _at(part, where)
     return placed if centre - beside > placing.price(placed, mass) else None
+
+
+def at_moments(part: Candidate, mass: float, moments: Sequence[float]) -> Candidate:
+    """A candidate where its mass and moments say."""
+    coordinates = placing.details(part.effect)
+    return _at(part, [float(np.clip(m / mass, *d.bounds)) for d, m in zip(coordinates, moments, strict=True)])
 
 
 def _at(part: Candidate, where: Sequence[float]) -> Candidate:
@@ -68,7 +86,7 @@ def _at(part: Candidate, where: Sequence[float]) -> Candidate:
     return replace(placing.without_place(part), fixed=(*placing.without_place(part).fixed, *place))
 
 
-def _changes(fitter: Fitter, point: Point, part: Candidate) -> tuple[Array, Array]:
+def changes(fitter: Fitter, point: Point, part: Candidate) -> tuple[Array, Array]:
     """What a mass, its moments about the body's centre of mass and the nominal numbers change, whitened, (n, 4 + size)
     per kg, kg·m and deviation, and what is to be explained, (n,)."""
     size, coordinates = part.grid[-1], placing.details(part.effect)

@@ -35,11 +35,11 @@ def target(state: State, out_of_time: Callable[[], bool]) -> State:
         start = _on_each(state.best, effect, state.pool)
         if start is None or out_of_time():
             continue
-        state = state.with_fits(_without_needless(full, full.fit_all([start])[0], least))
+        state = state.with_fits(without_needless(full, full.fit_all([start])[0], least))
     return state
 
 
-def _without_needless(full: Fitter, fit: Fitted, least: float) -> list[Fitted]:
+def without_needless(full: Fitter, fit: Fitted, least: float) -> list[Fitted]:
     """An explanation by what it needs: fitted without the effects that do not differ from none, until all do; itself
     where none does. What is needless is never told, and what is built on it is not either."""
     while True:

@@ -34,6 +34,7 @@ from tiago_mj.gap.search import (
     sharpen,
     starts,
     step_error,
+    together,
     wider,
 )
 from tiago_mj.gap.search.beside_readings import with_readings
@@ -171,6 +172,9 @@ def _search(
             tick("lost commands", 1, gap=_leaves_a_gap(state.best))
             state, sought = losing.with_lost_commands(state), True
             tell(state)
+    if not out_of_time():  # whatever the budget
+        state = _with_sets(replace(state, full=replace(state.full, out_of_time=out_of_time)), fitted)
+        tell(state)
     if not sought and not out_of_time():  # nor by its budget: they may be all that there is
         tick("lost commands", 1, gap=_leaves_a_gap(state.best))
         state = replace(state, full=replace(state.full, out_of_time=out_of_time))
@@ -272,7 +276,22 @@ def _with_singles(state: State, tell: Callable[[State], None], tick: Tick) -> St
 
 def _with_further_effect(state: State, size: int, tell: Callable[[State], None]) -> State | None:
     """The search with explanations by ``size`` effects, each one of fewer effects with one added; None where no
-    addition is promising.
+    addition is promising."""
+    return _with_explanations(state, lambda sought: sought.full.fit_all(_further(sought, size)), tell, size)
+
+
+def _with_sets(state: State, tell: Callable[[State], None]) -> State:
+    """The search along a motion with sets of effects that are sought together, where adding one after another left a
+    gap."""
+    if state.full.predict.replays or not _leaves_a_gap(state.best):
+        return state
+    return sharpen.sharpened(_departing_left_out(_with_explanations(state, together.found, tell) or state))
+
+
+def _with_explanations(
+    state: State, find: Callable[[State], Sequence[Fitted]], tell: Callable[[State], None], size: int = 0
+) -> State | None:
+    """The search with further explanations, some of which may be of ``size`` effects; None where there are none.
 
     The residual of an explanation that lacks an effect is strongly correlated, which lowers the weight of a sample; the
     missing effect is the cause of that and not model error. So additions are sought with at least a minimum weight, and
@@ -280,8 +299,7 @@ def _with_further_effect(state: State, size: int, tell: Callable[[State], None])
     """
     weight = state.full.weight
     sought = state.with_weight(np.maximum(weight, MIN_WEIGHT_WHILE_UNEXPLAINED))
-    begin = _further(sought, size)
-    found = sought.full.fit_all(begin)
+    found = find(sought)
     if not found:
         return None
     leader = ranking.by_evidence([f for f in found if ranking.size(f) == size] or found)[0]
