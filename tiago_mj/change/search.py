@@ -19,7 +19,7 @@ from tiago_mj.gap.inference import hypotheses, likelihood, noise_model
 from tiago_mj.gap.inference.fit import NUISANCE_STEP, Start
 from tiago_mj.gap.search import beginning, ranking, select
 from tiago_mj.gap.search.screen import worst_predicted
-from tiago_mj.gap.search.state import Question, Ranked
+from tiago_mj.gap.search.state import MIN_WEIGHT_WHILE_UNEXPLAINED, Question, Ranked
 from tiago_mj.gap.simulation import replay
 from tiago_mj.gap.simulation.subset import Subset
 from tiago_mj.io.deadline import Deadline
@@ -209,7 +209,7 @@ def _of_differences(partner: dict[int, int], known: Reference) -> Begin:
         chosen = worst_predicted(asked.base, asked.data, asked.fitted_trials)
         data, base = noise_model.select_trials(asked.data, chosen), asked.base[chosen]
         trials = asked.trials.at(chosen)
-        weight = np.maximum(ranking.sample_weight(data, base), select.MIN_WEIGHT_WHILE_UNEXPLAINED)
+        weight = np.maximum(ranking.sample_weight(data, base), MIN_WEIGHT_WHILE_UNEXPLAINED)
         fitter = DifferenceFitter(
             asked.predict,
             trials,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any, Final
 
 import numpy as np
@@ -27,7 +28,7 @@ from tiago_mj.gap.simulation import phases, replay, sizes
 from tiago_mj.gap.simulation.along_a_motion import along_a_motion, efforts_along
 from tiago_mj.gap.simulation.session import FITTED, Session
 from tiago_mj.gap.simulation.session import session as session_of
-from tiago_mj.gap.torque import by_part
+from tiago_mj.gap.torque import by_part, from_commands
 from tiago_mj.gap.torque.band import most_informative
 from tiago_mj.gap.torque.channels import Wanted
 from tiago_mj.gap.torque.notes import of_method
@@ -168,6 +169,7 @@ def _explained(compared: Compared, asked: Request, so_far: SoFar) -> Diagnosis:
         proposed.servo_motion,
         steps,
         assumed=None if compared.sharp is None else noise_model.select_trials(proposed.data, fitted_on),
+        sets=partial(from_commands.sets, session, asked.names, asked.seed, searching) if predict.replays else None,
     )
     if np.isfinite(question.budget):
         a_step = compared.a_simulation / max(steps, 1)

@@ -27,6 +27,7 @@ from tiago_mj.gap.search import (
     losing,
     lost_commands,
     on_each,
+    proposed_sets,
     ranking,
     rounds,
     second_parameter,
@@ -39,7 +40,7 @@ from tiago_mj.gap.search import (
 )
 from tiago_mj.gap.search.beside_readings import with_readings
 from tiago_mj.gap.search.own_numbers import in_effects
-from tiago_mj.gap.search.state import Question, Ranked, State, Tick
+from tiago_mj.gap.search.state import MIN_WEIGHT_WHILE_UNEXPLAINED, Question, Ranked, State, Tick
 from tiago_mj.io.deadline import Deadline, OutOfTimeError
 
 Array = NDArray[np.float64]
@@ -52,10 +53,6 @@ MAX_EFFECTS: Final = 3
 #: Explanations that are extended by another effect. Halved and doubled, none of 15 answers about hinges changes
 #: (varied.json).
 MAX_SEEDS: Final = 3
-#: Smallest weight of a sample (square root) while another effect is sought: half of that of uncorrelated samples.
-#: Residuals beside an explanation that lacks an effect are correlated by that effect, not by model error. Halved and
-#: doubled, none of 16 answers about hinges changes (varied.json).
-MIN_WEIGHT_WHILE_UNEXPLAINED: Final = 0.5 / ranking.SAMPLES_PER_INDEPENDENT**0.5
 #: Simulations of a screening trial from the moment on at which a search hurries until its first explanations are
 #: fitted to those. Halved and doubled, none of 16 answers about hinges changes (varied.json).
 LANDING: Final = 60
@@ -164,6 +161,11 @@ def _search(
         found = _with_singles(state, fitted, tick) if size == 1 else _with_further_effect(state, size, fitted)
         if found is None:
             break
+        if size == 1 and asked.sets is not None and _leaves_a_gap(found.best):
+            found = _with_sets(
+                _ending(found, out_of_time), fitted, partial(proposed_sets.fitted, asked.sets, asked.pool)
+            )
+            found = _ending(found, over)
         state = _departing_left_out(on_each.target(found, out_of_time))
         open_still = size == 1 or not state.full.predict.corrected
         state = sharpen.sharpened(step_error.decided(state) if open_still and not over() else state)
@@ -172,8 +174,8 @@ def _search(
             tick("lost commands", 1, gap=_leaves_a_gap(state.best))
             state, sought = losing.with_lost_commands(state), True
             tell(state)
-    if not out_of_time():  # whatever the budget
-        state = _with_sets(replace(state, full=replace(state.full, out_of_time=out_of_time)), fitted)
+    if not state.full.predict.replays and not out_of_time() and _leaves_a_gap(state.best):  # whatever the budget
+        state = _with_sets(_ending(state, out_of_time), fitted, together.found)
         tell(state)
     if not sought and not out_of_time():  # nor by its budget: they may be all that there is
         tick("lost commands", 1, gap=_leaves_a_gap(state.best))
@@ -280,12 +282,15 @@ def _with_further_effect(state: State, size: int, tell: Callable[[State], None])
     return _with_explanations(state, lambda sought: sought.full.fit_all(_further(sought, size)), tell, size)
 
 
-def _with_sets(state: State, tell: Callable[[State], None]) -> State:
-    """The search along a motion with sets of effects that are sought together, where adding one after another left a
-    gap."""
-    if state.full.predict.replays or not _leaves_a_gap(state.best):
-        return state
-    return sharpen.sharpened(_departing_left_out(_with_explanations(state, together.found, tell) or state))
+def _with_sets(state: State, tell: Callable[[State], None], find: Callable[[State], Sequence[Fitted]]) -> State:
+    """The search with sets of effects that are sought together."""
+    found = _with_explanations(state, find, tell)
+    return state if found is None else sharpen.sharpened(_departing_left_out(found))
+
+
+def _ending(state: State, out_of_time: Callable[[], bool]) -> State:
+    """The search whose fits to all trials end once that is true."""
+    return replace(state, full=replace(state.full, out_of_time=out_of_time))
 
 
 def _with_explanations(

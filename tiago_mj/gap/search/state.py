@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Final, Protocol
 
@@ -36,6 +36,11 @@ BUDGET: Final = 900
 #: each of four joints took 4 000.
 BUDGET_ALONG: Final = 10_000
 
+#: Smallest weight of a sample (square root) while another effect is sought: half of that of uncorrelated samples.
+#: Residuals beside an explanation that lacks an effect are correlated by that effect, not by model error. Halved and
+#: doubled, none of 16 answers about hinges changes (varied.json).
+MIN_WEIGHT_WHILE_UNEXPLAINED: Final = 0.5 / ranking.SAMPLES_PER_INDEPENDENT**0.5
+
 
 class Tick(Protocol):
     """Callback for the progress of a diagnosis."""
@@ -64,6 +69,8 @@ class Question:
         share: of the usual physics steps that the search may take.
         most: effects of one explanation at most; None: as many as a search ever seeks.
         assumed: ``data`` with the tolerance by which what is found is judged; None: that of ``data``.
+        sets: explanations by several effects of what the servos must have given, which are worth a fit; None: nothing
+            says that.
     """
 
     predict: Predictor
@@ -80,6 +87,7 @@ class Question:
     share: float = 1.0
     most: int | None = None
     assumed: Data | None = None
+    sets: Callable[[], Sequence[Fitted]] | None = None
 
     @property
     def fitted_trials(self) -> int:
