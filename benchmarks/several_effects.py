@@ -81,7 +81,8 @@ def reality(rng: np.random.Generator) -> tuple[mujoco.MjModel, dict[str, Any], n
 
 
 def record(folder: Path, model: mujoco.MjModel, reads: np.ndarray, rng: np.random.Generator, of: str) -> None:
-    """Write model and recordings: sines, and every other time steps beside them."""
+    """Write model and recordings: sines; of commands every other time with steps beside them, which no drive that
+    follows a path is given."""
     (folder / "arm.xml").write_text(ARM)
     columns = {"commands": ("command", "position", "velocity"), "efforts": ("effort", "position", "velocity")}[of]
     for trial in range(TRIALS):
@@ -89,7 +90,7 @@ def record(folder: Path, model: mujoco.MjModel, reads: np.ndarray, rng: np.rando
         fast, phase = rng.uniform(1.5, 5.0, (2, 3)), rng.uniform(0, 6, (2, 3))
         size = rng.uniform(0.15, 0.4, (2, 3))
         for at in np.arange(0, SECONDS, 1 / RATE):
-            step = 0.25 * (trial % 2) * (int(at / 0.75) % 2)
+            step = 0.25 * (trial % 2) * (int(at / 0.75) % 2) * (of == "commands")
             data.ctrl[:] = (size * (np.sin(fast * at + phase) - np.sin(phase))).sum(0) + step
             mujoco.mj_forward(model, data)
             first = data.ctrl if of == "commands" else data.qfrc_actuator * reads + rng.normal(0, NOISE[2], 3)

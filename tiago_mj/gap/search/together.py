@@ -110,6 +110,8 @@ def proposed(fitter: Fitter, point: Point, pool: Sequence[Candidate]) -> list[St
         pool: candidates.
     """
     chosen = _one_of_each(pool)
+    if not chosen:
+        return []
     names = list(dict.fromkeys(part.effect for part in chosen))
     columns, out = _columns(fitter, point, chosen), []
     for size in range(1, min(MOST, len(names)) + 1):
