@@ -68,7 +68,12 @@ def sets(session: Session, names: Sequence[str] | None, seed: int, deadline: Dea
 
 def with_efforts(plant: Plant, trial: Trial) -> Trial | None:
     """A trial with the torques that its servos gave by the model's law [N, N·m]; None where that does not say them: of
-    other drives than plain position servos, or without the command or position of one."""
+    other drives than plain position servos, or without the command or position of one.
+
+    A command is held until the next row, so that a torque is that of a path half a row late: taken with the command of
+    its own row alone it would be larger by the servo's stiffness times half a row, as viscous friction is. It is the
+    mean of those just before and just after the command changes.
+    """
     model, wiring = plant.model, plant.wiring
     if wiring.interface != "position" or not (wiring.servo & (wiring.act < 0)).all():
         return None
@@ -80,10 +85,12 @@ def with_efforts(plant: Plant, trial: Trial) -> Trial | None:
         position, gear = trial.positions[joint], float(model.actuator_gear[actuator, 0])
         velocity = trial.velocities[joint] if joint in trial.velocities else np.gradient(position, trial.time)
         gain, (constant, stiffness, damping) = model.actuator_gainprm[actuator, 0], model.actuator_biasprm[actuator, :3]
-        force = gain * trial.commands[name] + constant + gear * (stiffness * position + damping * velocity)
+        now = trial.commands[name]
+        command = np.stack([now[[0, *range(len(now) - 1)]], now])
+        force = gain * command + constant + gear * (stiffness * position + damping * velocity)
         if model.actuator_forcelimited[actuator]:
             force = np.clip(force, *model.actuator_forcerange[actuator])
         if not np.isfinite(force).all():
             return None
-        efforts[joint] = gear * force
+        efforts[joint] = gear * force.mean(axis=0)
     return replace(trial, efforts=efforts)
