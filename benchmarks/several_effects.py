@@ -81,23 +81,25 @@ def reality(rng: np.random.Generator) -> tuple[mujoco.MjModel, dict[str, Any], n
 
 
 def record(folder: Path, model: mujoco.MjModel, reads: np.ndarray, rng: np.random.Generator, of: str) -> None:
-    """Write model and recordings: sines; of commands every other time with steps beside them, which no drive that
-    follows a path is given."""
+    """Write model and recordings: sines. Commands are held for a row, every other time with steps beside them; where
+    efforts are recorded drives follow the path itself."""
     (folder / "arm.xml").write_text(ARM)
     columns = {"commands": ("command", "position", "velocity"), "efforts": ("effort", "position", "velocity")}[of]
     for trial in range(TRIALS):
         data, rows = mujoco.MjData(model), []
         fast, phase = rng.uniform(1.5, 5.0, (2, 3)), rng.uniform(0, 6, (2, 3))
         size = rng.uniform(0.15, 0.4, (2, 3))
-        for at in np.arange(0, SECONDS, 1 / RATE):
+        ticks = round(1 / RATE / model.opt.timestep)
+        for k in range(round(SECONDS * RATE) * ticks):
+            at = k * model.opt.timestep if of == "efforts" else k // ticks / RATE
             step = 0.25 * (trial % 2) * (int(at / 0.75) % 2) * (of == "commands")
             data.ctrl[:] = (size * (np.sin(fast * at + phase) - np.sin(phase))).sum(0) + step
-            mujoco.mj_forward(model, data)
-            first = data.ctrl if of == "commands" else data.qfrc_actuator * reads + rng.normal(0, NOISE[2], 3)
-            q, v = data.qpos + rng.normal(0, NOISE[0], 3), data.qvel + rng.normal(0, NOISE[1], 3)
-            rows.append((at, *first, *q, *v))
-            for _ in range(round(1 / RATE / model.opt.timestep)):
-                mujoco.mj_step(model, data)
+            if k % ticks == 0:
+                mujoco.mj_forward(model, data)
+                first = data.ctrl if of == "commands" else data.qfrc_actuator * reads + rng.normal(0, NOISE[2], 3)
+                q, v = data.qpos + rng.normal(0, NOISE[0], 3), data.qvel + rng.normal(0, NOISE[1], 3)
+                rows.append((at, *first, *q, *v))
+            mujoco.mj_step(model, data)
         header = ",".join(["time", *(f"{column}.{joint}" for column in columns for joint in JOINTS)])
         np.savetxt(folder / f"log-{trial}.csv", rows, delimiter=",", header=header, comments="")
         interface = {"interface": "position"} if of == "commands" else {}
