@@ -140,6 +140,8 @@ def _smallest(part: Candidate) -> float:
 
 
 def _columns(fitter: Fitter, point: Point, parts: Sequence[Candidate]) -> Columns:
+    """Responses of some candidates beside the nominal model, whitened; the nominal numbers, whose priors count, are
+    eliminated by their Schur complement."""
     on = Whitening(fitter.data, fitter.weight)
     sizes = [_smallest(part) for part in parts]
     base, *beside = fitter.predictions([point, *(point.with_effect(p, v) for p, v in zip(parts, sizes, strict=True))])
@@ -164,6 +166,7 @@ def _columns(fitter: Fitter, point: Point, parts: Sequence[Candidate]) -> Column
 
 
 def _start(columns: Columns, effects: Sequence[str], point: Point) -> Start | None:
+    """A start at the least-squares numbers of some effects; None where a load has no mass to be placed."""
     kept, numbers, _ = columns.of(effects)
     of: dict[Candidate, list[float]] = {}
     for k, number in zip(kept, numbers, strict=True):
