@@ -17,7 +17,7 @@ from tiago_mj.gap.inference.fit import Fitted, Fitter, Point, Start
 from tiago_mj.gap.inference.hypotheses import Candidate, Label
 from tiago_mj.gap.inference.noise_model import Data
 from tiago_mj.gap.search import starts
-from tiago_mj.gap.search.ranking import MIN_EVIDENCE_GAIN_NATS, effects_of
+from tiago_mj.gap.search.ranking import MIN_EVIDENCE_GAIN_NATS
 from tiago_mj.gap.search.screen import Screened, misfit_by_trial, screen
 
 Array = NDArray[np.float64]
@@ -199,9 +199,7 @@ def exchanged(
     point = Point.of(best)
     worst = worst_trials(full.predictions([point])[0], full.data, count)
     worst_fitter, out = full.part(worst), []
-    # What several targets have, each a magnitude of its own, is not exchanged target by target.
-    for k in (one[0] for one in effects_of(best) if len(one) == 1):
-        part = best.parts[k]
+    for k, part in enumerate(best.parts):
         alike = resembling(part.effect)
         others = [
             c

@@ -12,7 +12,7 @@ from tiago_mj.effects import EFFECTS
 from tiago_mj.gap.detectors.set_points import has_driver
 from tiago_mj.gap.inference import likelihood
 from tiago_mj.gap.inference.fit import Fitted
-from tiago_mj.gap.inference.hypotheses import GROUP, number_of_effects
+from tiago_mj.gap.inference.hypotheses import number_of_effects
 from tiago_mj.gap.inference.noise_model import Data
 from tiago_mj.io.quantities import NINETY
 
@@ -79,15 +79,6 @@ def best_nominal(fits: Sequence[Fitted]) -> Fitted:
 def size(fit: Fitted) -> int:
     """How many effects an explanation has."""
     return number_of_effects(part.label for part in fit.parts)
-
-
-def effects_of(fit: Fitted) -> list[list[int]]:
-    """The parts of an explanation, by their indices, that are one effect each: on several targets, as many as
-    :func:`size` counts as one, or on one."""
-    of: dict[str, list[int]] = {}
-    for k, part in enumerate(fit.parts):
-        of.setdefault(part.effect, []).append(k)
-    return [one for mine in of.values() for one in ([mine] if len(mine) >= GROUP else [[k] for k in mine])]
 
 
 def labels_of(fit: Fitted) -> frozenset[object]:

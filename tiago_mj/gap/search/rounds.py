@@ -149,9 +149,7 @@ def variations(fits: Sequence[Fitted], full: Fitter) -> list[Start]:
     near = [f for f in ahead if f.evidence > best.evidence - ranking.NEAR_BEST_NATS]
     out = [s for s in (starts.absorbed_by_nuisances(f, full) for f in near) if s is not None]
     dropped = [reduced_to(f, significant(f)) for f in near]
-    dropped += [
-        reduced_to(best, [i for i in range(len(best.parts)) if i not in one]) for one in ranking.effects_of(best)
-    ]
+    dropped += [reduced_to(best, [i for i in range(len(best.parts)) if i != k]) for k in range(len(best.parts))]
     out += [s for s in dropped if s is not None and frozenset(p.label for p in s.parts) not in known]
     return out + on_all_targets(best, full)
 
