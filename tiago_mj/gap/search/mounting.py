@@ -44,9 +44,10 @@ def proposed(fitter: Fitter, point: Point, pool: Sequence[Candidate]) -> tuple[C
 
 
 def placed_again(fitter: Fitter, fit: Fitted) -> Fitted:
-    """The fit with its load at the place that is likeliest beside its other effects, where that gains evidence."""
+    """The fit along a motion with its load at the place that is likeliest beside its other effects, where that gains
+    evidence."""
     which = next((k for k, part in enumerate(fit.parts) if placing.without_place(part) != part), None)
-    if fitter.predict.replays or which is None:
+    if which is None:
         return fit
     part, point = fit.parts[which], Point.of(fit)
     mass, *where = placing.Sought(fitter, point, which).descend(place=True).parameters

@@ -97,6 +97,7 @@ def explained(state: State) -> list[Fitted]:
 
 
 def _at_edge(fit: Fitted) -> bool:
+    """Whether a magnitude lies at the bound of what is possible."""
     return any(part.at_edge(float(value)) for part, value in zip(fit.parts, fit.values, strict=True))
 
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Final
 
 import numpy as np
 
@@ -30,7 +31,7 @@ from tiago_mj.io.deadline import Deadline
 from tiago_mj.recordings.recording import Array, RecordingError, Trial
 
 #: Of what acts on torques, wherever these come from; the others are about a log of efforts.
-STAGES = ("actuator", "transmission", "body")
+ON_TORQUES: Final = ("actuator", "transmission", "body")
 
 
 def sets(session: Session, names: Sequence[str] | None, seed: int, deadline: Deadline) -> list[Fitted]:
@@ -58,7 +59,7 @@ def sets(session: Session, names: Sequence[str] | None, seed: int, deadline: Dea
         return []  # nothing moves, or for too short a time
     along, predict, everything = found.session.plant, found.predict, Subset(tuple(range(len(found.session.trials))))
     pool = hypotheses.candidates(along, names, None, sizes.sizes(along, found.session.trials, found.motion))
-    pool = tuple(c for c in shown(pool, predict.torques) if EFFECTS[c.effect].stage in STAGES)
+    pool = tuple(c for c in shown(pool, predict.torques) if EFFECTS[c.effect].stage in ON_TORQUES)
     base = predict.all_trials([()], everything)[0]
     asked = Question(predict, predict.data, everything, pool, hypotheses.terms(along), base)
     full, _ = beginning.fitter(asked, deadline.over)
