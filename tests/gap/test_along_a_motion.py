@@ -55,7 +55,7 @@ def test_nothing_is_lost_where_a_recording_is_cut(course):
 
 
 def test_a_recording_too_short_for_two_parts_is_one():
-    short = lay_out([record(pendulum(), ("swing",), spread=2.0, seconds=4.0)], ["swing"], ["swing"], headroom=4.0)
+    short = lay_out([record(pendulum(), ("swing",), spread=2.0, seconds=4.0)], ["swing"], ["swing"], share=1 / 8)
     assert len(_in_parts(short).strips) == 1
 
 

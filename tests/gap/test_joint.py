@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -53,6 +55,29 @@ def test_two_magnitudes_that_do_nearly_the_same_are_known_together_and_not_each(
     together = found.deviations[0] ** 2 + found.deviations[1] ** 2
     together += 2 * of_magnitudes[0, 1] * found.deviations[0] * found.deviations[1]
     assert np.sqrt(together) < 0.3 * found.deviations[0]  # their sum
+
+
+def test_a_magnitude_is_known_no_better_than_beside_its_second_number():
+    """The second number's prior is even over what its logarithm may range."""
+    fading = replace(RUBS, effect="stribeck_friction", parameter="static", fixed=(("velocity", 0.02),))
+    zeros = np.zeros((1, 50, 2))
+    data = Data(("position.a", "position.b"), np.arange(2), zeros, np.ones(2), zeros + 1.0, zeros)
+    on = Whitening(data, np.ones(2))
+    rng = np.random.default_rng(1)
+    same, own, nuisance = (rng.normal(size=(100, 1)) for _ in range(3))
+    columns, seconds = np.hstack([10 * same, nuisance]), 3 * same + own
+    at = Point((fading,), np.array([0.7]), np.array([0.0]))
+    found = log_evidence(on, on, at, zeros, columns, seconds=seconds)
+    alone = log_evidence(on, on, at, zeros, columns)
+    (width,) = fading.second_numbers.values()
+    both = np.hstack([columns, seconds])
+    prior = [12 / (fading.high - fading.low) ** 2, 1.0, 12 / width**2]
+    deviations = np.sqrt(np.diag(np.linalg.inv(both.T @ both + np.diag(prior))))
+    assert found.marginal == pytest.approx(deviations[:1], rel=1e-6)
+    assert found.second_deviations == pytest.approx(deviations[2:], rel=1e-6)
+    assert found.deviations == pytest.approx(alone.deviations)
+    assert found.marginal[0] > 2 * found.deviations[0]
+    assert (found.log_likelihood, found.prior) == (alone.log_likelihood, alone.prior)
 
 
 def test_covariance_is_as_wide_as_the_intervals_and_a_form_that_is_not_known_makes_numbers_independent():

@@ -32,6 +32,7 @@ from tiago_mj.gap.torque import by_part, from_commands
 from tiago_mj.gap.torque.band import most_informative
 from tiago_mj.gap.torque.channels import Wanted
 from tiago_mj.gap.torque.notes import of_method
+from tiago_mj.gap.torque.second_numbers import with_second_numbers
 from tiago_mj.gap.torque.shown import check_given, shown
 from tiago_mj.io import mujoco_log
 from tiago_mj.io.deadline import OutOfTimeError
@@ -122,7 +123,7 @@ def _along_the_motion(session: Session, asked: Request, so_far: SoFar) -> Compar
     found = most_informative(session, trials, wanted, so_far.tick)
     along, plant = found.session, found.session.plant
     pool = hypotheses.candidates(plant, asked.names, None, sizes.sizes(plant, along.trials, found.motion))
-    pool = shown(pool, found.predict.torques)
+    pool = with_second_numbers(shown(pool, found.predict.torques), found.predict, along.subset(*FITTED))
     begun = deadline.spent()
     predict = replace(found.predict, simulated=so_far.tick.worked, journal=so_far.journal)
     base = predict.all_trials([()], range(len(along.trials)), keep=True)[0]

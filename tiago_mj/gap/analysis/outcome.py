@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Final
 
@@ -85,7 +86,7 @@ def named(plant: Plant, fit: Fitted, k: int) -> Named:
     """The ``k``-th effect of a fit with its values and 90 % intervals, which end at the value without effect."""
     part = fit.parts[k]
     declared = EFFECTS[part.effect]
-    value, sd = float(fit.values[k]), float(fit.deviations[k])
+    value, sd = float(fit.values[k]), float(fit.told[k])
     fitted, known = _deviations(part, value, sd)
     targets = plant.wiring.targets
     side = targets.side(declared.targets, targets.first(declared.targets, part.target))
@@ -106,7 +107,14 @@ def named(plant: Plant, fit: Fitted, k: int) -> Named:
             ends = max(fixed - off, detail.bounds[0]), min(fixed + off, detail.bounds[1])
             parameters[name] = Value(fixed, *ends, unit, fit.spreads[name])
             continue
-        parameters[name] = Value(fixed, None, None, declared.parameters[name].unit[side])
+        unit = declared.parameters[name].unit[side]
+        parameters[name] = Value(fixed, None, None, unit)
+        if k < len(fit.second_deviations) and name in fit.second_deviations[k]:
+            lowest, highest = declared.parameters[name].bounds[side]
+            share = fit.second_deviations[k][name]
+            times = math.exp(NINETY * verdict.calibration().widens * share)
+            ends = max(fixed / times, lowest), min(fixed * times, highest)
+            parameters[name] = Value(fixed, *ends, unit, fixed * share)
     return Named(part.effect, target_of(part.target), parameters)
 
 
@@ -115,7 +123,7 @@ def joint(fit: Fitted) -> Joint | None:
     if not fit.parts or fit.correlation is None:
         return None
     values = fit.values.tolist()
-    fitted, known = np.transpose(list(map(_deviations, fit.parts, values, fit.deviations.tolist())))
+    fitted, known = np.transpose(list(map(_deviations, fit.parts, values, fit.told.tolist())))
     covariance = fit.correlation[0] * np.outer(fitted, fitted) + np.diag(np.square(known))
     rows = tuple(tuple(row) for row in covariance.tolist())
     return Joint((False,) * len(values), rows, *zip(*map(_bounds, fit.parts, values), strict=True))

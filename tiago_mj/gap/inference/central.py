@@ -1,5 +1,5 @@
-"""Responses around a point by central differences, of magnitudes and nuisances, for the evidence and intervals of what
-is told.
+"""Responses around a point by central differences, of magnitudes, second numbers and nuisances, for the evidence and
+intervals of what is told.
 
 While a fit goes on, responses are forward differences that rank-one updates correct. That is enough to go downhill, and
 not to know how well a magnitude is known: where it and the model's own numbers make up for each other, the difference
@@ -9,16 +9,22 @@ a servo stiffness and damping that are known to 4 % came out known to 0.08 %; it
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tiago_mj.effects import EFFECTS
+from tiago_mj.gap.inference.hypotheses import Candidate
 from tiago_mj.gap.inference.linearized import Linearized
 from tiago_mj.gap.inference.points import NUISANCE_STEP, Point
 
 Array = NDArray[np.float64]
+#: Steps of the logarithm of a second number, and of a ripple's period: a thirtieth of a turn after ten.
+SECOND_STEP: Final = 0.02
+RIPPLE_STEP: Final = 5e-4
 #: Of a pair of points.
 SIDES: Final = (1, -1)
 
@@ -58,6 +64,21 @@ def responses(fitter: Linearized, at: Point, points: Sequence[Point], predicted:
     change = predicted[::2] - predicted[1::2]
     each = np.divide(change, distance, out=np.zeros_like(change), where=distance != 0)
     return each[:count], each[count:]
+
+
+def around_second_numbers(at: Point) -> list[Point]:
+    """The points to simulate, in pairs: on both sides in each second number of each candidate."""
+    return [
+        at.with_second_number(k, name, math.exp(side * second_step(part, name)))
+        for k, part in enumerate(at.parts)
+        for name in part.second_numbers
+        for side in SIDES
+    ]
+
+
+def second_step(part: Candidate, name: str) -> float:
+    """Step of the logarithm of a second number: a ripple is out of phase after some turns."""
+    return RIPPLE_STEP if EFFECTS[part.effect].ripple_period == name else SECOND_STEP
 
 
 def _reached(fitter: Linearized, term: int, nuisance: Array, trial: int) -> float:

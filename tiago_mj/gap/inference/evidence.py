@@ -36,6 +36,8 @@ class LaplaceEvidence:
         deviations: of the magnitudes, (k,), one standard deviation.
         nuisance_deviations: of the nuisances, (p,), one standard deviation, in units of their prior's.
         correlation: of the magnitudes, (k, k), and of the nuisances, (p, p).
+        second_deviations: of the logarithms of the second numbers, (s,).
+        marginal: deviations of the magnitudes where the second numbers are as uncertain as that, (k,).
     """
 
     log_likelihood: float
@@ -43,10 +45,18 @@ class LaplaceEvidence:
     deviations: Array
     nuisance_deviations: Array
     correlation: tuple[Array, Array]
+    second_deviations: Array
+    marginal: Array
 
 
 def log_evidence(
-    on: Whitening, plain: Whitening, at: Point, predicted: Array, columns: Array, twins: Sequence[int] = ()
+    on: Whitening,
+    plain: Whitening,
+    at: Point,
+    predicted: Array,
+    columns: Array,
+    twins: Sequence[int] = (),
+    seconds: Array | None = None,
 ) -> LaplaceEvidence:
     """Evidence at a point that was fitted.
 
@@ -58,6 +68,7 @@ def log_evidence(
         columns: whitened response to each magnitude and nuisance, (n, k + p).
         twins: nuisances that are the same number as a magnitude. They are held for its deviation: it says how far the
             sum of both is from the nominal number.
+        seconds: whitened response to the logarithm of each second number, (n, s); None: there is none.
     """
     parts, count = at.parts, len(at.parts)
     _, weighted = on.weighted(predicted, columns)
@@ -74,13 +85,22 @@ def log_evidence(
         log_likelihood -= MAX_TOLERANCE_PENALTY_NATS * max(0.0, 1 - far / part.tolerance) if part.tolerance else 0.0
     deviations, correlation = _spread(curvature)
     rest = [k for k in range(len(curvature)) if k - count not in twins]
-    of_magnitudes, among = (one[:count] for one in _spread(curvature[np.ix_(rest, rest)]))
+    curvature = curvature[np.ix_(rest, rest)]
+    of_magnitudes, among = (one[:count] for one in _spread(curvature))
+    if seconds is not None:
+        _, chosen = on.weighted(predicted, seconds)
+        ranges = [width for part in parts for width in part.second_numbers.values()]
+        across, alone = weighted[:, rest].T @ chosen, chosen.T @ chosen + np.diag(12 / np.square(ranges))
+        curvature = np.block([[curvature, across], [across.T, alone]])
+    spread, _ = _spread(curvature)
     return LaplaceEvidence(
         float(log_likelihood),
         float(prior),
         of_magnitudes,
         deviations[count:],
         (among[:, :count], correlation[count:, count:]),
+        spread[len(rest) :],
+        spread[:count],
     )
 
 

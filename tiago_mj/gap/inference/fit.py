@@ -117,7 +117,9 @@ class Fitter(Linearized):
 
     def _settled(self, at: Point) -> FitTask[Fitted]:
         around = central.around(self, at, [self._move(part, v) for part, v in zip(at.parts, at.values, strict=True)])
-        simulated = yield [at, *(at.without_effect(k) for k in range(len(at.parts))), *around]
+        of_seconds = central.around_second_numbers(at)
+        simulated = yield [at, *(at.without_effect(k) for k in range(len(at.parts))), *around, *of_seconds]
+        simulated, beside = simulated[: len(simulated) - len(of_seconds)], simulated[len(simulated) - len(of_seconds) :]
         base, without = simulated[0], simulated[1 : 1 + len(at.parts)]
         on = self._with_form_tolerance(at, base, without)
         of_values, of_terms = central.responses(self, at, around, simulated[1 + len(at.parts) :])
@@ -129,7 +131,9 @@ class Fitter(Linearized):
             costs = [on.cost(one, point.nuisance) for one, point in zip(tried, points, strict=True)]
             if min(costs) < before:
                 at, base = points[int(np.argmin(costs))], tried[int(np.argmin(costs))]
-        return self._evaluated(on, at, base, columns)
+        steps = [central.second_step(part, name) for part in at.parts for name in part.second_numbers]
+        seconds = on.white((beside[::2] - beside[1::2]) / (2 * np.array(steps)[:, None, None, None])).T
+        return self._evaluated(on, at, base, columns, seconds if steps else None)
 
     def evaluated(self, fits: Sequence[Fitted]) -> list[Fitted]:
         """Fits with the mean squares that their residuals have in the noise of this fitter; all else is as it was."""
@@ -303,10 +307,11 @@ class Fitter(Linearized):
         """Magnitudes in units of their bounds: well conditioned."""
         return np.array([*(part.high - part.low for part in parts), *np.ones(self.size)])
 
-    def _evaluated(self, on: Whitening, at: Point, base: Array, columns: Array) -> Fitted:
+    def _evaluated(self, on: Whitening, at: Point, base: Array, columns: Array, seconds: Array | None = None) -> Fitted:
         twins = [place for part in at.parts for place in self.duplicating_nuisances(part)]
-        found = log_evidence(on, Whitening(self.data, self.weight), at, base, columns, twins)
+        found = log_evidence(on, Whitening(self.data, self.weight), at, base, columns, twins, seconds)
         misfit, lasting = self._mean_squares(on, base)
+        each = iter(found.second_deviations.tolist())
         spreads = [d if p.spread is None else p.spread for p, d in zip(at.parts, found.deviations, strict=True)]
         return Fitted(
             at.parts,
@@ -319,6 +324,10 @@ class Fitter(Linearized):
             lasting,
             nuisance_deviations=found.nuisance_deviations,
             correlation=found.correlation,
+            second_deviations=tuple({name: next(each) for name in part.second_numbers} for part in at.parts)
+            if seconds is not None
+            else (),
+            marginal=None if seconds is None else found.marginal,
         )
 
 

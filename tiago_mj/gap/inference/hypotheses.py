@@ -6,6 +6,7 @@ needs goes beyond them. They are effects too, at small magnitudes, with a normal
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -142,6 +143,17 @@ class Candidate:
         stiff = _is_stiffness(self.identity, self.low, self.high)
         down, up = ((value * (1 - value / b) if stiff else b - value) for b in (self.low, self.high))
         return down, up
+
+    @property
+    def second_numbers(self) -> dict[str, float]:
+        """How far the logarithms of the fixed numbers may range that act gradually, by name: of forms, of what has a
+        prior of its own, and of what is tried at a few values only there is none."""
+        parameters = EFFECTS[self.effect].parameters
+        return {
+            name: max(math.log(high / low) for low, high in parameters[name].bounds)
+            for name, value in self.fixed
+            if name in parameters and not parameters[name].tried and value
+        }
 
     @property
     def label(self) -> Label:

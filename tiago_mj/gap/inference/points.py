@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
@@ -40,6 +40,10 @@ class Fitted:
         spreads: deviations of details that were fitted after it (:mod:`tiago_mj.gap.analysis.place`), by name.
         nuisance_deviations: of ``nuisance``, one standard deviation; None: not known.
         correlation: of the magnitudes, (k, k), and of the nuisances, (p, p); None: not known.
+        second_deviations: of each candidate, deviations of the logarithms of its second numbers, by name; none: not
+            known.
+        marginal: deviations of the magnitudes where second numbers are as uncertain as that, (k,); None: as
+            ``deviations``, which hold them.
     """
 
     parts: tuple[Candidate, ...]
@@ -55,6 +59,16 @@ class Fitted:
     spreads: Mapping[str, float] = field(default_factory=dict)
     nuisance_deviations: Array | None = None
     correlation: tuple[Array, Array] | None = None
+    second_deviations: tuple[Mapping[str, float], ...] = ()
+    marginal: Array | None = None
+
+    @property
+    def told(self) -> Array:
+        """Deviations of the magnitudes as intervals tell them, (k,): a second number was chosen, too."""
+        if self.marginal is None:
+            return self.deviations
+        rest = self.deviations[len(self.marginal) :]
+        return np.concatenate([np.maximum(self.marginal, self.deviations[: len(self.marginal)]), rest])
 
     def effects(self) -> tuple[Entry, ...]:
         """The effects at their magnitudes, without the nuisances."""
@@ -104,6 +118,13 @@ class Point:
         values = self.values.copy()
         values[part] = min(max(value, self.parts[part].low), self.parts[part].high)
         return Point(self.parts, values, self.nuisance)
+
+    def with_second_number(self, part: int, name: str, times: float) -> Point:
+        """With so many times a fixed number of one of its candidates."""
+        parts = list(self.parts)
+        fixed = tuple((key, times * value if key == name else value) for key, value in parts[part].fixed)
+        parts[part] = replace(parts[part], fixed=fixed)
+        return Point(tuple(parts), self.values, self.nuisance)
 
     def nudged(self, which: slice, step: float = NUISANCE_STEP) -> Point:
         """A little further in some nuisances."""

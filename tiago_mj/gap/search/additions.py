@@ -213,7 +213,8 @@ def exchanged(
             continue
         rest = point.without_effect(k)
         found = screen(worst_fitter, others, replace(rest, nuisance=full.of(worst, rest.nuisance)))
-        for s in found.on_all[:MAX_EXCHANGED]:
+        best_of = {s.candidate.label: s for s in reversed(found.on_all)}  # whatever its second number
+        for s in [s for s in found.on_all if best_of[s.candidate.label] is s][:MAX_EXCHANGED]:
             parts, values = list(best.parts), best.values.copy()
             parts[k], values[k] = s.candidate, s.value
             out.append(Start(tuple(parts), values, rest.nuisance, starts.with_zero_nuisances(values, rest.nuisance)))

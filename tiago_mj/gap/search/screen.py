@@ -91,7 +91,7 @@ def screen(
         tried: told which effects were simulated, at one magnitude at least.
     """
     base = fitter.predictions([point], keep=True)[0]
-    if len(fitter.trials) == 1:
+    if len(fitter.trials) == 1 or not fitter.predict.replays:  # torques of one trial cost as much as those of all
         return FirstPass(tuple(_screened(fitter, pool, point, base, how_far, tried)))
     worst = worst_predicted(base, fitter.data, 1)
     alone, point_alone = fitter.part(worst), replace(point, nuisance=fitter.of(worst, point.nuisance))

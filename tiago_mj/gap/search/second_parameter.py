@@ -43,14 +43,13 @@ def refined(state: State, *, fails: bool) -> list[Fitted]:
     fitter, best = state.full, state.best
     different = {f.parts: f for f in sorted(state.fits, key=lambda f: f.evidence)}
     near = sorted(different.values(), key=lambda f: -f.evidence)
-    near = (
-        near[:MAX_REFINED_IF_INADEQUATE]
-        if fails
-        else [f for f in near if f.evidence > best.evidence - ranking.NEAR_BEST_NATS][:MAX_REFINED]
-    )
-    tasks = [(f, k, name) for f in near for k, part in enumerate(f.parts) for name in _second_parameters(part)][
-        :MAX_REFINED
-    ]
+    if not fails:
+        near = [f for f in near if f.evidence > best.evidence - ranking.NEAR_BEST_NATS]
+    many = MAX_REFINED_IF_INADEQUATE if fails else MAX_REFINED
+    # Efforts cost next to nothing: there those without such a number take nobody's place.
+    each = near[:many] if fitter.predict.replays else near
+    tasks = [(f, k, name) for f in each for k, part in enumerate(f.parts) for name in _second_parameters(part)]
+    tasks = tasks[:MAX_REFINED]
     if not fitter.out_of_time():
         tasks = [(_likeliest_pair(state, f, k, name), k, name) for f, k, name in tasks]
     held = [_start_on_second_parameter(fitter, f, k, name) for f, k, name in tasks]
@@ -59,7 +58,7 @@ def refined(state: State, *, fails: bool) -> list[Fitted]:
         parts = _with_second(f, k, name, float(second.values[k]))
         values = np.array([f.values[k] if i == k else v for i, v in enumerate(second.values)])
         back.append(Start(parts, values, second.nuisance))
-    return fitter.fit_all([*back, *(start for f in near for start in _other_forms(f))])
+    return fitter.fit_all([*back, *(start for f in near[:many] for start in _other_forms(f))])
 
 
 def _likeliest_pair(state: State, fit: Fitted, k: int, name: str) -> Fitted:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from tiago_mj.effects import Entry
 from tiago_mj.effects.actuator import TorqueConstant
-from tiago_mj.gap.torque.strips import HEADROOMS, Course, lay_out
+from tiago_mj.gap.torque.strips import Course, lay_out
 from tiago_mj.gap.torque.torques import Torques
 from tiago_mj.io.deadline import Deadline
 from tiago_mj.recordings.lint.sensors import switched_off
@@ -68,14 +68,14 @@ class Usable:
     notes: tuple[str, ...]
 
 
-def choose(trials: Sequence[Trial], model: mujoco.MjModel, wanted: Wanted, headroom: float = HEADROOMS[0]) -> Usable:
+def choose(trials: Sequence[Trial], model: mujoco.MjModel, wanted: Wanted, share: float = 1.0) -> Usable:
     """Pick the channels.
 
     Args:
         trials: with positions and efforts.
         model: nominal.
         wanted: what is asked for.
-        headroom: of the low-pass over what moves.
+        share: of the highest cut-off.
 
     Raises:
         OutOfTimeError: the deadline is over.
@@ -95,7 +95,7 @@ def choose(trials: Sequence[Trial], model: mujoco.MjModel, wanted: Wanted, headr
         why = " ".join(notes) or "no joint of the model has both a position and an effort column"
         raise RecordingError(f"{files}: no effort can be used: {why}")
     order = sorted(moving, key=lambda name: int(model.joint(name).dofadr[0]))
-    course = lay_out(trials, order, channels, headroom)
+    course = lay_out(trials, order, channels, share)
     torques = Torques(model, course, wanted.given, wanted.deadline)
     keep, more, said = _comparable(course, torques, files)
     findings += more
@@ -103,7 +103,7 @@ def choose(trials: Sequence[Trial], model: mujoco.MjModel, wanted: Wanted, headr
     if not keep:
         raise RecordingError(f"{files}: no effort can be used: {' '.join(notes)}")
     if keep != channels:
-        course = lay_out(trials, order, keep, headroom)
+        course = lay_out(trials, order, keep, share)
         torques = Torques(model, course, wanted.given, wanted.deadline)
     have = {(f.code, f.channel) for f in wanted.known}
     return Usable(course, torques, tuple(f for f in findings if (f.code, f.channel) not in have), tuple(notes))

@@ -60,8 +60,7 @@ def left(predict: EffortPredictor, trials: Sequence[int], pool: Sequence[Candida
     base = predict.all_trials([()], some, keep=True)[0]
     known = [term for term in terms(predict.plant) if not term.per_trial]
     numbers = predict.all_trials([(term.entry(NUISANCE_STEP),) for term in known], some) - base
-    each = {candidate.label: candidate for candidate in reversed(pool)}.values()
-    effects = predict.all_trials([(one.entry(_middle(one)),) for one in each], some) - base
+    effects = predict.all_trials([(one.entry(_middle(one)),) for one in pool], some) - base
     gap = data.value[some] - base
     spread, unseen, rows = np.zeros(len(data.channels)), np.zeros(len(data.channels)), np.ones(len(data.channels))
     for c in range(len(data.channels)):

@@ -62,14 +62,14 @@ class Measured:
     course: Course
 
 
-def measured(session: Session, trials: Sequence[Trial], wanted: Wanted, headroom: float) -> Measured:
+def measured(session: Session, trials: Sequence[Trial], wanted: Wanted, share: float) -> Measured:
     """Trials at one cut-off.
 
     Args:
         session: the recordings.
         trials: with positions and efforts.
         wanted: what is asked for.
-        headroom: of the low-pass over what moves.
+        share: of the highest cut-off.
 
     Raises:
         OutOfTimeError: the deadline is over.
@@ -77,7 +77,7 @@ def measured(session: Session, trials: Sequence[Trial], wanted: Wanted, headroom
         ValueError: the model lacks a joint.
     """
     plant, deadline = session.plant, wanted.deadline
-    usable = choose(trials, plant.model, wanted, headroom)
+    usable = choose(trials, plant.model, wanted, share)
     course = usable.course if len(trials) >= ENOUGH_TRIALS else _in_parts(usable.course)
     names = list(dict.fromkeys(strip.trial for strip in course.strips))
     every = max(int(course.rate / (ROWS_PER_PERIOD * course.cutoff)), 1)

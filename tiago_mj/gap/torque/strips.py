@@ -23,9 +23,9 @@ from tiago_mj.recordings.recording import RecordingError, Trial
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-#: Cut-offs that are tried, over the frequency below which 90 % of the motion's velocity power lies, and the greatest
-#: share of the rate.
-HEADROOMS: Final = (32.0, 16.0, 8.0, 4.0)
+#: The highest cut-off, over the frequency below which 90 % of the motion's velocity power lies, and at most as a share
+#: of the rate.
+HEADROOM: Final = 32.0
 LARGEST_SHARE: Final = 0.2
 #: Grid over cut-off: the torques are evaluated on it, jumps of dry friction included.
 GRID_PER_CUTOFF: Final = 10.0
@@ -198,16 +198,14 @@ class Course:
         return found
 
 
-def lay_out(
-    trials: Sequence[Trial], joints: Sequence[str], channels: Sequence[str], headroom: float = HEADROOMS[0]
-) -> Course:
+def lay_out(trials: Sequence[Trial], joints: Sequence[str], channels: Sequence[str], share: float = 1.0) -> Course:
     """Put trials on one grid.
 
     Args:
         trials: with positions of all ``joints`` and efforts of all ``channels``.
         joints: whose motion is used.
         channels: whose effort is used, some of the joints.
-        headroom: of the cut-off.
+        share: of the highest cut-off.
 
     Raises:
         RecordingError: nothing moves, or every stretch is too short to be filtered; names the files.
@@ -217,9 +215,7 @@ def lay_out(
     if not pieces:
         raise RecordingError(f"{files}: no stretch holds both position and effort: log both, row by row")
     rate = 1 / float(np.median(np.concatenate([np.diff(time) for _, time, _, _ in pieces])))
-    cutoff = _cutoff(
-        [inverse.uniform(time, position, rate)[1] for _, time, position, _ in pieces], rate, files, headroom
-    )
+    cutoff = _cutoff([inverse.uniform(time, position, rate)[1] for _, time, position, _ in pieces], rate, files, share)
     step = max(1, int(rate / (GRID_PER_CUTOFF * cutoff)))
     shortest = SHORTEST / cutoff
     strips, noisy = [], []
@@ -280,7 +276,7 @@ def _filled(time: Array, column: Array) -> Array:
     return np.interp(time, time[there], column[there], left=np.nan, right=np.nan)
 
 
-def _cutoff(positions: Sequence[Array], rate: float, files: str, headroom: float) -> float:
+def _cutoff(positions: Sequence[Array], rate: float, files: str, share: float) -> float:
     """Cut-off of the low-pass [Hz] from the spectrum of the velocities, each joint scaled to its own power."""
     needed = 0.0
     for joint in range(positions[0].shape[1]):
@@ -291,11 +287,11 @@ def _cutoff(positions: Sequence[Array], rate: float, files: str, headroom: float
             frequencies, power = signal.welch(speed, rate, nperseg=min(n, len(speed)), nfft=n, detrend=False)
             total = power * len(speed) + (total if total.size else 0.0)
         if total.sum() > 0 and np.ptp(np.concatenate([p[:, joint] for p in positions])) > 0:
-            share = np.cumsum(total) / total.sum()
-            needed = max(needed, float(frequencies[np.searchsorted(share, 0.9)]))
+            below = np.cumsum(total) / total.sum()
+            needed = max(needed, float(frequencies[np.searchsorted(below, 0.9)]))
     if needed == 0:
         raise RecordingError(f"{files}: no joint moves: torque along a motion needs a motion")
-    return float(min(headroom * needed, LARGEST_SHARE * rate))
+    return share * float(min(HEADROOM * needed, LARGEST_SHARE * rate))
 
 
 def _noise(raw: Array, smooth: Array, rate: float, cutoff: float) -> Array:
