@@ -57,11 +57,9 @@ LIKELY_COST_RATIO: Final = 0.7
 #: The same with the sample weights of the fit. Halved and doubled, none of 16 answers about hinges changes
 #: (varied.json).
 MAX_WEIGHTED_COST_RATIO: Final = 0.7
-#: Standard deviation of the share of lost commands due to wrong decoding, relative to the share. On ten hinges of the
-#: blind check that lose 15 % at 240 Hz (seeds 5301 to 5310), each loss hardly visible, shares of 0.038 to 0.146 came
-#: out: their logarithms are off by 0.5 on the mean and scatter by 0.4. Doubled, none of 16 answers about hinges changes
-#: (varied.json).
-RELATIVE_DECODING_ERROR: Final = 0.4
+#: Standard deviation of the share of lost commands due to wrong decoding, relative to the share. Halved and doubled,
+#: none of 16 answers about hinges changes (varied.json).
+RELATIVE_DECODING_ERROR: Final = 0.2
 #: Fewest lost commands, and smallest gain of log-likelihood [nats], at which lost commands are a candidate. Halved
 #: and doubled, none of 32 answers about hinges changes (varied.json).
 MIN_LOST: Final = 4
