@@ -86,19 +86,19 @@ def log_evidence(
     deviations, correlation = _spread(curvature)
     rest = [k for k in range(len(curvature)) if k - count not in twins]
     curvature = curvature[np.ix_(rest, rest)]
-    of_magnitudes, among = (one[:count] for one in _spread(curvature))
+    spread, among = _spread(curvature)
+    of_magnitudes = spread[:count]
     if seconds is not None:
         _, chosen = on.weighted(predicted, seconds)
         ranges = [width for part in parts for width in part.second_numbers.values()]
         across, alone = weighted[:, rest].T @ chosen, chosen.T @ chosen + np.diag(12 / np.square(ranges))
-        curvature = np.block([[curvature, across], [across.T, alone]])
-    spread, _ = _spread(curvature)
+        spread, _ = _spread(np.block([[curvature, across], [across.T, alone]]))
     return LaplaceEvidence(
         float(log_likelihood),
         float(prior),
         of_magnitudes,
         deviations[count:],
-        (among[:, :count], correlation[count:, count:]),
+        (among[:count, :count], correlation[count:, count:]),
         spread[len(rest) :],
         spread[:count],
     )

@@ -213,8 +213,10 @@ def exchanged(
             continue
         rest = point.without_effect(k)
         found = screen(worst_fitter, others, replace(rest, nuisance=full.of(worst, rest.nuisance)))
-        best_of = {s.candidate.label: s for s in reversed(found.on_all)}  # whatever its second number
-        for s in [s for s in found.on_all if best_of[s.candidate.label] is s][:MAX_EXCHANGED]:
+        at_best: dict[Label, Screened] = {}  # of each label at its likeliest second number
+        for s in found.on_all:
+            at_best.setdefault(s.candidate.label, s)
+        for s in list(at_best.values())[:MAX_EXCHANGED]:
             parts, values = list(best.parts), best.values.copy()
             parts[k], values[k] = s.candidate, s.value
             out.append(Start(tuple(parts), values, rest.nuisance, starts.with_zero_nuisances(values, rest.nuisance)))
