@@ -7,7 +7,7 @@ its :func:`tiago_mj.gap.inference.evidence.log_evidence`.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Generator, Iterable, Sequence
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass, replace
 from typing import Final, TypeVar
 
@@ -118,11 +118,12 @@ class Fitter(Linearized):
     def _settled(self, at: Point) -> FitTask[Fitted]:
         around = central.around(self, at, [self._move(part, v) for part, v in zip(at.parts, at.values, strict=True)])
         of_seconds = central.around_second_numbers(at)
-        simulated = yield [at, *(at.without_effect(k) for k in range(len(at.parts))), *around, *of_seconds]
+        alone = self.without_each(at)
+        simulated = yield [at, *alone, *around, *of_seconds]
         simulated, beside = simulated[: len(simulated) - len(of_seconds)], simulated[len(simulated) - len(of_seconds) :]
-        base, without = simulated[0], simulated[1 : 1 + len(at.parts)]
-        on = self._with_form_tolerance(at, base, without)
-        of_values, of_terms = central.responses(self, at, around, simulated[1 + len(at.parts) :])
+        base, without = simulated[0], simulated[1 : 1 + len(alone)]
+        on = self.with_form_tolerance(at, base, without)
+        of_values, of_terms = central.responses(self, at, around, simulated[1 + len(alone) :])
         columns = np.concatenate([on.white(of_values).T, on.columns(of_terms, self.per_trial)], axis=1)
         normal, before = self._normal(on, at, base, columns), on.cost(base, at.nuisance)
         if normal.predicted_drop > self.min_cost_drop:
@@ -137,11 +138,11 @@ class Fitter(Linearized):
 
     def evaluated(self, fits: Sequence[Fitted]) -> list[Fitted]:
         """Fits with the mean squares that their residuals have in the noise of this fitter; all else is as it was."""
-        each = [[at, *(at.without_effect(k) for k in range(len(at.parts)))] for at in map(Point.of, fits)]
+        each = [[at, *self.without_each(at)] for at in map(Point.of, fits)]
         simulated, out = iter(self.predictions(list(itertools.chain(*each)))), []
         for fit, points in zip(fits, each, strict=True):
             base, *without = (next(simulated) for _ in points)
-            on = self._with_form_tolerance(points[0], base, without)
+            on = self.with_form_tolerance(points[0], base, without)
             misfit, lasting = self._mean_squares(on, base)
             out.append(replace(fit, misfit=misfit, lasting=lasting))
         return out
@@ -151,11 +152,25 @@ class Fitter(Linearized):
         over_blocks = np.nan_to_num(likelihood.lasting(on.data, on.data.value - base))
         return float(on.misfit(base).max(initial=0.0)), float(over_blocks.max(initial=0.0))
 
-    def _with_form_tolerance(self, at: Point, base: Array, without: Iterable[Array]) -> Whitening:
-        """Whitening with a tolerance for the form of each effect: a share of the change that it makes."""
-        on, shares = Whitening(self.data, self.weight), [EFFECTS[part.effect].form_known_to for part in at.parts]
+    def without_each(self, at: Point) -> list[Point]:
+        """The point without each of its effects, for the tolerance of their forms. None along a motion: there the noise
+        is what a model with every effect in every form leaves, so that an error of a form is in it already."""
+        return [at.without_effect(k) for k in range(len(at.parts))] if self.predict.replays else []
+
+    def with_form_tolerance(self, at: Point, base: Array, without: Sequence[Array] | Array) -> Whitening:
+        """Whitening with a tolerance for the form of each effect: a share of the change that it makes.
+
+        Args:
+            at: the effects.
+            base: predictions with them.
+            without: predictions at each of :meth:`without_each`.
+        """
+        on = Whitening(self.data, self.weight)
+        if not len(without):
+            return on
+        shares = [EFFECTS[part.effect].form_known_to for part in at.parts]
         missed = [np.square(share * (base - one)) for share, one in zip(shares, without, strict=True)]
-        return on.with_form_tolerance(np.sqrt(sum(missed))) if missed else on
+        return on.with_form_tolerance(np.sqrt(sum(missed)))
 
     def settings(self) -> tuple[object, ...]:
         """What a fit depends on beside its start and the simulations."""
@@ -172,8 +187,8 @@ class Fitter(Linearized):
         on = Whitening(self.data, self.weight)
         best = int(np.argmin([on.cost(one, point.nuisance) for one, point in zip(tried, points, strict=True)]))
         at, base = points[best], tried[best]
-        if at.parts:
-            on = self._with_form_tolerance(at, base, (yield [at.without_effect(k) for k in range(len(at.parts))]))
+        if alone := self.without_each(at):
+            on = self.with_form_tolerance(at, base, (yield alone))
         columns = on.columns(self.responses, self.per_trial)
         if at.parts and not at.nuisance.any():
             at, base = yield from self._fit_magnitudes(on, at, base)

@@ -14,7 +14,7 @@ from tiago_mj.effects.fields import Detail
 from tiago_mj.gap.inference import likelihood
 from tiago_mj.gap.inference.fit import Fitted, Fitter, Point
 from tiago_mj.gap.inference.hypotheses import Candidate
-from tiago_mj.gap.inference.whitening import Normal, Whitening
+from tiago_mj.gap.inference.whitening import Normal
 
 Array = NDArray[np.float64]
 
@@ -89,9 +89,8 @@ class Sought:
         begun = [place.get(d.name, 0.0) for d in self._coordinates]
         self._begin = np.concatenate([[at.values[which]], begun, at.nuisance])
         point = self._point(self._begin)
-        base, without = self._fitter.predictions([point, point.without_effect(which)])
-        form = EFFECTS[part.effect].form_known_to
-        self._on = Whitening(fitter.data, fitter.weight).with_form_tolerance(np.abs(form * (base - without)))
+        base, *without = fitter.predictions([point, *fitter.without_each(point)])
+        self._on = fitter.with_form_tolerance(point, base, without)
         self._columns = self._of_nuisances(self._begin)
 
     def _of_nuisances(self, parameters: Array) -> Array:
