@@ -147,6 +147,7 @@ def results(draw: st.DrawFn) -> Diagnosis:
             per_place={name: {phase: draw(closings(same)) for phase in PHASES[:2]} for name in CHANNELS},
             accounted=whole_gap.accounted,
             accounted_before=draw(st.none() | GAPS),
+            weighed=draw(st.none() | st.floats(-1, 1)),
         )  # fmt: skip
     motion = NextMotion("sweep.csv", (("backlash", "armature"),), draw(st.floats(0, 1)))
     return replace(
@@ -285,6 +286,10 @@ def test_an_effect_that_the_simulators_own_numbers_hide_stays_named_without_a_pr
     assert "with those numbers as fitted it removes 95 % of the rest" in verdict.headline(found)
     assert not consistency.has_probability(found)
     assert "No probability is given" in said_by(found)
+    # In units of the noise alone an onset that comes a row late outweighs what the effect explains.
+    weighed = consistency.reconciled(closing(accounted_before=1.2, accounted=1.4, weighed=0.3))
+    assert weighed.kind == "effect"
+    assert "with those numbers as fitted it removes 30 % of the rest" in verdict.headline(weighed)
 
 
 def test_what_shows_in_the_readings_alone_keeps_its_probability_and_closes_no_share() -> None:

@@ -42,7 +42,7 @@ def test_a_diagnosis_has_exactly_the_keys_of_its_contract_and_only_finite_number
     assert list(data["verdict"]["remains"]) == ["flag", "where"]
     gap = ["before", "after", "floor", "closed", "low", "high"]
     more = ["per_channel", "return", "per_phase", "per_channel_and_phase", "resampled", "accounted", "accounted_before"]
-    assert list(data["shrink"]) == [*gap, *more, "with_numbers"]
+    assert list(data["shrink"]) == [*gap, *more, "weighed", "with_numbers"]
     keys = ["name", "target", "parameter", "value", "low", "high", "unit", "nominal"]
     assert all(list(one) == keys for one in data["numbers"])
     gap[gap.index("floor") :] = ["closed", "low", "high", "accounted"]
@@ -85,7 +85,7 @@ def test_what_a_file_of_an_earlier_version_lacks_is_unknown(tmp_path):
     later_too = ("stopped", "physics_steps", "trial_models", "numbers")
     for later in ("headline", "residual_shape", "robot", "notes", *later_too):
         del given[later]
-    later_yet = ("accounted", "accounted_before", "with_numbers")
+    later_yet = ("accounted", "accounted_before", "weighed", "with_numbers")
     for later in ("per_phase", "per_channel_and_phase", "resampled", *later_yet):
         del given["shrink"][later]
     for row in given["ranking"]:

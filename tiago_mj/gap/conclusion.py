@@ -16,7 +16,7 @@ from tiago_mj.effects import Entry
 from tiago_mj.gap.ahead import Ahead
 from tiago_mj.gap.analysis import fitted_numbers, held_out, locate, outcome, place, promises, shrink, unexplained
 from tiago_mj.gap.analysis.recorded import Recorded
-from tiago_mj.gap.analysis.remainder import LEFT, remainder, with_accounted
+from tiago_mj.gap.analysis.remainder import LEFT, gone, remainder, with_accounted
 from tiago_mj.gap.compared import Compared
 from tiago_mj.gap.decision import verdict
 from tiago_mj.gap.design.next_motion import next_motion
@@ -311,12 +311,15 @@ def _tried(
     if not recorded.test or not ranked.complete:  # what is provisional needs no more than how far it closes the gap
         return Tried(judged, repaired, closing, ())
     rest = leave(fit=best)
-    closed, none, along = closing.closed, None, not ranked.predict.replays
+    closed, none, weighed, along = closing.closed, None, None, not ranked.predict.replays
     # Where the object stood may hide it; along a motion the model's masses may, which act on the same torques.
     if closed is not None and closed <= (promises.LARGER_PART if along else promises.CLOSES):
         none = leave(fit=ranked.fits[outcome.nominal(ranked)])
         closed = max(closed, shrink.gone(none.gap, rest.gap))
     share = closed if along else closing.closed
+    if none is not None and closed is not None and closed <= promises.CLOSES:
+        closed = weighed = gone(recorded, ranked.predict, best, rest, none)
+    nothing_left = rest.gap <= LEFT and rest.misfit <= by.remains and not rest.loud
     aside = promises.Aside(
         closed,
         rest.gap,
@@ -326,7 +329,7 @@ def _tried(
         loud=bool(rest.loud),
         without=None if none is None else none.gap,
         larger_part=not proposed.tones
-        and recorded.plant.environment is None
+        and (recorded.plant.environment is None or nothing_left)
         and (closing.low or 0.0) > promises.LARGER_PART,
         smaller_part="force" not in recorded.data.kinds
         and share is not None
@@ -336,9 +339,9 @@ def _tried(
     kept, said = promises.aside(judged, aside, [verdict.option(fit, ranked) for fit in ranked.fits], by)
     if kept.rivals[0] != judged.rivals[0]:
         best, repaired = ranked.fits[kept.rivals[0]], repair(kept.rivals[0])
-        closing, rest, none = close(repaired), leave(fit=best), None
+        closing, rest, none, weighed = close(repaired), leave(fit=best), None, None
     said += held_out.spoiled(recorded, ranked.predict, best)
-    return Tried(kept, repaired, with_accounted(closing, rest, none), said)
+    return Tried(kept, repaired, with_accounted(closing, rest, none, weighed), said)
 
 
 def _repaired(

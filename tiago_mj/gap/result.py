@@ -114,6 +114,8 @@ class Shrink:
             the physics step infinitely short.
         accounted_before: ``before`` likewise, with the nominal model's own numbers as they were fitted without any
             effect; told where what is named closes nothing by itself.
+        weighed: share by which the squared residual falls beside these numbers, in units of the noise and tolerance
+            found beside what is named; told where it falls by nothing in units of the noise.
         with_numbers: the gap before, and with the effects and the nominal model's numbers as fitted
             (:attr:`Result.numbers`): what the whole repair leaves; None where it has no such numbers.
     """
@@ -133,6 +135,7 @@ class Shrink:
     resampled: str = ""
     accounted: float | None = None
     accounted_before: float | None = None
+    weighed: float | None = None
     with_numbers: Closing | None = None
 
 

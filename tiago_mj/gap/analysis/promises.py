@@ -5,7 +5,8 @@
     the first explanation does not predict the validation trials far worse than another one
     an effect that is named closes part of the gap on the test trials
     a large residual on the test trials is reported as remaining
-    what explains the larger part of a gap is named as that, where the model is the user's own
+    what explains the larger part of a gap is named as that, where the model is the user's own or no more than noise is
+        left on the test trials
     what explains the smaller part, and leaves a gap, is not named
     "no gap" is not said where the test trials have one
 
@@ -34,16 +35,18 @@ MIN_NAMED_PROBABILITY: Final = 0.5
 #: A share of the gap that counts as closed: below, a report says that it does not close.
 CLOSES: Final = 0.02
 DRAWS: Final = 400
-#: Of a robot whose model is the user's own, an explanation that closes more than this of the gap on the test trials, by
-#: the lower end of the interval, is named as a part of it, whatever is left: the larger part. On 43 kept blind cases of
-#: such models (hinges and arms, all versions) whose best explanation fails, 1 of 12 whose cause is outside the library
-#: closes as much, and 8 of 12 whose cause is one of its effects or two. Of the gripper's, whose numbers are known, as
-#: many close as much by wrong names (6 of 21). One that closes less, and leaves more than noise with the model's own
-#: numbers as fitted, is not named where no contact is measured: of 100 names in 100 hinges and 100 cases with efforts
-#: (seeds 3737, 61 and 62) two do, springs outside the library that an encoder's bias stands in for; of 13 that close
-#: less and leave no more than noise six are right. Along a motion what counts is closed beside the model's own numbers,
-#: fitted with the effect and without: its masses act on the same torques (the friction of a real double pendulum closes
-#: 16 % by itself and 70 % so).
+#: Of a robot whose model is the user's own, an explanation that closes more than this of the gap on the test trials,
+#: by the lower end of the interval, is named as a part of it, whatever is left: the larger part. On 43 kept blind
+#: cases of such models (hinges and arms, all versions) whose best explanation fails, 1 of 12 whose cause is outside
+#: the library closes as much, and 8 of 12 whose cause is one of its effects or two. Of the gripper's, whose numbers
+#: are known, as many close as much by wrong names (6 of 21), so there the test trials have to be explained, too: what
+#: fails in one of the trials that were fitted, as contacts do that slip another way, need not be wrong (71:015, a load
+#: cell that drifts: 1.04 floors left of 815 on the trials kept aside, 6 in one other). One that closes less, and
+#: leaves more than noise with the model's own numbers as fitted, is not named where no contact is measured: of 100
+#: names in 100 hinges and 100 cases with efforts (seeds 3737, 61 and 62) two do, springs outside the library that an
+#: encoder's bias stands in for; of 13 that close less and leave no more than noise six are right. Along a motion what
+#: counts is closed beside the model's own numbers, fitted with the effect and without: its masses act on the same
+#: torques (the friction of a real double pendulum closes 16 % by itself and 70 % so).
 LARGER_PART: Final = 0.5
 #: Sentences on the check on the test trials that failed.
 CLOSES_NOTHING: Final = (
@@ -79,7 +82,8 @@ class Aside:
         comparable: whether ``misfit`` has all tolerances of the fits. Replays of commands have not: of 41 cases of the
             blind check (seed 14) three without an effect worth naming left so much on the trials kept aside, and none
             of those that lack an effect.
-        larger_part: whether it closes more than half of the gap of a robot whose model is the user's own.
+        larger_part: whether it closes more than half of the gap: of a robot whose model is the user's own, or of one
+            whose numbers are known and whose test trials it leaves at noise and tolerance.
         smaller_part: whether it closes less than half, and leaves more than noise where no contact is measured; along
             a motion with the model's own numbers as fitted, before and after.
     """

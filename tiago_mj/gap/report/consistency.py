@@ -74,10 +74,13 @@ def repairs(shrink: Shrink) -> bool | None:
 
 
 def closed_accounted(shrink: Shrink) -> float | None:
-    """Share of the squared residual that is gone once everything that nobody claims to know is given its due; None: not
-    known. Beside numbers as fitted as much may be gone as no gap showed before."""
+    """Share of the squared residual that is gone with the model's own numbers as fitted, before and after, in units of
+    the noise or, where that is more, of noise and tolerance; None: not known."""
     before, after = shrink.accounted_before, shrink.accounted
-    return None if before is None or after is None or not is_known(before, after) else gone(before, after)
+    if before is None or after is None or not is_known(before, after):
+        return None
+    share = gone(before, after)
+    return share if shrink.weighed is None else max(share, shrink.weighed)
 
 
 def has_probability(diagnosis: Diagnosis) -> bool:
