@@ -115,6 +115,8 @@ def test_two_low_passes_in_a_row_are_as_late_as_one_but_begin_more_slowly():
         ({"force_nonlinearity": {"quadratic": 0.1}}, lambda x: x + 0.1 * x**2),
         ({"force_dead_zone": {"width": 0.08}}, lambda x: np.where(x > 0.08, x - 0.08, 0.0)),
         ({"force_saturation": {"limit": 0.8}}, lambda x: np.minimum(x, 0.8)),
+        # Rapp's amplifier with p = 1.
+        ({"force_saturation": {"limit": 0.8, "softness": 0.5}}, lambda x: x / np.sqrt(1 + (x / 0.8) ** 2)),
         ({"force_quantization": {"step": 0.05}}, lambda x: 0.05 * np.round(x / 0.05)),
     ],
     ids=lambda value: next(iter(value)) if isinstance(value, dict) else "",

@@ -257,28 +257,37 @@ class ForceLag(Effect):
 
 @effect("force_saturation", stage="force_sensor", targets="sensor")
 class ForceSaturation(Effect):
-    """The reading goes no higher than a limit.
+    """The reading goes no higher than a limit; with a softness it falls short well below it, as of an amplifier.
 
-    Formula: |reading| ≤ limit
+    Formula: x / (1 + |x / limit|^(1 / softness))^softness, without a softness |reading| ≤ limit
 
-    In a recording: a plateau with sharp corners; the motion does not know of it.
+    In a recording: a plateau, with sharp corners where nothing is soft; the motion does not know of it.
 
     Typical: the end of the amplifier's range.
 
     On the robot: look at the range of the amplifier and of the converter.
 
-    Source: chosen.
+    Source: Rapp's model of an amplifier (C. Rapp 1991, Effects of HPA-nonlinearity on a 4-DPSK/OFDM-signal), p of which
+    is 1 / (2 softness).
 
-    MuJoCo: a sensor's ``cutoff``.
+    MuJoCo: a sensor's ``cutoff``, which is sharp.
     """
 
     clause = "the readings of {t} go no higher than {limit}"
     signal_only = True
 
     limit = parameter(UNITS, identity=np.inf, default=0.8, bounds=(0.05, 3.0))
+    #: Amplifiers are modelled with p = 2 to 3, a softness of 0.25 to 0.17; the range of a converter ends sharply.
+    softness = detail("-", (0.0, 1.0), usual=Usual(0.15, 0.15))
 
     def reading(self, reading: Array, now: Now) -> Array:
-        return np.clip(reading, -self.limit, self.limit)
+        sharp = np.clip(reading, -self.limit, self.limit)
+        if not self.softness.any():
+            return sharp
+        soft = np.where(self.softness > 0, self.softness, 1.0)
+        with np.errstate(divide="ignore"):
+            over = np.log(np.abs(reading) / self.limit)
+        return np.where(self.softness > 0, reading * np.exp(-soft * np.logaddexp(0.0, over / soft)), sharp)
 
 
 @effect("force_noise", stage="force_sensor", targets="sensor")
