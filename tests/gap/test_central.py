@@ -24,7 +24,7 @@ def fitter(terms, predicted, measured):
     """A fitter of one channel whose simulator is a function of the entries of a trial, by their effects' names."""
     zeros = np.zeros((1, ROWS, 1))
     data = Data(("position.hinge",), np.arange(1), measured[None, :, None], np.ones(1), zeros + 1.0, zeros)
-    predict = SimpleNamespace(journal=SimpleNamespace(path=None))
+    predict = SimpleNamespace(journal=SimpleNamespace(path=None), replays=True)
     made = Fitter(predict, Subset((0,)), data, np.ones(1), terms, np.zeros((len(terms), 1, ROWS, 1)))
 
     def predictions(points, *, keep=False):

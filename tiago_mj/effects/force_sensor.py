@@ -263,12 +263,12 @@ class ForceSaturation(Effect):
 
     In a recording: a plateau, with sharp corners where nothing is soft; the motion does not know of it.
 
-    Typical: the end of the amplifier's range.
+    Typical: the end of the amplifier's range. Amplifiers are modelled with a softness of 0.17 to 0.25; the range of a
+    converter ends sharply.
 
     On the robot: look at the range of the amplifier and of the converter.
 
-    Source: Rapp's model of an amplifier (C. Rapp 1991, Effects of HPA-nonlinearity on a 4-DPSK/OFDM-signal), p of which
-    is 1 / (2 softness).
+    Source: Rapp 1991.
 
     MuJoCo: a sensor's ``cutoff``, which is sharp.
     """
@@ -277,7 +277,6 @@ class ForceSaturation(Effect):
     signal_only = True
 
     limit = parameter(UNITS, identity=np.inf, default=0.8, bounds=(0.05, 3.0))
-    #: Amplifiers are modelled with p = 2 to 3, a softness of 0.25 to 0.17; the range of a converter ends sharply.
     softness = detail("-", (0.0, 1.0), usual=Usual(0.15, 0.15))
 
     def reading(self, reading: Array, now: Now) -> Array:
