@@ -16,7 +16,7 @@ SOURCES = {
     "pal_gripper": "pal-robotics/pal_gripper: the fingers' URDF and controller gains",
     "menagerie": "google-deepmind/mujoco_menagerie, `pal_tiago`",
     "regressions": "mass, friction and constants of real robots, `benchmarks/real/regression.py`",
-    "Rapp 1991": "a model of amplifiers, in *Effects of HPA-nonlinearity on a 4-DPSK/OFDM-signal*; p is 1 / (2 softness)",
+    "Rapp 1991": "amplifiers, in *Effects of HPA-nonlinearity on a 4-DPSK/OFDM-signal*; its p is 1 / (2 softness)",
     "force_vs_displacement": "forces of a real gripper with TA11 load cells over displacement, llach/learning_fc",
 }
 HEAD = """\

@@ -50,20 +50,22 @@ def better_step_correction(fitter: Fitter, fits: Sequence[Fitted] | Sequence[Sta
     # By the noise alone: what the step gets wrong is part of the tolerance, which would hide it.
     noise = np.broadcast_to(fitter.data.noise, fitter.data.value.shape)
     on = Whitening(replace(fitter.data, sigma=noise, common=np.zeros_like(noise)), fitter.weight)
+    tally = fitter.predict.tally
+    before = tally["physics_steps"]
+    # What is put right is the same beside all that a fit tries, so that both ways respond alike to the numbers.
+    begin = [starts.start_at(Point.of(fit)) for fit in fits]
+    around = [corrected_beside(fitter, start).linearized_at(Point.of(start)) for start in begin]
 
     def cost(predict: Predictor) -> float:
         # Each way has its own best explanation and magnitudes: a late command and a late step look alike.
         costs = []
-        for fit in fits:
-            at = Point.of(fit)
-            by = corrected_beside(replace(fitter, predict=predict), fit).linearized_at(at)
-            (refitted,) = by.fit_all([starts.start_at(at)])
+        for start, near in zip(begin, around, strict=True):
+            by = corrected_beside(replace(near, predict=predict), start)
+            (refitted,) = by.fit_all([start])
             point = Point.of(refitted)
             costs.append(on.cost(by.predictions([point])[0], point.nuisance))
         return min(costs)
 
-    tally = fitter.predict.tally
-    before = tally["physics_steps"]
     drop = cost(fitter.predict) - cost(switched)
     tally[DECIDING] += tally["physics_steps"] - before
     return switched if drop > (-KEPT_NATS if switched.corrected else KEPT_NATS) else None
