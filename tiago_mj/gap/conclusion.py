@@ -336,7 +336,8 @@ def _tried(
         and share < promises.LARGER_PART
         and rest.gap > LEFT,
     )
-    kept, said = promises.aside(judged, aside, [verdict.option(fit, ranked) for fit in ranked.fits], by)
+    options = [verdict.option(fit, ranked) for fit in ranked.fits]
+    kept, said = promises.aside(judged, aside, options, by, measured_on_readings=ranked.known > 0)
     if kept.rivals[0] != judged.rivals[0]:
         best, repaired = ranked.fits[kept.rivals[0]], repair(kept.rivals[0])
         closing, rest, none, weighed = close(repaired), leave(fit=best), None, None

@@ -164,7 +164,9 @@ def _others(judged: Judged, options: Sequence[Option], least: float, known: Sequ
     return found
 
 
-def aside(judged: Judged, seen: Aside, options: Sequence[Option], by: Calibration) -> tuple[Judged, tuple[str, ...]]:
+def aside(
+    judged: Judged, seen: Aside, options: Sequence[Option], by: Calibration, *, measured_on_readings: bool = False
+) -> tuple[Judged, tuple[str, ...]]:
     """The verdict after the checks on the test trials, and a sentence on each check that failed.
 
     Args:
@@ -172,10 +174,12 @@ def aside(judged: Judged, seen: Aside, options: Sequence[Option], by: Calibratio
         seen: what its best explanation achieves on the test trials.
         options: the explanations, one of them the nominal model.
         by: calibration.
+        measured_on_readings: whether an effect was measured on the readings alone, which is part of every explanation.
 
     Returns:
         The verdict; where its best explanation closes nothing, the nominal model is its only one, and there is no gap
-        where that explains the other recordings and leaves none on the test trials.
+        (but for what was measured on the readings) where that explains the other recordings and leaves none on the
+        test trials.
     """
     kind, rivals, said = judged.kind, judged.rivals, []
     nominal = next(k for k, one in enumerate(options) if not one.effects)
@@ -191,7 +195,8 @@ def aside(judged: Judged, seen: Aside, options: Sequence[Option], by: Calibratio
             left = _without_effects(judged, options, by)
         explains = discrepancy(options[nominal]) <= by.remains and without <= LEFT
         if explains and left.probability[nominal] >= left.probability.max() > 0:
-            return replace(left, kind="no_gap", rivals=(nominal,), remains=False), (NOTHING_TO_CLOSE,)
+            kind = "effect" if measured_on_readings else "no_gap"
+            return replace(left, kind=kind, rivals=(nominal,), remains=False), (NOTHING_TO_CLOSE,)
         kind, remains, rivals = "unknown", True, (nominal,)
         said.append(CLOSES_NOTHING)
     elif named and seen.can_close and seen.smaller_part:
