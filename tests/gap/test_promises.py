@@ -107,8 +107,8 @@ def test_where_there_is_nothing_to_close_there_is_no_gap() -> None:
     assert (kept.kind, kept.rivals, kept.remains, said) == ("no_gap", (2,), False, (promises.NOTHING_TO_CLOSE,))
     assert kept.probability[2] == pytest.approx(1 - wrong(0, NAMED[2].evidence, BY.doubt))
     # A grid that the readings lie on is part of every explanation and stays named (seed 71, case 25).
-    grid, _ = promises.aside(before, seen, NAMED, BY, measured_on_readings=True)
-    assert (grid.kind, grid.rivals, grid.remains) == ("effect", (2,), False)
+    grid, said = promises.aside(before, seen, NAMED, BY, measured_on_readings=True)
+    assert (grid.kind, grid.rivals, grid.remains, said) == ("effect", (2,), False, (promises.NOTHING_BESIDE_READINGS,))
     rival = judged("effect", [0.5, 0.3, 0.05], 0)  # the payload, which may close something, is likelier than nothing
     gap = [option("armature"), option("payload"), option(left=3.0)]
     left, some = replace(seen, without=9.0), replace(seen, without=3.0)

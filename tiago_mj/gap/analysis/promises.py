@@ -61,6 +61,10 @@ NOTHING_TO_CLOSE: Final = (
     "The explanation that fits the other recordings best closes nothing on those that were kept aside, where the "
     "simulator's own numbers leave no gap, so it is not named."
 )
+NOTHING_BESIDE_READINGS: Final = (
+    "A further effect fits the other recordings best, but closes nothing on those that were kept aside, where the "
+    "simulator's own numbers leave no gap, so it is not named."
+)
 NOT_THOSE_ASIDE: Final = (
     "The simulator's own numbers, adjusted within their uncertainty, explain the recordings to which they were "
     "fitted but not those that were kept aside."
@@ -196,7 +200,8 @@ def aside(
         explains = discrepancy(options[nominal]) <= by.remains and without <= LEFT
         if explains and left.probability[nominal] >= left.probability.max() > 0:
             kind = "effect" if measured_on_readings else "no_gap"
-            return replace(left, kind=kind, rivals=(nominal,), remains=False), (NOTHING_TO_CLOSE,)
+            why = NOTHING_BESIDE_READINGS if measured_on_readings else NOTHING_TO_CLOSE
+            return replace(left, kind=kind, rivals=(nominal,), remains=False), (why,)
         kind, remains, rivals = "unknown", True, (nominal,)
         said.append(CLOSES_NOTHING)
     elif named and seen.can_close and seen.smaller_part:
