@@ -319,7 +319,7 @@ def _tried(
     share = closed if along else closing.closed
     if none is not None and closed is not None and closed <= promises.CLOSES:
         closed = weighed = gone(recorded, ranked.predict, best, rest, none)
-    nothing_left = rest.gap <= LEFT and rest.misfit <= by.remains and not rest.loud
+    nothing_left = rest.gap <= LEFT and rest.misfit <= by.remains
     aside = promises.Aside(
         closed,
         rest.gap,
