@@ -143,6 +143,21 @@ def test_the_larger_part_of_a_gap_is_named_as_a_part() -> None:
     assert promises.aside(judged("unknown", [0.6, 0.3, 0.0], 0, 1), part, two, BY)[0].kind == "ambiguous"
 
 
+@pytest.mark.parametrize(
+    ("low", "left", "misfit", "own_model", "enough"),
+    [
+        (0.95, 1.2, 1.9, False, True),  # seed 71, case 15: one grasp of seven others slipped another way
+        (0.80, 19.0, 8.0, False, False),  # seed 72, case 0: a cable that tugs is no gain
+        (0.95, 1.2, 2.5, False, False),
+        (0.80, 19.0, 8.0, True, True),
+        (0.40, 1.2, 1.0, True, False),
+        (None, 1.2, 1.0, True, False),
+    ],
+)
+def test_a_known_model_has_to_be_left_at_noise_where_the_users_own_need_not(low, left, misfit, own_model, enough):
+    assert promises.is_larger_part(low, left, misfit, BY, own_model=own_model) is enough
+
+
 @pytest.mark.parametrize(("sure", "kind"), [(0.4, "unknown"), (0.55, "effect")])
 def test_a_part_is_named_only_where_that_is_rather_right_than_wrong(sure: float, kind: str) -> None:
     """What is left says how likely an answer is wrong, though nothing else is as likely."""

@@ -319,7 +319,7 @@ def _tried(
     share = closed if along else closing.closed
     if none is not None and closed is not None and closed <= promises.CLOSES:
         closed = weighed = gone(recorded, ranked.predict, best, rest, none)
-    nothing_left = rest.gap <= LEFT and rest.misfit <= by.remains
+    own_model = recorded.plant.environment is None
     aside = promises.Aside(
         closed,
         rest.gap,
@@ -329,8 +329,7 @@ def _tried(
         loud=bool(rest.loud),
         without=None if none is None else none.gap,
         larger_part=not proposed.tones
-        and (recorded.plant.environment is None or nothing_left)
-        and (closing.low or 0.0) > promises.LARGER_PART,
+        and promises.is_larger_part(closing.low, rest.gap, rest.misfit, by, own_model=own_model),
         smaller_part="force" not in recorded.data.kinds
         and share is not None
         and share < promises.LARGER_PART

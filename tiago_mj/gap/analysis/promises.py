@@ -213,6 +213,18 @@ def aside(
     return replace(judged, kind=kind, rivals=rivals, remains=remains and kind != "no_gap"), tuple(said)
 
 
+def is_larger_part(low: float | None, left: float, misfit: float, by: Calibration, *, own_model: bool) -> bool:
+    """Whether what an explanation closes on the test trials is enough to name it although it fails on the others.
+
+    Args:
+        low: lower end of the interval of the share that it closes; None: not known.
+        left, misfit: as of :class:`Aside`.
+        by: calibration.
+        own_model: whether the model is the user's own; else its numbers are known, and nothing may be left.
+    """
+    return (low or 0.0) > LARGER_PART and (own_model or (left <= LEFT and misfit <= by.remains))
+
+
 def as_part(judged: Judged, options: Sequence[Option]) -> Judged:
     """The verdict where the best explanation fails and yet explains the larger part of the gap: it is named, with what
     is about as likely, and a gap remains. What is left counts: the answer has to be rather right than wrong.
