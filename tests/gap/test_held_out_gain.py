@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tiago_mj.gap.analysis.promises import CLOSES
-from tiago_mj.gap.analysis.remainder import Remainder, gone
+from tiago_mj.gap.analysis.remainder import Remainder, weighed_share
 from tiago_mj.gap.inference.noise_model import Data
 
 ROWS = 400
@@ -58,7 +58,7 @@ def test_an_onset_that_is_late_does_not_hide_what_an_effect_explains(replays: bo
     with_it[0, ONSET] = MISSED
     nothing, rest = left(without, data), left(with_it, data)
     assert rest.gap > nothing.gap  # in units of the noise alone the explanation makes it worse
-    found = gone(Recorded(data), Predictor(data, replays), None, rest, nothing)  # type: ignore[arg-type]
+    found = weighed_share(Recorded(data), Predictor(data, replays), None, rest, nothing)  # type: ignore[arg-type]
     assert CLOSES < found < 0.49 / 1.49  # the onset, compressed, takes some of that third back
 
 
@@ -66,5 +66,5 @@ def test_what_fits_the_noise_of_other_trials_closes_nothing() -> None:
     data = measured(2.0)
     noise = 0.1 * np.random.default_rng(1).standard_normal(data.value.shape)
     nothing, rest = left(np.zeros_like(data.value), data), left(noise, data)
-    found = gone(Recorded(data), Predictor(data, True), None, rest, nothing)  # type: ignore[arg-type]
+    found = weighed_share(Recorded(data), Predictor(data, True), None, rest, nothing)  # type: ignore[arg-type]
     assert found < CLOSES

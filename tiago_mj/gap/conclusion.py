@@ -16,7 +16,7 @@ from tiago_mj.effects import Entry
 from tiago_mj.gap.ahead import Ahead
 from tiago_mj.gap.analysis import fitted_numbers, held_out, locate, outcome, place, promises, shrink, unexplained
 from tiago_mj.gap.analysis.recorded import Recorded
-from tiago_mj.gap.analysis.remainder import LEFT, gone, remainder, with_accounted
+from tiago_mj.gap.analysis.remainder import LEFT, remainder, weighed_share, with_accounted
 from tiago_mj.gap.compared import Compared
 from tiago_mj.gap.decision import verdict
 from tiago_mj.gap.design.next_motion import next_motion
@@ -318,7 +318,7 @@ def _tried(
         closed = max(closed, shrink.gone(none.gap, rest.gap))
     share = closed if along else closing.closed
     if none is not None and closed is not None and closed <= promises.CLOSES:
-        closed = weighed = gone(recorded, ranked.predict, best, rest, none)
+        closed = weighed = weighed_share(recorded, ranked.predict, best, rest, none)
     own_model = recorded.plant.environment is None
     aside = promises.Aside(
         closed,

@@ -89,7 +89,7 @@ def remainder(recorded: Recorded, predict: Predictor, fit: Fitted, weight: Array
     return Remainder(gap, max(samples, lasting), channels, phases, loud, predicted)
 
 
-def gone(recorded: Recorded, predict: Predictor, fit: Fitted, rest: Remainder, nothing: Remainder) -> float:
+def weighed_share(recorded: Recorded, predict: Predictor, fit: Fitted, rest: Remainder, nothing: Remainder) -> float:
     """Share by which an explanation lowers the squared residual on the test trials, beside the nominal model, each with
     its own numbers as fitted; in the units in which explanations are compared at the end of a search, noise and
     tolerance found beside the explanation, an onset that is early or late compressed.
@@ -123,7 +123,7 @@ def with_accounted(
         closing: before and after.
         rest: what the explanation leaves.
         nothing: what the nominal model leaves; None where that was not asked.
-        weighed: share that is :func:`gone`; None where that was not asked.
+        weighed: of :func:`weighed_share`; None where that was not asked.
     """
 
     def known(parts: Mapping[str, Closing], left: Mapping[str, float]) -> dict[str, Closing]:
