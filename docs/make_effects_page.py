@@ -13,6 +13,7 @@ SOURCES = {
     "PACE": "delays of a bus loop that PACE fitted to legged robots",
     "so101": "recordings of a LeRobot SO-101, isaac-sim2real/sage",
     "tiago_arm": "a recording of TIAGo's arm, thanhndv212/figaroh-plus",
+    "staubli_TX40": "friction of a Stäubli TX40, whose last motor turns with joints 5 and 6, thanhndv212/figaroh-plus",
     "pal_gripper": "pal-robotics/pal_gripper: the fingers' URDF and controller gains",
     "menagerie": "google-deepmind/mujoco_menagerie, `pal_tiago`",
     "regressions": "mass, friction and constants of real robots, `benchmarks/real/regression.py`",

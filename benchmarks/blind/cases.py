@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.blind import effort_sensors, motions, reality, robots, six_joints
-from benchmarks.blind.dictionary import ARM, GRIPPER, KINDS, PLAIN, SIX, draw
+from benchmarks.blind.dictionary import ARM, GRIPPER, ON_REQUEST, PLAIN, SIX, draw, kind_of
 from benchmarks.blind.effects.base import Effect
 from benchmarks.blind.effects.friction import Bristles, CoulombFriction
 from benchmarks.blind.facts import Grid, converters
@@ -90,7 +90,7 @@ class Case:
     @property
     def kind(self) -> str:
         """``none``, ``one``, ``two``, ``outside`` or ``left_out``."""
-        if any(not KINDS[effect.name].known for effect in self.effects):
+        if any(not kind_of(effect.name).known for effect in self.effects):
             return "outside"
         if self.without:
             return "left_out"
@@ -127,11 +127,12 @@ def joints_of(setting: str) -> tuple[str, ...]:
 
 def effect_targets(setting: str, name: str, rng: np.random.Generator) -> str | tuple[str, ...]:
     """Targets of an effect: all, or one finger, one cell, one joint of the arm."""
-    kind = KINDS[name]
+    kind = kind_of(name)
     if kind.on == "none" or setting == PLAIN or name in ("supply_sag", "mount_resonance"):
         return "all"
     if setting in (ARM, SIX):
-        return (str(rng.choice(names.ARM[:4] if setting == ARM else six_joints.JOINTS)),)
+        joints = names.ARM[:4] if setting == ARM else six_joints.JOINTS
+        return (str(rng.choice(joints[1:] if name in ON_REQUEST else joints)),)  # those act on the joint before as well
     if rng.random() < 0.6:
         return "all"
     return (str(rng.choice(names.SIDES if kind.on == "sensor" else names.FINGERS)),)
@@ -146,7 +147,7 @@ def effects_of(case: Case) -> list[Effect]:
     """The case's effects, ready to run."""
     made = []
     for number, choice in enumerate(case.effects):
-        kind = KINDS[choice.name]
+        kind = kind_of(choice.name)
         named = names.SIDES if kind.on == "sensor" else joints_of(case.setting)
         columns = list(range(len(named))) if choice.target == "all" else [named.index(t) for t in choice.target]
         made.append(kind.make(choice.parameters, columns, seed=case.seed * 10 + number))

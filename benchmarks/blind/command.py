@@ -11,6 +11,7 @@ from typing import Any, Final
 import tiago_mj
 from benchmarks.blind import baselines, cases, efforts, next_motion, plan, run, score
 from benchmarks.blind.cases import Case
+from benchmarks.blind.dictionary import LIBRARY
 from benchmarks.blind.page import WORDS, number, page
 from benchmarks.blind.store import Store
 from tiago_mj.io import atomic, held
@@ -67,6 +68,8 @@ def _blind(arguments: argparse.Namespace, store: Store, only: Any, settings: Any
 
 def _planned(arguments: argparse.Namespace, store: Store, only: Any, settings: Any) -> list[Case]:
     """The cases of a run whose recordings hold commands; the folder is theirs from now on."""
+    if arguments.effects:
+        raise ValueError("--effects is asked of cases with --efforts only: leave it out")
     rates, trials = _rates(arguments.rates), _trials(arguments.trials)
     seconds = _seconds(arguments.seconds)
     store.begin(run.facts(arguments.cases, arguments.seed, only, settings, rates, trials, seconds))
@@ -87,8 +90,9 @@ def _of_efforts(arguments: argparse.Namespace, store: Store, only: Any) -> list[
         if getattr(arguments, name):
             raise ValueError(f"--{name} is not asked of cases with efforts: leave it out")
     drawn = {"cases": arguments.cases, "seed": arguments.seed, "kinds": list(only)}
-    store.begin({**drawn, "efforts": True, "version": efforts.VERSION})
-    return efforts.cases(arguments.cases, arguments.seed, only)
+    asked = _listed(arguments.effects, LIBRARY)
+    store.begin({**drawn, "efforts": True, "version": efforts.VERSION, **({"effects": list(asked)} if asked else {})})
+    return efforts.cases(arguments.cases, arguments.seed, only, asked)
 
 
 def write_scores(
@@ -133,7 +137,7 @@ def calibration_seeds(path: Path = VERDICT) -> list[int]:
 def command(arguments: argparse.Namespace) -> str:
     """The command line that makes the same run elsewhere."""
     words = ["python", "-m", "benchmarks.blind", "--cases", str(arguments.cases), "--seed", str(arguments.seed)]
-    for name in ("kinds", "settings", "rates", "trials", "seconds"):
+    for name in ("kinds", "settings", "rates", "trials", "seconds", "effects"):
         if getattr(arguments, name):
             words += [f"--{name}", str(getattr(arguments, name))]
     return shlex.join([*words, *(["--efforts"] if arguments.efforts else []), "--out", "DIR"])

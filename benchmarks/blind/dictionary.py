@@ -12,7 +12,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from benchmarks.blind.effects import commands, friction, gears, sensors, things, unknown
+from benchmarks.blind.effects import commands, coupled, friction, gears, sensors, things, unknown
 from benchmarks.blind.effects.base import Effect
 
 GRIPPER, ARM, PLAIN, SIX = "gripper", "arm", "plain", "six"
@@ -255,8 +255,16 @@ KINDS: Final[Mapping[str, Kind]] = {
     ),
 }
 
+#: Effects of the library that no drawn case has, as only an arm of several joints can have them: they are asked for.
+ON_REQUEST: Final[Mapping[str, Kind]] = {
+    "coupled_motor_friction": Kind(coupled.CoupledMotorFriction, "joint", {SIX: {"force": (LOG, 0.5, 8.0)}}),
+    "coupled_motor_damping": Kind(coupled.CoupledMotorDamping, "joint", {SIX: {"damping": (LOG, 0.3, 8.0)}}),
+}
+
 KNOWN: Final = tuple(name for name, kind in KINDS.items() if kind.known)
 UNKNOWN: Final = tuple(name for name, kind in KINDS.items() if not kind.known)
+#: All of the library that a name may be.
+LIBRARY: Final = (*KNOWN, *ON_REQUEST)
 
 #: What is shared between the generator's parameters and the contract's, and what only resembles it. A parameter that is
 #: in none of them is the contract's number. ``None`` is not scored.
@@ -297,7 +305,13 @@ def available(setting: str, *, known: bool = True) -> list[str]:
 
 def ranges(name: str, setting: str) -> Mapping[str, tuple[Any, ...]]:
     """How an effect's parameters are drawn in a setting; empty where it makes no sense there."""
-    return KINDS[name].ranges.get(AS_LARGE_AS.get(setting, setting), {})
+    known = kind_of(name).ranges
+    return known.get(setting) or known.get(AS_LARGE_AS.get(setting, setting), {})
+
+
+def kind_of(name: str) -> Kind:
+    """An effect's, be it drawn or asked for."""
+    return KINDS[name] if name in KINDS else ON_REQUEST[name]
 
 
 def draw(name: str, setting: str, rng: np.random.Generator) -> dict[str, float]:

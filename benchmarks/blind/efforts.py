@@ -34,37 +34,40 @@ OUTSIDE: Final = ("cable_tug", "place_friction", "stiffening_spring")
 OUTSIDE_BY_CURRENTS: Final = ("thermal_fade",)
 
 
-def cases(count: int, seed: int, only: Sequence[str] = ()) -> list[Case]:
+def cases(count: int, seed: int, only: Sequence[str] = (), asked: Sequence[str] = ()) -> list[Case]:
     """The cases of a run.
 
     Args:
         count: how many.
         seed: another gives other cases throughout.
         only: kinds to draw; none is ``left_out``.
+        asked: effects of which every single one is, and one of each pair; empty: of those that cases have.
     """
     wanted = [kind for kind in plan.SHARES if kind != "left_out" and (not only or kind in only)]
     turn = dict.fromkeys(wanted, 0)
     out = []
     for number, kind in enumerate(plan.kinds(count, seed, wanted)):
-        out.append(_case(number, kind, turn[kind], seed))
+        out.append(_case(number, kind, turn[kind], seed, asked))
         turn[kind] += 1
     return out
 
 
-def _case(number: int, kind: str, turn: int, seed: int) -> Case:
+def _case(number: int, kind: str, turn: int, seed: int, asked: Sequence[str]) -> Case:
     rng = np.random.default_rng([seed, number, 41])
     setting = str(rng.choice(list(SETTINGS), p=np.array(list(SETTINGS.values())) / sum(SETTINGS.values())))
+    if asked and kind in ("one", "two"):
+        setting = str(rng.choice(_settings(asked)))
     effort = str(rng.choice((SENSOR, CURRENT)))
     current = effort == CURRENT
     known = (*SHOWN, *(SHOWN_BY_CURRENTS if current else ()))
-    deck = (*OUTSIDE, *(OUTSIDE_BY_CURRENTS if current else ())) if kind == "outside" else known
+    deck = (*OUTSIDE, *(OUTSIDE_BY_CURRENTS if current else ())) if kind == "outside" else asked or known
     possible = [name for name in deck if ranges(name, setting)]
     chosen: tuple[str, ...] = ()
     if kind in ("one", "outside"):
         order = np.random.default_rng([seed, 42, int(kind == "one")]).permutation(len(possible))
         chosen = (possible[order[turn % len(possible)]],)
     elif kind == "two":
-        chosen = plan.pair(possible, rng)
+        chosen = (str(rng.choice(asked)), str(rng.choice(known))) if asked else plan.pair(possible, rng)
     rate, trials, seconds = SESSION[setting]
     return Case(
         seed=int(rng.integers(2**31)),
@@ -78,3 +81,15 @@ def _case(number: int, kind: str, turn: int, seed: int) -> Case:
         version=VERSION,
         effort=effort,
     )
+
+
+def _settings(asked: Sequence[str]) -> list[str]:
+    """Those that can have all of some effects.
+
+    Raises:
+        ValueError: none can.
+    """
+    found = [one for one in SETTINGS if all(ranges(name, one) for name in asked)]
+    if not found:
+        raise ValueError(f"--effects: no robot of the check can have {', '.join(asked)}: leave some out")
+    return found

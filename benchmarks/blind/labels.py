@@ -9,7 +9,7 @@ import numpy as np
 
 from benchmarks.blind import robots
 from benchmarks.blind.cases import Made, real_robot
-from benchmarks.blind.dictionary import KINDS
+from benchmarks.blind.dictionary import kind_of
 from tiago_mj.models import names
 
 
@@ -20,7 +20,7 @@ def label(made: Made) -> dict[str, Any]:
     if not case.effort:
         del out["effort"]
     out["kind"] = case.kind
-    out["classes"] = [KINDS[effect.name].group for effect in case.effects]
+    out["classes"] = [kind_of(effect.name).group for effect in case.effects]
     out["truth"] = made.truth
     if case.effects:
         out["effective"] = effective(made)
@@ -39,7 +39,7 @@ def effective(made: Made) -> dict[str, float]:
     choice = case.effects[0]
     real = real_robot(case, made.folder)
     nominal = robots.robot_of(case.setting, robots.Jitter(np.random.default_rng(0), 0.0), folder=made.folder)
-    named = names.SIDES if KINDS[choice.name].on == "sensor" else real.joints
+    named = names.SIDES if kind_of(choice.name).on == "sensor" else real.joints
     columns = list(range(len(named))) if choice.target == "all" else [named.index(t) for t in choice.target]
     value = next(iter(choice.parameters.values()))
     first = next(iter(choice.parameters))

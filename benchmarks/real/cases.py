@@ -18,6 +18,7 @@ from benchmarks.real.robots import (
     sts3250,
     ta11,
     tiago_arm,
+    tx40,
     ur10e,
     xl330,
 )
@@ -33,6 +34,7 @@ _ROBOTS: Final = (
     sts3250,
     so101,
     tiago_arm,
+    tx40,
     ta11,
 )
 CASES: Final[Mapping[str, Case]] = {case.name: case for robot in _ROBOTS for case in robot.CASES}

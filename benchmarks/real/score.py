@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from benchmarks.blind import intervals
-from benchmarks.blind.dictionary import KINDS as EFFECTS
+from benchmarks.blind.dictionary import LIBRARY, kind_of
 from benchmarks.blind.score import class_of
 from benchmarks.real.declare import KINDS, NOTHING, RECORDINGS, Case, Cause
 
@@ -27,9 +27,7 @@ VERDICTS: Final = ("no_gap", "effect", "ambiguous", "unknown")
 #: Effects that have no joint of their own, or need none to be understood.
 PLACELESS: Final = frozenset({"payload", "gravity_tilt", "clock_offset", "clock_skew"})
 #: Parameter that is an effect's size; the contract's first.
-SIZE: Final[Mapping[str, str]] = {
-    **{name: next(iter(next(iter(kind.ranges.values())))) for name, kind in EFFECTS.items() if kind.known},
-}
+SIZE: Final[Mapping[str, str]] = {name: next(iter(next(iter(kind_of(name).ranges.values())))) for name in LIBRARY}
 _WORDS: Final = re.compile(r"[@+]")
 
 

@@ -2,6 +2,7 @@
 
 import test_effect_consequences_commands
 import test_effect_consequences_contact
+import test_effect_consequences_coupled
 import test_effect_consequences_joints
 import test_effect_consequences_sensors
 from effects_bench import SHOWN
@@ -11,6 +12,7 @@ from tiago_mj.effects import EFFECTS
 FILES = (
     test_effect_consequences_commands,
     test_effect_consequences_joints,
+    test_effect_consequences_coupled,
     test_effect_consequences_contact,
     test_effect_consequences_sensors,
 )

@@ -48,6 +48,8 @@ CONTRACT = {
     "load_dependent_friction": ("joint", "friction", {"coefficient": ("-", 0, 0.15)}),
     "asymmetric_friction": ("joint", None, {"force": (FORCE, 0, 2)}),
     "torque_offset": ("joint", None, {"force": (FORCE, 0, 1)}),
+    "coupled_motor_friction": ("joint", None, {"force": (FORCE, 0, 2)}),
+    "coupled_motor_damping": ("joint", None, {"damping": (DAMPING, 0, (10, 1))}),
     "backlash": ("joint", "play", {"width": (LENGTH, 0, 0.001)}),
     "joint_elasticity": ("joint", "gain", {"stiffness": (("N/m", "N·m/rad"), INF, 3000)}),
     "armature": ("joint", None, {"mass": (("kg", "kg·m²"), 0, 0.3)}),
@@ -83,8 +85,9 @@ CONTRACT = {
 }
 RELATIVE = {"rate_limit": "velocity", "velocity_limit": "velocity", "force_limit": "effort"}
 
-#: What these motions cannot show: the gripper alone stands on a base that does not move.
-INVISIBLE = {("payload", "gripper")}
+#: What these motions cannot show: the gripper alone stands on a base that does not move, and no finger carries the
+#: other one.
+INVISIBLE = {(name, "gripper") for name in ("payload", "coupled_motor_friction", "coupled_motor_damping")}
 
 #: Until a little after the fingers have begun to open again [s].
 OPENS = 0.75

@@ -76,7 +76,7 @@ class Chain:
         self.effects = [effect for effect in effects if effect.present.any()]  # the others draw no random numbers
         self._host, self._wiring = host, wiring
         self._nominal: dict[str, Array] = {}
-        self._masks = {effect.name: effect.present for effect in self.effects}
+        self._masks = {effect.name: effect.reach for effect in self.effects}
         self._hooks = {hook: self._users(hook) for hook in (*EACH_SUBSTEP, *EACH_STEP)}
         self._timestep = float(host.model.opt.timestep)
 

@@ -141,6 +141,9 @@ class Effect:
     needs_servo: ClassVar[bool] = False
     #: Whether one of its targets ``object`` must be there; what is everywhere, such as gravity, needs none.
     needs_object: ClassVar[bool] = True
+    #: Whether it acts on its target and on the joint that carries that, as a motor does that turns with both: it is
+    #: sought on one joint at a time, and a joint that none carries cannot have it.
+    reaches_carrier: ClassVar[bool] = False
     #: Fewest targets that it can act between.
     fewest_targets: ClassVar[int] = 1
     #: What of the nominal model a negative first parameter takes away, and at most all of it, by its name in
@@ -175,6 +178,12 @@ class Effect:
         switches = [p for p in self.parameters.values() if p.identity is not None]
         present: NDArray[np.bool_] = np.logical_or.reduce([getattr(self, p.name) != p.identity for p in switches])
         return present
+
+    @property
+    def reach(self) -> NDArray[np.bool_]:
+        """Where its hooks may change something, (nsim, ntargets), or (nsim, 1) where that is anywhere."""
+        present = self.present
+        return np.atleast_2d(present.any(axis=1, keepdims=True)) if self.reaches_carrier else present
 
     def start(self, now: Now) -> None:
         """Forget the episode before."""

@@ -30,6 +30,7 @@ class Wiring:
         tool: body that a payload hangs on.
         grasp_axis: unit vector from the right to the left finger in the world, (3,).
         partner: per actuator, the one that a coupling error couples it to.
+        carrier: per joint, the one of them that carries it and moves as it does, turning or sliding; -1: there is none.
         object_qpos, object_body, object_geom, pairs: of the object between the pads; None without one.
     """
 
@@ -46,6 +47,7 @@ class Wiring:
     tool: int
     grasp_axis: Array
     partner: NDArray[np.intp]
+    carrier: NDArray[np.intp]
     object_qpos: int | None = None
     object_body: int | None = None
     object_geom: int | None = None

@@ -74,6 +74,7 @@ def wire(
         tool=_tool(model, joint_ids),
         grasp_axis=_grasp_axis(model),
         partner=_partners(actuators),
+        carrier=_carriers(model, joint_ids),
         **_object(model),
     )
 
@@ -156,3 +157,16 @@ def _partners(actuators: Sequence[str]) -> np.ndarray:
         if name in actuators and other in actuators:
             partner[list(actuators).index(name)] = list(actuators).index(other)
     return partner
+
+
+def _carriers(model: mujoco.MjModel, joint_ids: Sequence[int]) -> np.ndarray:
+    """Index of the next of the joints towards the base, (njoints,); -1 where there is none, or where one of the two
+    slides and the other turns."""
+    carriers = np.full(len(joint_ids), -1, dtype=np.intp)
+    for k, joint in enumerate(joint_ids):
+        dof = int(model.dof_parentid[model.jnt_dofadr[joint]])
+        while dof >= 0 and int(model.dof_jntid[dof]) not in joint_ids:
+            dof = int(model.dof_parentid[dof])
+        if dof >= 0 and model.jnt_type[model.dof_jntid[dof]] == model.jnt_type[joint]:
+            carriers[k] = joint_ids.index(int(model.dof_jntid[dof]))
+    return carriers

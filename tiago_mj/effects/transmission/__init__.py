@@ -1,3 +1,8 @@
 """Between motor and joint: friction, play, springs, inertia."""
 
-from tiago_mj.effects.transmission import bounded_speed, friction, gear  # noqa: F401  (their import declares the effects)
+from tiago_mj.effects.transmission import (  # noqa: F401  (their import declares the effects)
+    bounded_speed,
+    coupled_motor,
+    friction,
+    gear,
+)

@@ -198,6 +198,8 @@ def candidates(
         choices: list[tuple[str, ...] | None] = [None]
         if kind in ("command", "joint", "sensor") and len(targets) > 1 and not declared.common:
             choices += [(target,) for target in targets]
+        if declared.reaches_carrier:
+            choices = [(targets[k],) for k, carrier in enumerate(plant.wiring.carrier) if carrier >= 0]
         for choice in choices:
             index = 0 if choice is None else targets.index(choice[0])
             tolerance = max(
@@ -225,6 +227,8 @@ def _possible(plant: Plant, name: str, targets: tuple[str, ...]) -> bool:
     if declared.stage == "force_sensor":
         return plant.cell is not None
     if declared.needs_servo and (plant.wiring.interface == "effort" or not plant.wiring.servo.any()):
+        return False
+    if declared.reaches_carrier and (plant.wiring.carrier < 0).all():
         return False
     return len(targets) >= declared.fewest_targets
 

@@ -132,7 +132,7 @@ class Torques:
             if overrides(effect, "added_damping"):
                 damping = np.where(effect.present, damping + effect.added_damping(now), damping)
             if overrides(effect, "added_force"):
-                force = np.where(effect.present, force + effect.added_force(now), force)
+                force = np.where(effect.reach, force + effect.added_force(now), force)
         _, velocity, acceleration = host.motion
         drive = np.maximum(damping, 0) * velocity + host.joint["dof_armature"] * acceleration - force
         return drive + self._friction(host, now, effects) * np.clip(velocity / self.course.rest_speed, -1, 1)
