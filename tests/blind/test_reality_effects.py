@@ -2,13 +2,14 @@
 
 from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from benchmarks.blind import cases, motions, oracle, reality, robots
+from benchmarks.blind import cases, efforts, motions, oracle, reality, robots
 from benchmarks.blind.cases import Case, EffectChoice
-from benchmarks.blind.dictionary import KINDS, KNOWN, UNKNOWN, available, draw
+from benchmarks.blind.dictionary import KINDS, KNOWN, ON_REQUEST, UNKNOWN, available, draw
 from tiago_mj.models import names
 
 #: Effects whose parameters vanish at these values; at them reality is as without.
@@ -220,3 +221,26 @@ def test_reality_without_an_effect_is_ordinary_and_a_clear_effect_is_not(rate: f
     assert said["distance_without"] < 2 * said["ordinary"]  # it is one more draw: nine in ten are below once
     assert said["detectable"]
     assert said["distance"] > 2 * said["ordinary"]
+
+
+@pytest.mark.parametrize(("name", "values"), [("coupled_motor_friction", 1.5), ("coupled_motor_damping", 2.0)])
+def test_a_motor_of_two_joints_is_felt_at_both(name, values):
+    """On the arm of six joints: the drives of both give as much more as the motor takes; those of the others hardly."""
+    effect = ON_REQUEST[name].make({next(iter(ON_REQUEST[name].ranges["six"])): values}, [5])
+    robot = SimpleNamespace(inertia=np.full(6, 0.05))
+    world = SimpleNamespace(q=np.zeros((1, 6)), v=np.array([[0, 0, 0, 0, 0.4, -0.1]]), h=5e-4, robot=robot)
+    effect.start(world)
+    for _ in range(400):
+        force = effect.load(world)[0]
+    assert force[:4].tolist() == [0, 0, 0, 0]
+    assert force[4] == force[5] == pytest.approx(-values * (1.0 if "friction" in name else 0.3), rel=1e-3)
+
+
+def test_what_no_drawn_case_has_is_asked_for_by_name():
+    asked = efforts.cases(6, 3, ("one", "two"), tuple(ON_REQUEST))
+    assert {case.setting for case in asked} == {"six"}
+    assert all(case.effects[0].name in ON_REQUEST and case.effects[0].target != ("turn",) for case in asked)
+    drawn = efforts.cases(40, 65)
+    assert not {effect.name for case in drawn for effect in case.effects} & set(ON_REQUEST)
+    with pytest.raises(ValueError, match="no robot of the check"):
+        efforts.cases(3, 3, ("one",), ("coupled_motor_friction", "force_gain"))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from effects_bench import shows
 
-from tiago_mj.effects import EFFECTS, Entry
+from tiago_mj.effects import EFFECTS, Entry, model_file
 from tiago_mj.effects.host import BatchHost, ScalarHost
 from tiago_mj.effects.runner import Runner
 from tiago_mj.effects.wiring import wire
@@ -16,10 +16,10 @@ STEP, PERIOD, KP, KV = 5e-4, 0.01, 40.0, 2.0  # s, s, N·m/rad, N·m·s/rad
 FORCE, DAMPING = 1.5, 1.2  # N·m, N·m·s/rad
 
 
-def arm(tendon=""):
+def arm(tendon="", *, as_text=False):
     """Two level links whose axes stand upright: nothing falls, and either joint's motion pushes the other."""
     actuators = "".join(f'<position name="{name}" joint="{name}" kp="{KP}" kv="{KV}"/>' for name in JOINTS)
-    return mujoco.MjModel.from_xml_string(f"""<mujoco>
+    text = f"""<mujoco>
       <option timestep="{STEP}" integrator="implicitfast"/>
       <worldbody>
         <body><joint name="first" axis="0 0 1"/><geom type="capsule" fromto="0 0 0 .3 0 0" size=".03" mass="2"/>
@@ -30,7 +30,8 @@ def arm(tendon=""):
       </worldbody>
       {tendon}
       <actuator>{actuators}</actuator>
-    </mujoco>""")
+    </mujoco>"""
+    return text if as_text else mujoco.MjModel.from_xml_string(text)
 
 
 def over_both(turns, **numbers):
@@ -119,3 +120,16 @@ def test_the_most_that_a_fit_tries_slows_both_joints_and_nothing_diverges():
         most = EFFECTS[f"coupled_motor_{name}"].parameters[parameter].bounds[1][1]
         turned = moved(arm(), [effect(f"coupled_motor_{name}", **{parameter: most})]).sum(axis=1)
         assert np.abs(np.diff(turned)).max() < 0.5 * nominal, name
+
+
+@pytest.mark.parametrize(("name", "parameters"), [("friction", {"force": FORCE}), ("damping", {"damping": DAMPING})])
+@pytest.mark.parametrize("turns", [1, -1])
+def test_a_model_file_has_the_motor_as_a_tendon_over_both_joints(name, parameters, turns, tmp_path):
+    entry = effect(f"coupled_motor_{name}", turns, **parameters)
+    (tmp_path / "arm.xml").write_text(arm(as_text=True))
+    spec = model_file.read(tmp_path / "arm.xml", STEP)
+    wiring = wire(spec.compile(), joints=JOINTS, actuators=JOINTS, interface="position")
+    assert model_file.holds(spec.compile(), wiring, [entry], PERIOD, round(PERIOD / STEP))
+    text = model_file.write(spec, wiring, [entry], PERIOD, round(PERIOD / STEP), "repaired")
+    native, simulated, nominal = moved(mujoco.MjModel.from_xml_string(text)), moved(arm(), [entry]), moved(arm())
+    assert np.abs(native - simulated).max() < 0.05 * np.abs(simulated - nominal).max()

@@ -112,7 +112,10 @@ def test_the_table_says_exact_of_what_a_model_file_holds(name, tmp_path):
         return
     entry = found.Entry(name, target, values, fitted=True)
     holds = model_file.holds(one.model, one.wiring, [entry], 0.01, 5)
-    assert (held(HOLDS, name).grade == "exact") == holds
+    if EFFECTS[name].reaches_carrier:  # a constraint of MuJoCo's, where ours is a force
+        assert (held(HOLDS, name).grade, holds) == ("approximate", True)
+    else:
+        assert (held(HOLDS, name).grade == "exact") == holds
 
 
 def test_what_no_file_holds_is_told(tmp_path, capsys):

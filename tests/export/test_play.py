@@ -101,3 +101,21 @@ def test_a_joint_with_play_and_a_spring_is_not_split_twice(tmp_path):
     one = robot(tmp_path, effects)
     assert play.plays(one, {entry.name: (entry,) for entry in one.entries}) == ()
     assert not mjcf.write(one).files
+
+
+#: As above, of motors that turn with two joints: MuJoCo's constraint creeps where our bristles give.
+COUPLED = [
+    ([effect("coupled_motor_damping", "elbow", damping=0.4)], 0.0002),
+    ([effect("coupled_motor_damping", "elbow", damping=0.4, against=1.0)], 0.0002),
+    ([effect("coupled_motor_friction", "elbow", force=0.3)], 0.004),
+]
+
+
+@pytest.mark.parametrize(("effects", "measured"), COUPLED, ids=lambda own: "")
+def test_a_motor_of_two_joints_is_a_tendon_over_both(effects, measured, tmp_path):
+    written = mjcf.write(robot(tmp_path, effects))
+    assert (written.exact, list(written.approximate)) == ((), [effects[0]["name"]])
+    model = written.compile()
+    (coefficients,) = model.wrap_prm[None, :2]
+    assert coefficients.tolist() == [-1.0 if "against" in effects[0]["parameters"] else 1.0, 1.0]
+    assert left(tmp_path, effects) < 1.5 * measured

@@ -37,6 +37,7 @@ from numpy.typing import NDArray
 from tiago_mj.effects import checks
 from tiago_mj.effects.fields import Detail, Form, NominalPrior, Parameter
 from tiago_mj.effects.now import Now
+from tiago_mj.effects.tendons import Tendon
 
 Array = NDArray[np.float64]
 
@@ -65,7 +66,7 @@ NOT_INHERITED: Final = (
     "loses_commands",
 )
 #: Hooks that any effect may have, beside those whose arrays have the shape of its targets.
-COMMON_HOOKS: Final = ("start", "change", "place", "model_attributes")
+COMMON_HOOKS: Final = ("start", "change", "place", "model_attributes", "model_tendons")
 HOOKS: Final = {
     "command": ("command", "set_point", "given", "servo_force", "force_range", "measure_effort"),
     "joint": (
@@ -196,6 +197,11 @@ class Effect:
     def model_attributes(self, now: Now) -> Mapping[str, Array] | None:
         """Attributes of the actuators' elements in a model file by which MuJoCo does the same, by their names in MJCF,
         each (nsim, nactuators); None: there are none. Not asked where :meth:`change` is all that the effect does."""
+        return None
+
+    def model_tendons(self, now: Now) -> Sequence[Tendon] | None:
+        """Fixed tendons in a model file by which MuJoCo does the same, of the first simulation; None: there are none.
+        Not asked where :meth:`change` is all that the effect does."""
         return None
 
     def contact_factors(self, factors: Array, now: Now) -> Array:
@@ -330,7 +336,7 @@ def effect(name: str, *, stage: str, targets: str, gap_class: str | None = None)
 
 def _check_hooks(name: str, declared: type[Effect], stage: str, targets: str) -> None:
     own = [hook for hook in _ALL_HOOKS if overrides(declared, hook)]
-    if not set(own) - {"start", "model_attributes"}:
+    if not set(own) - {"start", "model_attributes", "model_tendons"}:
         raise ValueError(f"effect {name!r} does nothing: give it one of {', '.join(_ALL_HOOKS)}")
     possible = (*COMMON_HOOKS, *HOOKS.get(targets, _ALL_HOOKS))
     for hook in own:

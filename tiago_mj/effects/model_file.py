@@ -22,9 +22,10 @@ from tiago_mj.effects import EFFECTS, Effect
 from tiago_mj.effects.chain import EACH_STEP, EACH_SUBSTEP, Chain, acts
 from tiago_mj.effects.declare import overrides
 from tiago_mj.effects.host import ScalarHost
-from tiago_mj.effects.now import Wiring
+from tiago_mj.effects.now import Now, Wiring
 from tiago_mj.effects.runner import Runner
 from tiago_mj.effects.spec import Entry
+from tiago_mj.effects.tendons import Tendon, add
 
 Array = NDArray[np.float64]
 
@@ -81,7 +82,12 @@ def holds(model: mujoco.MjModel, wiring: Wiring, entries: Sequence[Entry], perio
     chain = changed(model, wiring, entries, period, substeps)
     if not all(set(chain.asked) <= HELD or not overrides(effect, "change") for effect in chain.effects):
         return False
-    return all(not _runs(effect) or effect.model_attributes(chain.now) is not None for effect in chain.effects)
+    return all(
+        not _runs(effect)
+        or effect.model_attributes(chain.now) is not None
+        or effect.model_tendons(chain.now) is not None
+        for effect in chain.effects
+    )
 
 
 def _runs(effect: Effect) -> bool:
@@ -150,6 +156,7 @@ def write(
     for _ in range(PASSES):
         if not _copied(spec, spec.compile(), wanted):
             break
+    add(spec, tendons_of(chain.effects, chain.now))
     spec.add_text(name=MARK, data="effects are in this file: apply would add them once more")
     if any(actuator.delay > 0 for actuator in spec.actuators):
         said += f"\n{LATE}"
@@ -158,6 +165,11 @@ def write(
         text: str = spec.to_xml()
     _check(text, wanted)
     return text
+
+
+def tendons_of(effects: Sequence[Effect], now: Now) -> list[Tendon]:
+    """Tendons by which MuJoCo does what the effects of a chain do between physics steps."""
+    return [one for effect in effects for one in effect.model_tendons(now) or ()]
 
 
 def actuator_attributes(chain: Chain, wiring: Wiring) -> dict[int, dict[str, float]]:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from tiago_mj.effects import model_file
 from tiago_mj.effects.command import LINEAR
+from tiago_mj.effects.tendons import Tendon
 from tiago_mj.export import play
 from tiago_mj.export.actuators import actuator_changes
 from tiago_mj.export.found import Robot
@@ -37,6 +38,8 @@ OF_BODIES: Final = {"body_mass": "mass", "body_ipos": "pos", "body_iquat": "quat
 _TURNED: Final = ("quat", "axisangle", "euler", "xyaxes", "zaxis", "fullinertia")
 #: Versions that compute a servo's damping from ``dampratio`` by another inertia (until 3.15; its changelog).
 OTHER_RATIOS: Final = ("3.11",)
+#: The form in which files have what acts on two joints.
+IN_TENDONS: Final = "a fixed tendon over both joints"
 #: Share of a number that a compiled file may differ by from what was simulated.
 ALIKE: Final = 1e-9
 
@@ -112,7 +115,13 @@ def write(robot: Robot, *, version: str = NEWEST, without: Collection[str] = ())
     wanted = chain.now.host.model
     native = model_file.actuator_attributes(chain, robot.wiring)
     rest = {name: own for name, own in by_name.items() if name not in exact}
-    written = replace(_with_numbers(robot, wanted, native, version), exact=tuple(exact))
+    tendons = {effect.name: model_file.tendons_of([effect], chain.now) for effect in chain.effects}
+    in_tendons = {name: IN_TENDONS for name, own in tendons.items() if own}
+    written = replace(
+        _with_numbers(robot, wanted, native, [one for own in tendons.values() for one in own], version),
+        exact=tuple(name for name in exact if name not in in_tendons),
+        approximate=in_tendons,
+    )
     plays = play.plays(robot, rest)
     if not plays:
         return written
@@ -123,9 +132,13 @@ def write(robot: Robot, *, version: str = NEWEST, without: Collection[str] = ())
 
 
 def _with_numbers(
-    robot: Robot, wanted: mujoco.MjModel, native: Mapping[int, Mapping[str, float]], version: str
+    robot: Robot,
+    wanted: mujoco.MjModel,
+    native: Mapping[int, Mapping[str, float]],
+    tendons: Sequence[Tendon],
+    version: str,
 ) -> Written:
-    """With the numbers of a compiled model, and attributes of its actuators."""
+    """With the numbers of a compiled model, attributes of its actuators, and tendons that it has not."""
     mjcf = Mjcf(robot.file)
     for actuator, attributes in native.items():
         mjcf.set(_actuator(mjcf, robot.model, actuator), _in_words(attributes))
@@ -137,8 +150,22 @@ def _with_numbers(
         written = _now(mjcf)
         present = written.compile()
     _check(present, wanted, robot.file.name)
+    if tendons:
+        mjcf.append(_in_mjcf(tendons))
+        written = _now(mjcf)
     late = any("delay" in attributes for attributes in native.values())
     return replace(written, told=(*said, *([model_file.LATE] if late else [])))
+
+
+def _in_mjcf(tendons: Sequence[Tendon]) -> str:
+    """Tendons as MJCF has them."""
+    lines = []
+    for one in tendons:
+        told = {name.replace("_", ""): numbers(*values) for name, values in one.numbers}
+        words = "".join(f' {key}="{value}"' for key, value in {"name": one.name, **told}.items())
+        joints = "".join(f'<joint joint="{joint}" coef="{numbers(turns)}"/>' for joint, turns in one.turns)
+        lines.append(f"    <fixed{words}>{joints}</fixed>")
+    return "\n".join(["  <tendon>", *lines, "  </tendon>"])
 
 
 def _say_damping(mjcf: Mjcf, wanted: mujoco.MjModel) -> list[str]:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+
 import numpy as np
 
 from tiago_mj.effects.actuator import DAMPING, FORCE
@@ -9,11 +12,12 @@ from tiago_mj.effects.declare import Array, Effect, effect
 from tiago_mj.effects.fields import form, parameter
 from tiago_mj.effects.inertia import inertia_at
 from tiago_mj.effects.now import Now
-from tiago_mj.effects.transmission.friction import DRY
+from tiago_mj.effects.tendons import Tendon
+from tiago_mj.effects.transmission.friction import DRY, STICKING_SOLIMP, STICKING_SOLREF
 from tiago_mj.effects.transmission.gear import TEETH, TEETH_DAMPING
 
 
-class CoupledMotor(Effect):
+class CoupledMotor(Effect, ABC):
     """A force of a motor that turns with a joint and the joint that carries it."""
 
     reaches_carrier = True
@@ -36,6 +40,18 @@ class CoupledMotor(Effect):
             force[:, carrying[joint]] += (turns * mine)[:, joint]
         return force
 
+    def model_tendons(self, now: Now) -> Sequence[Tendon]:
+        joints, out = now.wiring.targets.joint, []
+        for k in np.flatnonzero(self.present[0] & (now.wiring.carrier >= 0)).tolist():
+            turns = ((joints[now.wiring.carrier[k]], -1.0 if self.against[0, k] > 0 else 1.0), (joints[k], 1.0))
+            out.append(Tendon(f"{joints[k]}_{self.name}", turns, self.in_tendon(k)))
+        return out
+
+    @abstractmethod
+    def in_tendon(self, joint: int) -> tuple[tuple[str, tuple[float, ...]], ...]:
+        """Numbers of the tendon of a joint's motor (:class:`~tiago_mj.effects.tendons.Tendon`)."""
+
+    @abstractmethod
     def on_motor(self, speed: Array, simulates: bool) -> Array:
         """Force on the motor, on the joint's side, (nsim, njoints) [N, N·m].
 
@@ -43,7 +59,6 @@ class CoupledMotor(Effect):
             speed: of the motor there, (nsim, njoints) [m/s, rad/s].
             simulates: whether a physics step follows; else the motion is given.
         """
-        raise NotImplementedError
 
 
 @effect("coupled_motor_friction", stage="transmission", targets="joint")
@@ -65,7 +80,8 @@ class CoupledMotorFriction(CoupledMotor):
 
     Source: staubli_TX40: 1.95 N·m.
 
-    MuJoCo: ``frictionloss`` of a fixed tendon over both joints; here a force that gives elastically until it slides.
+    MuJoCo: ``frictionloss`` of a fixed tendon over both joints, as repaired models have it; here a force that gives
+    elastically until it slides.
     """
 
     clause = "a motor that turns with {t} and with the joint before has {force} of Coulomb friction"
@@ -85,6 +101,10 @@ class CoupledMotorFriction(CoupledMotor):
         self._stretch = np.clip(self._stretch + speed * self._step, -most, most)
         return -np.clip(self._stiffness * self._stretch + self._damping * speed, -self.force, self.force)
 
+    def in_tendon(self, joint: int) -> tuple[tuple[str, tuple[float, ...]], ...]:
+        sticks = (("solref_friction", STICKING_SOLREF), ("solimp_friction", STICKING_SOLIMP))
+        return (("frictionloss", (float(self.force[0, joint]),)), *sticks)
+
 
 @effect("coupled_motor_damping", stage="transmission", targets="joint")
 class CoupledMotorDamping(CoupledMotor):
@@ -101,7 +121,7 @@ class CoupledMotorDamping(CoupledMotor):
 
     Source: staubli_TX40: 0.616 N·m·s/rad.
 
-    MuJoCo: ``damping`` of a fixed tendon over both joints.
+    MuJoCo: ``damping`` of a fixed tendon over both joints, as repaired models have it.
     """
 
     clause = "a motor that turns with {t} and with the joint before has {damping} of viscous friction"
@@ -112,3 +132,6 @@ class CoupledMotorDamping(CoupledMotor):
         if simulates:  # what would stop it within a physics step is the most that is taken
             damping = np.minimum(damping, self._inertia / self._step)
         return -damping * speed
+
+    def in_tendon(self, joint: int) -> tuple[tuple[str, tuple[float, ...]], ...]:
+        return (("damping", (float(self.damping[0, joint]),)),)
