@@ -13,6 +13,7 @@ from benchmarks.real.robots import (
     emps,
     go2,
     kuka_kr300,
+    panda,
     simple_pendulum,
     so101,
     sts3250,
@@ -35,6 +36,7 @@ _ROBOTS: Final = (
     so101,
     tiago_arm,
     tx40,
+    panda,
     ta11,
 )
 CASES: Final[Mapping[str, Case]] = {case.name: case for robot in _ROBOTS for case in robot.CASES}
