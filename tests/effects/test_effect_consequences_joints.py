@@ -279,6 +279,36 @@ def test_a_heavier_link_weighs_on_the_joints_that_carry_it_by_its_lever_arm(fact
     assert np.abs(rise[5:]).max() < 0.01
 
 
+@shows("link_centre_x", "link_centre_y", "link_centre_z")
+@pytest.mark.parametrize(("axis", "offset"), [("x", 0.03), ("y", -0.04), ("z", 0.02)])
+def test_a_link_whose_weight_acts_elsewhere_pulls_at_the_joints_that_carry_it(axis, offset):
+    """Statically, by the virtual work of its weight: m g (dz/dq at the new centre - dz/dq at the old one); without
+    MuJoCo's compensation of gravity, which follows the centre."""
+
+    def bare(core):
+        without_friction(core)
+        core.model.body_gravcomp[:] = 0.0
+
+    effect = [{"name": f"link_centre_{axis}", "target": "arm_4_joint", "parameters": {"offset": offset}}]
+    nominal, r = (rollout(effects, np.zeros((360, 10)), TIAGO, prepare=bare) for effects in (None, effect))
+    core = make(None, TIAGO)
+    core.reset(seed=0)
+    core.data.qpos[core.qpos_address] = r.true_position[-1]
+    mujoco.mj_forward(core.model, core.data)
+    model, data = core.model, core.data
+    link, expected = int(model.joint("arm_4_joint").bodyid[0]), np.zeros(model.nv)
+    along = data.xmat[link].reshape(3, 3)[:, "xyz".index(axis)]
+    for body in np.flatnonzero(model.body_weldid == link):
+        old, new = np.zeros((3, model.nv)), np.zeros((3, model.nv))
+        mujoco.mj_jac(model, data, old, None, data.xipos[body], int(body))
+        mujoco.mj_jac(model, data, new, None, data.xipos[body] + offset * along, int(body))
+        expected += model.body_mass[body] * GRAVITY * (new - old)[2]
+    rise = (r.effort - nominal.effort)[-1]
+    carried = slice(1, 5)
+    assert np.abs(expected[core._qvel_address][carried]).max() > 0.04
+    np.testing.assert_allclose(rise[carried], expected[core._qvel_address][carried], rtol=0.03, atol=0.02)
+
+
 @shows("torque_offset")
 @pytest.mark.parametrize("force", [2.0, -1.0])
 def test_a_constant_force_on_a_finger_moves_it_until_the_servo_gives_as_much(force):

@@ -56,6 +56,9 @@ CONTRACT = {
     "coupling_error": ("joint", None, {"ratio": ("-", 0, 0.1)}),
     "payload": ("joint", None, {"mass": ("kg", 0, 0.5)}),
     "link_mass": ("joint", None, {"factor": ("-", 1, 1.1)}),
+    "link_centre_x": ("joint", None, {"offset": ("m", 0, 0.01)}),
+    "link_centre_y": ("joint", None, {"offset": ("m", 0, 0.01)}),
+    "link_centre_z": ("joint", None, {"offset": ("m", 0, 0.01)}),
     "gravity_tilt": ("object", None, {"angle": ("rad", 0, 0.1)}),
     "contact_stiffness": ("object", None, {"factor": ("-", 1, 0.3)}),
     "contact_damping": ("object", None, {"factor": ("-", 1, 4)}),
@@ -85,9 +88,12 @@ CONTRACT = {
 }
 RELATIVE = {"rate_limit": "velocity", "velocity_limit": "velocity", "force_limit": "effort"}
 
-#: What these motions cannot show: the gripper alone stands on a base that does not move, and no finger carries the
-#: other one.
-INVISIBLE = {(name, "gripper") for name in ("payload", "coupled_motor_friction", "coupled_motor_damping")}
+#: What these motions cannot show: the gripper alone stands on a base that does not move, no finger carries the other
+#: one, and none turns.
+INVISIBLE = {
+    (name, "gripper")
+    for name in ("payload", "coupled_motor_friction", "coupled_motor_damping", *(f"link_centre_{k}" for k in "xyz"))
+}
 
 #: Until a little after the fingers have begun to open again [s].
 OPENS = 0.75
@@ -211,7 +217,8 @@ def test_no_value_that_a_fit_may_try_makes_the_arm_diverge(end):
 #: What can be less than nominal, or point the other way; all else is a size, a time, a share or a factor.
 SIGNED = {
     "clock_skew", "servo_damping", "coulomb_friction", "viscous_friction", "asymmetric_friction", "armature",
-    "coupling_error", "torque_offset", "payload", "gravity_tilt", "object_size", "object_offset", "encoder_bias",
+    "coupling_error", "torque_offset", "link_centre_x", "link_centre_y", "link_centre_z", "payload", "gravity_tilt",
+    "object_size", "object_offset", "encoder_bias",
     "force_bias", "force_nonlinearity", "force_drift", "force_crosstalk",
 }  # fmt: skip
 
