@@ -36,10 +36,10 @@ def with_agreement(full: Fitter, fits: Sequence[Fitted]) -> list[Fitted]:
 
 
 def _eased(full: Fitter, fit: Fitted, fewer: Fitted) -> float:
-    """By how much an effect eases the prior of the numbers that stand in for it, of each trial [nats]: where efforts
-    are compared many numbers can, each a little. Without it a third of EMPS's mass is split among four of them, with
-    which trials agree on the mass by 0.7 only."""
-    if full.predict.replays:
+    """By how much the only effect of an explanation eases the prior of the numbers that stand in for it, of each trial
+    [nats]: where efforts are compared many numbers can, each a little. Without it a third of EMPS's mass is split among
+    four of them, with which trials agree on the mass by 0.7 only; a further effect has to be seen in the trials."""
+    if full.predict.replays or fewer.parts:
         return 0.0
     return float(0.5 * (fewer.nuisance @ fewer.nuisance - fit.nuisance @ fit.nuisance) / len(full.trials))
 
