@@ -182,7 +182,6 @@ class LinkCentre(Effect):
     """
 
     nameable = False
-    effort_prior = known_to(0.05, share_of="reach")
     #: Of the joint's body, 0 to 2.
     axis: ClassVar[int]
     offset: Array
@@ -208,6 +207,8 @@ class LinkCentre(Effect):
 class LinkCentreX(LinkCentre):
     """The centre of mass of what a joint carries up to the next joint lies further along its body's x axis.
 
+    It is never named: a diagnosis fits it where a recording's ``uncertainty`` states how well the centre is known.
+
     Formula: centre += offset · x
 
     In a recording: joint torques follow that link's weight over the pose, with its arm as in another pose.
@@ -230,6 +231,8 @@ class LinkCentreX(LinkCentre):
 class LinkCentreY(LinkCentre):
     """The centre of mass of what a joint carries up to the next joint lies further along its body's y axis.
 
+    It is never named: a diagnosis fits it where a recording's ``uncertainty`` states how well the centre is known.
+
     Formula: centre += offset · y
 
     In a recording: as ``link_centre_x``.
@@ -251,6 +254,8 @@ class LinkCentreY(LinkCentre):
 @effect("link_centre_z", stage="body", targets="joint")
 class LinkCentreZ(LinkCentre):
     """The centre of mass of what a joint carries up to the next joint lies further along its body's z axis.
+
+    It is never named: a diagnosis fits it where a recording's ``uncertainty`` states how well the centre is known.
 
     Formula: centre += offset · z
 

@@ -98,7 +98,6 @@ def check_prior(name: str, declared: type[Effect], targets: str, first: Paramete
         "stock": declared.takes_from is not None,
         "inertia": targets == "joint" and first.identity == 0.0,
         "limit": first.nominal is not None,
-        "reach": targets == "joint" and first.identity == 0.0,
     }
     if not possible[prior.share_of]:
         fitting = [repr(share) for share, fits in possible.items() if fits]

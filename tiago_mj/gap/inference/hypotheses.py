@@ -466,8 +466,6 @@ def _default_terms(plant: Plant) -> tuple[Term, ...]:
                 size *= plant.effort_row or plant.period
             elif prior.share_of == "effort":
                 size *= plant.largest_effort[index] if plant.largest_effort else 0.0
-            elif prior.share_of == "reach":
-                size *= _reach(plant, index)
             elif prior.share_of == "limit" and parameter.nominal is not None:
                 base = targets.nominal(parameter.nominal, declared.targets, index)
                 size *= -base  # the response is of a tighter one, which is seen where the looser one is not yet
@@ -480,11 +478,3 @@ def _default_terms(plant: Plant) -> tuple[Term, ...]:
 def _inertia(plant: Plant, joint: int) -> float:
     """What the joint moves, at the start [kg, kg·m²]."""
     return float(plant.model.dof_M0[plant.wiring.dof[joint]])
-
-
-def _reach(plant: Plant, joint: int) -> float:
-    """From the joint to the farthest of its body's centre of mass and the bodies that hang on that [m]."""
-    model, body = plant.model, int(plant.model.dof_bodyid[plant.wiring.dof[joint]])
-    anchor = model.jnt_pos[model.dof_jntid[plant.wiring.dof[joint]]]
-    ends = [model.body_ipos[body], *model.body_pos[np.flatnonzero(model.body_parentid == body)]]
-    return float(max(np.linalg.norm(end - anchor) for end in ends))

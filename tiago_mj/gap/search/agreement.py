@@ -30,18 +30,9 @@ def with_agreement(full: Fitter, fits: Sequence[Fitted]) -> list[Fitted]:
     for k, fit in enumerate(fits):
         fewer = [j for j, other in enumerate(fits) if ranking.labels_of(other) < ranking.labels_of(fit)]
         nearest = [j for j in fewer if len(fits[j].parts) == len(fit.parts) - 1] or fewer[:1]
-        shares = [_share(costs[j] - costs[k] + _eased(full, fit, fits[j])) for j in nearest]
+        shares = [_share(costs[j] - costs[k]) for j in nearest]
         out.append(replace(fit, agreement=min(shares, default=1.0)))
     return out
-
-
-def _eased(full: Fitter, fit: Fitted, fewer: Fitted) -> float:
-    """By how much the only effect of an explanation eases the prior of the numbers that stand in for it, of each trial
-    [nats]: where efforts are compared many numbers can, each a little. Without it a third of EMPS's mass is split among
-    four of them, with which trials agree on the mass by 0.7 only; a further effect has to be seen in the trials."""
-    if full.predict.replays or fewer.parts:
-        return 0.0
-    return float(0.5 * (fewer.nuisance @ fewer.nuisance - fit.nuisance @ fit.nuisance) / len(full.trials))
 
 
 def _share(gained: Array) -> float:

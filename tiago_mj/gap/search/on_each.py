@@ -40,11 +40,18 @@ def target(state: State, out_of_time: Callable[[], bool]) -> State:
 
 
 def without_needless(full: Fitter, fit: Fitted, least: float) -> list[Fitted]:
-    """An explanation by what it needs: fitted without the effects that do not differ from none, until all do; itself
-    where none does. What is needless is never told, and what is built on it is not either."""
+    """An explanation by what it needs: fitted without the effects that do not differ from none, the least first, until
+    all do; itself where none does. What is needless is never told, and what is built on it is not either.
+
+    One at a time: dry and viscous friction of one joint are each needless beside the other, and together needed.
+    """
     while True:
-        needed = [k for k in range(len(fit.parts)) if ranking.differs_from_identity(fit, k, least)]
-        fewer = rounds.reduced_to(fit, needed)
+        all_of_it = range(len(fit.parts))
+        needless = [k for k in all_of_it if not ranking.differs_from_identity(fit, k, least)]
+        if not needless or len(needless) == len(fit.parts):
+            return [fit]
+        least_of_all = min(needless, key=lambda k: abs(fit.values[k] - fit.parts[k].identity) / fit.deviations[k])
+        fewer = rounds.reduced_to(fit, [k for k in all_of_it if k != least_of_all])
         if fewer is None:
             return [fit]
         (fit,) = full.fit_all([fewer])
