@@ -117,8 +117,9 @@ def test_an_effort_that_is_given_is_what_friction_follows(course):
 
 def test_what_is_needless_on_a_joint_is_left_out_until_all_is_needed(monkeypatch):
     def fit(*values):
-        parts = tuple(SimpleNamespace(label=k) for k in range(len(values)))
-        return SimpleNamespace(parts=parts, values=np.array(values), nuisance=np.zeros(0))
+        parts = tuple(SimpleNamespace(label=k, identity=0.0) for k in range(len(values)))
+        ones = np.ones(len(values))
+        return SimpleNamespace(parts=parts, values=np.array(values), deviations=ones, nuisance=np.zeros(0))
 
     # The second fit finds one more that is needless, since the first one had shared with it.
     again = iter([fit(3.0, 0.2), fit(3.0)])
@@ -126,5 +127,11 @@ def test_what_is_needless_on_a_joint_is_left_out_until_all_is_needed(monkeypatch
     monkeypatch.setattr(on_each.ranking, "differs_from_identity", lambda one, k, least: one.values[k] > least)
     (found,) = on_each.without_needless(fitter, fit(3.0, 0.0, 2.0), 1.0)
     assert found.values.tolist() == [3.0]
+    # Of two that stand in for each other the lesser goes, and the other one is needed then.
+    again, tried = iter([fit(3.0, 1.5)]), []
+    fitter = SimpleNamespace(fit_all=lambda starts: tried.extend(starts) or [next(again)])
+    (found,) = on_each.without_needless(fitter, fit(3.0, 0.4, 0.7), 1.0)
+    assert found.values.tolist() == [3.0, 1.5]
+    assert [start.values.tolist() for start in tried] == [[3.0, 0.7]]
     whole = fit(3.0, 2.0)
     assert on_each.without_needless(fitter, whole, 1.0) == [whole]
