@@ -78,7 +78,7 @@ class CoupledMotorFriction(CoupledMotor):
 
     On the robot: move the two joints against each other so that their sum stays, then together: is it harder?
 
-    Source: staubli_TX40: 1.95 N·m.
+    Source: staubli_TX40: 2.03 N·m.
 
     MuJoCo: ``frictionloss`` of a fixed tendon over both joints, as repaired models have it; here a force that gives
     elastically until it slides.
@@ -119,7 +119,7 @@ class CoupledMotorDamping(CoupledMotor):
 
     On the robot: hold the last joint and turn the one before it: does the last motor turn?
 
-    Source: staubli_TX40: 0.616 N·m·s/rad.
+    Source: staubli_TX40: 0.597 N·m·s/rad.
 
     MuJoCo: ``damping`` of a fixed tendon over both joints, as repaired models have it.
     """
