@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+import mujoco
 import numpy as np
 from numpy.typing import NDArray
 from scipy import signal
@@ -62,6 +63,18 @@ def motion(time: Array, position: Array, beside: Array, *, rate: float, cutoff: 
         np.gradient(velocity, 1 / rate, axis=0)[rows],
         filtered(beside)[rows],
     )
+
+
+def needed(model: mujoco.MjModel, motion: Motion) -> Array:
+    """Torques that a model needs along a motion of all its joints, by inverse dynamics, (T, n) [N, N·m]."""
+    data, out = mujoco.MjData(model), np.zeros_like(motion.position)
+    for row in range(len(out)):
+        data.qpos[:], data.qvel[:], data.qacc[:] = (
+            table[row] for table in (motion.position, motion.velocity, motion.acceleration)
+        )
+        mujoco.mj_inverse(model, data)
+        out[row] = data.qfrc_inverse
+    return out
 
 
 def turning(velocity: Array, over: float = TURN) -> Array:

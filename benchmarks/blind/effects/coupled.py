@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
+
 import numpy as np
 
 from benchmarks.blind.effects.base import Array, Effect, World
 
 
-class CoupledMotor(Effect):
+class CoupledMotor(Effect, ABC):
     """A force against the sum of two joints' speeds."""
 
     stiff = True
@@ -20,9 +22,9 @@ class CoupledMotor(Effect):
                 out[:, both] += self.against(world.v[:, both].sum(axis=1), column, world)[:, None]
         return out
 
+    @abstractmethod
     def against(self, v: Array, column: int, world: World) -> Array:
         """Force on either joint at a speed of the motor, (ntrials,)."""
-        raise NotImplementedError
 
 
 class CoupledMotorDamping(CoupledMotor):

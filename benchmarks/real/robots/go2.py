@@ -146,13 +146,7 @@ def leg(data: Path, name: str) -> dict[str, float]:
     motion = signals.motion(time, measured[:, columns], wanted[:, columns], rate=200.0, cutoff=10.0)
     built = mujoco.MjModel.from_xml_string(model(name))
     built.dof_armature[:] = 0.0
-    state, needed = mujoco.MjData(built), np.zeros_like(motion.position)
-    for row in range(len(needed)):
-        state.qpos[:], state.qvel[:], state.qacc[:] = (
-            x[row] for x in (motion.position, motion.velocity, motion.acceleration)
-        )
-        mujoco.mj_inverse(built, state)
-        needed[row] = state.qfrc_inverse
+    needed = signals.needed(built, motion)
     out: dict[str, float] = {}
     for k, part in enumerate(PARTS):
         best: tuple[int, signals.Fit] | None = None

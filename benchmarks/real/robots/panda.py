@@ -124,14 +124,7 @@ def regress(data: Path) -> dict[str, float]:
     time, position, _, torque = _tables(data)
     motion = signals.motion(time, position, torque, rate=500.0, cutoff=8.0)
     arm = mujoco.MjModel.from_xml_string(model())
-    state, needed = mujoco.MjData(arm), np.zeros_like(motion.position)
-    for row in range(len(needed)):
-        state.qpos[:], state.qvel[:], state.qacc[:] = (
-            table[row] for table in (motion.position, motion.velocity, motion.acceleration)
-        )
-        mujoco.mj_inverse(arm, state)
-        needed[row] = state.qfrc_inverse
-    left = motion.beside - needed
+    left = motion.beside - signals.needed(arm, motion)
     out: dict[str, float] = {}
     for j, joint in enumerate(JOINTS):
         speed = motion.velocity[:, j]

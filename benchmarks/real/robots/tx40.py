@@ -148,14 +148,7 @@ def regress(data: Path) -> dict[str, float]:
     time = np.arange(len(position)) / ROWS
     motion = signals.motion(time, position, effort, rate=ROWS, cutoff=20.0)
     arm = mujoco.MjModel.from_xml_string(model(rotors=False))
-    state, needed = mujoco.MjData(arm), np.zeros_like(motion.position)
-    for row in range(len(needed)):
-        state.qpos[:], state.qvel[:], state.qacc[:] = (
-            table[row] for table in (motion.position, motion.velocity, motion.acceleration)
-        )
-        mujoco.mj_inverse(arm, state)
-        needed[row] = state.qfrc_inverse
-    left = motion.beside - needed
+    left = motion.beside - signals.needed(arm, motion)
     out: dict[str, float] = {}
     both_speed, both_change = (getattr(motion, name)[:, 4:].sum(axis=1) for name in ("velocity", "acceleration"))
     for j, joint in enumerate(JOINTS):

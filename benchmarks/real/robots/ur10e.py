@@ -154,14 +154,7 @@ def _needed(motion: signals.Motion) -> Array:
     """Torques that the rigid model needs along a motion, (T, 6)."""
     arm = mujoco.MjModel.from_xml_string(model())
     arm.dof_armature[:] = 0.0
-    data, out = mujoco.MjData(arm), np.zeros_like(motion.position)
-    for row in range(len(out)):
-        data.qpos[:], data.qvel[:], data.qacc[:] = (
-            x[row] for x in (motion.position, motion.velocity, motion.acceleration)
-        )
-        mujoco.mj_inverse(arm, data)
-        out[row] = data.qfrc_inverse
-    return out
+    return signals.needed(arm, motion)
 
 
 def _motion(data: Path, place: str) -> signals.Motion:
