@@ -196,7 +196,6 @@ class LinkCentre(Effect):
             for body in np.flatnonzero(model.body_weldid == model.dof_bodyid[dof]):
                 shift = self.offset[:, k, None] * (along @ data.xmat[body].reshape(3, 3))
                 place[:, body] += shift
-                model.body_sameframe[body] = 0  # else MuJoCo takes a centre that was at the body's origin to be there
                 for sim in np.flatnonzero(self.offset[:, k]):
                     axes[sim, body], inertia[sim, body] = principal(
                         axes[sim, body], inertia[sim, body], -mass[sim, body], shift[sim]
