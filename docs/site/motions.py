@@ -1,4 +1,4 @@
-"""Short motions on which an effect is shown: the fingers in the air, the fingers at an object, a hinge that lifts."""
+"""Short motions to show effects on: the fingers in the air or at an object, a hinge that lifts, a wrist that rolls."""
 
 from __future__ import annotations
 
@@ -47,6 +47,28 @@ HINGE: Final = """
   </actuator>
 </mujoco>
 """
+#: A forearm on such a hinge that carries a hand, which rolls about the forearm's length.
+WRIST: Final = """
+<mujoco>
+  <option timestep="0.002" integrator="implicitfast"/>
+  <worldbody>
+    <body name="forearm">
+      <joint name="pitch" axis="0 -1 0" damping="0.1" armature="0.05"/>
+      <geom type="capsule" fromto="0 0 0 0.2 0 0" size="0.02" mass="0.5"/>
+      <body name="hand" pos="0.2 0 0">
+        <joint name="roll" axis="1 0 0" damping="0.1" armature="0.05"/>
+        <geom type="capsule" fromto="0 0 0 0.1 0 0" size="0.02" mass="0.3"/>
+      </body>
+    </body>
+  </worldbody>
+  <actuator>
+    <position name="pitch" joint="pitch" kp="60" kv="4" ctrlrange="-1.5 1.5" forcerange="-20 20"/>
+    <position name="roll" joint="roll" kp="20" kv="1" ctrlrange="-1.5 1.5" forcerange="-20 20"/>
+  </actuator>
+</mujoco>
+"""
+#: Models of the motions that are not the fingers'; their last joint is measured.
+ARMS: Final = MappingProxyType({"hinge": HINGE, "wrist": WRIST})
 
 
 @dataclass(frozen=True)
@@ -56,7 +78,7 @@ class Recorded:
     Attributes:
         time: (T,) [s].
         channels: (T,) each, by name: ``position`` [mm, mrad], ``velocity`` [mm/s, mrad/s] and, of the fingers,
-            ``force`` [sensor units]; of the left finger.
+            ``force`` [sensor units]; of the left finger, of a hinge and of a wrist's last joint.
     """
 
     time: Array
@@ -77,14 +99,16 @@ def _set_point(corners: list[tuple[float, float]], wave: tuple[float, float, flo
 
 @cache
 def commands() -> Mapping[str, Array]:
-    """Set points of each motion: of a finger [m], of the hinge [rad]."""
+    """Set points of each motion: of a finger [m], of the hinge and of the wrist's two joints [rad]."""
     air = [(0, 0.045), (0.1, 0.045), (0.6, 0.033), (0.9, 0.033), (1.4, 0.042), (2.5, 0.042)]
     grasp = [(0, 0.045), (0.6, 0.021), (0.9, 0.0155), (2.1, 0.0155), (2.4, 0.024)]
     hinge = [(0, 0.0), (0.2, 0.0), (0.8, 0.6), (1.1, 0.6), (1.7, -0.2), (2.0, 0.2), (2.5, 0.2)]
+    roll = [(0, 0.0), (0.4, 0.0), (1.0, 1.0), (1.4, 1.0), (2.2, -0.4), (2.5, -0.4)]
     return {
         "air": _set_point(air, (1.5, 2e-3, 2.5)),
         "grasp": _set_point(grasp, (1.3, 8e-4, 2.5)),
         "hinge": _set_point(hinge),
+        "wrist": np.column_stack([_set_point(hinge), _set_point(roll)]),
     }
 
 
@@ -92,10 +116,10 @@ def play(motion: str, effects: Any) -> Recorded:
     """Play a motion with effects, and measure.
 
     Args:
-        motion: ``air``, ``grasp``, ``push`` or ``hinge``.
+        motion: ``air``, ``grasp``, ``push``, ``hinge`` or ``wrist``.
         effects: in any form that environments take; None: the nominal simulator.
     """
-    return _hinge(effects) if motion == "hinge" else _fingers(motion, effects)
+    return _arm(motion, effects) if motion in ARMS else _fingers(motion, effects)
 
 
 def _fingers(motion: str, effects: Any) -> Recorded:
@@ -125,11 +149,11 @@ def _seen(core: Any) -> tuple[float, float, float]:
     return float(core.state.position[1]), float(core.state.velocity[1]), float(core.state.force_raw[1])
 
 
-def _hinge(effects: Any) -> Recorded:
-    robot = apply(mujoco.MjModel.from_xml_string(HINGE), effects or [], rate_hz=RATE)
+def _arm(motion: str, effects: Any) -> Recorded:
+    robot = apply(mujoco.MjModel.from_xml_string(ARMS[motion]), effects or [], rate_hz=RATE)
     rows = []
-    for goal in commands()["hinge"]:
-        rows.append((robot.position[0], robot.velocity[0]))
-        robot.step([goal])
+    for goal in commands()[motion]:
+        rows.append((robot.position[-1], robot.velocity[-1]))
+        robot.step(np.atleast_1d(goal))
     position, velocity = 1e3 * np.array(rows).T
     return Recorded(np.arange(len(rows)) / RATE, {"position": position, "velocity": velocity})

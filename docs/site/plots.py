@@ -23,6 +23,7 @@ UNITS: Final = {
     ("air", "position"): "mm",
     ("grasp", "position"): "mm",
     ("hinge", "position"): "mrad",
+    ("wrist", "position"): "mrad",
     ("air", "velocity"): "mm/s",
     ("grasp", "velocity"): "mm/s",
     ("hinge", "velocity"): "mrad/s",
@@ -34,6 +35,7 @@ MOTIONS: Final = {
     "grasp": "the fingers at an object",
     "push": "one finger pushes an object over the table to the other",
     "hinge": "a link on a hinge, lifted and lowered",
+    "wrist": "a hand that rolls on a forearm, lifted and lowered",
 }
 
 
@@ -74,6 +76,9 @@ OTHERS: Final = {
     "joint_elasticity": Shown("grasp", "force"),
     "load_dependent_friction": Shown("grasp", "force"),
     "motor_cogging": Shown("air", "velocity"),
+    "coupled_motor_friction": Shown("wrist", "position"),
+    "coupled_motor_damping": Shown("wrist", "position"),
+    "link_centre_y": Shown("wrist", "position"),
     "object_mass": Shown("push", "force"),
 }
 
@@ -104,7 +109,7 @@ def chosen(name: str) -> tuple[Shown, dict[str, float]]:
     """On what an effect is shown, and its parameters there; shares of a limit as such."""
     declared = EFFECTS[name]
     shown = OTHERS.get(name, BY_STAGE[declared.stage])
-    kind = int(shown.motion == "hinge")
+    kind = int(shown.motion in motions.ARMS)
     return shown, {key: magnitude(p, kind) for key, p in declared.parameters.items()}
 
 
@@ -129,7 +134,7 @@ def _nominal(motion: str) -> motions.Recorded:
 def caption(name: str) -> str:
     """What the plot shows, in a sentence."""
     shown, _ = chosen(name)
-    kind = int(shown.motion == "hinge")
+    kind = int(shown.motion in motions.ARMS)
     parts = []
     for key, value in values(name).items():
         unit = EFFECTS[name].parameters[key].unit[kind]
