@@ -33,6 +33,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--effects", metavar="LIST", help="effects that every case with one has, and one of two in cases with a pair"
     )
+    parser.add_argument(
+        "--off-centre", type=float, metavar="SHARE", help="how far the links' centres of mass lie off, of their reach"
+    )
     parser.add_argument("--workers", type=int, default=1, metavar="N", help="processes that record cases (1)")
     parser.add_argument("--jobs", type=int, default=0, metavar="N", help="threads of one diagnosis; 0: all processors")
     parser.add_argument("--at-once", type=int, default=1, metavar="N", help="diagnoses that run side by side (1)")

@@ -68,6 +68,7 @@ class Case:
         narrow: how far joints move in the recordings that are no test trials, over how far they do in those.
         effort: what measures the drives' torques (:mod:`benchmarks.blind.effort_sensors`): recordings then hold these
             instead of commands; "": nothing.
+        off_centre: deviation of each coordinate of the links' centres of mass, as a share of the link's reach.
     """
 
     seed: int
@@ -86,6 +87,7 @@ class Case:
     grids: tuple[Grid, ...] = ()
     narrow: float = 1.0
     effort: str = ""
+    off_centre: float = 0.0
 
     @property
     def kind(self) -> str:
@@ -170,7 +172,7 @@ def measured_with(case: Case, robot: robots.Robot) -> list[Effect]:
 
 def real_robot(case: Case, folder: Path | None) -> robots.Robot:
     """The case's robot; the same numbers every time."""
-    jitter = robots.Jitter(np.random.default_rng([case.seed, 1]), case.spread)
+    jitter = robots.Jitter(np.random.default_rng([case.seed, 1]), case.spread, case.off_centre)
     return robots.robot_of(case.setting, jitter, folder=folder, other_source=case.other_source, fine=True)
 
 

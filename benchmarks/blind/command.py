@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import shlex
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -68,8 +69,9 @@ def _blind(arguments: argparse.Namespace, store: Store, only: Any, settings: Any
 
 def _planned(arguments: argparse.Namespace, store: Store, only: Any, settings: Any) -> list[Case]:
     """The cases of a run whose recordings hold commands; the folder is theirs from now on."""
-    if arguments.effects:
-        raise ValueError("--effects is asked of cases with --efforts only: leave it out")
+    for name in ("effects", "off_centre"):
+        if getattr(arguments, name):
+            raise ValueError(f"--{name.replace('_', '-')} is asked of cases with --efforts only: leave it out")
     rates, trials = _rates(arguments.rates), _trials(arguments.trials)
     seconds = _seconds(arguments.seconds)
     store.begin(run.facts(arguments.cases, arguments.seed, only, settings, rates, trials, seconds))
@@ -90,9 +92,14 @@ def _of_efforts(arguments: argparse.Namespace, store: Store, only: Any) -> list[
         if getattr(arguments, name):
             raise ValueError(f"--{name} is not asked of cases with efforts: leave it out")
     drawn = {"cases": arguments.cases, "seed": arguments.seed, "kinds": list(only)}
-    asked = _listed(arguments.effects, LIBRARY)
-    store.begin({**drawn, "efforts": True, "version": efforts.VERSION, **({"effects": list(asked)} if asked else {})})
-    return efforts.cases(arguments.cases, arguments.seed, only, asked)
+    asked, off_centre = _listed(arguments.effects, LIBRARY), arguments.off_centre or 0.0
+    if not 0 <= off_centre <= 0.2:
+        raise ValueError(f"--off-centre is {off_centre:g}: give a share of the links' reach from 0 to 0.2")
+    more = {"effects": list(asked), "off_centre": off_centre}
+    drawn |= {name: value for name, value in more.items() if value}
+    store.begin({**drawn, "efforts": True, "version": efforts.VERSION})
+    planned = efforts.cases(arguments.cases, arguments.seed, only, asked)
+    return [replace(case, off_centre=off_centre) for case in planned]
 
 
 def write_scores(
@@ -137,9 +144,9 @@ def calibration_seeds(path: Path = VERDICT) -> list[int]:
 def command(arguments: argparse.Namespace) -> str:
     """The command line that makes the same run elsewhere."""
     words = ["python", "-m", "benchmarks.blind", "--cases", str(arguments.cases), "--seed", str(arguments.seed)]
-    for name in ("kinds", "settings", "rates", "trials", "seconds", "effects"):
+    for name in ("kinds", "settings", "rates", "trials", "seconds", "effects", "off_centre"):
         if getattr(arguments, name):
-            words += [f"--{name}", str(getattr(arguments, name))]
+            words += [f"--{name.replace('_', '-')}", str(getattr(arguments, name))]
     return shlex.join([*words, *(["--efforts"] if arguments.efforts else []), "--out", "DIR"])
 
 

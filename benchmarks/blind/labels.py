@@ -17,8 +17,9 @@ def label(made: Made) -> dict[str, Any]:
     """The truth, as far as the case alone says it; the oracle adds its part."""
     case = made.case
     out = asdict(case)
-    if not case.effort:
-        del out["effort"]
+    for name in ("effort", "off_centre"):
+        if not out[name]:
+            del out[name]
     out["kind"] = case.kind
     out["classes"] = [kind_of(effect.name).group for effect in case.effects]
     out["truth"] = made.truth

@@ -107,15 +107,26 @@ class Robot:
 
 
 class Jitter:
-    """Factors about 1 that nobody knows: truncated normal, ``spread`` wide; exactly 1 where it is 0."""
+    """Factors about 1 that nobody knows: truncated normal, ``spread`` wide; exactly 1 where it is 0. And centres of
+    mass, of which each coordinate is ``off_centre`` of the link's reach off."""
 
-    def __init__(self, rng: np.random.Generator, spread: float) -> None:
-        self._rng, self.spread = rng, spread
+    def __init__(self, rng: np.random.Generator, spread: float, off_centre: float = 0.0) -> None:
+        self._rng, self.spread, self._off_centre = rng, spread, off_centre
 
     def __call__(self, shape: Any = (), share: float = 1.0) -> Any:
         """Factors of a shape; ``share`` of the spread."""
         drawn = np.clip(self._rng.standard_normal(shape), -2, 2)
         return 1.0 + self.spread * share * drawn
+
+    def move_centres(self, model: mujoco.MjModel) -> None:
+        """Move the centre of mass of every body that a joint carries."""
+        if not self._off_centre:
+            return
+        for body in np.flatnonzero(model.body_weldid):
+            ends = [model.body_ipos[body], *model.body_pos[np.flatnonzero(model.body_parentid == body)]]
+            reach = max(float(np.linalg.norm(end)) for end in ends)
+            model.body_ipos[body] += self._off_centre * reach * np.clip(self._rng.standard_normal(3), -2, 2)
+        mujoco.mj_setConst(model, mujoco.MjData(model))
 
 
 def robot_of(
@@ -183,6 +194,7 @@ def _tiago(setting: str, jitter: Jitter, other_source: bool) -> Robot:
     motors(spec, joints)
     _options(spec)
     model = spec.compile()
+    jitter.move_centres(model)
     if thing is not None:
         press(model, item.stiffness, item.damping)
         model.pair_friction[:, :2] = item.friction
@@ -354,8 +366,10 @@ def _plain(setting: str, folder: Path, jitter: Jitter) -> Robot:
         joint.armature *= float(jitter())
     motors(spec, joints)
     _options(spec)
+    model = spec.compile()
+    jitter.move_centres(model)
     made = _assemble(
-        spec.compile(),
+        model,
         joints,
         nominal.actuator_gainprm[:, 0] * jitter(n),
         -nominal.actuator_biasprm[:, 2] * jitter(n),

@@ -40,6 +40,19 @@ def test_a_run_holds_every_kind_of_case_robot_and_sensor_and_a_longer_one_begins
     assert all(case.effort == CURRENT for case in cogging), "a sensor behind the motor does not see it"
 
 
+@pytest.mark.parametrize("setting", [ARM, PLAIN, SIX])
+def test_centres_of_mass_lie_off_by_the_share_of_the_reach_that_is_asked_for(setting: str, tmp_path: Path) -> None:
+    one = made(setting, SENSOR, tmp_path, off_centre=0.03)
+    robot, usual = one.robot.model, cases.real_robot(replace(one.case, off_centre=0.0), tmp_path).model
+    moved = np.flatnonzero(usual.body_weldid)
+    off = np.abs(robot.body_ipos - usual.body_ipos)
+    # Two deviations at most, of 0.41 m at most: the longest reach of a link of these arms.
+    assert (off[moved].max(axis=1) > 0).all()
+    assert off.max() <= 2 * 0.03 * 0.41
+    assert np.array_equal(robot.body_mass, usual.body_mass)
+    assert not off[np.flatnonzero(usual.body_weldid == 0)].any()
+
+
 @pytest.mark.parametrize("setting", [PLAIN, SIX])
 @pytest.mark.parametrize("effort", [SENSOR, CURRENT])
 def test_efforts_are_what_inverse_dynamics_of_the_real_robot_say(setting: str, effort: str, tmp_path: Path) -> None:

@@ -397,6 +397,7 @@ def test_the_command_goes_on_in_its_folder_and_refuses_anothers(tmp_path: Path) 
         "at_once": 1,
         "trials": None,
         "effects": None,
+        "off_centre": None,
         "jobs": 1,
         "time_budget": None,
         "diagnose_with": None,
