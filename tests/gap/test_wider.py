@@ -25,6 +25,19 @@ def test_a_magnitude_at_an_estimated_bound_is_fitted_with_a_wider_one(tmp_path):
     assert wider.fitted(fitter, [free]) == [free]
 
 
+def test_along_a_motion_bounds_of_the_project_s_own_robots_are_estimates_too(tmp_path, monkeypatch):
+    """An arm of TIAGo's with 116 N·m·s/rad of viscous friction, of which 60 were the bound, was told to have 60 beside
+    an encoder's scale of 0.72."""
+    fitter, (part,) = searched(tmp_path, {"mass": 0.5})
+    own = replace(fitter.predict, plant=replace(fitter.predict.plant, environment={"id": "a robot of the project"}))
+    fitter = replace(fitter, predict=own)
+    (held,) = fitter.fit_all([Start((replace(part, high=0.2),), np.array([0.1]))])
+    assert wider.fitted(fitter, [held]) == [held], "where commands are replayed the library's bounds were chosen for it"
+    monkeypatch.setattr(type(own), "replays", False)
+    (free,) = wider.fitted(fitter, [held])
+    assert free.values[0] > 0.4
+
+
 def test_a_bound_of_the_library_stays(tmp_path):
     """What a factor is at most is no estimate of a robot's size."""
     fitter, _ = searched(tmp_path, {"mass": 0.5})

@@ -19,7 +19,7 @@ TIMES: Final = 2
 
 def fitted(fitter: Fitter, fits: Sequence[Fitted]) -> list[Fitted]:
     """Fits, those with a magnitude at its estimated bound fitted again without it where that explains more."""
-    if fitter.predict.plant.environment is not None:  # its bounds were chosen for this robot
+    if fitter.predict.plant.environment is not None and fitter.predict.replays:  # its bounds were chosen for this robot
         return list(fits)
     out = list(fits)
     for _ in range(TIMES):
