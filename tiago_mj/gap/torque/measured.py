@@ -147,8 +147,9 @@ def _data(plant: Plant, torques: Sequence[Torques], every: int, seed: int) -> Da
     values = [np.where(_moving(one), one.course.stack("effort"), np.nan)[::every] for one in torques]
     value = _padded(values, np.nan)
     noise = np.max([strip.noise for one in torques for strip in one.course.strips], axis=0)
-    own = np.maximum(np.hypot(noise, _noise_of_motion(torques, seed)), 1e-9)
     size = np.sqrt(np.nanmean(value**2, axis=(0, 1)))
+    # Logs that were filtered before look as if they had no noise at all.
+    own = np.maximum(np.hypot(noise, _noise_of_motion(torques, seed)), np.maximum(METHOD * size, 1e-9))
     whole = np.broadcast_to(np.hypot(own, METHOD * size), value.shape).copy()
     return Data(
         tuple(f"effort.{name}" for name in course.channels),
