@@ -11,6 +11,8 @@ from real_recordings import real
 from tiago_mj.effects import EFFECTS
 from tiago_mj.gap.decision.verdict import most_probable
 from tiago_mj.gap.result import Diagnosis
+from tiago_mj.gap.torque import doubts
+from tiago_mj.gap.torque.measured import METHOD
 from tiago_mj.recordings.imports import tiago_arm
 from tiago_mj.recordings.recording import Trial
 
@@ -148,6 +150,44 @@ def test_a_centre_of_mass_that_is_stated_to_be_uncertain_is_a_number_as_fitted()
     assert centre.low < 0.06 * 0.1 / 0.6 < centre.high
     assert found.shrink.with_numbers is not None
     assert found.shrink.with_numbers.after < 2
+
+
+@pytest.mark.slow
+def test_centres_of_mass_that_are_off_do_not_become_effects_beside_friction() -> None:
+    """12 mm in every direction is 5 % of what a link of the arm reaches."""
+    model = robot()
+    off = np.random.default_rng(1)
+    for name in ARM:
+        model.body_ipos[model.jnt_bodyid[model.joint(name).id]] += off.normal(0, 0.012, 3)
+    model.dof_frictionloss[[model.joint(name).dofadr[0] for name in ARM]] += FRICTION
+    found = diagnosed(record(model, ARM, spread=0.9, seconds=30))
+    assert (found.kind, named(found.best)) == ("effect", {"coulomb_friction"})
+    assert doubts.SAID in found.notes
+    assert any(number.name.startswith("link_centre") for number in found.numbers)
+    assert found.shrink.with_numbers is not None
+    assert found.shrink.with_numbers.after < 2
+
+
+def test_nothing_is_doubted_where_an_effect_explains_what_was_measured() -> None:
+    model = pendulum()
+    model.body_mass[model.body("tip").id] += 0.1
+    found = diagnosed(record(model, ("swing",), spread=1.2))
+    assert named(found.best) == {"payload"}
+    assert doubts.SAID not in found.notes
+
+
+def test_a_log_that_was_filtered_before_is_not_taken_for_one_without_noise() -> None:
+    """A gap as large as the efforts themselves is at most as many noise floors as torques along a motion can tell."""
+    model = pendulum()
+    model.dof_frictionloss[:] += 0.3
+    recorded = record(model, ("swing",), spread=1.2, noise=0.0)
+    smooth = sum(recorded.positions["swing"][k : len(recorded.time) - 9 + k] for k in range(9)) / 9
+    effort = sum(recorded.efforts["swing"][k : len(recorded.time) - 9 + k] for k in range(9)) / 9
+    again = replace(recorded, time=recorded.time[4:-5], positions={"swing": smooth}, efforts={"swing": effort})
+    found = diagnosed(again)
+    assert named(found.best) == {"coulomb_friction"}
+    assert found.shrink.before is not None
+    assert found.shrink.before < 1 / METHOD**2
 
 
 # What cannot be known is said -----------------------------------------------------------------------------------------

@@ -183,6 +183,8 @@ class TorqueConstant(Effect):
     """
 
     clause = "{t} deliver{s} {factor} times the commanded force"
+    #: Of a motor or a torque sensor of which nothing is stated, as of the mass of a link.
+    doubted_prior = known_to(0.05)
 
     factor = parameter("-", identity=1.0, default=0.8, bounds=(0.2, 3.0))
 

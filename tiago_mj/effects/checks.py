@@ -89,19 +89,21 @@ def check_taken(name: str, taken: str | None, targets: str, first: Parameter) ->
 
 
 def check_prior(name: str, declared: type[Effect], targets: str, first: Parameter) -> None:
-    """The prior of the nominal number, which is a share of something that its first parameter has."""
-    prior = declared.nominal_prior
-    if prior is None:
-        return
+    """The priors of the nominal number, which are shares of something that its first parameter has."""
     possible = {
         None: first.identity in (0.0, 1.0),
         "stock": declared.takes_from is not None,
         "inertia": targets == "joint" and first.identity == 0.0,
         "limit": first.nominal is not None,
+        "effort": targets in ("command", "joint") and first.identity == 0.0,
+        "row": targets == "clock" and first.identity == 0.0,
+        "reach": targets == "joint" and first.identity == 0.0,
     }
-    if not possible[prior.share_of]:
-        fitting = [repr(share) for share, fits in possible.items() if fits]
-        raise ValueError(
-            f"effect {name!r} has a nominal_prior with share_of={prior.share_of!r}: of its first parameter use "
-            f"{' or '.join(fitting) or 'no nominal_prior'}"
-        )
+    for kind in ("nominal_prior", "own_model_prior", "effort_prior", "doubted_prior"):
+        prior = getattr(declared, kind)
+        if prior is not None and not possible[prior.share_of]:
+            fitting = [repr(share) for share, fits in possible.items() if fits]
+            raise ValueError(
+                f"effect {name!r} has a {kind} with share_of={prior.share_of!r}: of its first parameter use "
+                f"{' or '.join(fitting) or f'no {kind}'}"
+            )

@@ -158,6 +158,9 @@ class Effect:
     own_model_prior: ClassVar[NominalPrior | None] = None
     #: The same where measured efforts are compared with the torques that a motion needs; None: ``nominal_prior``.
     effort_prior: ClassVar[NominalPrior | None] = None
+    #: The same there of a number that counts as exact until the recordings say otherwise: see
+    #: :mod:`tiago_mj.gap.torque.doubts`. None: it is never doubted.
+    doubted_prior: ClassVar[NominalPrior | None] = None
     #: Name of the parameter by which all that is measured of the motion is late, against commands and efforts; empty:
     #: it is not.
     delays_readings: ClassVar[str] = ""

@@ -140,9 +140,9 @@ def usually(median: float, *, within: float = 10.0, share_of: str | None = None)
 
 #: Of what a prior's deviation may be a share: of what the nominal model has of it (``takes_from``), of the inertia that
 #: a joint moves at the start of a recording, of the nominal limit in which the parameter is stated, of the largest
-#: effort that was measured of the target (a quarter of its drive's limit at least), or of the time between two
-#: recorded rows.
-SHARES: Final = ("stock", "inertia", "limit", "effort", "row")
+#: effort that was measured of the target (a quarter of its drive's limit at least), of the time between two recorded
+#: rows, or of how far what the joint moves reaches up to the next joint.
+SHARES: Final = ("stock", "inertia", "limit", "effort", "row", "reach")
 
 
 @dataclass(frozen=True)

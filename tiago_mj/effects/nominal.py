@@ -102,15 +102,20 @@ ORDER: Final = (
 )
 
 
-def known_to_some_percent(*, efforts: bool = False) -> tuple[type[Effect], ...]:
+def known_to_some_percent(*, efforts: bool = False, doubted: bool = False) -> tuple[type[Effect], ...]:
     """Effects that change a number of the nominal model which is known to a prior only, in the order of a fit; those
     that are not the library's come last.
 
     Args:
         efforts: whether efforts are compared along a motion (:attr:`Effect.effort_prior`), not replays of commands
             (:attr:`Effect.nominal_prior`).
+        doubted: whether numbers count that are exact until the recordings say otherwise (:attr:`Effect.doubted_prior`).
     """
-    mine = [one for one in EFFECTS.values() if one.nominal_prior or (efforts and one.effort_prior)]
+    mine = [
+        one
+        for one in EFFECTS.values()
+        if one.nominal_prior or (efforts and one.effort_prior) or (doubted and one.doubted_prior)
+    ]
     places = {name: place for place, name in enumerate(ORDER)}
     return tuple(sorted(mine, key=lambda declared: places.get(declared.name, len(places))))
 

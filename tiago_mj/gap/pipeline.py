@@ -23,15 +23,16 @@ from tiago_mj.gap.report.repaired import with_model
 from tiago_mj.gap.request import Needs, Request, SoFar, begun_with
 from tiago_mj.gap.result import Diagnosis
 from tiago_mj.gap.search import select, shared
-from tiago_mj.gap.search.state import Question
+from tiago_mj.gap.search.state import Question, Ranked
 from tiago_mj.gap.simulation import phases, replay, sizes
 from tiago_mj.gap.simulation.along_a_motion import along_a_motion, efforts_along
 from tiago_mj.gap.simulation.session import FITTED, Session
 from tiago_mj.gap.simulation.session import session as session_of
-from tiago_mj.gap.torque import by_part, from_commands
+from tiago_mj.gap.torque import by_part, doubts, from_commands
 from tiago_mj.gap.torque.band import most_informative
 from tiago_mj.gap.torque.channels import Wanted
 from tiago_mj.gap.torque.notes import of_method
+from tiago_mj.gap.torque.predictor import EffortPredictor
 from tiago_mj.gap.torque.second_numbers import with_second_numbers
 from tiago_mj.gap.torque.shown import check_given, shown
 from tiago_mj.io import mujoco_log
@@ -67,7 +68,7 @@ def diagnose(trials: Sequence[Trial], **asked: Any) -> Diagnosis:
             keeping(lambda fault: so_far.answer or so_far.timed(unanswered(session, request, so_far, fault))),
         ):
             try:
-                found = _explained(beside_nominal(session, request, so_far), request, so_far)
+                found = _explained(session, request, so_far)
             except (OutOfTimeError, KeyboardInterrupt) as end:
                 found = unanswered(session, request, so_far, end)
             so_far.answer = so_far.timed(found)
@@ -150,12 +151,33 @@ def _along_the_motion(session: Session, asked: Request, so_far: SoFar) -> Compar
     )
 
 
-def _explained(compared: Compared, asked: Request, so_far: SoFar) -> Diagnosis:
-    """Search, decide, try on the trials kept aside."""
+def _explained(session: Session, asked: Request, so_far: SoFar) -> Diagnosis:
+    """Compare, search, decide, try on the trials kept aside; search once more with numbers uncertain that count as
+    exact, where what is left along a motion speaks against them."""
+    compared = beside_nominal(session, asked, so_far)
+    ranked = _searched(compared, asked, so_far)
+    if ranked.complete and isinstance(compared.predict, EffortPredictor):
+        fitted_on, made = compared.session.subset(*FITTED), so_far.tally
+        try:
+            if doubts.doubts(compared.predict, fitted_on, ranked.fits[0]) > doubts.DOUBTED:
+                doubtful = replace(session, plant=replace(session.plant, doubted=True))
+                other = beside_nominal(doubtful, asked, so_far)
+                so_far.tally.update(made)
+                found = _searched(other, asked, so_far, already=made["physics_steps"])
+                if found.complete:
+                    compared, ranked = replace(other, notes=(*other.notes, doubts.SAID)), found
+        except OutOfTimeError:
+            pass  # what was found stands
+    so_far.search.ranked = ranked
+    return _told(compared, ranked, asked, so_far)
+
+
+def _searched(compared: Compared, asked: Request, so_far: SoFar, already: int = 0) -> Ranked:
+    """Explanations of what the nominal model leaves; ``already``: physics steps of a search before."""
     session, predict, proposed = compared.session, compared.predict, compared.proposed
     tick, deadline = so_far.tick, asked.deadline
     fitted_on = session.subset(*FITTED)
-    said, tied = like.prefixes(session.trials), like.tied(session.trials)
+    said = [] if like.tied(session.trials) else like.prefixes(session.trials)
     searching = deadline.sooner(compared.reserve)
     steps = replay.physics_steps(session.plant, predict.on) if predict.replays else predict.data.value.shape[1]
     base = predict.all_trials([()], fitted_on)[0]
@@ -169,6 +191,7 @@ def _explained(compared: Compared, asked: Request, so_far: SoFar) -> Diagnosis:
         proposed.known,
         proposed.servo_motion,
         steps,
+        already,
         assumed=None if compared.sharp is None else noise_model.select_trials(proposed.data, fitted_on),
         sets=partial(from_commands.sets, session, asked.names, asked.seed, searching) if predict.replays else None,
     )
@@ -178,10 +201,17 @@ def _explained(compared: Compared, asked: Request, so_far: SoFar) -> Diagnosis:
     tick.measured_in(question.fitted_trials * question.steps, question.budget)
     with mujoco_log.counted(so_far.warned):
         landing = compared.a_simulation * select.LANDING * question.first_trials
-        ranked = by_part.searched(question, said, searching, landing, tick) if said and not tied else None
+        ranked = by_part.searched(question, said, searching, landing, tick) if said else None
         if ranked is None:
             ranked = select.select(question, so_far=so_far.search, deadline=searching, landing=landing, tick=tick)
-        so_far.search.ranked = ranked
+    return ranked
+
+
+def _told(compared: Compared, ranked: Ranked, asked: Request, so_far: SoFar) -> Diagnosis:
+    """Decide, try on the trials kept aside."""
+    session = compared.session
+    said, tied = like.prefixes(session.trials), like.tied(session.trials)
+    with mujoco_log.counted(so_far.warned):
         found = concluded(compared, asked, so_far, ranked)
         if said and found.best.effects and found.complete:
             found = likeness.beside(found, session, ranked, said)

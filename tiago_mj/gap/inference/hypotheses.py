@@ -444,10 +444,10 @@ def _default_terms(plant: Plant) -> tuple[Term, ...]:
     """Those of any nominal model."""
     out: list[Term] = []
     targets = plant.wiring.targets
-    for declared in known_to_some_percent(efforts=plant.effort_row is not None):
+    for declared in known_to_some_percent(efforts=plant.effort_row is not None, doubted=plant.doubted):
         names, prior = targets.names(declared.targets), declared.nominal_prior
         if plant.effort_row is not None:
-            prior = declared.effort_prior or prior
+            prior = declared.effort_prior or prior or (declared.doubted_prior if plant.doubted else None)
         elif plant.environment is None:
             prior = declared.own_model_prior or prior
         if prior is None or not _possible(plant, declared.name, names):
@@ -466,6 +466,8 @@ def _default_terms(plant: Plant) -> tuple[Term, ...]:
                 size *= plant.effort_row or plant.period
             elif prior.share_of == "effort":
                 size *= plant.largest_effort[index] if plant.largest_effort else 0.0
+            elif prior.share_of == "reach":
+                size *= _reach(plant, index)
             elif prior.share_of == "limit" and parameter.nominal is not None:
                 base = targets.nominal(parameter.nominal, declared.targets, index)
                 size *= -base  # the response is of a tighter one, which is seen where the looser one is not yet
@@ -478,3 +480,11 @@ def _default_terms(plant: Plant) -> tuple[Term, ...]:
 def _inertia(plant: Plant, joint: int) -> float:
     """What the joint moves, at the start [kg, kg·m²]."""
     return float(plant.model.dof_M0[plant.wiring.dof[joint]])
+
+
+def _reach(plant: Plant, joint: int) -> float:
+    """From a joint to the farthest of its body's centre of mass and the bodies that hang on that [m]."""
+    model, body = plant.model, int(plant.model.dof_bodyid[plant.wiring.dof[joint]])
+    anchor = model.jnt_pos[model.dof_jntid[plant.wiring.dof[joint]]]
+    ends = [model.body_ipos[body], *model.body_pos[np.flatnonzero(model.body_parentid == body)]]
+    return float(max(np.linalg.norm(end - anchor) for end in ends))

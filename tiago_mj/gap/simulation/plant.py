@@ -91,6 +91,7 @@ class Plant:
         effort_row: time between two recorded rows where efforts are compared along a motion [s]; None: commands are
             replayed.
         largest_effort: that was measured of every joint, where efforts are compared along a motion [N, N·m].
+        doubted: whether numbers are uncertain that count as exact until the recordings say otherwise.
     """
 
     name: str
@@ -109,6 +110,7 @@ class Plant:
     grids: Mapping[str, float] = field(default_factory=dict)
     effort_row: float | None = None
     largest_effort: tuple[float, ...] = ()
+    doubted: bool = False
 
     @property
     def substeps(self) -> int:

@@ -68,20 +68,20 @@ def left(predict: EffortPredictor, trials: Sequence[int], pool: Sequence[Candida
         size = float(np.sqrt(np.mean(gap[..., c][seen] ** 2))) if seen.any() else 0.0
         if size == 0:
             continue
-        functions, own = _functions(predict, some, c), numbers[..., c] / NUISANCE_STEP
+        free, own = functions(predict, some, c), numbers[..., c] / NUISANCE_STEP
         changes = effects[..., c]
         largest = np.abs(changes).max(axis=(1, 2), initial=0.0)
         changes = changes[largest > 0] / largest[largest > 0, None, None]
         models, aside = [own], []
-        for more in (functions, changes, np.concatenate([functions, changes])):
+        for more in (free, changes, np.concatenate([free, changes])):
             models.append(np.concatenate([own, SIZE * size / np.sqrt(max(len(more), 1)) * more]))
-        for more in (functions[:0], functions, changes, np.concatenate([functions, changes])):
+        for more in (free[:0], free, changes, np.concatenate([free, changes])):
             aside.append(float(np.nanmean(_left_out(gap[..., c], np.concatenate([own, more]), len(own)) ** 2)))
         spread[c], residual = noise_beside(gap[..., c][seen], [columns[:, seen] for columns in models])
         unseen[c] = max(np.sqrt(min(aside)), spread[c])
         whole = np.full(seen.shape, np.nan)
         whole[seen] = residual
-        rows[c] = _integrated(whole)
+        rows[c] = integrated(whole)
     return Left(spread, unseen, rows)
 
 
@@ -114,7 +114,7 @@ def noise_beside(gap: Array, models: Sequence[Array]) -> tuple[float, Array]:
     return float(np.sqrt((weight * tried**2).sum() / weight.sum())), residuals[likeliest]
 
 
-def _integrated(residual: Array) -> float:
+def integrated(residual: Array) -> float:
     """Integrated autocorrelation time of a residual, (ntrials, T), all trials being one process [rows]."""
     return float(integrated_time(list(residual - np.nanmean(residual))))
 
@@ -149,7 +149,7 @@ def _left_out(gap: Array, columns: Array, count: int) -> Array:
     return out
 
 
-def _functions(predict: EffortPredictor, trials: Sequence[int], channel: int) -> Array:
+def functions(predict: EffortPredictor, trials: Sequence[int], channel: int) -> Array:
     """Functions of a channel's joint, filtered as its effort is, each of unit size, (k, ntrials, T)."""
     joint = int(predict.data.part[channel])
     courses = [predict.torques[t].course for t in trials]
