@@ -119,6 +119,7 @@ def test_one_effect_on_a_pendulum_is_named_with_its_value(field: str, more: floa
     getattr(model, field)[:] += more
     found = diagnosed(record(model, ("swing",), spread=1.2))
     assert (found.kind, named(found.best)) == ("effect", {name})
+    assert not {doubts.SAID, doubts.IMITATED} & set(found.notes), "no centre of mass does what it does"
     # 3 %: the pass band cuts the sharp ends of accelerations and of jumps of friction.
     assert value(found.best, name, "all", parameter).value == pytest.approx(more, rel=0.03)
 
@@ -201,6 +202,7 @@ def test_one_joint_cannot_tell_a_tilted_base_from_an_encoder_that_is_off() -> No
         frozenset({"gravity_tilt"}),
         frozenset({"encoder_bias"}),
     }
+    assert doubts.IMITATED in found.notes, "nor from a centre of mass that lies 6 % of the reach aside"
 
 
 def test_a_cable_that_tugs_is_unknown_and_what_remains_is_placed() -> None:

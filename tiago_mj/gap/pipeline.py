@@ -152,24 +152,37 @@ def _along_the_motion(session: Session, asked: Request, so_far: SoFar) -> Compar
 
 
 def _explained(session: Session, asked: Request, so_far: SoFar) -> Diagnosis:
-    """Compare, search, decide, try on the trials kept aside; search once more with numbers uncertain that count as
-    exact, where what is left along a motion speaks against them."""
+    """Compare, search, decide, try on the trials kept aside."""
     compared = beside_nominal(session, asked, so_far)
     ranked = _searched(compared, asked, so_far)
-    if ranked.complete and isinstance(compared.predict, EffortPredictor):
-        fitted_on, made = compared.session.subset(*FITTED), so_far.tally
-        try:
-            if doubts.doubts(compared.predict, fitted_on, ranked.fits[0]) > doubts.DOUBTED:
-                doubtful = replace(session, plant=replace(session.plant, doubted=True))
-                other = beside_nominal(doubtful, asked, so_far)
-                so_far.tally.update(made)
-                found = _searched(other, asked, so_far, already=made["physics_steps"])
-                if found.complete:
-                    compared, ranked = replace(other, notes=(*other.notes, doubts.SAID)), found
-        except OutOfTimeError:
-            pass  # what was found stands
-    so_far.search.ranked = ranked
-    return _told(compared, ranked, asked, so_far)
+    predict, fitted_on = compared.predict, compared.session.subset(*FITTED)
+    if not isinstance(predict, EffortPredictor) or not ranked.complete:
+        return _told(compared, ranked, asked, so_far)
+    try:
+        again = _doubting(session, asked, so_far) if doubts.doubted(predict, fitted_on, ranked.fits[0]) else None
+    except OutOfTimeError:
+        again = None
+    if again is not None:
+        return _told(*again, asked, so_far)
+    so_far.search.ranked = ranked  # what was found stands
+    found = _told(compared, ranked, asked, so_far)
+    named = found.kind in ("effect", "ambiguous") and found.best.effects and found.complete
+    if named and doubts.imitated(predict, fitted_on, ranked.fits[0]):
+        found = replace(found, notes=(*found.notes, doubts.IMITATED))
+    return found
+
+
+def _doubting(session: Session, asked: Request, so_far: SoFar) -> tuple[Compared, Ranked] | None:
+    """Compare and search with numbers uncertain that count as exact at first; None: the search came to no end.
+
+    Raises:
+        OutOfTimeError: the deadline was over before.
+    """
+    made = so_far.tally
+    compared = beside_nominal(replace(session, plant=replace(session.plant, doubted=True)), asked, so_far)
+    so_far.tally.update(made)
+    ranked = _searched(compared, asked, so_far, already=made["physics_steps"])
+    return (replace(compared, notes=(*compared.notes, doubts.SAID)), ranked) if ranked.complete else None
 
 
 def _searched(compared: Compared, asked: Request, so_far: SoFar, already: int = 0) -> Ranked:
@@ -204,6 +217,7 @@ def _searched(compared: Compared, asked: Request, so_far: SoFar, already: int = 
         ranked = by_part.searched(question, said, searching, landing, tick) if said else None
         if ranked is None:
             ranked = select.select(question, so_far=so_far.search, deadline=searching, landing=landing, tick=tick)
+    so_far.search.ranked = ranked
     return ranked
 
 

@@ -1,4 +1,4 @@
-"""Whether what the best explanation of efforts leaves speaks against numbers that count as exact.
+"""Whether recorded efforts speak against numbers of the model that count as exact, or leave the choice.
 
 A model's centres of mass and the constants of its motors are mostly right, and a search that may adjust them all the
 same loses small loads among them. Where they are wrong, a search that may not adjust them puts encoders and motors in
@@ -9,95 +9,135 @@ without them.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 
+from tiago_mj.effects import Entry
 from tiago_mj.gap.inference.fit import Fitted
-from tiago_mj.gap.inference.hypotheses import Term, terms
+from tiago_mj.gap.inference.hypotheses import terms
 from tiago_mj.gap.inference.points import NUISANCE_STEP
 from tiago_mj.gap.search import ranking
-from tiago_mj.gap.torque.flexible import NOISES, functions, integrated, noise_beside
+from tiago_mj.gap.torque.flexible import functions, integrated, noise_beside
 from tiago_mj.gap.torque.measured import Array
 from tiago_mj.gap.torque.predictor import EffortPredictor
 
-#: From this on numbers are doubted [nats]: a Bayes factor of 150, "very strong" (Kass & Raftery 1995).
-DOUBTED: Final = 5.0
+#: From this on numbers are doubted, and one explanation is as good as another up to this [nats]: a Bayes factor of 150,
+#: "very strong" (Kass & Raftery 1995).
+DECISIVE: Final = 5.0
 #: Share by which a magnitude is made smaller for the response to it.
 SHRUNK: Final = 0.3
-#: What a report then says.
+#: Deviations of the noise that are tried, 3 to 4 % apart, from this share of the gap on.
+LEAST: Final = 1e-3
+NOISES: Final = 240
+#: What a report says where numbers were doubted, and where they were not and could stand for what is named.
 SAID: Final = (
     "What the best explanation left is far more probable where links' centres of mass are known to 5 % of their reach "
     "and torque constants to 5 %, so they were adjusted within that, whatever is named."
 )
+IMITATED: Final = (
+    "Links' centres of mass and torque constants counted as exact. Known to 5 % (of the reach) only, they would "
+    "explain these recordings as well as what is named: where the model is no better, state it as the recordings' "
+    "uncertainty and ask again."
+)
 
 
-def doubts(predict: EffortPredictor, trials: Sequence[int], best: Fitted) -> float:
-    """Logarithm of how many times as probable the doubted numbers make what an explanation leaves [nats].
+@dataclass(frozen=True)
+class Linear:
+    """A linear model of efforts.
 
-    Of a linear model of what is left in each channel, with the uncertain numbers, with and without free functions of
-    position, speed and time, whichever noise there is; rows count for less by how correlated is what they leave.
+    Attributes:
+        gap: what it has to explain, (ntrials, T, C) [N, N·m].
+        columns: what each of its numbers does at one deviation, (k, ntrials, T, C) [N, N·m].
+    """
+
+    gap: Array
+    columns: Array
+
+
+def doubted(predict: EffortPredictor, trials: Sequence[int], best: Fitted) -> bool:
+    """Whether what an explanation leaves is far more probable with the doubted numbers than without.
 
     Args:
         predict: predictions, and what was measured.
         trials: indices of those that may be looked at.
         best: the explanation.
     """
-    data, some, effects = predict.data, list(trials), best.effects()
-    usual = [term for term in terms(predict.plant) if not term.per_trial]
-    named = {(entry.name, entry.target) for entry in effects}
-    known = {(term.effect, term.target) for term in usual} | named
-    more = [t for t in terms(replace(predict.plant, doubted=True)) if (t.effect, t.target) not in known]
-    usual = [term for term in usual if (term.effect, term.target) not in named]
+    return _gained(predict, trials, *(_beside(predict, trials, best, doubted=one) for one in (False, True))) > DECISIVE
 
-    def beside(asked: Sequence[Term]) -> Array:
-        changed = predict.all_trials([(*effects, term.entry(NUISANCE_STEP)) for term in asked], some)
-        return (changed - base) / NUISANCE_STEP
 
+def imitated(predict: EffortPredictor, trials: Sequence[int], best: Fitted) -> bool:
+    """Whether the doubted numbers alone explain about as much as an explanation without them; arguments as of
+    :func:`doubted`."""
+    nominal = replace(best, parts=(), values=np.zeros(0))
+    named = _beside(predict, trials, best, doubted=False)
+    return _gained(predict, trials, named, _beside(predict, trials, nominal, doubted=True)) > -DECISIVE
+
+
+def _beside(predict: EffortPredictor, trials: Sequence[int], best: Fitted, *, doubted: bool) -> Linear:
+    """The uncertain numbers beside an explanation whose magnitudes may move by all that they are."""
+    some, effects = list(trials), best.effects()
     base = predict.all_trials([effects], some)[0]
-    own = np.concatenate([beside(usual), _shrunk(predict, some, best, base)])
-    other, gap = beside(more), data.value[some] - base
+    named = {(entry.name, target) for entry in effects for target in entry.target or (None,)}
+    known = [
+        term
+        for term in terms(replace(predict.plant, doubted=doubted))
+        if not term.per_trial and not named & {(term.effect, target) for target in (None, *(term.target or ()))}
+    ]
+    moved = predict.all_trials([(*effects, term.entry(NUISANCE_STEP)) for term in known], some)
+    numbers = [(moved - base) / NUISANCE_STEP]
+    if best.parts:
+        numbers.append((predict.all_trials(_each_shrunk(best), some) - base) / SHRUNK)
+    return Linear(predict.data.value[some] - base, np.concatenate(numbers))
+
+
+def _each_shrunk(best: Fitted) -> list[tuple[Entry, ...]]:
+    """An explanation with each of its magnitudes in turn a little closer to none."""
+    out = []
+    for k, part in enumerate(best.parts):
+        values = np.array(best.values)
+        values[k] += SHRUNK * (part.identity - values[k])
+        out.append(replace(best, values=values).effects())
+    return out
+
+
+def _gained(predict: EffortPredictor, trials: Sequence[int], one: Linear, other: Linear) -> float:
+    """Logarithm of how many times as probable another model makes the recordings [nats]: with and without free
+    functions of position, speed and time, whichever noise there is. Rows count for less by how correlated is what the
+    other model leaves."""
     gained = 0.0
-    for c in range(len(data.channels)):
-        seen = np.isfinite(gap[..., c])
-        size = float(np.sqrt(np.mean(gap[..., c][seen] ** 2))) if seen.any() else 0.0
-        if not size:
+    for c in range(len(predict.data.channels)):
+        seen = np.isfinite(one.gap[..., c])
+        each = [(linear.gap[..., c][seen], linear.columns[..., c][:, seen]) for linear in (one, other)]
+        sizes = [float(np.sqrt(np.mean(gap**2))) if gap.size else 0.0 for gap, _ in each]
+        if not min(sizes):
             continue
-        free = functions(predict, some, c)
-        usually = [own[..., c], np.concatenate([own[..., c], size / np.sqrt(len(free)) * free])]
-        doubted = [np.concatenate([one, other[..., c]]) for one in usually]
+        free = functions(predict, trials, c)[:, seen]
+        free *= sizes[0] / np.sqrt(len(free))
+        models = [[columns, np.concatenate([columns, free])] for _, columns in each]
         rest = np.full(seen.shape, np.nan)
-        rest[seen] = noise_beside(gap[..., c][seen], [one[:, seen] for one in doubted])[1]
+        rest[seen] = noise_beside(each[1][0], models[1])[1]
         counts = 1 / (ranking.SAMPLES_PER_INDEPENDENT * integrated(rest))
+        tried = np.geomspace(LEAST * min(sizes), 1.2 * max(sizes), NOISES)
         before, after = (
-            np.logaddexp.reduce([_evidence(gap[..., c][seen], one[:, seen], counts) for one in models])
-            for models in (usually, doubted)
+            np.logaddexp.reduce([_evidence(gap, columns, counts, tried) for columns in tried_on])
+            for (gap, _), tried_on in zip(each, models, strict=True)
         )
         gained += float(after - before)
     return gained
 
 
-def _shrunk(predict: EffortPredictor, trials: Sequence[int], best: Fitted, base: Array) -> Array:
-    """What the whole of each magnitude does, to first order, (k, ntrials, T, C)."""
-    fewer = []
-    for k, part in enumerate(best.parts):
-        values = np.array(best.values)
-        values[k] += SHRUNK * (part.identity - values[k])
-        fewer.append(replace(best, values=values).effects())
-    return (predict.all_trials(fewer, trials) - base) / SHRUNK
-
-
-def _evidence(gap: Array, columns: Array, counts: float) -> float:
-    """Log evidence of a linear model with normal weights of deviation 1 and a noise of any size (Bishop 2006, section
-    3.5), rows counting as so many each.
+def _evidence(gap: Array, columns: Array, counts: float, tried: Array) -> float:
+    """Log evidence of a linear model with normal weights of deviation 1 and a noise that is one of several, each as
+    likely (Bishop 2006, section 3.5).
 
     Args:
         gap: (n,).
         columns: (k, n).
         counts: of a row.
+        tried: deviations of the noise.
     """
-    tried = np.sqrt(np.mean(gap**2)) * NOISES
     axes, stretch, _ = np.linalg.svd(columns.T, full_matrices=False)
     along, power = counts * (axes.T @ gap) ** 2, counts * stretch**2
     rest = max(counts * float(gap @ gap) - float(along.sum()), 0.0)
