@@ -148,14 +148,13 @@ def _data(plant: Plant, torques: Sequence[Torques], every: int, seed: int) -> Da
     value = _padded(values, np.nan)
     noise = np.max([strip.noise for one in torques for strip in one.course.strips], axis=0)
     size = np.sqrt(np.nanmean(value**2, axis=(0, 1)))
-    # Logs that were filtered before look as if they had no noise at all.
-    own = np.maximum(np.hypot(noise, _noise_of_motion(torques, seed)), np.maximum(METHOD * size, 1e-9))
+    own = np.maximum(np.hypot(noise, _noise_of_motion(torques, seed)), 1e-9)
     whole = np.broadcast_to(np.hypot(own, METHOD * size), value.shape).copy()
     return Data(
         tuple(f"effort.{name}" for name in course.channels),
         np.array(course.columns, dtype=int),
         value,
-        own,
+        np.maximum(own, METHOD * size),  # logs that were filtered before look as if they had no noise at all
         whole,
         np.zeros_like(whole),
         block=max(round(BLOCK_SECONDS / plant.period), 1),
