@@ -166,10 +166,15 @@ def _explained(session: Session, asked: Request, so_far: SoFar) -> Diagnosis:
         return _told(*again, asked, so_far)
     so_far.search.ranked = ranked  # what was found stands
     found = _told(compared, ranked, asked, so_far)
-    named = found.kind in ("effect", "ambiguous") and found.best.effects and found.complete
-    if named and doubts.imitated(predict, fitted_on, ranked.fits[0]):
-        found = replace(found, notes=(*found.notes, doubts.IMITATED))
-    return found
+    best = ranked.fits[0]
+    told = {effect.name for effect in found.best.effects} == {part.effect for part in best.parts} != set()
+    if not told or not found.complete or found.kind == "unknown":
+        return found
+    try:
+        said = (doubts.IMITATED,) if doubts.imitated(predict, fitted_on, best) else ()
+    except OutOfTimeError:
+        said = ()
+    return replace(found, notes=(*found.notes, *said))
 
 
 def _doubting(session: Session, asked: Request, so_far: SoFar) -> tuple[Compared, Ranked] | None:

@@ -19,7 +19,7 @@ from tiago_mj.gap.inference.fit import Fitted
 from tiago_mj.gap.inference.hypotheses import terms
 from tiago_mj.gap.inference.points import NUISANCE_STEP
 from tiago_mj.gap.search import ranking
-from tiago_mj.gap.torque.flexible import functions, integrated, noise_beside
+from tiago_mj.gap.torque.flexible import NOISES, functions, integrated, noise_beside, regression
 from tiago_mj.gap.torque.measured import Array
 from tiago_mj.gap.torque.predictor import EffortPredictor
 
@@ -28,9 +28,6 @@ from tiago_mj.gap.torque.predictor import EffortPredictor
 DECISIVE: Final = 5.0
 #: Share by which a magnitude is made smaller for the response to it.
 SHRUNK: Final = 0.3
-#: Deviations of the noise that are tried, 3 to 4 % apart, from this share of the gap on.
-LEAST: Final = 1e-3
-NOISES: Final = 240
 #: What a report says where numbers were doubted, and where they were not and could stand for what is named.
 SAID: Final = (
     "What the best explanation left is far more probable where links' centres of mass are known to 5 % of their reach "
@@ -119,29 +116,10 @@ def _gained(predict: EffortPredictor, trials: Sequence[int], one: Linear, other:
         rest = np.full(seen.shape, np.nan)
         rest[seen] = noise_beside(each[1][0], models[1])[1]
         counts = 1 / (ranking.SAMPLES_PER_INDEPENDENT * integrated(rest))
-        tried = np.geomspace(LEAST * min(sizes), 1.2 * max(sizes), NOISES)
+        tried = np.geomspace(NOISES[0] * min(sizes), NOISES[-1] * max(sizes), len(NOISES))
         before, after = (
-            np.logaddexp.reduce([_evidence(gap, columns, counts, tried) for columns in tried_on])
-            for (gap, _), tried_on in zip(each, models, strict=True)
+            np.logaddexp.reduce(np.concatenate([regression(gap, columns, tried, counts)[0] for columns in several]))
+            for (gap, _), several in zip(each, models, strict=True)
         )
         gained += float(after - before)
     return gained
-
-
-def _evidence(gap: Array, columns: Array, counts: float, tried: Array) -> float:
-    """Log evidence of a linear model with normal weights of deviation 1 and a noise that is one of several, each as
-    likely (Bishop 2006, section 3.5).
-
-    Args:
-        gap: (n,).
-        columns: (k, n).
-        counts: of a row.
-        tried: deviations of the noise.
-    """
-    axes, stretch, _ = np.linalg.svd(columns.T, full_matrices=False)
-    along, power = counts * (axes.T @ gap) ** 2, counts * stretch**2
-    rest = max(counts * float(gap @ gap) - float(along.sum()), 0.0)
-    total = power + tried[:, None] ** 2
-    sizes = np.log(total).sum(axis=1) + (counts * len(gap) - len(power)) * 2 * np.log(tried)
-    each = -0.5 * (sizes + (along / total).sum(axis=1) + rest / tried**2)
-    return float(np.logaddexp.reduce(each) - np.log(len(tried)))

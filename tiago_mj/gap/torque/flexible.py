@@ -100,18 +100,33 @@ def noise_beside(gap: Array, models: Sequence[Array]) -> tuple[float, Array]:
         probable model and noise, (n,).
     """
     tried = np.sqrt(np.mean(gap**2)) * NOISES
-    evidence, residuals = np.empty((len(models), len(tried))), []
-    for k, columns in enumerate(models):
-        axes, stretch, _ = np.linalg.svd(columns.T, full_matrices=False)
-        along, power = axes.T @ gap, stretch**2
-        rest = max(float(gap @ gap - along @ along), 0.0)
-        total = power + tried[:, None] ** 2
-        fitted = np.log(total) + along**2 / total
-        evidence[k] = -0.5 * (fitted.sum(axis=1) + (len(gap) - len(power)) * 2 * np.log(tried) + rest / tried**2)
-        residuals.append(gap - axes @ (along * power / total[int(np.argmax(evidence[k]))]))
+    each = [regression(gap, columns, tried) for columns in models]
+    evidence = np.stack([one for one, _ in each])
     weight = np.exp(evidence - evidence.max())
     likeliest = int(np.argmax(evidence.max(axis=1)))
-    return float(np.sqrt((weight * tried**2).sum() / weight.sum())), residuals[likeliest]
+    return float(np.sqrt((weight * tried**2).sum() / weight.sum())), each[likeliest][1]
+
+
+def regression(gap: Array, columns: Array, tried: Array, counts: float = 1.0) -> tuple[Array, Array]:
+    """Log evidence of a linear model whose weights have normal priors of deviation 1, by its noise.
+
+    Args:
+        gap: (n,).
+        columns: (k, n).
+        tried: deviations of the noise, (m,).
+        counts: as how many independent rows each counts.
+
+    Returns:
+        The evidence up to a constant, (m,), and the residual of the mean weights at the likeliest noise, (n,).
+    """
+    axes, stretch, _ = np.linalg.svd(columns.T, full_matrices=False)
+    along, power = axes.T @ gap, counts * stretch**2
+    rest = max(float(gap @ gap - along @ along), 0.0)
+    total = power + tried[:, None] ** 2
+    fitted = np.log(total) + counts * along**2 / total
+    left = (counts * len(gap) - len(power)) * 2 * np.log(tried) + counts * rest / tried**2
+    evidence = -0.5 * (fitted.sum(axis=1) + left)
+    return evidence, gap - axes @ (along * power / total[int(np.argmax(evidence))])
 
 
 def integrated(residual: Array) -> float:
