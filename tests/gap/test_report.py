@@ -372,6 +372,8 @@ def test_numbers_show_as_many_digits_as_their_interval_supports():
     assert words.amount(Value(1534.2, 1401.0, 1702.0, "N/m")) == "1534 N/m (1401–1702)"
     assert words.amount(Value(-0.3, -0.52, 0.11, "N")) == "−0.3 N (−0.5 to 0.1)"
     assert words.amount(Value(0.72, None, None, "-")) == "0.72"
+    assert words.amount(Value(0.99999, None, None, "-"), share=True) == "over 99.9 %"
+    assert words.amount(Value(0.25, 0.2, 0.3, "-"), share=True) == "25 % (20–30)"
     assert words.number(None) == "–"
     assert words.number(123456.0) == "123000"
     assert words.percent(0.004) == "0.4 %"

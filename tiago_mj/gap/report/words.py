@@ -103,6 +103,8 @@ def amount(given: Value, *, share: bool = False, flip: bool = False) -> str:
         text, between = fixed(value, decimals), span(low, high, decimals)
         if fixed(low, decimals) == fixed(high, decimals):  # narrower than any reader's digits
             text, between = bare(number(value)), ""
+    if share and text == "100":  # nearly all is not all, here neither
+        text = _hundredths(value / scale)
     return " ".join(piece for piece in (text, unit, between and f"({between})") if piece)
 
 
