@@ -14,10 +14,11 @@ from tiago_mj.effects.spec import Entry
 from tiago_mj.gap.detectors import set_points
 from tiago_mj.gap.detectors.set_points import ServoMotion
 from tiago_mj.gap.inference import hypotheses, noise_model
-from tiago_mj.gap.inference.fit import Fitted
+from tiago_mj.gap.inference.fit import Fitted, Fitter, Point
 from tiago_mj.gap.inference.predictor import Predictor
 from tiago_mj.gap.pipeline import diagnose
 from tiago_mj.gap.search import lost_commands, rounds
+from tiago_mj.gap.simulation.subset import Subset
 from tiago_mj.recordings.read import read_recordings
 
 HINGE = Case(seed=5252, setting="plain", interface="position", spread=0.04, rate=FAST_RATE, seconds=1.6, trials=4)
@@ -80,6 +81,35 @@ def test_a_trial_counts_only_where_it_is_fitted(hinge: tuple[Predictor, ServoMot
     found = lost_commands.decode(without, seen, [()] * 4, (0,))
     assert (found.delivered[1:] == 1).all()
     assert found.cost[:, 1:].max() == pytest.approx(0.0)
+
+
+def test_some_trials_alone_are_decoded_as_beside_the_others(hinge: tuple[Predictor, ServoMotion, Path]) -> None:
+    predict, seen, _ = hinge
+    losing, _ = with_losses(predict, SHARE)
+    whole = lost_commands.decode(losing, seen, [()] * 4, (1, 3))
+    part = lost_commands.decode(losing, seen, [()] * 4, (1, 3), of=(1, 3))
+    np.testing.assert_array_equal(part.delivered[[1, 3]], whole.delivered[[1, 3]])
+    assert part.cost_with_losses((1, 3)) == pytest.approx(whole.cost_with_losses((1, 3)))
+    assert part.cost_without_losses((1, 3)) == pytest.approx(whole.cost_without_losses((1, 3)))
+    assert (part.delivered[[0, 2]] == 1).all()
+
+
+def test_losses_that_the_liveliest_trials_show_are_decoded_in_all(
+    hinge: tuple[Predictor, ServoMotion, Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Many rows: one trial is looked at first; where it shows no losses, the others are not decoded."""
+    predict, seen, _ = hinge
+    monkeypatch.setattr(set_points, "liveliest", lambda moved, rows: [int(np.argmax(moved))])
+    for share, decoded in ((SHARE, True), (0.0, False)):
+        losing, _ = with_losses(predict, share)
+        flat = np.zeros((0, *losing.data.value.shape))
+        trials = Subset.of(range(4))
+        fitter = Fitter(losing, trials, losing.data, np.ones(len(losing.data.channels)), (), flat)
+        pool = hypotheses.candidates(losing.plant, (lost_commands.EFFECT,))
+        found = lost_commands.decoded_beside(fitter, Point((), np.zeros(0), np.zeros(0)), seen, pool)
+        assert (found is not None) is decoded
+        if found is not None:
+            assert (found.found.delivered == 0).any(axis=(1, 2)).all()
 
 
 def test_a_servo_whose_joint_is_not_measured_tells_nothing(hinge: tuple[Predictor, ServoMotion, Path]) -> None:

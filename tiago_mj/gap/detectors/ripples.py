@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy import signal
 
 from tiago_mj.effects import EFFECTS
+from tiago_mj.gap.detectors.liveliest import liveliest
 from tiago_mj.gap.inference.hypotheses import Candidate
 from tiago_mj.gap.inference.noise_model import Data
 from tiago_mj.gap.simulation.plant import Plant
@@ -44,7 +45,7 @@ MAX_SQUARE_RATIO: Final = 9.0
 def with_periods(
     plant: Plant, data: Data, base: Array, free: NDArray[np.bool_], share: Array, pool: Sequence[Candidate]
 ) -> tuple[Candidate, ...]:
-    """The pool, its ripples at the periods that the position error shows.
+    """The pool, its ripples at the periods that the position error shows, of each joint in its liveliest trials.
 
     Args:
         plant: the nominal simulator.
@@ -56,6 +57,9 @@ def with_periods(
     """
     names = plant.wiring.targets.names("joint")
     columns = {data.part[c]: c for c, kind in enumerate(data.kinds) if kind == "position"}
+    error = data.value - base
+    rows = (np.isfinite(error) & free[:, :, None]).sum(axis=1)
+    moved = np.nansum(np.abs(np.diff(base, axis=1)), axis=1)
     out = [c for c in pool if not EFFECTS[c.effect].ripple_period]
     found: dict[object, Candidate] = {c.label: c for c in pool if EFFECTS[c.effect].ripple_period}
     for candidate in found.values():
@@ -65,10 +69,10 @@ def with_periods(
         side = 0 if plant.wiring.targets.slides[joints[0]] else 1
         low, high = declared.parameters[name].bounds[side]
         traces = [
-            Trace(data.value[t, :, columns[j]], (data.value - base)[t, :, columns[j]], free[t], float(share[j]))
+            Trace(data.value[t, :, columns[j]], error[t, :, columns[j]], free[t], float(share[j]))
             for j in joints
             if j in columns
-            for t in range(len(data.value))
+            for t in liveliest(moved[:, columns[j]], rows[:, columns[j]])
         ]
         settings = peaks(traces, low, high) or [dict(candidate.fixed)[name]]
         out += [replace(candidate, fixed=((name, period),)) for period in settings]

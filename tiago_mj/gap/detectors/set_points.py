@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from tiago_mj.effects import EFFECTS
 from tiago_mj.effects.declare import overrides
 from tiago_mj.effects.spec import Entry
+from tiago_mj.gap.detectors.liveliest import liveliest
 from tiago_mj.gap.inference.hypotheses import Candidate
 from tiago_mj.gap.inference.noise_model import Data
 from tiago_mj.gap.simulation.plant import Plant
@@ -133,7 +134,7 @@ def magnitudes(
     Args:
         plant, on, motion: as of :func:`servo_motion`.
         pool: candidates.
-        trials: that are looked at.
+        trials: that are looked at, in the liveliest of them at all magnitudes.
         deadline: asked before each of them; None: there is none.
 
     Raises:
@@ -142,7 +143,9 @@ def magnitudes(
     by = deadline or Deadline()
     commands = plant.wiring.targets.command
 
-    def costs(wide: Candidate, values: Array) -> Array:
+    first = liveliest_trials(motion, trials)
+
+    def costs(wide: Candidate, values: Array, trials: Sequence[int]) -> Array:
         """Weighted sum of squares of the residual at each magnitude, (nvalues, nactuators)."""
         total = np.zeros((len(values), motion.requested.shape[2]))
         for t in trials:
@@ -159,7 +162,7 @@ def magnitudes(
         if declared.stage != "command" or not overrides(declared, "set_point") or not np.isfinite(wide.identity):
             continue  # a limit is reached smoothly
         values = dense(wide, float(np.nanmax(np.abs(motion.requested))))
-        cost = costs(wide, values)
+        cost = costs(wide, values, first)
         columns = [_columns(pool[k], commands) for k in mine]
         near = sorted({b for column in columns for b in minima(cost[:, column].sum(axis=1))})
         around = [
@@ -167,7 +170,7 @@ def magnitudes(
             for b in near
         ]
         fine = np.unique(np.concatenate(around or [values[:1]]))
-        cost = costs(wide, fine)
+        cost = costs(wide, fine, trials)
         for k, column in zip(mine, columns, strict=True):
             total = cost[:, column].sum(axis=1)
             best = fine[minima(total)]
@@ -176,6 +179,14 @@ def magnitudes(
                 spread = max(float(np.ptp(like)) / 2, 1e-4 * float(best[0]))
                 out[k] = replace(pool[k], grid=tuple(sorted({*pool[k].grid, *best.tolist()})), spread=spread)
     return tuple(out)
+
+
+def liveliest_trials(motion: ServoMotion, trials: Sequence[int]) -> list[int]:
+    """Those of some trials in which the commands move most, see :func:`~tiago_mj.gap.detectors.liveliest.liveliest`."""
+    some = list(trials)
+    moved = np.nansum(np.abs(np.diff(motion.requested[some], axis=1)), axis=(1, 2))
+    rows = np.isfinite(motion.requested[some]).all(axis=2).sum(axis=1)
+    return [some[k] for k in liveliest(moved, rows)]
 
 
 def driven(

@@ -105,9 +105,8 @@ def noise(values: Array, step: float) -> float | None:
 
 
 def _scaled(difference: Array, sigma: Array, step: Array) -> tuple[Array, Array]:
-    """Size of the difference and half the step, in deviations, of one shape."""
-    r, half = np.broadcast_arrays(np.abs(difference) / sigma, 0.5 * step / sigma)
-    return np.nan_to_num(r, nan=0.0, posinf=1e12), half
+    """Size of the difference, and half the step of a shape that fits it, in deviations."""
+    return np.nan_to_num(np.abs(difference) / sigma, nan=0.0, posinf=1e12), 0.5 * np.asarray(step) / sigma
 
 
 def _log_likelihood(r: Array, half: Array) -> Array:
@@ -120,7 +119,7 @@ def _log_likelihood(r: Array, half: Array) -> Array:
 def _root_deviance(r: Array, half: Array) -> Array:
     """√(2 ℓ(0) − 2 ℓ(r)); r where the grid is fine."""
     with np.errstate(divide="ignore", invalid="ignore"):
-        deviance = 2 * (_log_likelihood(np.zeros_like(r), half) - _log_likelihood(r, half))
+        deviance = 2 * (_log_likelihood(np.zeros_like(half), half) - _log_likelihood(r, half))
     out: Array = np.where(half < NEGLIGIBLE_HALF_STEP, r, np.sqrt(np.maximum(deviance, 0.0)))
     return out
 

@@ -283,6 +283,27 @@ def select_trials(data: Data, trials: Sequence[int]) -> Data:
     )
 
 
+def select_channel(data: Data, c: int) -> Data:
+    """Of one channel, by index."""
+    at = slice(c, c + 1)
+    stepless, assumed = (
+        None if two is None else (two[0][..., at], two[1][..., at]) for two in (data.stepless, data.assumed)
+    )
+    return replace(
+        data,
+        channels=data.channels[at],
+        part=data.part[at],
+        value=data.value[..., at],
+        noise=data.noise[at],
+        sigma=data.sigma[..., at],
+        common=data.common[..., at],
+        step=None if data.step is None else data.step[at],
+        least=None if data.least is None else data.least[at],
+        stepless=stepless,
+        assumed=assumed,
+    )
+
+
 def with_trials_replaced(data: Data, index: Sequence[int], some: Data) -> Data:
     """With what is known of some trials, at these indices, as it is in ``some``."""
 

@@ -7,7 +7,7 @@ at random.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -49,6 +49,11 @@ class ServoCommands:
     def initial(self) -> Array:
         """Set point before the first command, (ntrials,)."""
         return np.zeros_like(self.start) if self.velocity else self.start
+
+    def at(self, trials: Sequence[int]) -> ServoCommands:
+        """Of some trials."""
+        index = list(trials)
+        return replace(self, sent=self.sent[index], period=self.period[index], start=self.start[index])
 
     def set_point_offsets(self, delivered: Array) -> Array:
         """Difference that lost commands make to the set point, (ntrials, T - 1)."""

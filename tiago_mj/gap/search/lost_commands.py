@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tiago_mj.effects import EFFECTS
+from tiago_mj.gap.detectors import set_points
 from tiago_mj.gap.detectors.set_points import MAX_SQUARED_RESIDUAL, ServoMotion
 from tiago_mj.gap.inference.fit import Fitted, Fitter, Point
 from tiago_mj.gap.inference.hypotheses import Candidate, Label
@@ -113,10 +114,10 @@ class ExplanationWithLosses:
 
 
 def are_likely(fitter: Fitter, best: Fitted, motion: ServoMotion) -> bool:
-    """Whether a first decoding (two simulations of every trial) explains so much of the residual that lost commands are
-    fitted before a second effect is sought."""
-    trials = fitter.acting_trials
-    found = decode(fitter.predict, motion, effects_in_every_trial(fitter, Point.of(best)), trials)
+    """Whether a first decoding (two simulations of every trial) explains so much of the residual of the liveliest
+    trials that lost commands are fitted before a second effect is sought."""
+    trials = set_points.liveliest_trials(motion, fitter.acting_trials)
+    found = decode(fitter.predict, motion, effects_in_every_trial(fitter, Point.of(best)), trials, of=trials)
     return found.cost_with_losses(trials) < LIKELY_COST_RATIO * found.cost_without_losses(trials)
 
 
@@ -125,30 +126,58 @@ def decoded_beside(
 ) -> ExplanationWithLosses | None:
     """Commands that were lost beside an explanation without losses; None where hardly any was.
 
+    Where trials have many rows, losses and explanation are fitted to the liveliest first, and to all from there on.
+
     Args:
         fitter: of the trials that are explained.
         linearization_point: the explanation.
         motion: of the servos.
         pool: candidates that lose commands, the first of them to all servos.
     """
-    # The nuisance parameters, above all the delay, may have absorbed what lost commands do. So start without them, too.
-    takes_up = np.zeros(fitter.size, dtype=bool)
+    first, there = set_points.liveliest_trials(motion, fitter.acting_trials), linearization_point
+    if len(first) == len(fitter.acting_trials):
+        return _alternating(fitter, _beginnings(fitter, there), motion, pool, None)
+    rows = fitter.trials.rows_of(first)
+    part = fitter.part(rows)
+    near = replace(there, nuisance=fitter.of(rows, there.nuisance))
+    few = _alternating(part, _beginnings(part, near), motion, pool, first)
+    if few is None or fitter.out_of_time():
+        return None
+    shared = len(fitter.shared)
+    nuisance = np.concatenate([few.fit.nuisance[:shared], there.nuisance[shared:]])
+    begin = Point(few.fit.parts, few.fit.values, nuisance).without_effect(len(few.fit.parts) - 1)
+    return _alternating(fitter, [begin], motion, pool, None)
+
+
+def _beginnings(fitter: Fitter, point: Point) -> list[Point]:
+    """A point, without those of its nuisances that may have absorbed what lost commands do, above all the delay, and
+    without any."""
+    none = np.zeros(fitter.size)
+    some = (point.nuisance, np.where(_takes_up(fitter), 0.0, point.nuisance), none)
+    return [replace(point, nuisance=nuisance) for nuisance in {one.tobytes(): one for one in some}.values()]
+
+
+def _takes_up(fitter: Fitter) -> Mask:
+    """Mask of the nuisances that take up what lost commands do, (size,)."""
+    out = np.zeros(fitter.size, dtype=bool)
     for k, term in enumerate(fitter.terms):
-        takes_up[fitter.nuisance_indices(k)] = term.effect in EFFECTS[LOSES].taken_up_by
-    best, least, trials = None, np.inf, fitter.acting_trials
-    begin = (
-        linearization_point.nuisance,
-        np.where(takes_up, 0.0, linearization_point.nuisance),
-        np.zeros(fitter.size),
-    )
-    for nuisance in {one.tobytes(): one for one in begin}.values():
-        point = replace(linearization_point, nuisance=nuisance)
+        out[fitter.nuisance_indices(k)] = term.effect in EFFECTS[LOSES].taken_up_by
+    return out
+
+
+def _alternating(
+    fitter: Fitter, begin: Sequence[Point], motion: ServoMotion, pool: Sequence[Candidate], of: Sequence[int] | None
+) -> ExplanationWithLosses | None:
+    """Decoding and fitting in turns, from several points; ``of``: trials that are decoded, None for all."""
+    takes_up, trials = _takes_up(fitter), fitter.acting_trials
+    best, least = None, np.inf
+    for point in begin:
         before = np.inf
         for _ in range(MAX_DECODING_ROUNDS):
             if fitter.out_of_time():
                 return best
             tried = [
-                (decode(fitter.predict, motion, effects_in_every_trial(fitter, near), trials), near)
+                (decode(fitter.predict, motion, effects_in_every_trial(fitter, near), trials, of=of), near)
                 for near in _with_less(point, takes_up)
             ]
             found, point = min(tried, key=lambda one: one[0].cost_with_losses(trials))
@@ -232,8 +261,9 @@ def decode(
     effects: Sequence[Effects],
     fitted_on: Sequence[int],
     counts: float = DECODING_SAMPLE_WEIGHT,
+    of: Sequence[int] | None = None,
 ) -> DecodedLosses:
-    """Lost commands of every trial and the share lost by every servo, by maximum likelihood.
+    """Lost commands of every trial, or of some, and the share lost by every servo, by maximum likelihood.
 
     Args:
         predict: simulations.
@@ -241,17 +271,24 @@ def decode(
         effects: beside which commands may be lost, of every trial.
         fitted_on: trials by which the share is chosen.
         counts: what a sample counts for.
+        of: trials that are decoded, ``fitted_on`` among them; None: all. Of the others no command is lost, at no cost.
     """
+    decoded = list(range(len(predict.on.trials)) if of is None else of)
 
     def work() -> tuple[Any, ...]:
-        return _decoded(predict, motion, effects, fitted_on, counts)
+        return _decoded(predict, motion, effects, fitted_on, counts, decoded)
 
-    depends_on = ("lost commands", list(effects), list(fitted_on), counts)
+    depends_on = ("lost commands", list(effects), list(fitted_on), counts, decoded)
     return DecodedLosses(*remembered(predict, work, depends_on, lambda: False))
 
 
 def _decoded(
-    predict: Predictor, motion: ServoMotion, effects: Sequence[Effects], fitted_on: Sequence[int], counts: float
+    predict: Predictor,
+    motion: ServoMotion,
+    effects: Sequence[Effects],
+    fitted_on: Sequence[int],
+    counts: float,
+    of: list[int],
 ) -> tuple[Any, ...]:
     """Fields of :class:`DecodedLosses`, as of :func:`decode`."""
     plant, on, data = predict.plant, predict.on, predict.data
@@ -270,10 +307,12 @@ def _decoded(
         precision = np.where(known, 1 / deviation[:, 1:, mine] ** 2, 0.0)
         residual = np.where(known, (data.value - base)[:, 1:, mine], 0.0)
         servo, response = learned.of(motion, a, mine, known)
+        servo, residual, precision = servo.at(of), residual[of], precision[of]
         viterbi = _viterbi(servo, response, residual, precision, counts)
-        cost[:, :, a], none[:, a] = viterbi.cost, _cost_without_losses(residual, precision, response.shape[1], counts)
-        best[a] = k = int(np.argmin(viterbi.cost[:, list(fitted_on)].sum(axis=1)))
-        found[:, :, a], chosen[:, a] = viterbi.delivered[k], viterbi.data[k]
+        cost[:, of, a] = viterbi.cost
+        none[of, a] = _cost_without_losses(residual, precision, response.shape[1], counts)
+        best[a] = k = int(np.argmin(cost[:, list(fitted_on), a].sum(axis=1)))
+        found[of, :, a], chosen[of, a] = viterbi.delivered[k], viterbi.data[k]
     return found, cost, none, chosen, best
 
 

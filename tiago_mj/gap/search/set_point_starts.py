@@ -15,12 +15,14 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import fft
 
 from tiago_mj.effects import EFFECTS
 from tiago_mj.effects.declare import overrides
 from tiago_mj.gap.detectors import set_points
 from tiago_mj.gap.detectors.set_points import MAGNITUDES_AROUND_BEST, PERIOD, ServoMotion
 from tiago_mj.gap.inference import likelihood
+from tiago_mj.gap.inference.changed_channels import Around
 from tiago_mj.gap.inference.fit import Fitted, Fitter, Point, Start
 from tiago_mj.gap.inference.hypotheses import Candidate
 from tiago_mj.gap.inference.noise_model import Data
@@ -228,16 +230,19 @@ class Beside:
         npairs), nuisances integrated out; the candidates are one effect."""
         wide = replace(candidates[0], target=None)
         answers = [self._answers(candidate) for candidate in candidates]
-        nothing = likelihood.log_likelihood(self.frame, self.base[None])[0]
+        responses = {(a, c): one for mine in answers for a, c, one in mine}
+        around = Around.of(self.frame, self.base)
         out = np.empty((len(candidates), len(pairs)))
         for first in range(0, len(pairs), AT_ONCE):
             some = slice(first, first + AT_ONCE)
             off = self._offsets(wide, pairs[some]) * self.fitter.acting[:, None, None]
+            changed = {}
+            for (a, c), response in responses.items():
+                predicted = np.repeat(self.base[None, ..., c], len(off), axis=0)
+                predicted[:, :, 1:] += _convolved(off[..., a], response)
+                changed[c] = around.white(c, predicted)
             for each, mine in zip(out, answers, strict=True):
-                predicted = np.repeat(self.base[None], len(off), axis=0)
-                for a, c, response in mine:
-                    predicted[:, :, 1:, c] += _convolved(off[..., a], response)
-                each[some] = likelihood.log_likelihood(self.frame, predicted) - nothing
+                each[some] = around.log_likelihoods({c: changed[c] for _, c, _ in mine}) - around.log_likelihood
         return out
 
     def _answers(self, candidate: Candidate) -> list[tuple[int, int, Array]]:
@@ -284,6 +289,6 @@ def _free(fitter: Fitter, motion: ServoMotion) -> Data:
 def _convolved(offsets: Array, response: Array) -> Array:
     """Convolution of set point offsets (..., T) with an impulse response (rows,), (..., T)."""
     rows = offsets.shape[-1]
-    size = 1 << (rows + len(response)).bit_length()
-    both = np.fft.rfft(offsets, size) * np.fft.rfft(response, size)
-    return np.asarray(np.fft.irfft(both, size)[..., :rows])
+    size = fft.next_fast_len(rows + len(response) - 1, real=True)
+    both = fft.rfft(offsets, size) * fft.rfft(response, size)
+    return np.asarray(fft.irfft(both, size)[..., :rows])
