@@ -55,13 +55,13 @@ def left(predict: Predictor) -> float:
 def test_nothing_is_put_right_beside_an_explanation(tmp_path):
     predict = beside(tmp_path, PERIOD)
     assert left(predict) < 1e-9
-    assert predict.with_other_step_correction() is None
+    assert predict.with_step_correction(1.0) is None
     assert left(predict.corrected_beside([(0, RUBS)])) < 1e-9
 
 
 def test_of_shorter_steps_the_error_is_known(tmp_path):
     predict = beside(tmp_path, PERIOD / 4)
-    other = predict.with_other_step_correction()
+    other = predict.with_step_correction(1.0 - predict.corrected)
     assert other is not None
     assert other.corrected != predict.corrected
     assert left(predict) == pytest.approx(left(other), rel=0.5)

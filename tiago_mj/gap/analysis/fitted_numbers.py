@@ -225,7 +225,7 @@ def _refitted(
     all_terms = (*(one.term for one in given), *own)
     some = noise_model.select_trials(data, trials)
     flat = np.zeros((len(all_terms), *some.value.shape))
-    simulator = replace(ranked.predict, corrected=False)
+    simulator = replace(ranked.predict, corrected=0.0)
     fitter = Fitter(simulator, trials, some, ranked.weight, all_terms, flat, effects)
     begin = np.zeros(fitter.size)
     begin[: len(given)] = [one.size for one in given]

@@ -108,7 +108,7 @@ def weighed_share(recorded: Recorded, predict: Predictor, fit: Fitted, rest: Rem
         if predict.corrected:
             known = (*fit.effects(), *own_numbers(recorded.plant, fit))
             by = predict.corrected_beside([(trial, known) for trial in test])
-            right, raw = (one.all_trials([known], test)[0] for one in (by, replace(by, corrected=False)))
+            right, raw = (one.all_trials([known], test)[0] for one in (by, replace(by, corrected=0.0)))
             error = raw - right
         data = step_tolerance.beside(noise_model.select_trials(recorded.data, test), rest.predicted, error)
     return shrink.gone(*(likelihood.distance(data, one.predicted) for one in (nothing, rest)))

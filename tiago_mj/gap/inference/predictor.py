@@ -52,7 +52,9 @@ class Predictor:
             (:func:`tiago_mj.gap.inference.step_tolerance.step_errors`), in parts of rows
             (:func:`tiago_mj.gap.simulation.replay.parts_of`) where sensors' effects with a memory are asked for; None:
             not known.
-        corrected: whether that is put right where it is known; else predictions are as they are simulated.
+        corrected: share of that which is put right where it is known: 1 for a robot, 0 for predictions as they are
+            simulated; a half for what was recorded in a simulator with half the step, as MuJoCo's integrators err in
+            proportion to it.
         between: whether sensors' effects with a memory act between rows, as a robot's do; else at rows alone, as the
             environments' do.
         rounded: whether readings are rounded where an effect rounds them; else they are what is rounded: a likelihood
@@ -71,7 +73,7 @@ class Predictor:
     threads: int = 0
     seed: int = 0
     off: Signals | None = None
-    corrected: bool = True
+    corrected: float = 1.0
     rounded: bool = False
     between: bool = True
     runs: int = 0
@@ -161,7 +163,7 @@ class Predictor:
     def as_simulated(self) -> Predictor:
         """The same with the error of the physics step in it, its readings rounded, and its sensors at work at the rows
         alone: what the environment, or the repaired model, does."""
-        return replace(self, corrected=False, rounded=True, between=False)
+        return replace(self, corrected=0.0, rounded=True, between=False)
 
     def beside_each(self, explanations: Sequence[Effects], trials: Sequence[int]) -> Array:
         """(nexplanations, ntrials, T, C), as :meth:`all_trials`: each with its own step's error put right, readings
@@ -207,9 +209,9 @@ class Predictor:
             self._beside[key] = tuple(getattr(found, f)[k].copy() for f in Signals.__dataclass_fields__)
         return True
 
-    def with_other_step_correction(self) -> Predictor | None:
-        """The same with the step's error put right where it was not, or the other way round; None: it is not known."""
-        return None if self.off is None else replace(self, corrected=not self.corrected)
+    def with_step_correction(self, share: float) -> Predictor | None:
+        """The same with a share of the step's error put right; None: it is not known."""
+        return None if self.off is None else replace(self, corrected=share)
 
     def _measures(self, entry: Entry) -> bool:
         """Whether an effect is applied to signals: of those that draw at random none is, as a reading that was missed
@@ -221,7 +223,7 @@ class Predictor:
         off = tuple(getattr(self.off, f)[trial] for f in Signals.__dataclass_fields__)
         parts = min(self._parts(run), self._parts(off))
         pairs = zip(self._cut(run, parts), self._cut(off, parts), strict=True)
-        return tuple(one - wrong for one, wrong in pairs)
+        return tuple(one - self.corrected * wrong for one, wrong in pairs)
 
     def _parts(self, run: Run) -> int:
         """Of each row's period."""
@@ -319,7 +321,7 @@ def predictor(
         data, as_simulated - noise_model.predicted(data, off.thinned(parts))
     )
     wrong = off if known else None
-    return Predictor(plant, on, data, threads, seed, wrong, corrected=known and not same, deadline=by), nominal
+    return Predictor(plant, on, data, threads, seed, wrong, corrected=float(known and not same), deadline=by), nominal
 
 
 def _steps_with_rows(plant: Plant) -> bool:

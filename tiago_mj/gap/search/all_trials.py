@@ -54,7 +54,7 @@ def fitted(state: State, wide: Fitter) -> tuple[State, Fitter]:
     full = _linearized(before, wide, best)
     full = step_error.corrected_beside(full, _start(best, before, full))
     (there,) = full.fit_all([_start(best, before, full)])
-    if best.parts and not full.predict.corrected:  # so many trials may tell that it should be
+    if best.parts and full.predict.corrected < 1:  # so many trials may tell that it should be
         leaders = [starts.restart(there), *(_start(f, before, full) for f in step_error.leaders(state.fits)[1:])]
         full = replace(full, predict=step_error.better_step_correction(full, leaders) or full.predict)
         (there,) = full.fit_all([starts.restart(there)])

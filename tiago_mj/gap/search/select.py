@@ -167,7 +167,7 @@ def _search(
             )
             found = _ending(found, over)
         state = _departing_left_out(on_each.target(found, out_of_time))
-        open_still = size == 1 or not state.full.predict.corrected
+        open_still = size == 1 or state.full.predict.corrected < 1
         state = sharpen.sharpened(step_error.decided(state) if open_still and not over() else state)
         tell(state)
         if size == 1 and not over() and _losses_are_likely(state):

@@ -39,7 +39,7 @@ def beside(full: Fitter, best: Fitted, *, in_contact: bool = True) -> Fitter:
     prediction = there.predictions([point])[0]
     error = np.zeros_like(prediction)
     if predict.corrected and predict.off is not None:
-        error = replace(there, predict=replace(predict, corrected=False)).predictions([point])[0] - prediction
+        error = replace(there, predict=replace(predict, corrected=0.0)).predictions([point])[0] - prediction
     there = replace(there, data=step_tolerance.beside(full.data, prediction, error, in_contact=in_contact))
     sigma, common = predict.data.sigma.copy(), predict.data.common.copy()
     sigma[list(there.trials)], common[list(there.trials)] = there.data.sigma, there.data.common

@@ -1,12 +1,13 @@
-"""Whether predictions are corrected for the integration error of the physics step, decided beside an explanation.
+"""How far predictions are corrected for the integration error of the physics step, decided beside an explanation.
 
-A recording made in the very simulator that replays it has the same integration error, a real robot has not. Beside the
-nominal model this cannot be decided: the change by a missing effect is larger than the integration error.
+A recording made in the very simulator that replays it has the same integration error, a real robot has not, and one
+made in a simulator with a shorter step has a part of it. Beside a nominal model that lacks an effect this cannot be
+decided: the change by that is larger than the integration error.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -22,9 +23,13 @@ from tiago_mj.gap.search.state import State
 #: Recordings are taken to be free of integration error, as a robot's are, unless they are met better with it by this
 #: much [nats]: a Bayes factor of 3.
 KEPT_NATS: Final = 1.1
+#: Shares of it that are put right, and to what others are told: of a simulator whose step is half as long a half is, of
+#: one whose step is a third two thirds.
+SHARES: Final = (0.0, 0.5, 1.0)
+SHARE_STEP: Final = 0.05
 #: Physics steps of these decisions in a predictor's tally: no part of a search's budget, as nothing is found by them.
 DECIDING: Final = "deciding"
-#: Explanations beside which both ways are tried, the likeliest of other classes: one that is wrong may go with a wrong
+#: Explanations beside which all shares are tried, the likeliest of other classes: one that is wrong may go with a wrong
 #: step (a spring and a lag with the error of a step of 2 ms for a late clock and a weak motor, hinges_5002.json, 83).
 MAX_BESIDE: Final = 3
 
@@ -37,38 +42,54 @@ def leaders(fits: Sequence[Fitted]) -> list[Fitted]:
 
 
 def better_step_correction(fitter: Fitter, fits: Sequence[Fitted] | Sequence[Start]) -> Predictor | None:
-    """The predictor with the correction for integration error switched; None where the present choice is the more
-    likely one.
+    """The predictor with another share of the integration error put right; None where the present one is the
+    likeliest.
 
     Args:
         fitter: of the trials.
-        fits: explanations of them: each way may have its own best.
+        fits: explanations of them: each share may have its own best.
     """
-    switched = fitter.predict.with_other_step_correction()
-    if switched is None or not fits:
+    if fitter.predict.with_step_correction(1.0) is None or not fits:
         return None
     # By the noise alone: what the step gets wrong is part of the tolerance, which would hide it.
     noise = np.broadcast_to(fitter.data.noise, fitter.data.value.shape)
     on = Whitening(replace(fitter.data, sigma=noise, common=np.zeros_like(noise)), fitter.weight)
     tally = fitter.predict.tally
     before = tally["physics_steps"]
-    # What is put right is the same beside all that a fit tries, so that both ways respond alike to the numbers.
+    # What is put right is the same beside all that a fit tries, so that all shares respond alike to the numbers.
     begin = [starts.start_at(Point.of(fit)) for fit in fits]
     around = [corrected_beside(fitter, start).linearized_at(Point.of(start)) for start in begin]
 
-    def cost(predict: Predictor) -> float:
-        # Each way has its own best explanation and magnitudes: a late command and a late step look alike.
-        costs = []
+    def cost(share: float) -> float:
+        # Each share has its own best explanation and magnitudes: a late command and a late step look alike.
+        predict, costs = fitter.predict.with_step_correction(share), []
+        assert predict is not None
         for start, near in zip(begin, around, strict=True):
             by = corrected_beside(replace(near, predict=predict), start)
             (refitted,) = by.fit_all([start])
             point = Point.of(refitted)
             costs.append(on.cost(by.predictions([point])[0], point.nuisance))
-        return min(costs)
+        return min(costs) + (KEPT_NATS if share < 1 else 0.0)
 
-    drop = cost(fitter.predict) - cost(switched)
+    present = fitter.predict.corrected
+    told = {share: cost(share) for share in dict.fromkeys((present, *SHARES))}
+    least = _of_least_cost(told)
+    if min(abs(least - share) for share in told) > SHARE_STEP / 2:
+        told[least] = cost(least)
+    best = min(told, key=lambda share: told[share])
     tally[DECIDING] += tally["physics_steps"] - before
-    return switched if drop > (-KEPT_NATS if switched.corrected else KEPT_NATS) else None
+    return None if best == present else fitter.predict.with_step_correction(best)
+
+
+def _of_least_cost(told: Mapping[float, float]) -> float:
+    """Share at the lowest point of the parabola through the costs of :data:`SHARES`, as a cost is of what is linear; of
+    a curve that has none the best of them."""
+    low, middle, high = (told[share] - (KEPT_NATS if share < 1 else 0.0) for share in SHARES)
+    bend = low - 2 * middle + high
+    if not bend > 0:
+        return min(SHARES, key=lambda share: told[share])
+    least = 0.5 + (low - high) / (4 * bend)
+    return float(np.clip(round(least / SHARE_STEP) * SHARE_STEP, 0.0, 1.0))
 
 
 def corrected_beside(fitter: Fitter, fit: Fitted | Start) -> Fitter:
@@ -88,13 +109,13 @@ def own(fitter: Fitter, fit: Fitted, among: Sequence[Fitted]) -> Fitter:
 
 def decided(state: State) -> State:
     """The search with the better choice beside its best explanations of all trials, its explanations fitted anew where
-    that is another one than before. Where no effect leads, what was decided beside the nominal model stands.
+    that is another one than before.
 
     Screening trials beside single effects tell too little: of 12 hinges whose readings are filtered, late or limited in
     speed four were left with the error of a step of 2 ms, and time constants and delays came out 1 ms short
     (hinges_5002.json).
     """
-    other = better_step_correction(state.full, leaders(state.fits)) if state.best.parts else None
+    other = better_step_correction(state.full, leaders(state.fits))
     if other is None:
         return state
     full, screening = replace(state.full, predict=other), replace(state.screening, predict=other)

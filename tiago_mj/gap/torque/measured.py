@@ -104,7 +104,7 @@ def measured(session: Session, trials: Sequence[Trial], wanted: Wanted, share: f
         on=_grid(along, resampled),
         data=data,
         seed=wanted.seed,
-        corrected=False,
+        corrected=0.0,
         deadline=deadline or Deadline(),
         torques=torques,
         whole=Torques(plant.model, whole, plant.given, deadline),

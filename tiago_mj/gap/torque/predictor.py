@@ -81,8 +81,9 @@ class EffortPredictor(Predictor):
         """The same, as of :meth:`as_simulated`."""
         return self
 
-    def with_other_step_correction(self) -> Predictor | None:
+    def with_step_correction(self, share: float) -> Predictor | None:
         """None, as of :meth:`as_simulated`."""
+        del share
         return None
 
     def _efforts(self, effects: Effects, trials: Sequence[int]) -> Iterator[tuple[int, Array]]:
