@@ -146,7 +146,8 @@ def judged(case: Case, label: dict[str, Any], found: dict[str, Any] | None) -> d
     """Whether an answer is right by class, and its value within its interval; ``right`` is False without an answer.
 
     Right is, without an effect, that there is no gap to explain; with one, that the explanation, or one that the data
-    are said not to tell from it, has effects of the truth's class and of no other.
+    are said not to tell from it, has effects of the truth's class and of no other. That encoders are on a grid is true
+    of every reality here, and may be named beside anything.
     """
     if found is None:
         return {"verdict": None, "named": [], "right": False, "false_names": []}
@@ -160,13 +161,13 @@ def judged(case: Case, label: dict[str, Any], found: dict[str, Any] | None) -> d
         "closed": found["shrink"]["closed"],
         "own_seconds": found["seconds"],
     }
-    named = [one["name"] for one in best] if kind in ("effect", "ambiguous") else []
+    named = _beyond_encoders(best) if kind in ("effect", "ambiguous") else []
     if label["kind"] == "none":
-        return {**row, "right": kind == "no_gap", "false_names": named}
+        return {**row, "right": kind == "no_gap" or (kind == "effect" and not named), "false_names": named}
     own = classes_of_truth(case, label["effect"])
-    sets = [[one["name"] for one in best]]
+    sets = [_beyond_encoders(best)]
     if kind == "ambiguous":
-        sets += [[one["name"] for one in other["effects"]] for other in verdict["alternatives"]]
+        sets += [_beyond_encoders(other["effects"]) for other in verdict["alternatives"]]
     right = kind in ("effect", "ambiguous") and any(some and classes(some) <= own for some in sets)
     row |= {"right": right, "false_names": [name for name in named if not classes([name]) <= own]}
     alike = COMPARABLE.get(label["effect"], (label["effect"],))
@@ -179,6 +180,11 @@ def judged(case: Case, label: dict[str, Any], found: dict[str, Any] | None) -> d
         targets = same["target"] if isinstance(same["target"], list) else [same["target"]]
         row["target_right"] = label["target"] is None or targets in (["all"], [label["target"]])
     return row
+
+
+def _beyond_encoders(effects: list[dict[str, Any]]) -> list[str]:
+    """Names of effects other than the encoders' grids."""
+    return [one["name"] for one in effects if one["name"] != "encoder_quantization"]
 
 
 def classes(names: list[str]) -> set[str]:

@@ -138,6 +138,10 @@ def answer(kind: str, *names: str, others: Sequence[str] = ()) -> dict:
         ("none", answer("no_gap"), True, []),
         ("none", answer("unknown"), False, []),
         ("none", answer("effect", "armature"), False, ["armature"]),
+        ("none", answer("effect", "encoder_quantization"), True, []),
+        ("none", answer("effect", "armature", "encoder_quantization"), False, ["armature"]),
+        ("friction", answer("effect", "coulomb_friction", "encoder_quantization"), True, []),
+        ("friction", answer("effect", "encoder_quantization"), False, []),
         ("delay", None, False, []),
     ],
 )
