@@ -12,10 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import linalg
 
 from tiago_mj.gap.inference import likelihood
-from tiago_mj.gap.inference.likelihood import NUISANCE_BOUND, SOFTENING_LIMIT, Frame
+from tiago_mj.gap.inference.likelihood import SOFTENING_LIMIT, Frame
 from tiago_mj.gap.inference.noise_model import Data, select_channel
 
 Array = NDArray[np.float64]
@@ -62,7 +61,7 @@ class Around:
         data = tuple(select_channel(frame.data, c) for c in range(count))
         white = [_white(one, frame.weight[c], base[..., c]) for c, one in enumerate(data)]
         projection = np.stack([r @ a for r, a in zip(white, columns, strict=True)])
-        nuisance = _most_probable(frame, projection.sum(axis=0))
+        nuisance = likelihood.most_probable(frame, projection.sum(axis=0))
         shift = nuisance - frame.at
         cost, gradient, hessian = [], [], []
         for r, a in zip(white, columns, strict=True):
@@ -88,7 +87,7 @@ class Around:
         mine = list(changed)
         others = np.setdiff1d(np.arange(len(self.data)), mine)
         projection = self.projection[others].sum(axis=0) + sum(changed[c].projection for c in mine)
-        nuisance = _most_probable(self.frame, projection)
+        nuisance = likelihood.most_probable(self.frame, projection)
         shift = nuisance - self.frame.at
         cost = np.zeros(len(nuisance))
         for c in mine:
@@ -104,9 +103,3 @@ def _white(data: Data, weight: float, predicted: Array) -> Array:
     """Whitened residuals of one channel, (..., ntrials, T) to (..., nrows)."""
     white = likelihood.whiten(data, likelihood.residual(data, predicted[..., None]), np.array([weight]))
     return white.reshape(*white.shape[:-3], -1)
-
-
-def _most_probable(frame: Frame, projection: Array) -> Array:
-    """Nuisances at which a residual with such projections on their columns, (..., p), is most probable."""
-    further = linalg.cho_solve(frame.factor, (projection - frame.at).T).T
-    return np.asarray(np.clip(frame.at + further, -NUISANCE_BOUND, NUISANCE_BOUND))

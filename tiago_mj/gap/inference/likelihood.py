@@ -226,11 +226,17 @@ def log_likelihood(on: Frame, predicted: Array) -> Array:
     """log p of the recordings given predictions (..., ntrials, T, C), nuisance integrated out, (...)."""
     white = whiten(on.data, residual(on.data, predicted), on.weight)
     r = white.reshape(-1, on.columns.shape[0])
-    further = linalg.cho_solve(on.factor, (r @ on.columns - on.at).T).T
-    nuisance = np.clip(on.at + further, -NUISANCE_BOUND, NUISANCE_BOUND)
+    nuisance = most_probable(on, r @ on.columns)
     left = soften(r - (nuisance - on.at) @ on.columns.T)
     total = -0.5 * (np.sum(left * left, axis=-1) + np.sum(nuisance * nuisance, axis=-1)) - 0.5 * on.logdet
     out: Array = total.reshape(white.shape[:-3])
+    return out
+
+
+def most_probable(on: Frame, projection: Array) -> Array:
+    """Nuisances at which residuals with such projections on their columns, (..., p), are most probable, (..., p)."""
+    further = linalg.cho_solve(on.factor, (projection - on.at).T).T
+    out: Array = np.clip(on.at + further, -NUISANCE_BOUND, NUISANCE_BOUND)
     return out
 
 
