@@ -51,7 +51,6 @@ class LaplaceEvidence:
 
 def log_evidence(
     on: Whitening,
-    plain: Whitening,
     at: Point,
     predicted: Array,
     columns: Array,
@@ -61,8 +60,8 @@ def log_evidence(
     """Evidence at a point that was fitted.
 
     Args:
-        on: whitening of the residuals, with the tolerance for the form of the effects.
-        plain: the same without that tolerance, so that an explanation that fits without it is not penalised for it.
+        on: whitening of the residuals, with the tolerance for the form of the effects; an explanation that fits without
+            that tolerance is not penalised for it.
         at: candidates, magnitudes (k,) and nuisances (p,).
         predicted: there, (ntrials, T, C).
         columns: whitened response to each magnitude and nuisance, (n, k + p).
@@ -71,6 +70,7 @@ def log_evidence(
         seconds: whitened response to the logarithm of each second number, (n, s); None: there is none.
     """
     parts, count = at.parts, len(at.parts)
+    exact = on.exact or on
     _, weighted = on.weighted(predicted, columns)
     curvature = weighted.T @ weighted + np.diag(np.concatenate([np.full(count, 1e-9), np.ones(len(at.nuisance))]))
     for k, part in enumerate(parts):  # a magnitude that the data do not bind is bound by its bounds
@@ -78,7 +78,7 @@ def log_evidence(
     _, logdet = np.linalg.slogdet(curvature)
     _, of_nuisances = np.linalg.slogdet(curvature[count:, count:])
     prior = -0.5 * float(at.nuisance @ at.nuisance) - 0.5 * (logdet - of_nuisances)
-    log_likelihood = -min(on.cost(predicted, np.zeros(0)) + on.tolerance_cost, plain.cost(predicted, np.zeros(0)))
+    log_likelihood = -min(on.cost(predicted, np.zeros(0)) + on.tolerance_cost, exact.cost(predicted, np.zeros(0)))
     for part, value in zip(parts, at.values, strict=True):
         prior += 0.5 * np.log(2 * np.pi) + part.log_prior(float(value))
         far = abs(np.log(value) if part.identity == 1 else value - part.identity)

@@ -324,7 +324,7 @@ class Fitter(Linearized):
 
     def _evaluated(self, on: Whitening, at: Point, base: Array, columns: Array, seconds: Array | None = None) -> Fitted:
         twins = [place for part in at.parts for place in self.duplicating_nuisances(part)]
-        found = log_evidence(on, Whitening(self.data, self.weight), at, base, columns, twins, seconds)
+        found = log_evidence(on, at, base, columns, twins, seconds)
         misfit, lasting = self._mean_squares(on, base)
         each = iter(found.second_deviations.tolist())
         spreads = [d if p.spread is None else p.spread for p, d in zip(at.parts, found.deviations, strict=True)]

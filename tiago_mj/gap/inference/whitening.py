@@ -22,18 +22,21 @@ class Whitening:
         data: measured, with floor and tolerance.
         weight: square root of what a sample of each channel counts for, (C,).
         tolerance_cost: half the log-determinant by which the tolerance is wider than the nominal model's [nats].
+        exact: the same without a tolerance for the form of effects; None: this one has none.
     """
 
     data: Data
     weight: Array
     tolerance_cost: float = 0.0
+    exact: Whitening | None = None
 
     def with_form_tolerance(self, missed: Array) -> Whitening:
         """This whitening with a tolerance for the form of effects: ``missed`` is its deviation, (ntrials, T, C)."""
         own = self.data.sigma**2 - self.data.common**2
         form = missed**2
         cost = np.where(np.isfinite(self.data.value), 0.5 * np.log1p(form / own), 0.0) * self.weight**2
-        return Whitening(replace(self.data, sigma=np.sqrt(self.data.sigma**2 + form)), self.weight, float(cost.sum()))
+        wider = replace(self.data, sigma=np.sqrt(self.data.sigma**2 + form))
+        return Whitening(wider, self.weight, float(cost.sum()), self.exact or self)
 
     def white(self, difference: Array) -> Array:
         """Whitened, (..., n)."""
