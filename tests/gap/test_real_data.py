@@ -204,6 +204,20 @@ def test_several_long_recordings_are_cut_and_short_ones_beside_them_are_not():
     assert len(cut_long([short, replace(short, name="other")])) > 2  # two alone leave nothing to choose by
 
 
+def test_a_lone_short_recording_is_cut_into_shorter_parts():
+    def alone(seconds: float) -> list[float]:
+        return [part.time[-1] for part in cut_long([recording(np.sin(np.arange(round(50 * seconds)) / 50 * 3))])]
+
+    assert len(alone(4.0)) == 1  # parts of less than 2.5 s tell too little
+    assert len(alone(9.0)) in (3, 4)  # some is given up to gaps
+    assert min(alone(9.0)) > 1.8
+    assert len(alone(16.0)) in (4, 5)
+    assert len(alone(20.0)) in (4, 5)
+    assert len(alone(24.0)) == 2
+    half = recording(np.sin(np.arange(600) / 50 * 3))
+    assert len(cut_long([half, replace(half, name="other")])) == 4
+
+
 def test_parts_of_a_recording_are_compared_in_the_channels_that_the_recording_is_believed_in(tmp_path):
     (tmp_path / "servo.xml").write_text(so101.servo("hinge"))
     turn = np.arange(100 * 50) / 50

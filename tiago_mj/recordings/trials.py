@@ -24,8 +24,12 @@ SHORTEST: Final = 2.0
 #: Longest trial that is replayed [s], and its rows: hundreds of explanations at once fit into 1.5 GB.
 LONGEST: Final = 60.0
 MOST_ROWS: Final = 15_000
-#: With fewer recordings nothing is left to choose by or to test on, unless they are cut.
+#: With fewer recordings nothing is left to choose by or to test on, unless they are cut. Those that are too short for
+#: two parts of the length aimed at become this many parts together, three to train, one to choose by and one to test
+#: on, unless these would be shorter than a part may be [s].
 ENOUGH: Final = 3
+PARTS: Final = 5
+SHORTEST_PART: Final = 2.5
 #: A rest is so long at least [s]; nothing is commanded anew and no joint leaves this share of its range.
 REST: Final = 0.5
 STILL: Final = 0.01
@@ -43,13 +47,15 @@ def too_long(trial: Trial) -> bool:
 
 def cut_long(trials: Sequence[Trial]) -> tuple[Trial, ...]:
     """Every trial that is too long to be replayed in parts that are not, the others as they are. Fewer than
-    :data:`ENOUGH` are all cut, as :func:`cut` does."""
+    :data:`ENOUGH` are all cut, as :func:`cut` does, short ones into shorter parts."""
     found: list[Trial] = []
+    together = sum(float(trial.time[-1] - trial.time[0]) for trial in trials)
     for trial in trials:
-        if not too_long(trial):
-            found += cut(trial) if len(trials) < ENOUGH else (trial,)
-            continue
         seconds = float(trial.time[-1] - trial.time[0])
+        if not too_long(trial):
+            length = LENGTH if seconds > 2 * LENGTH else max(together / PARTS, SHORTEST_PART)
+            found += cut(trial, length) if len(trials) < ENOUGH else (trial,)
+            continue
         length = min(LENGTH, seconds * MOST_ROWS / len(trial.time) / 2)
         for piece in cut(trial, length):
             found += blocks(piece, length) if too_long(piece) else (piece,)
