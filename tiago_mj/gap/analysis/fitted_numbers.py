@@ -285,7 +285,7 @@ def _seen(ranked: Ranked, data: Data, fold: Fold, effects: tuple[Entry, ...]) ->
 
 def _in_noise(data: Data, difference: Array) -> Array:
     """Differences (..., ntrials, T, C) in units of the noise floor, (..., n); 0 where nothing was measured."""
-    scaled = np.where(np.isfinite(data.value), np.nan_to_num(difference / data.noise), 0.0)
+    scaled = np.where(np.isfinite(data.value), np.nan_to_num(difference / data.floor), 0.0)
     return scaled.reshape(*scaled.shape[:-3], data.value.size)
 
 

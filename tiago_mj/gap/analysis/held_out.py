@@ -123,7 +123,7 @@ def _blocks(data: Data, predicted: Array, length: int) -> tuple[Array, Array]:
     block = (np.arange(ntrials)[:, None] * per_trial + np.arange(rows) // length).ravel()
     count = ntrials * per_trial
     samples = np.bincount(block, known.sum(axis=2).ravel(), minlength=count)
-    square = np.where(known, np.nan_to_num((data.value - predicted) / data.noise) ** 2, 0.0).sum(axis=3)
+    square = np.where(known, np.nan_to_num((data.value - predicted) / data.floor) ** 2, 0.0).sum(axis=3)
     energy: Array = np.stack([np.bincount(block, one.ravel(), minlength=count) for one in square]).astype(float)
     there = samples > 0
     return energy[:, there], samples[there].astype(float)

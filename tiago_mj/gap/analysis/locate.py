@@ -52,7 +52,7 @@ def locate(data: Data, predicted: Array, phase: NDArray[np.int_], period: float,
     Returns:
         Rows with at least two samples, largest share of the excess first.
     """
-    residual = (data.value - predicted) / data.noise
+    residual = (data.value - predicted) / data.floor
     signals = {
         name: [Signal(one[:, c], phase[k], np.full(len(one), k)) for k, one in enumerate(residual)]
         for c, name in enumerate(data.channels)

@@ -17,6 +17,7 @@ from tiago_mj.gap.decision import verdict
 from tiago_mj.gap.detectors.readings import Tone
 from tiago_mj.gap.inference.fit import Fitted
 from tiago_mj.gap.inference.hypotheses import Candidate
+from tiago_mj.gap.inference.noise_model import Data
 from tiago_mj.gap.parts import target_of
 from tiago_mj.gap.result import Explanation, Joint, Named, Overlay, Value
 from tiago_mj.gap.search.state import Ranked
@@ -167,7 +168,7 @@ def overlay(recorded: Recorded, base: Array, repaired: Array, k: int) -> Overlay
         nominal=signals(base),
         repaired=signals(repaired),
         units={name: units[name.partition(".")[0]](int(j)) for name, j in zip(data.channels, data.part, strict=True)},
-        floor={name: float(noise) for name, noise in zip(data.channels, data.noise, strict=True)},
+        floor={name: float(noise) for name, noise in zip(data.channels, data.floor, strict=True)},
     )
 
 
@@ -201,9 +202,23 @@ def notes(session: Session, tones: Sequence[Tone], ranked: Ranked) -> tuple[str,
         "tipped or got stuck there. The answer is based on the others."
         for k in ranked.excluded
     ]
+    said += late_readings(ranked.predict.data)
     if not ranked.complete:
         said.append(early_end(ranked.ended))
     return tuple(said)
+
+
+def late_readings(data: Data) -> list[str]:
+    """A sentence on readings that are earlier or later than their stamps."""
+    if data.late is None or not data.late.any():
+        return []
+    late = {name: 1e3 * float(one) for name, one in zip(data.channels, data.late, strict=True) if one}
+    least, most = f"{min(late.values()):.2g}", f"{max(late.values()):.2g}"
+    return [
+        f"{', '.join(late)}: read earlier or later than {'its' if len(late) == 1 else 'their'} stamps say, "
+        f"by {most if least == most else f'{least} to {most}'} ms (root mean square), so that a fast motion is read "
+        "less exactly: that counts as noise."
+    ]
 
 
 def early_end(ended: BaseException | None) -> str:

@@ -78,14 +78,14 @@ def remainder(recorded: Recorded, predict: Predictor, fit: Fitted, weight: Array
     there = np.isfinite(selected.value)
     samples = float((scaled.sum(axis=(0, 1)) / np.maximum(there.sum(axis=(0, 1)), 1)).max(initial=0.0))
     lasting = float(np.nan_to_num(likelihood.lasting(selected, residual)).max(initial=0.0))
-    square = np.where(there, (residual / data.noise) ** 2, 0.0)
+    square = np.where(there, (residual / data.floor) ** 2, 0.0)
     channels = _means(square.sum(axis=(0, 1)), there.sum(axis=(0, 1)), data.channels)
     inside = [there & (phase[list(test)][:, : there.shape[1], None] == p) for p in range(len(PHASES))]
     counts = np.array([rows.sum() for rows in inside])
     phases = _means(np.array([square[rows].sum() for rows in inside]), counts, PHASES)
     misfits = _means(np.array([scaled[rows].sum() for rows in inside]), counts, PHASES)
     loud = tuple(name for name, left in phases.items() if left > LEFT and misfits[name] > allowed)
-    gap = float(np.nanmean((residual / data.noise) ** 2))
+    gap = float(np.nanmean((residual / data.floor) ** 2))
     return Remainder(gap, max(samples, lasting), channels, phases, loud, predicted)
 
 

@@ -111,8 +111,8 @@ def _binned(data: Data, before: Array, after: Array, phase: NDArray[np.int_], k:
     count = min(last, BINS)
     known = np.isfinite(value[:last])
     signals = [
-        np.where(known, ((value[:last] - before[:last]) / data.noise) ** 2, 0.0),
-        np.where(known, ((value[:last] - after[:last]) / data.noise) ** 2, 0.0),
+        np.where(known, ((value[:last] - before[:last]) / data.floor) ** 2, 0.0),
+        np.where(known, ((value[:last] - after[:last]) / data.floor) ** 2, 0.0),
         known.astype(np.float64),
     ]
     cell = (np.arange(last) * count // last) * len(PHASES) + phase[:last]
@@ -137,7 +137,7 @@ def block_rows(data: Data, before: Array, after: Array) -> int:
     for k in range(len(data.value)):
         for c in range(len(data.channels)):
             times = [
-                _correlation((data.value[k, :, c] - signal[k, :, c]) / data.noise[c]) for signal in (before, after)
+                _correlation((data.value[k, :, c] - signal[k, :, c]) / data.floor[c]) for signal in (before, after)
             ]
             found.append(max(times))
     longest = max(len(np.flatnonzero(np.isfinite(value).any(axis=1))) for value in data.value)

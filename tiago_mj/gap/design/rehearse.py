@@ -112,7 +112,10 @@ def rehearse(plant: Plant, like: Trial, data: Data, explanations: Sequence[Effec
     sims = [(k, effects) for effects in ((), *explanations) for k in range(count)]
     true = replay.simulate(plant, on, sims, how)
     predicted = noise_model.predicted(rows, true).reshape(len(explanations) + 1, *blank.shape)
-    noisy = predicted[0] + data.noise * np.random.default_rng(how.seed).standard_normal(blank.shape)
+    rng = np.random.default_rng(how.seed)
+    noisy = predicted[0] + data.noise * rng.standard_normal(blank.shape)
+    if data.late is not None:
+        noisy += np.gradient(predicted[0], plant.period, axis=1) * data.late * rng.standard_normal(blank.shape)
     rows = noise_model.collect(plant, [_recorded(t, data, noisy[k]) for k, t in enumerate(on.trials)])
     played = tuple(motion for _, motion in listed)
     harmless = _harmless(plant, played, true.effort.reshape(len(explanations) + 1, *blank.shape[:2], -1))

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter, minimum_filter1d
 
-from tiago_mj.gap.inference import sensor_noise, trailing
+from tiago_mj.gap.inference import sensor_noise, timing_noise, trailing
 from tiago_mj.gap.simulation.plant import Plant
 from tiago_mj.gap.simulation.replay import Signals
 from tiago_mj.recordings.recording import Trial
@@ -84,6 +84,9 @@ class Data:
             none. It is part of ``noise``, and not of ``sigma``. None: no channel has one.
         least: noise that is believed at least, (C,). None: ``noise`` itself.
         stepless: ``sigma`` and ``common`` without what the physics step gets wrong. None: nothing of it is in them.
+        timing: variance of what is read earlier or later than its stamp says, (ntrials, T, C); part of ``sigma``, and
+            not of ``noise``. None: nothing is.
+        late: root mean square of the time by which readings are early or late, (C,) [s]. None: nothing is.
         assumed: of these the variances that were assumed for any two simulators, sample by sample and alike over a
             block, (ntrials, T, C) each. None: nothing was.
     """
@@ -99,6 +102,22 @@ class Data:
     least: Array | None = None
     stepless: tuple[Array, Array] | None = None
     assumed: tuple[Array, Array] | None = None
+    timing: Array | None = None
+    late: Array | None = None
+
+    @property
+    def floor(self) -> Array:
+        """What readings are off by on average, one standard deviation of each channel, (C,)."""
+        if self.timing is None:
+            return self.noise
+        known = np.isfinite(self.value)
+        total = np.where(known, self.timing, 0.0).sum(axis=(0, 1))
+        return np.sqrt(self.noise**2 + total / np.maximum(known.sum(axis=(0, 1)), 1))
+
+    @property
+    def floors(self) -> Array:
+        """What each reading is off by, one standard deviation, (1 or ntrials, 1 or T, C)."""
+        return np.sqrt(self.noise**2 + (np.zeros((1, 1, 1)) if self.timing is None else self.timing))
 
     @property
     def own(self) -> Array:
@@ -122,7 +141,7 @@ def collect(plant: Plant, trials: Sequence[Trial], usable: Usable | None = None)
     length = max(len(trial.time) for trial in trials)
     wanted = [("position", plant.joints), ("velocity", plant.joints), ("force", plant.sensors)]
     channels, part, columns, noise, leasts, steps = [], [], [], [], [], []
-    share, seconds = [], []
+    share, seconds, late, timing = [], [], [], []
     for kind, names in wanted:
         for index, name in enumerate(names):
             channel = f"{kind}.{name}"
@@ -148,6 +167,12 @@ def collect(plant: Plant, trials: Sequence[Trial], usable: Usable | None = None)
             noise.append(sensor_noise.beside_grid(values, least, step, nominal))
             leasts.append(least)
             steps.append(max(step, sensor_noise.grid_of(values)))
+            # How TIAGo's controllers log is another matter, and its grasps have corners in every row.
+            told = kind == "position" and plant.environment is None
+            late.append(0.0)
+            if told:
+                late[-1], noise[-1] = _late(trials, values, noise[-1], steps[-1], least)
+            timing.append(_timing(trials, values, late[-1]))
             trails = (
                 trailing.share_of_range(plant, trials, index, values) if kind == "position" and least < usual else 1.0
             )
@@ -157,18 +182,40 @@ def collect(plant: Plant, trials: Sequence[Trial], usable: Usable | None = None)
     own, grid = np.array(noise), np.array(steps)
     tolerance = Tolerance(*(np.reshape(one, (-1, len(trials))).T[:, None] for one in (share, seconds)))
     whole, common = sigma(value, own, tolerance, tuple(channels), plant.period, grid)
+    shaken = np.stack(timing, axis=-1) if any(late) else None
     return Data(
         tuple(channels),
         np.array(part, dtype=int),
         value,
         np.sqrt(own**2 + grid**2 / 12),
-        whole,
+        whole if shaken is None else np.sqrt(whole**2 + shaken),
         common,
         block=max(round(BLOCK_SECONDS / plant.period), 1),
         step=grid if grid.any() else None,
         least=np.array(leasts),
         assumed=(np.maximum(whole**2 - own**2 - common**2, 0.0), common**2),
+        timing=shaken,
+        late=np.array(late) if any(late) else None,
     )
+
+
+def _late(trials: Sequence[Trial], values: Array, noise: float, step: float, least: float) -> tuple[float, float]:
+    """Root mean square of the time by which the readings of a channel, (ntrials, T), are early or late [s], and their
+    noise at rest, ``least`` at least."""
+    read = [row[: len(trial.time)] for trial, row in zip(trials, values, strict=True)]
+    # A grid's noise is believed at least in part, whether the readings show it or not.
+    shown = 0.0 if step and noise <= sensor_noise.MIN_GRID_NOISE * step else noise
+    found = timing_noise.lateness([trial.time for trial in trials], read, shown, step)
+    return found.seconds, noise if step or not found.seconds else max(found.noise, least)
+
+
+def _timing(trials: Sequence[Trial], values: Array, late: float) -> Array:
+    """Variance of readings, (ntrials, T), that are so many seconds early or late."""
+    out = np.zeros_like(values)
+    for trial, row, read in zip(trials, out, values, strict=True):
+        rows = len(trial.time)
+        row[:rows] = timing_noise.variance(trial.time, read[:rows], late)
+    return out
 
 
 def _trusted(trial: Trial, usable: Mapping[str, frozenset[str]]) -> frozenset[str]:
@@ -280,6 +327,7 @@ def select_trials(data: Data, trials: Sequence[int]) -> Data:
         common=data.common[index],
         stepless=stepless,
         assumed=assumed,
+        timing=None if data.timing is None else data.timing[index],
     )
 
 
@@ -301,6 +349,8 @@ def select_channel(data: Data, c: int) -> Data:
         least=None if data.least is None else data.least[at],
         stepless=stepless,
         assumed=assumed,
+        timing=None if data.timing is None else data.timing[..., at],
+        late=None if data.late is None else data.late[at],
     )
 
 
