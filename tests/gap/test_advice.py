@@ -208,7 +208,8 @@ def test_efforts_that_were_not_compared_are_no_notice_at_the_top(tmp_path):
     plant = SimpleNamespace(joints=(), wiring=SimpleNamespace(targets=SimpleNamespace(slides=())))
     splits = {"train": ("hinge",), "test": ("hinge",)}
     session = SimpleNamespace(trials=[logged], recorded=1, plant=plant, splits=splits)
-    told = outcome.notes(session, [], SimpleNamespace(excluded=(), complete=True))
+    predict = SimpleNamespace(data=SimpleNamespace(late=None))
+    told = outcome.notes(session, [], SimpleNamespace(excluded=(), complete=True, predict=predict))
     assert not any("effort" in note for note in told)
     page = said(replace(CASES["effect"], asides=(aside,)))
     assert page.index(aside) > page.index("How these numbers were made")

@@ -184,7 +184,7 @@ def notes(session: Session, tones: Sequence[Tone], ranked: Ranked) -> tuple[str,
     slides = [name for name, slides in zip(plant.joints, plant.wiring.targets.slides, strict=True) if slides]
     said = []
     if len(trials) > cut_from:
-        what = "The recording was" if cut_from == 1 else f"The {cut_from} recordings, of which some are long, were"
+        what = "The recording was" if cut_from == 1 else f"The {cut_from} recordings, few or long, were"
         said.append(
             f"{what} cut into {len(trials)} trials: at rests, or where there are too few of them into parts with gaps "
             "between them."
