@@ -2,7 +2,7 @@
 
 A reading that is made s seconds off its stamp is off by its slope times s, so that a fast joint is noisier than one at
 rest. On robots that are driven by a program of a computer it is most of the noise: the root mean square of s is 0.3 ms
-of a Dynamixel XL330 read every 5.3 ms, 0.8 ms of a Go2's joints at 200 Hz, 0.7 to 1.1 ms of an SO-101 at 50 Hz, 1.5 ms
+of a Dynamixel XL330 read every 5.3 ms, 0.9 ms of a Go2's joints at 200 Hz, 0.7 to 1.1 ms of an SO-101 at 50 Hz, 1.5 ms
 of a Feetech STS3250 read every 20.5 ms (benchmarks/real).
 """
 
