@@ -118,7 +118,9 @@ def test_readings_that_are_late_leave_noise_beside_the_truth(late_data: tuple[no
     data, truth = late_data
     assert data.late is not None
     assert data.late[0] == pytest.approx(1e-3, rel=0.1)
-    exact = replace(data, common=np.zeros_like(data.common), sigma=np.broadcast_to(data.floors, data.value.shape))
+    exact = replace(
+        data, common=np.zeros_like(data.common), sigma=np.broadcast_to(data.reading_noise, data.value.shape)
+    )
     # 1800 readings: the mean of their squares is known to 3 %, and lateness to 5 %; a fast one is as likely off as a
     # slow one.
     scaled = likelihood.scaled(exact, data.value - truth) ** 2

@@ -98,7 +98,7 @@ def servo_motion(plant: Plant, on: Grid, data: Data, nominal: Signals) -> ServoM
         measured = data.value[:, :rows, column] - nominal.position[:, :rows, joint]
         known = free & np.isfinite(measured)
         ahead[:, :, a] = np.where(known, measured, 0.0)
-        noise = data.floors[:, :rows, column]
+        noise = data.reading_noise[:, :rows, column]
         deviation[:, :, a] = np.where(known, np.hypot(noise, LAG_SHARE * lead[:, :, a]), np.inf)
     return ServoMotion(start, wanted, ahead, deviation, share)
 

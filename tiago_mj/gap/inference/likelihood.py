@@ -204,9 +204,9 @@ def _squared_block_means(data: Data, difference: Array) -> Array:
     """Squares of a residual's means over blocks, (ntrials, nblocks, C); NaN where nothing was measured."""
     known = np.isfinite(data.value)
     pull = _on_grids(data, difference, between.score)  # its mean is 0 wherever between two lines the truth lies
-    white = np.where(known, np.nan_to_num(pull / data.floors), 0.0)
+    white = np.where(known, np.nan_to_num(pull / data.reading_noise), 0.0)
     own = data.own**2 + (0.0 if data.timing is None else data.timing)
-    tolerance = np.where(known, np.sqrt(np.maximum(data.sigma**2 - own, 0.0)) / data.floors, 0.0)
+    tolerance = np.where(known, np.sqrt(np.maximum(data.sigma**2 - own, 0.0)) / data.reading_noise, 0.0)
     count = sum_by_block(known.astype(float), data.block)
     size = count + sum_by_block(tolerance, data.block) ** 2
     with np.errstate(invalid="ignore", divide="ignore"):

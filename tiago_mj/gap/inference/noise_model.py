@@ -115,7 +115,7 @@ class Data:
         return np.sqrt(self.noise**2 + total / np.maximum(known.sum(axis=(0, 1)), 1))
 
     @property
-    def floors(self) -> Array:
+    def reading_noise(self) -> Array:
         """What each reading is off by, one standard deviation, (1 or ntrials, 1 or T, C)."""
         return np.sqrt(self.noise**2 + (np.zeros((1, 1, 1)) if self.timing is None else self.timing))
 

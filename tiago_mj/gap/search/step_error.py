@@ -52,7 +52,7 @@ def better_step_correction(fitter: Fitter, fits: Sequence[Fitted] | Sequence[Sta
     if fitter.predict.with_step_correction(1.0) is None or not fits:
         return None
     # By the noise alone: what the step gets wrong is part of the tolerance, which would hide it.
-    noise = np.broadcast_to(fitter.data.floors, fitter.data.value.shape)
+    noise = np.broadcast_to(fitter.data.reading_noise, fitter.data.value.shape)
     on = Whitening(replace(fitter.data, sigma=noise, common=np.zeros_like(noise)), fitter.weight)
     tally = fitter.predict.tally
     before = tally["physics_steps"]
