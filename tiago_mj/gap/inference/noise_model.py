@@ -182,19 +182,19 @@ def collect(plant: Plant, trials: Sequence[Trial], usable: Usable | None = None)
     own, grid = np.array(noise), np.array(steps)
     tolerance = Tolerance(*(np.reshape(one, (-1, len(trials))).T[:, None] for one in (share, seconds)))
     whole, common = sigma(value, own, tolerance, tuple(channels), plant.period, grid)
-    shaken = np.stack(timing, axis=-1) if any(late) else None
+    of_timing = np.stack(timing, axis=-1) if any(late) else None
     return Data(
         tuple(channels),
         np.array(part, dtype=int),
         value,
         np.sqrt(own**2 + grid**2 / 12),
-        whole if shaken is None else np.sqrt(whole**2 + shaken),
+        whole if of_timing is None else np.sqrt(whole**2 + of_timing),
         common,
         block=max(round(BLOCK_SECONDS / plant.period), 1),
         step=grid if grid.any() else None,
         least=np.array(leasts),
         assumed=(np.maximum(whole**2 - own**2 - common**2, 0.0), common**2),
-        timing=shaken,
+        timing=of_timing,
         late=np.array(late) if any(late) else None,
     )
 
