@@ -25,7 +25,12 @@ from tiago_mj.robots.motion import motion
 GAINS = (60.0, 3.0)
 
 
-def stand_in(robot, rubs=0.0):
+#: Solver parameters of a stand-in's dry friction: MuJoCo's own, with which a joint creeps back, and those with which it
+#: holds as a bearing's does.
+CREEPS, HOLDS = "", 'solreffriction="0.0005 1" solimpfriction="0.9999 0.9999 0.001 0.5 2" '
+
+
+def stand_in(robot, rubs=0.0, at_rest=CREEPS):
     """MJCF with the joints and actuators of a robot: a chain, or legs of three joints below a floating base."""
     parts = [list(robot.joints.values())[k : k + 3] for k in range(0, len(robot.joints), 3)]
     chains = parts if robot.base else [list(robot.joints.values())]
@@ -37,7 +42,7 @@ def stand_in(robot, rubs=0.0):
             place = f"{0.3 * n if k == 0 else 0} 0 {-0.15 if k else 0}"
             body += (
                 f'<body pos="{place}"><joint name="{joint}" axis="{axis}" damping="0.3" armature="0.05" '
-                f'frictionloss="{rub}"/><geom type="capsule" size=".02" fromto="0 0 0 0 0 -.15" mass=".3" '
+                f'{at_rest}frictionloss="{rub}"/><geom type="capsule" size=".02" fromto="0 0 0 0 0 -.15" mass=".3" '
                 'contype="0" conaffinity="0"/>'
             )
         body += "</body>" * len(chain)
@@ -62,11 +67,11 @@ def menagerie(folder, robot, rubs=0.0):
     return folder
 
 
-def recorded(folder, robot, rubs=0.0):
+def recorded(folder, robot, rubs=0.0, at_rest=CREEPS):
     """A recording of the robot's motion, simulated on a stand-in whose base is held, whose columns are called as its
     drivers call the joints; the controllers of motors are simulated, too."""
     folder.mkdir(exist_ok=True)
-    model = mujoco.MjModel.from_xml_string(stand_in(robot, rubs).replace("<freejoint/>", ""))
+    model = mujoco.MjModel.from_xml_string(stand_in(robot, rubs, at_rest).replace("<freejoint/>", ""))
     # Controllers in motors run at several kHz: at 500 Hz they would be half a step late, 60 N·m/rad · 1 ms of damping.
     longest = 0.00025 if robot.base else model.opt.timestep
     model.opt.timestep = 1 / robot.rate_hz / math.ceil(1 / robot.rate_hz / longest)  # a row is a whole number of steps
@@ -180,20 +185,32 @@ def test_what_is_known_is_listed(tmp_path, capsys):
     assert json.loads(capsys.readouterr().out)[0]["map"]["columns"]["actual_q_0"]["name"] == "shoulder_pan_joint"
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("robot", ROBOTS, ids=lambda robot: robot.name)
-def test_friction_of_one_joint_is_found_from_logs_by_one_command(tmp_path, robot):
-    folder = menagerie(tmp_path / "menagerie", robot)
-    logs, out = recorded(tmp_path / "logs", robot, rubs=1.0), tmp_path / "out"
+def friction_found(folder, robot, at_rest):
+    """The number of Coulomb friction that one command names from logs of a stand-in with 1 N·m of it at one joint."""
+    models = menagerie(folder / "menagerie", robot)
+    logs, out = recorded(folder / "logs", robot, rubs=1.0, at_rest=at_rest), folder / "out"
     gains = [] if robot.gains else ["--gains", "{},{}".format(*GAINS)]
-    words = ["diagnose", str(logs), "--robot", robot.name, "--menagerie", str(folder), *gains, "--out", str(out)]
+    words = ["diagnose", str(logs), "--robot", robot.name, "--menagerie", str(models), *gains, "--out", str(out)]
     assert main(words) == 0
     verdict = json.loads((out / "diagnosis.json").read_text())["verdict"]
     joint = list(robot.joints.values())[(3 if robot.base else len(robot.joints)) // 2]
     (found,) = verdict["effects"]
     assert found["name"] == "coulomb_friction"
     assert found["target"] in (joint, "all")
-    # Friction of MuJoCo creeps by its constraint's parameters, and that of the library holds: the same to what the form
-    # is known to.
-    known_to = EFFECTS["coulomb_friction"].form_known_to
-    assert found["parameters"]["force"]["value"] == pytest.approx(1.0, rel=known_to)
+    return found["parameters"]["force"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("robot", ROBOTS, ids=lambda robot: robot.name)
+def test_friction_of_one_joint_is_found_from_logs_by_one_command(tmp_path, robot):
+    force = friction_found(tmp_path, robot, HOLDS)
+    # Where a joint stops, the two differ by the solver's steps alone: the library's friction holds, too.
+    assert force["value"] == pytest.approx(1.0, rel=EFFECTS["coulomb_friction"].form_known_to)
+    assert force["low"] <= 1.0 <= force["high"]
+
+
+@pytest.mark.slow
+def test_friction_that_creeps_is_told_within_its_interval(tmp_path):
+    # The library's friction holds: that of MuJoCo's default parameters departs from it wherever a joint comes to rest.
+    force = friction_found(tmp_path, named("2f85"), CREEPS)
+    assert force["low"] <= 1.0 <= force["high"]
