@@ -11,7 +11,7 @@ from tiago_mj.gap.inference import central
 from tiago_mj.gap.inference.fit import Fitted, Fitter
 from tiago_mj.gap.inference.hypotheses import Candidate, Term
 from tiago_mj.gap.inference.noise_model import Data
-from tiago_mj.gap.inference.points import Point, Start
+from tiago_mj.gap.inference.points import NUISANCE_STEP, Point, Start
 from tiago_mj.gap.simulation.subset import Subset
 
 MOTOR = Candidate("torque_constant", None, "factor", (), 1.0, 0.1, 3.0, (), "-")
@@ -24,7 +24,7 @@ def fitter(terms, predicted, measured):
     """A fitter of one channel whose simulator is a function of the entries of a trial, by their effects' names."""
     zeros = np.zeros((1, ROWS, 1))
     data = Data(("position.hinge",), np.arange(1), measured[None, :, None], np.ones(1), zeros + 1.0, zeros)
-    predict = SimpleNamespace(journal=SimpleNamespace(path=None), replays=True)
+    predict = SimpleNamespace(journal=SimpleNamespace(path=None), replays=True, seed=0)
     made = Fitter(predict, Subset((0,)), data, np.ones(1), terms, np.zeros((len(terms), 1, ROWS, 1)))
 
     def predictions(points, *, keep=False):
@@ -64,7 +64,7 @@ def test_a_side_that_a_bound_cuts_short_counts_as_far_as_it_went():
 
     on = fitter((RUBS,), predicted, np.zeros(ROWS))
     at = Point((), np.zeros(0), np.zeros(1))
-    points = central.around(on, at, [])
+    points = central.around(on, at, np.array([NUISANCE_STEP]))
     of_values, of_terms = central.responses(on, at, points, on.predictions(points))
     assert of_values.shape == (0, 1, ROWS, 1)
     assert of_terms == pytest.approx(5.0)

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from tiago_mj.effects import EFFECTS
 from tiago_mj.gap.inference.hypotheses import Candidate
 from tiago_mj.gap.inference.linearized import Linearized
-from tiago_mj.gap.inference.points import NUISANCE_STEP, Point
+from tiago_mj.gap.inference.points import Point
 
 Array = NDArray[np.float64]
 #: Steps of the logarithm of a second number, and of a ripple's period: a thirtieth of a turn after ten.
@@ -29,18 +29,19 @@ RIPPLE_STEP: Final = 5e-4
 SIDES: Final = (1, -1)
 
 
-def around(fitter: Linearized, at: Point, steps: Sequence[float]) -> list[Point]:
+def around(fitter: Linearized, at: Point, moves: Array) -> list[Point]:
     """The points to simulate, in pairs: on both sides in each magnitude, then on both sides in each nuisance.
 
     Args:
         fitter: whose nuisances they are.
         at: the middle.
-        steps: of the magnitudes, (k,), in their units.
+        moves: of the magnitudes, in their units, and of the nuisances, one for each term in order [deviations],
+            (k + nterms,).
     """
-    of_values = [
-        at.with_value(k, float(at.values[k]) + side * steps[k]) for k in range(len(at.parts)) for side in SIDES
-    ]
-    of_nuisances = [at.nudged(which, side * NUISANCE_STEP) for which in fitter.each_nuisance() for side in SIDES]
+    count = len(at.parts)
+    of_values = [at.with_value(k, float(at.values[k] + side * moves[k])) for k in range(count) for side in SIDES]
+    which = zip(fitter.each_nuisance(), moves[count:], strict=True)
+    of_nuisances = [at.nudged(one, side * float(move)) for one, move in which for side in SIDES]
     return [*of_values, *of_nuisances]
 
 
@@ -66,10 +67,11 @@ def responses(fitter: Linearized, at: Point, points: Sequence[Point], predicted:
     return each[:count], each[count:]
 
 
-def around_second_numbers(at: Point) -> list[Point]:
-    """The points to simulate, in pairs: on both sides in each second number of each candidate."""
+def around_second_numbers(at: Point, widening: float = 1.0) -> list[Point]:
+    """The points to simulate, in pairs: on both sides in each second number of each candidate, at so many times the
+    usual step (:func:`second_step`)."""
     return [
-        at.with_second_number(k, name, math.exp(side * second_step(part, name)))
+        at.with_second_number(k, name, math.exp(side * widening * second_step(part, name)))
         for k, part in enumerate(at.parts)
         for name in part.second_numbers
         for side in SIDES

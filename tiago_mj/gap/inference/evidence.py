@@ -15,6 +15,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from tiago_mj.gap.inference import scatter
 from tiago_mj.gap.inference.points import Point
 from tiago_mj.gap.inference.whitening import Whitening
 
@@ -56,6 +57,7 @@ def log_evidence(
     columns: Array,
     twins: Sequence[int] = (),
     seconds: Array | None = None,
+    added: Array | None = None,
 ) -> LaplaceEvidence:
     """Evidence at a point that was fitted.
 
@@ -68,13 +70,15 @@ def log_evidence(
         twins: nuisances that are the same number as a magnitude. They are held for its deviation: it says how far the
             sum of both is from the nominal number.
         seconds: whitened response to the logarithm of each second number, (n, s); None: there is none.
+        added: what scatter of the predictions adds to the curvature of each magnitude, nuisance and second number,
+            (k + p + s,); None: nothing.
     """
     parts, count = at.parts, len(at.parts)
     exact = on.exact or on
     _, weighted = on.weighted(predicted, columns)
-    curvature = weighted.T @ weighted + np.diag(np.concatenate([np.full(count, 1e-9), np.ones(len(at.nuisance))]))
-    for k, part in enumerate(parts):  # a magnitude that the data do not bind is bound by its bounds
-        curvature[k, k] += 12 / (part.high - part.low) ** 2
+    # A magnitude that the data do not bind is bound by its bounds.
+    priors = np.array([*(1e-9 + 12 / (part.high - part.low) ** 2 for part in parts), *np.ones(len(at.nuisance))])
+    curvature = _curvature(weighted, None if added is None else added[: len(priors)]) + np.diag(priors)
     _, logdet = np.linalg.slogdet(curvature)
     _, of_nuisances = np.linalg.slogdet(curvature[count:, count:])
     prior = -0.5 * float(at.nuisance @ at.nuisance) - 0.5 * (logdet - of_nuisances)
@@ -91,8 +95,10 @@ def log_evidence(
     if seconds is not None:
         _, chosen = on.weighted(predicted, seconds)
         ranges = [width for part in parts for width in part.second_numbers.values()]
-        across, alone = weighted[:, rest].T @ chosen, chosen.T @ chosen + np.diag(12 / np.square(ranges))
-        spread, _ = _spread(np.block([[curvature, across], [across.T, alone]]))
+        priors = np.concatenate([priors[rest], 12 / np.square(ranges)])
+        mine = None if added is None else np.concatenate([added[rest], added[len(at.nuisance) + count :]])
+        both = _curvature(np.concatenate([weighted[:, rest], chosen], axis=1), mine)
+        spread, _ = _spread(both + np.diag(priors))
     return LaplaceEvidence(
         float(log_likelihood),
         float(prior),
@@ -102,6 +108,12 @@ def log_evidence(
         spread[len(rest) :],
         spread[:count],
     )
+
+
+def _curvature(weighted: Array, added: Array | None) -> Array:
+    """Of the likelihood by responses, (n, k), without what scatter added to it, (k,); (k, k)."""
+    curvature: Array = weighted.T @ weighted
+    return curvature if added is None else scatter.taken_off(curvature, added)
 
 
 def _spread(curvature: Array) -> tuple[Array, Array]:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tiago_mj.effects import EFFECTS
-from tiago_mj.gap.inference import central, likelihood
+from tiago_mj.gap.inference import central, likelihood, scatter
 from tiago_mj.gap.inference.evidence import log_evidence
 from tiago_mj.gap.inference.hypotheses import Candidate
 from tiago_mj.gap.inference.linearized import Linearized
@@ -34,6 +34,12 @@ STEP_SCHEDULE: Final = (
     ((0.4, 0.0, False), (1.0, 0.0, True)),
     ((0.1, 0.0, False), (1.0, 3.0, False), (0.4, 0.0, True)),
 )
+#: The same of a step whose responses were simulated where it begins: all are tried at once, and the best is taken.
+DESCENT: Final = tuple(
+    (*one, False) for one in ((1.0, 0.0), (0.5, 0.0), (0.25, 0.0), (1.0, 0.3), (1.0, 3.0), (1.0, 30.0))
+)
+#: Such steps at most: five ended at an evidence of -684 nats, five more at -554 (blind check, seed 71, case 34).
+MAX_DESCENT: Final = 10
 #: Iteration ends where a step lowers the cost by less than this [nats]: of a quadratic cost the step was then shorter
 #: than √(2 · 0.01) = 0.14 standard deviations of the estimate.
 MIN_COST_DROP_NATS: Final = 0.01
@@ -76,12 +82,14 @@ class Fitter(Linearized):
         min_move_share: smallest move of a magnitude for its finite-difference response, as a share of its range. Where
             contacts begin and end, a very small move shows the effect of single physics steps only; a fit that begins
             far from the optimum needs about 0.01.
+        uneven: whether predictions scatter around the best explanation (:mod:`tiago_mj.gap.inference.scatter`).
         out_of_time: asked between steps; once it returns True, a fit ends where it is.
     """
 
     iterations: int = MAX_ITERATIONS
     min_cost_drop: float = MIN_COST_DROP_NATS
     min_move_share: float = MIN_MOVE_SHARE
+    uneven: bool = False
     out_of_time: Callable[[], bool] = lambda: False
 
     def fit_all(self, starts: Sequence[Start]) -> list[Fitted]:
@@ -106,6 +114,41 @@ class Fitter(Linearized):
         depends_on = ("fits", together, [one.settings() for one in fitters], list(starts))
         return remembered(self.predict, work, depends_on, self.out_of_time)
 
+    def descended(self, start: Start, ahead: float = -np.inf) -> Fitted:
+        """Fit whose responses are simulated anew for each step, by central differences of moves that are long enough
+        for the scatter of predictions (:mod:`tiago_mj.gap.inference.scatter`); abandoned where it stays behind an
+        explanation with the evidence ``ahead``."""
+
+        def work() -> Fitted:
+            return _run([self._descended(start, ahead)], self.predictions)[0]
+
+        return remembered(self.predict, work, ("descended", self.settings(), start, ahead), self.out_of_time)
+
+    def _descended(self, start: Start, ahead: float) -> FitTask[Fitted]:
+        at = self.without_duplicates(Point.of(start))
+        on, base, uneven = yield from self._opened(at)
+        moved = yield from self._first_moves(on, at, base, uneven)
+        for _ in range(MAX_DESCENT):
+            around = central.around(self, at, moved)
+            of_values, of_terms = central.responses(self, at, around, (yield around))
+            columns = np.concatenate([on.white(of_values).T, on.columns(of_terms, self.per_trial)], axis=1)
+            added = scatter.added_curvature(self, moved, uneven)
+            normal, before = self._normal(on, at, base, columns), on.cost(base, at.nuisance)
+            least = before + on.tolerance_cost - PREDICTED_DROP_FACTOR * normal.predicted_drop
+            if least - HOPELESS_COST_NATS > -ahead:
+                break
+            points = self._points(normal, at, DESCENT)
+            tried = yield points
+            costs = [on.cost(one, point.nuisance) for one, point in zip(tried, points, strict=True)]
+            best = int(np.argmin(costs))
+            if costs[best] < before:
+                at, base = points[best], tried[best]
+            # What a prediction scatters by changes the cost of an optimum by about its root.
+            if before - costs[best] < max(self.min_cost_drop, uneven**0.5) or self.out_of_time():
+                break
+            moved = self._moves(at, columns, added, uneven)
+        return self._evaluated(on, at, base, columns, None, added)
+
     def settled(self, fits: Sequence[Fitted]) -> list[Fitted]:
         """Fits with a last Gauss-Newton step, evidence and deviations by responses of central differences
         (:mod:`tiago_mj.gap.inference.central`)."""
@@ -116,14 +159,16 @@ class Fitter(Linearized):
         return remembered(self.predict, work, ("settled", self.settings(), list(fits)), self.out_of_time)
 
     def _settled(self, at: Point) -> FitTask[Fitted]:
-        around = central.around(self, at, [self._move(part, v) for part, v in zip(at.parts, at.values, strict=True)])
-        of_seconds = central.around_second_numbers(at)
-        alone = self.without_each(at)
-        simulated = yield [at, *alone, *around, *of_seconds]
-        simulated, beside = simulated[: len(simulated) - len(of_seconds)], simulated[len(simulated) - len(of_seconds) :]
-        base, without = simulated[0], simulated[1 : 1 + len(alone)]
-        on = self.with_form_tolerance(at, base, without)
-        of_values, of_terms = central.responses(self, at, around, simulated[1 + len(alone) :])
+        on, base, uneven = yield from self._opened(at)
+        wider = scatter.MAX_WIDENING if scatter.is_uneven(uneven) else 1.0
+        # Along a valley, where numbers make up for each other, only what scatter adds to each counts, not its share.
+        moved = np.array([wider * one for one in self._usual_moves(at)])
+        moved[len(at.parts) :] = scatter.nudge(uneven)
+        around, of_seconds = central.around(self, at, moved), central.around_second_numbers(at, wider)
+        asked = [*around, *of_seconds]
+        simulated = (yield asked) if asked else np.zeros((0, *base.shape))
+        simulated, beside = simulated[: len(around)], simulated[len(around) :]
+        of_values, of_terms = central.responses(self, at, around, simulated)
         columns = np.concatenate([on.white(of_values).T, on.columns(of_terms, self.per_trial)], axis=1)
         normal, before = self._normal(on, at, base, columns), on.cost(base, at.nuisance)
         if normal.predicted_drop > self.min_cost_drop:
@@ -132,9 +177,39 @@ class Fitter(Linearized):
             costs = [on.cost(one, point.nuisance) for one, point in zip(tried, points, strict=True)]
             if min(costs) < before:
                 at, base = points[int(np.argmin(costs))], tried[int(np.argmin(costs))]
-        steps = [central.second_step(part, name) for part in at.parts for name in part.second_numbers]
+        steps = [wider * central.second_step(part, name) for part in at.parts for name in part.second_numbers]
         seconds = on.white((beside[::2] - beside[1::2]) / (2 * np.array(steps)[:, None, None, None])).T
-        return self._evaluated(on, at, base, columns, seconds if steps else None)
+        added = scatter.added_curvature(self, moved, uneven, steps)
+        return self._evaluated(on, at, base, columns, seconds if steps else None, added)
+
+    def _opened(self, at: Point) -> FitTask[tuple[Whitening, Array, float]]:
+        """Whitening with the tolerance for the forms of the effects at a point, the prediction there, and the scatter
+        of one prediction; 0 where it is known that there is none."""
+        alone = self.without_each(at)
+        alike = scatter.alike(at, self.predict.seed)[1:] if self.uneven else []
+        base, *rest = yield [at, *alone, *alike]
+        on = self.with_form_tolerance(at, base, rest[: len(alone)])
+        return on, base, scatter.of(on, np.array([base, *rest[len(alone) :]]))
+
+    def _first_moves(self, on: Whitening, at: Point, base: Array, uneven: float) -> FitTask[Array]:
+        """Moves for responses by central differences, from forward differences."""
+        usual = self._usual_moves(at)
+        if not scatter.is_uneven(uneven):
+            return usual
+        columns = yield from self._value_columns(on, at, base)
+        columns = np.concatenate([columns, on.columns(self.responses, self.per_trial)], axis=1)
+        return self._moves(at, columns, scatter.added_curvature(self, usual, uneven, sides=1), uneven)
+
+    def _moves(self, at: Point, columns: Array, added: Array, uneven: float) -> Array:
+        """Moves for responses by central differences, (k + nterms,), from responses at another point."""
+        usual = self._usual_moves(at)
+        longest = np.full(len(usual), scatter.MAX_NUDGE)
+        longest[: len(at.parts)] = scatter.MAX_WIDENING * usual[: len(at.parts)]
+        return scatter.moves(usual, longest, scatter.information(self, at.parts, columns, added), uneven)
+
+    def _usual_moves(self, at: Point) -> Array:
+        of_values = [self._move(part, v) for part, v in zip(at.parts, at.values, strict=True)]
+        return np.array([*of_values, *[NUISANCE_STEP] * len(self.terms)])
 
     def evaluated(self, fits: Sequence[Fitted]) -> list[Fitted]:
         """Fits with the mean squares that their residuals have in the noise of this fitter; all else is as it was."""
@@ -174,7 +249,7 @@ class Fitter(Linearized):
 
     def settings(self) -> tuple[object, ...]:
         """What a fit depends on beside its start and the simulations."""
-        numbers = (self.iterations, self.min_cost_drop, self.min_move_share)
+        numbers = (self.iterations, self.min_cost_drop, self.min_move_share, self.uneven)
         return (self.trials, self.data, self.weight, self.terms, self.responses, self.given, *numbers)
 
     def _fit(self, start: Start, costs_beside: list[float]) -> FitTask[Fitted]:
@@ -322,9 +397,17 @@ class Fitter(Linearized):
         """Magnitudes in units of their bounds: well conditioned."""
         return np.array([*(part.high - part.low for part in parts), *np.ones(self.size)])
 
-    def _evaluated(self, on: Whitening, at: Point, base: Array, columns: Array, seconds: Array | None = None) -> Fitted:
+    def _evaluated(
+        self,
+        on: Whitening,
+        at: Point,
+        base: Array,
+        columns: Array,
+        seconds: Array | None = None,
+        added: Array | None = None,
+    ) -> Fitted:
         twins = [place for part in at.parts for place in self.duplicating_nuisances(part)]
-        found = log_evidence(on, at, base, columns, twins, seconds)
+        found = log_evidence(on, at, base, columns, twins, seconds, added)
         misfit, lasting = self._mean_squares(on, base)
         each = iter(found.second_deviations.tolist())
         spreads = [d if p.spread is None else p.spread for p, d in zip(at.parts, found.deviations, strict=True)]

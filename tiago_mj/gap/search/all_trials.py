@@ -41,7 +41,7 @@ def fitted(state: State, wide: Fitter) -> tuple[State, Fitter]:
     tolerance for the scatter of the simulation around the best explanation, as stick-slip is more sensitive than the
     nominal motion.
 
-    Unchanged where commands were lost: which ones were lost in the trials that were not fitted is not known.
+    Where commands were lost no further trial is fitted: which ones were lost in those is not known.
 
     Args:
         state: the search.
@@ -49,8 +49,10 @@ def fitted(state: State, wide: Fitter) -> tuple[State, Fitter]:
     """
     before, best = state.full, state.best
     losing = before.predict.on.delivered is not None
-    if set(wide.trials) == set(before.trials) or losing or wide.out_of_time():
+    if wide.out_of_time():
         return state, wide
+    if set(wide.trials) == set(before.trials) or losing:
+        return _descended_where_uneven(state), wide
     full = _linearized(before, wide, best)
     full = step_error.corrected_beside(full, _start(best, before, full))
     (there,) = full.fit_all([_start(best, before, full)])
@@ -60,7 +62,7 @@ def fitted(state: State, wide: Fitter) -> tuple[State, Fitter]:
         (there,) = full.fit_all([starts.restart(there)])
     full = beginning.with_scatter(full, there)
     wide = replace(wide, data=full.data)
-    full = sharpen.beside(full, there)
+    full = beginning.with_unevenness(sharpen.beside(full, there), there)
     nominal = [starts.restart(state.nominal)] if best.parts else []
     begin = [starts.restart(there), *(_start(s, before, full) for s in (*nominal, *_rivals(state)))]
     nominal_nuisance = _own(state.nominal_nuisance, before, full)
@@ -82,20 +84,49 @@ def _around_themselves(full: Fitter, fits: Sequence[Fitted]) -> list[Fitted]:
     """
     ahead = ranking.by_evidence(fits)
     near = [f for f in ahead if f.evidence > ahead[0].evidence - rounds.HOPELESS_DEFICIT_NATS][:MAX_AROUND_THEMSELVES]
-    simpler = [starts.absorbed_by_nuisances(f, full) for f in near]
-    simpler += [rounds.reduced_to(f, rounds.significant(f)) for f in near]
-    known = {ranking.labels_of(f) for f in fits}
-    simpler += [
-        rounds.reduced_to(near[0], [j for j in range(len(near[0].parts)) if j != k])
-        for k, part in enumerate(near[0].parts)
-        if full.predict.replays and ranking.labels_of(near[0]) - {part.label} not in known
-    ]
-    begin = [*(starts.restart(f) for f in near), *(start for start in simpler if start is not None)]
-    if len(begin) < 2 or full.out_of_time():
+    if full.out_of_time():
+        return []
+    if full.uneven:
+        near = ranking.by_evidence(_descended(full, [starts.restart(f) for f in near], -np.inf))
+        return [*near, *_descended(full, _simpler(full, near, fits), near[0].evidence)]
+    begin = [*(starts.restart(f) for f in near), *_simpler(full, near, fits)]
+    if len(begin) < 2:
         return []
     longer = replace(full, iterations=MAX_ITERATIONS)
     own = [step_error.corrected_beside(longer, s).linearized_at(Point.of(s)) for s in begin]
     return [fit for by, start in zip(own, begin, strict=True) for fit in by.fit_all([start])]
+
+
+def _descended_where_uneven(state: State) -> State:
+    """The search whose explanations near the best are fitted again where predictions scatter around it, to the trials
+    that it has."""
+    full = beginning.with_unevenness(state.full, state.best)
+    return replace(state, full=full).with_fits(_around_themselves(full, state.fits)) if full.uneven else state
+
+
+def _simpler(full: Fitter, near: Sequence[Fitted], fits: Sequence[Fitted]) -> list[Start]:
+    """Starts where these explanations ended, the best first, without some of their effects."""
+    out = [starts.absorbed_by_nuisances(f, full) for f in near]
+    out += [rounds.reduced_to(f, rounds.significant(f)) for f in near]
+    known = {ranking.labels_of(f) for f in fits}
+    out += [
+        rounds.reduced_to(near[0], [j for j in range(len(near[0].parts)) if j != k])
+        for k, part in enumerate(near[0].parts)
+        if full.predict.replays and ranking.labels_of(near[0]) - {part.label} not in known
+    ]
+    return [start for start in out if start is not None]
+
+
+def _descended(full: Fitter, begin: Sequence[Start], ahead: float) -> list[Fitted]:
+    """Fits with responses of their own for each step, the step's error found beside each of them; one that stays behind
+    the best of them, or behind the evidence ``ahead``, is abandoned."""
+    found: list[Fitted] = []
+    for start in begin:
+        if found and full.out_of_time():
+            break
+        found.append(step_error.corrected_beside(full, start).descended(start, ahead))
+        ahead = max(ahead, found[-1].evidence)
+    return found
 
 
 def settled(state: State) -> State:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tiago_mj.gap.detectors.set_points import ServoMotion
-from tiago_mj.gap.inference import likelihood, noise_model, step_tolerance
+from tiago_mj.gap.inference import likelihood, noise_model, scatter, step_tolerance
 from tiago_mj.gap.inference.fit import NUISANCE_STEP, Fitted, Fitter, Point, Start
 from tiago_mj.gap.inference.hypotheses import Candidate, OwnNumber
 from tiago_mj.gap.inference.noise_model import Data
@@ -25,13 +25,6 @@ Array = NDArray[np.float64]
 #: this much [nats].
 MAX_NOMINAL_ROUNDS: Final = 3
 MIN_ROUND_GAIN_NATS: Final = 1.0
-#: Size of random nuisance moves that change nothing physical [deviations], and number of draws: their predictions show
-#: the simulator's own sensitivity. The size does not matter where contacts are rough: moves of 1e-5, 1e-4, 1e-3 and
-#: 0.01 scattered the evidence of one contact case (9:8) by 3.3, 2.4, 5.1 and 4.2 nats beside the nominal model and by
-#: 46, 50, 47 and 34 beside the truth (benchmarks/results/experiments/roughness.json). Six draws tell a standard
-#: deviation to 1/√(2 · 5) = 32 %.
-SENSITIVITY_DEVIATION: Final = 1e-5
-SENSITIVITY_DRAWS: Final = 6
 #: Misfit above which the nominal model lacks an effect whatever its nuisances: they are then left at 0. Halved and
 #: doubled, none of 16 answers about hinges changes (varied.json).
 HOPELESS_NOMINAL_MISFIT: Final = 20.0
@@ -152,10 +145,16 @@ def with_scatter(fitter: Fitter, fit: Fitted) -> Fitter:
     changes too small to matter."""
     if not fitter.size:
         return fitter
-    rng = np.random.default_rng(fitter.predict.seed)
-    moved = fit.nuisance + SENSITIVITY_DEVIATION * rng.standard_normal((SENSITIVITY_DRAWS, fitter.size))
-    apart = fitter.predictions([Point.of(fit), *(Point(fit.parts, fit.values, one) for one in moved)])
-    return replace(fitter, data=step_tolerance.with_scatter(fitter.data, apart))
+    alike = fitter.predictions(scatter.alike(Point.of(fit), fitter.predict.seed))
+    return replace(fitter, data=step_tolerance.with_scatter(fitter.data, alike))
+
+
+def with_unevenness(fitter: Fitter, fit: Fitted) -> Fitter:
+    """The fitter that knows whether predictions scatter around an explanation."""
+    if not fitter.size:
+        return fitter
+    alike = fitter.predictions(scatter.alike(Point.of(fit), fitter.predict.seed))
+    return replace(fitter, uneven=scatter.is_uneven(scatter.of(Whitening(fitter.data, fitter.weight), alike)))
 
 
 def acting_on_misfit(pool: Sequence[Candidate], data: Data, base: Array) -> list[Candidate]:
