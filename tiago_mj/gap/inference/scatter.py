@@ -30,9 +30,11 @@ Array = NDArray[np.float64]
 #: deviation to 1/√(2 · 5) = 32 %.
 SENSITIVITY_DEVIATION: Final = 1e-5
 SENSITIVITY_DRAWS: Final = 6
-#: Moves are so long that scatter adds no more than this share to the curvature of a number; and the longest: of a
-#: nuisance [deviations], and of a magnitude in units of its usual one.
+#: Moves are so long that scatter adds no more than this share to the curvature of a number: with the longest for every
+#: number five steps of one grasp (seed 71, case 34) ended 130 nats above four of these.
 MAX_SHARE: Final = 0.01
+#: The longest: of a nuisance [deviations], and of a magnitude in units of its usual one. By moves of 0.3 deviations and
+#: of 1 and 2.5 units a step of that grasp gained 181 and 427 nats, by these 601.
 MAX_NUDGE: Final = 2.0
 MAX_WIDENING: Final = 5.0
 
