@@ -26,11 +26,10 @@ def predicted(numbers):
     return SHAPE * both[0] * both[1] + UNEVEN * np.random.default_rng(seed).normal(size=ROWS)
 
 
-def uneven(known=True):
-    """The fitter of a motor of 0.55; ``known``: that its predictions scatter."""
+def uneven():
+    """The fitter of a motor of 0.55, which knows that its predictions scatter."""
     on = fitter((STIFF,), predicted, 0.55 * SHAPE + np.random.default_rng(0).normal(size=ROWS))
-    if known:
-        on.uneven = True
+    on.uneven = True
     return on
 
 
@@ -38,9 +37,8 @@ def test_scatter_is_the_expected_sum_of_squares_of_one_prediction():
     on = uneven()
     alike = on.predictions(scatter.alike(Point((MOTOR,), np.array([0.55]), np.zeros(1)), 0))
     there = Whitening(on.data, on.weight)
-    assert scatter.of(there, alike) == pytest.approx(
-        ROWS * UNEVEN**2, rel=0.15
-    )  # of six draws of 200 rows: 4 %, thrice over
+    # Of six draws of 200 rows: 4 %, thrice over.
+    assert scatter.of(there, alike) == pytest.approx(ROWS * UNEVEN**2, rel=0.15)
     assert scatter.of(there, alike[:1]) == 0
 
 

@@ -126,13 +126,13 @@ class Fitter(Linearized):
 
     def _descended(self, start: Start, ahead: float) -> FitTask[Fitted]:
         at = self.without_duplicates(Point.of(start))
-        on, base, uneven = yield from self._opened(at)
-        moved = yield from self._first_moves(on, at, base, uneven)
+        on, base, scattered = yield from self._opened(at)
+        moved = yield from self._first_moves(on, at, base, scattered)
         for _ in range(MAX_DESCENT):
             around = central.around(self, at, moved)
             of_values, of_terms = central.responses(self, at, around, (yield around))
             columns = np.concatenate([on.white(of_values).T, on.columns(of_terms, self.per_trial)], axis=1)
-            added = scatter.added_curvature(self, moved, uneven)
+            added = scatter.added_curvature(self, moved, scattered)
             normal, before = self._normal(on, at, base, columns), on.cost(base, at.nuisance)
             least = before + on.tolerance_cost - PREDICTED_DROP_FACTOR * normal.predicted_drop
             if least - HOPELESS_COST_NATS > -ahead:
@@ -144,9 +144,9 @@ class Fitter(Linearized):
             if costs[best] < before:
                 at, base = points[best], tried[best]
             # What a prediction scatters by changes the cost of an optimum by about its root.
-            if before - costs[best] < max(self.min_cost_drop, uneven**0.5) or self.out_of_time():
+            if before - costs[best] < max(self.min_cost_drop, scattered**0.5) or self.out_of_time():
                 break
-            moved = self._moves(at, columns, added, uneven)
+            moved = self._moves(at, columns, added, scattered)
         return self._evaluated(on, at, base, columns, None, added)
 
     def settled(self, fits: Sequence[Fitted]) -> list[Fitted]:
@@ -159,11 +159,11 @@ class Fitter(Linearized):
         return remembered(self.predict, work, ("settled", self.settings(), list(fits)), self.out_of_time)
 
     def _settled(self, at: Point) -> FitTask[Fitted]:
-        on, base, uneven = yield from self._opened(at)
-        wider = scatter.MAX_WIDENING if scatter.is_uneven(uneven) else 1.0
+        on, base, scattered = yield from self._opened(at)
+        wider = scatter.MAX_WIDENING if scatter.is_uneven(scattered) else 1.0
         # Along a valley, where numbers make up for each other, only what scatter adds to each counts, not its share.
         moved = np.array([wider * one for one in self._usual_moves(at)])
-        moved[len(at.parts) :] = scatter.nudge(uneven)
+        moved[len(at.parts) :] = scatter.nudge(scattered)
         around, of_seconds = central.around(self, at, moved), central.around_second_numbers(at, wider)
         asked = [*around, *of_seconds]
         simulated = (yield asked) if asked else np.zeros((0, *base.shape))
@@ -179,7 +179,7 @@ class Fitter(Linearized):
                 at, base = points[int(np.argmin(costs))], tried[int(np.argmin(costs))]
         steps = [wider * central.second_step(part, name) for part in at.parts for name in part.second_numbers]
         seconds = on.white((beside[::2] - beside[1::2]) / (2 * np.array(steps)[:, None, None, None])).T
-        added = scatter.added_curvature(self, moved, uneven, steps)
+        added = scatter.added_curvature(self, moved, scattered, steps)
         return self._evaluated(on, at, base, columns, seconds if steps else None, added)
 
     def _opened(self, at: Point) -> FitTask[tuple[Whitening, Array, float]]:
@@ -191,23 +191,24 @@ class Fitter(Linearized):
         on = self.with_form_tolerance(at, base, rest[: len(alone)])
         return on, base, scatter.of(on, np.array([base, *rest[len(alone) :]]))
 
-    def _first_moves(self, on: Whitening, at: Point, base: Array, uneven: float) -> FitTask[Array]:
+    def _first_moves(self, on: Whitening, at: Point, base: Array, scattered: float) -> FitTask[Array]:
         """Moves for responses by central differences, from forward differences."""
         usual = self._usual_moves(at)
-        if not scatter.is_uneven(uneven):
+        if not scatter.is_uneven(scattered):
             return usual
         columns = yield from self._value_columns(on, at, base)
         columns = np.concatenate([columns, on.columns(self.responses, self.per_trial)], axis=1)
-        return self._moves(at, columns, scatter.added_curvature(self, usual, uneven, sides=1), uneven)
+        return self._moves(at, columns, scatter.added_curvature(self, usual, scattered, sides=1), scattered)
 
-    def _moves(self, at: Point, columns: Array, added: Array, uneven: float) -> Array:
+    def _moves(self, at: Point, columns: Array, added: Array, scattered: float) -> Array:
         """Moves for responses by central differences, (k + nterms,), from responses at another point."""
         usual = self._usual_moves(at)
         longest = np.full(len(usual), scatter.MAX_NUDGE)
         longest[: len(at.parts)] = scatter.MAX_WIDENING * usual[: len(at.parts)]
-        return scatter.moves(usual, longest, scatter.information(self, at.parts, columns, added), uneven)
+        return scatter.moves(usual, longest, scatter.information(self, at.parts, columns, added), scattered)
 
     def _usual_moves(self, at: Point) -> Array:
+        """Moves for responses where predictions do not scatter, (k + nterms,)."""
         of_values = [self._move(part, v) for part, v in zip(at.parts, at.values, strict=True)]
         return np.array([*of_values, *[NUISANCE_STEP] * len(self.terms)])
 
