@@ -29,7 +29,8 @@ from tiago_mj.effects.spec import Entry
 from tiago_mj.gap.decision.verdict import calibration, classes_of, temperature_of
 from tiago_mj.gap.design.rehearse import Rehearsal, rehearse, with_numerics
 from tiago_mj.gap.inference import hypotheses, likelihood
-from tiago_mj.gap.inference.fit import MIN_MOVE_SHARE, NUISANCE_STEP, Fitted
+from tiago_mj.gap.inference.differenced import MIN_MOVE_SHARE
+from tiago_mj.gap.inference.fit import NUISANCE_STEP, Fitted
 from tiago_mj.gap.inference.hypotheses import Term
 from tiago_mj.gap.inference.noise_model import Data
 from tiago_mj.gap.result import NextMotion

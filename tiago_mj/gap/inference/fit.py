@@ -7,18 +7,17 @@ its :func:`tiago_mj.gap.inference.evidence.log_evidence`.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Final, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tiago_mj.effects import EFFECTS
 from tiago_mj.gap.inference import central, likelihood, scatter
+from tiago_mj.gap.inference.differenced import Differenced, FitTask
 from tiago_mj.gap.inference.evidence import log_evidence
 from tiago_mj.gap.inference.hypotheses import Candidate
-from tiago_mj.gap.inference.linearized import Linearized
 from tiago_mj.gap.inference.points import NUISANCE_STEP, Fitted, Point, Start
 from tiago_mj.gap.inference.remembered import remembered
 from tiago_mj.gap.inference.whitening import Normal, Whitening
@@ -62,34 +61,23 @@ FIXED_CURVATURE: Final = 1e12
 #: (varied.json).
 RELINEARIZING_MISFIT: Final = 1.2
 RELINEARIZING_COST_RATIO: Final = 3.0
-#: Smallest move of a magnitude for a finite-difference response, as a share of its range. Halved and doubled, none
-#: of 15 answers about hinges changes (varied.json).
-MIN_MOVE_SHARE: Final = 5e-3
 
 
 T = TypeVar("T")
-#: A computation that asks for predictions at points and is sent (npoints, ntrials, T, C).
-FitTask = Generator[Sequence[Point], Array, T]
 
 
 @dataclass
-class Fitter(Linearized):
+class Fitter(Differenced):
     """Fits explanations to one set of trials.
 
     Attributes:
         iterations: Gauss-Newton steps at most.
         min_cost_drop: a drop of the cost below this is no progress [nats].
-        min_move_share: smallest move of a magnitude for its finite-difference response, as a share of its range. Where
-            contacts begin and end, a very small move shows the effect of single physics steps only; a fit that begins
-            far from the optimum needs about 0.01.
-        uneven: whether predictions scatter around the best explanation (:mod:`tiago_mj.gap.inference.scatter`).
         out_of_time: asked between steps; once it returns True, a fit ends where it is.
     """
 
     iterations: int = MAX_ITERATIONS
     min_cost_drop: float = MIN_COST_DROP_NATS
-    min_move_share: float = MIN_MOVE_SHARE
-    uneven: bool = False
     out_of_time: Callable[[], bool] = lambda: False
 
     def fit_all(self, starts: Sequence[Start]) -> list[Fitted]:
@@ -126,8 +114,8 @@ class Fitter(Linearized):
 
     def _descended(self, start: Start, ahead: float) -> FitTask[Fitted]:
         at = self.without_duplicates(Point.of(start))
-        on, base, scattered = yield from self._opened(at)
-        moved = yield from self._first_moves(on, at, base, scattered)
+        on, base, scattered = yield from self.opened(at)
+        moved = yield from self.first_moves(on, at, base, scattered)
         for _ in range(MAX_DESCENT):
             around = central.around(self, at, moved)
             of_values, of_terms = central.responses(self, at, around, (yield around))
@@ -146,7 +134,7 @@ class Fitter(Linearized):
             # What a prediction scatters by changes the cost of an optimum by about its root.
             if before - costs[best] < max(self.min_cost_drop, scattered**0.5) or self.out_of_time():
                 break
-            moved = self._moves(at, columns, added, scattered)
+            moved = self.moves(at, columns, added, scattered)
         return self._evaluated(on, at, base, columns, None, added)
 
     def settled(self, fits: Sequence[Fitted]) -> list[Fitted]:
@@ -159,10 +147,10 @@ class Fitter(Linearized):
         return remembered(self.predict, work, ("settled", self.settings(), list(fits)), self.out_of_time)
 
     def _settled(self, at: Point) -> FitTask[Fitted]:
-        on, base, scattered = yield from self._opened(at)
+        on, base, scattered = yield from self.opened(at)
         wider = scatter.MAX_WIDENING if scatter.is_uneven(scattered) else 1.0
         # Along a valley, where numbers make up for each other, only what scatter adds to each counts, not its share.
-        moved = np.array([wider * one for one in self._usual_moves(at)])
+        moved = np.array([wider * one for one in self.usual_moves(at)])
         moved[len(at.parts) :] = scatter.nudge(scattered)
         around, of_seconds = central.around(self, at, moved), central.around_second_numbers(at, wider)
         asked = [*around, *of_seconds]
@@ -182,36 +170,6 @@ class Fitter(Linearized):
         added = scatter.added_curvature(self, moved, scattered, steps)
         return self._evaluated(on, at, base, columns, seconds if steps else None, added)
 
-    def _opened(self, at: Point) -> FitTask[tuple[Whitening, Array, float]]:
-        """Whitening with the tolerance for the forms of the effects at a point, the prediction there, and the scatter
-        of one prediction; 0 where it is known that there is none."""
-        alone = self.without_each(at)
-        alike = scatter.alike(at, self.predict.seed)[1:] if self.uneven else []
-        base, *rest = yield [at, *alone, *alike]
-        on = self.with_form_tolerance(at, base, rest[: len(alone)])
-        return on, base, scatter.of(on, np.array([base, *rest[len(alone) :]]))
-
-    def _first_moves(self, on: Whitening, at: Point, base: Array, scattered: float) -> FitTask[Array]:
-        """Moves for responses by central differences, from forward differences."""
-        usual = self._usual_moves(at)
-        if not scatter.is_uneven(scattered):
-            return usual
-        columns = yield from self._value_columns(on, at, base)
-        columns = np.concatenate([columns, on.columns(self.responses, self.per_trial)], axis=1)
-        return self._moves(at, columns, scatter.added_curvature(self, usual, scattered, sides=1), scattered)
-
-    def _moves(self, at: Point, columns: Array, added: Array, scattered: float) -> Array:
-        """Moves for responses by central differences, (k + nterms,), from responses at another point."""
-        usual = self._usual_moves(at)
-        longest = np.full(len(usual), scatter.MAX_NUDGE)
-        longest[: len(at.parts)] = scatter.MAX_WIDENING * usual[: len(at.parts)]
-        return scatter.moves(usual, longest, scatter.information(self, at.parts, columns, added), scattered)
-
-    def _usual_moves(self, at: Point) -> Array:
-        """Moves for responses where predictions do not scatter, (k + nterms,)."""
-        of_values = [self._move(part, v) for part, v in zip(at.parts, at.values, strict=True)]
-        return np.array([*of_values, *[NUISANCE_STEP] * len(self.terms)])
-
     def evaluated(self, fits: Sequence[Fitted]) -> list[Fitted]:
         """Fits with the mean squares that their residuals have in the noise of this fitter; all else is as it was."""
         each = [[at, *self.without_each(at)] for at in map(Point.of, fits)]
@@ -227,26 +185,6 @@ class Fitter(Linearized):
         """Of the residual of the worst channel: sample by sample, and over blocks."""
         over_blocks = np.nan_to_num(likelihood.lasting(on.data, on.data.value - base))
         return float(on.misfit(base).max(initial=0.0)), float(over_blocks.max(initial=0.0))
-
-    def without_each(self, at: Point) -> list[Point]:
-        """The point without each of its effects, for the tolerance of their forms. None along a motion: there the noise
-        is what a model with every effect in every form leaves, so that an error of a form is in it already."""
-        return [at.without_effect(k) for k in range(len(at.parts))] if self.predict.replays else []
-
-    def with_form_tolerance(self, at: Point, base: Array, without: Sequence[Array] | Array) -> Whitening:
-        """Whitening with a tolerance for the form of each effect: a share of the change that it makes.
-
-        Args:
-            at: the effects.
-            base: predictions with them.
-            without: predictions at each of :meth:`without_each`.
-        """
-        on = Whitening(self.data, self.weight)
-        if not len(without):
-            return on
-        shares = [EFFECTS[part.effect].form_known_to for part in at.parts]
-        missed = [np.square(share * (base - one)) for share, one in zip(shares, without, strict=True)]
-        return on.with_form_tolerance(np.sqrt(sum(missed)))
 
     def settings(self) -> tuple[object, ...]:
         """What a fit depends on beside its start and the simulations."""
@@ -273,8 +211,8 @@ class Fitter(Linearized):
                 > RELINEARIZING_COST_RATIO * min(costs_beside, default=np.inf) + HOPELESS_COST_NATS
             )
             if self.size and not behind and on.misfit(base).max() > RELINEARIZING_MISFIT and not self.out_of_time():
-                columns = on.columns((yield from self._responses(at, base)), self.per_trial)
-        jacobian = yield from self._value_columns(on, at, base)
+                columns = on.columns((yield from self.nuisance_responses(at, base)), self.per_trial)
+        jacobian = yield from self.value_columns(on, at, base)
         for iteration in range(self.iterations):
             if iteration and self.out_of_time():
                 break
@@ -303,7 +241,7 @@ class Fitter(Linearized):
             at, base = points[best], tried[best]
             if before - costs[best] < self.min_cost_drop * (1 + iteration):
                 break
-            jacobian = yield from self._value_columns(on, at, base)
+            jacobian = yield from self.value_columns(on, at, base)
         return self._evaluated(on, at, base, np.concatenate([jacobian, columns], axis=1))
 
     def _fit_magnitudes(self, on: Whitening, at: Point, base: Array) -> FitTask[tuple[Point, Array]]:
@@ -311,7 +249,7 @@ class Fitter(Linearized):
         would shorten the common step and end at their bounds."""
         for _ in range(self.iterations):
             before = on.cost(base, at.nuisance)
-            jacobian = yield from self._value_columns(on, at, base)
+            jacobian = yield from self.value_columns(on, at, base)
             step = self._normal(on, at, base, jacobian, alone=True).step()
             for share in MAGNITUDE_STEP_SHARES:
                 there = Point(at.parts, _moved_magnitudes(at, share * step), at.nuisance)
@@ -325,28 +263,6 @@ class Fitter(Linearized):
             if before - cost < max(MIN_RELATIVE_COST_DROP * before, self.min_cost_drop) or self.out_of_time():
                 break
         return at, base
-
-    def _responses(self, at: Point, base: Array) -> FitTask[Array]:
-        """Responses of the nuisances around a point, see :attr:`responses`."""
-        return ((yield self.nudged(at)) - base) / NUISANCE_STEP
-
-    def _value_columns(self, on: Whitening, at: Point, base: Array) -> FitTask[Array]:
-        """Whitened response to each magnitude, per unit of it, (n, k)."""
-        if not at.parts:
-            return np.zeros((self.data.value.size, 0))
-        points, steps = [], []
-        for k, part in enumerate(at.parts):
-            step = self._move(part, at.values[k])
-            steps.append(-step if at.values[k] + step > part.high else step)
-            points.append(at.with_value(k, at.values[k] + steps[-1]))
-        response = ((yield points) - base) / np.array(steps)[:, None, None, None]
-        return np.asarray(on.white(response).T)
-
-    def _move(self, part: Candidate, value: float) -> float:
-        """Move of a magnitude for its finite-difference response."""
-        step = 0.02 * abs(value - (part.identity if np.isfinite(part.identity) else 0.0))
-        # Of a limit the magnitude itself says how large a move is.
-        return max(step, self.min_move_share * (part.high - part.low)) if np.isfinite(part.identity) else step
 
     def _normal(self, on: Whitening, at: Point, base: Array, columns: Array, *, alone: bool = False) -> Normal:
         """The normal equations of a step; ``alone``: of the magnitudes."""
