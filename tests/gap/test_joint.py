@@ -11,7 +11,7 @@ from tiago_mj.effects import EFFECTS
 from tiago_mj.gap.analysis import outcome
 from tiago_mj.gap.decision import verdict
 from tiago_mj.gap.detectors.readings import Known
-from tiago_mj.gap.inference.evidence import log_evidence
+from tiago_mj.gap.inference.evidence import Responses, log_evidence
 from tiago_mj.gap.inference.hypotheses import FORM_COMPENSATION, Candidate
 from tiago_mj.gap.inference.noise_model import Data
 from tiago_mj.gap.inference.points import Fitted, Point
@@ -41,7 +41,7 @@ def test_two_magnitudes_that_do_nearly_the_same_are_known_together_and_not_each(
     same, own, nuisance = (rng.normal(size=(100, 1)) for _ in range(3))
     columns = np.hstack([10 * same, 10 * same + 2 * own, nuisance])
     at = Point((STIFF, RUBS), np.array([2.0, 0.7]), np.array([0.0]))
-    found = log_evidence(on, at, zeros, columns)
+    found = log_evidence(on, at, zeros, Responses(columns))
     ranges = [STIFF.high - STIFF.low, RUBS.high - RUBS.low]
     curvature = columns.T @ columns + np.diag([*(12 / np.square(ranges)), 1.0])
     covariance = np.linalg.inv(curvature)
@@ -67,8 +67,8 @@ def test_a_magnitude_is_known_no_better_than_beside_its_second_number():
     same, own, nuisance = (rng.normal(size=(100, 1)) for _ in range(3))
     columns, seconds = np.hstack([10 * same, nuisance]), 3 * same + own
     at = Point((fading,), np.array([0.7]), np.array([0.0]))
-    found = log_evidence(on, at, zeros, columns, seconds=seconds)
-    alone = log_evidence(on, at, zeros, columns)
+    found = log_evidence(on, at, zeros, Responses(columns, seconds))
+    alone = log_evidence(on, at, zeros, Responses(columns))
     (width,) = fading.second_numbers.values()
     both = np.hstack([columns, seconds])
     prior = [12 / (fading.high - fading.low) ** 2, 1.0, 12 / width**2]

@@ -28,6 +28,22 @@ MAX_TOLERANCE_PENALTY_NATS: Final = 6.0
 
 
 @dataclass(frozen=True)
+class Responses:
+    """Whitened responses around a point, of n samples.
+
+    Attributes:
+        columns: to each magnitude and nuisance, (n, k + p).
+        seconds: to the logarithm of each second number, (n, s); None: there is none.
+        added: what scatter of the predictions adds to the curvature of each magnitude, nuisance and second number,
+            (k + p + s,); None: nothing.
+    """
+
+    columns: Array
+    seconds: Array | None = None
+    added: Array | None = None
+
+
+@dataclass(frozen=True)
 class LaplaceEvidence:
     """Evidence for an explanation at its best.
 
@@ -54,10 +70,8 @@ def log_evidence(
     on: Whitening,
     at: Point,
     predicted: Array,
-    columns: Array,
+    responses: Responses,
     twins: Sequence[int] = (),
-    seconds: Array | None = None,
-    added: Array | None = None,
 ) -> LaplaceEvidence:
     """Evidence at a point that was fitted.
 
@@ -66,16 +80,14 @@ def log_evidence(
             that tolerance is not penalised for it.
         at: candidates, magnitudes (k,) and nuisances (p,).
         predicted: there, (ntrials, T, C).
-        columns: whitened response to each magnitude and nuisance, (n, k + p).
+        responses: around it.
         twins: nuisances that are the same number as a magnitude. They are held for its deviation: it says how far the
             sum of both is from the nominal number.
-        seconds: whitened response to the logarithm of each second number, (n, s); None: there is none.
-        added: what scatter of the predictions adds to the curvature of each magnitude, nuisance and second number,
-            (k + p + s,); None: nothing.
     """
     parts, count = at.parts, len(at.parts)
+    seconds, added = responses.seconds, responses.added
     exact = on.exact or on
-    _, weighted = on.weighted(predicted, columns)
+    _, weighted = on.weighted(predicted, responses.columns)
     # A magnitude that the data do not bind is bound by its bounds.
     priors = np.array([*(1e-9 + 12 / (part.high - part.low) ** 2 for part in parts), *np.ones(len(at.nuisance))])
     curvature = _curvature(weighted, None if added is None else added[: len(priors)]) + np.diag(priors)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from tiago_mj.gap.inference import central, likelihood, scatter
 from tiago_mj.gap.inference.differenced import Differenced, FitTask
-from tiago_mj.gap.inference.evidence import log_evidence
+from tiago_mj.gap.inference.evidence import Responses, log_evidence
 from tiago_mj.gap.inference.hypotheses import Candidate
 from tiago_mj.gap.inference.points import NUISANCE_STEP, Fitted, Point, Start
 from tiago_mj.gap.inference.remembered import remembered
@@ -135,7 +135,7 @@ class Fitter(Differenced):
             if before - costs[best] < max(self.min_cost_drop, scattered**0.5) or self.out_of_time():
                 break
             moved = self.moves(at, columns, added, scattered)
-        return self._evaluated(on, at, base, columns, None, added)
+        return self._evaluated(on, at, base, Responses(columns, added=added))
 
     def settled(self, fits: Sequence[Fitted]) -> list[Fitted]:
         """Fits with a last Gauss-Newton step, evidence and deviations by responses of central differences
@@ -168,7 +168,7 @@ class Fitter(Differenced):
         steps = [wider * central.second_step(part, name) for part in at.parts for name in part.second_numbers]
         seconds = on.white((beside[::2] - beside[1::2]) / (2 * np.array(steps)[:, None, None, None])).T
         added = scatter.added_curvature(self, moved, scattered, steps)
-        return self._evaluated(on, at, base, columns, seconds if steps else None, added)
+        return self._evaluated(on, at, base, Responses(columns, seconds if steps else None, added))
 
     def evaluated(self, fits: Sequence[Fitted]) -> list[Fitted]:
         """Fits with the mean squares that their residuals have in the noise of this fitter; all else is as it was."""
@@ -242,7 +242,7 @@ class Fitter(Differenced):
             if before - costs[best] < self.min_cost_drop * (1 + iteration):
                 break
             jacobian = yield from self.value_columns(on, at, base)
-        return self._evaluated(on, at, base, np.concatenate([jacobian, columns], axis=1))
+        return self._evaluated(on, at, base, Responses(np.concatenate([jacobian, columns], axis=1)))
 
     def _fit_magnitudes(self, on: Whitening, at: Point, base: Array) -> FitTask[tuple[Point, Array]]:
         """Fit the magnitudes alone, nuisances held: fitted jointly from a far start, nuisances that mimic the effect
@@ -314,17 +314,9 @@ class Fitter(Differenced):
         """Magnitudes in units of their bounds: well conditioned."""
         return np.array([*(part.high - part.low for part in parts), *np.ones(self.size)])
 
-    def _evaluated(
-        self,
-        on: Whitening,
-        at: Point,
-        base: Array,
-        columns: Array,
-        seconds: Array | None = None,
-        added: Array | None = None,
-    ) -> Fitted:
+    def _evaluated(self, on: Whitening, at: Point, base: Array, responses: Responses) -> Fitted:
         twins = [place for part in at.parts for place in self.duplicating_nuisances(part)]
-        found = log_evidence(on, at, base, columns, twins, seconds, added)
+        found = log_evidence(on, at, base, responses, twins)
         misfit, lasting = self._mean_squares(on, base)
         each = iter(found.second_deviations.tolist())
         spreads = [d if p.spread is None else p.spread for p, d in zip(at.parts, found.deviations, strict=True)]
@@ -340,9 +332,9 @@ class Fitter(Differenced):
             nuisance_deviations=found.nuisance_deviations,
             correlation=found.correlation,
             second_deviations=tuple({name: next(each) for name in part.second_numbers} for part in at.parts)
-            if seconds is not None
+            if responses.seconds is not None
             else (),
-            marginal=None if seconds is None else found.marginal,
+            marginal=None if responses.seconds is None else found.marginal,
         )
 
 
