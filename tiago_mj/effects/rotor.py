@@ -55,11 +55,17 @@ class Rotor:
         self._servo, self._inertia, self._damping, self._limit = Servo(now), inertia, damping, limit
         self.position, self._speed = motor, np.zeros_like(motor)
 
-    def passed(self, now: Now, beyond: Array, stiffness: Array, damping: Array) -> Array:
-        """Move by a physics step; the force on the joint of a connection that is stretched so far now."""
+    def passed(self, held: Array, speed: Array, beyond: Array, stiffness: Array, damping: Array) -> Array:
+        """Move by a physics step; the force on the joint of a connection that is stretched so far now.
+
+        Args:
+            held: set points of the servos.
+            speed: of the joints.
+            beyond: what the connections are stretched by.
+            stiffness, damping: of the connections.
+        """
         servo, step = self._servo, self._servo.step
-        _, speed = servo.joint(now)
-        wanted = servo.kp * (servo.set_point(now) - self.position) - self._damping * self._speed
+        wanted = servo.kp * (held - self.position) - self._damping * self._speed
         free = np.abs(wanted) < self._limit
         force = np.clip(wanted, -self._limit, self._limit)
         kp, kv = np.where(free, servo.kp, 0.0), np.where(free, self._damping, 0.0)

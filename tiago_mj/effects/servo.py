@@ -30,13 +30,14 @@ class Servo:
         bias = now.host.field("actuator_biasprm")
         self.kp, self.kv = -bias[:, ids, 1], -bias[:, ids, 2]
         self.step = now.period / now.substeps
+        self._stateful = np.flatnonzero(wiring.act >= 0)
 
     def set_point(self, now: Now) -> Array:
         """Where the servos hold their motors."""
         wiring = now.wiring
-        stateful = wiring.act >= 0
-        out = now.host.state("ctrl")[:, wiring.ctrl].copy()
-        out[:, stateful] = now.host.state("act")[:, wiring.act[stateful]]
+        out = now.host.state("ctrl")[:, wiring.ctrl]
+        if len(self._stateful):
+            out[:, self._stateful] = now.host.state("act")[:, wiring.act[self._stateful]]
         return out
 
     def joint(self, now: Now) -> tuple[Array, Array]:

@@ -57,7 +57,9 @@ class Backlash(Effect):
 
     def change(self, now: Now) -> None:
         joints = list(now.wiring.targets.actuated)
-        self._has_mass = self.present[:, joints] & (self.motor[:, joints] > 0)
+        present = self.present[:, joints]
+        self._has_mass = present & (self.motor[:, joints] > 0)
+        self._some_light = bool((present & ~self._has_mass).any())
         if self._has_mass.any():
             self._limit = take_limits(now, self._has_mass)
             take_inertia(now, self._has_mass, self.motor[:, joints])
@@ -76,35 +78,35 @@ class Backlash(Effect):
             self._loss = TEETH_DAMPING * np.sqrt(self._teeth * whole)
 
     def servo_force(self, now: Now) -> Array:
-        light = self._of_a_light_motor(now)
+        servo = self._servo
+        (joint, speed), held = servo.joint(now), servo.set_point(now)
+        light = self._of_a_light_motor(joint, speed, held) if self._some_light else np.zeros_like(joint)
         if not self._has_mass.any():
             return light
-        servo = self._servo
-        joint, speed = servo.joint(now)
         stretch = self._rotor.position - joint
         beyond = np.sign(stretch) * np.maximum(np.abs(stretch) - self._half, 0.0)
         touching = beyond != 0
         # The dampers of teeth take hold with the depth, so that their force does not jump.
         taken = np.minimum(np.abs(beyond) * self._teeth / (TEETH_SHARE * np.abs(servo.kp) * self._half + 1e-9), 1.0)
-        passed = self._rotor.passed(now, beyond, np.where(touching, self._teeth, 0.0), self._loss * taken * touching)
+        stiff = np.where(touching, self._teeth, 0.0)
+        passed = self._rotor.passed(held, speed, beyond, stiff, self._loss * taken * touching)
         passed = np.where(passed * beyond > 0, passed, 0.0)  # teeth do not pull
-        own = servo.kp * (servo.set_point(now) - joint) - servo.kv * speed
+        own = servo.kp * (held - joint) - servo.kv * speed
         return np.where(self._has_mass, passed - own, light)
 
-    def _of_a_light_motor(self, now: Now) -> Array:
+    def _of_a_light_motor(self, joint: Array, speed: Array, held: Array) -> Array:
         servo = self._servo
-        joint, speed = servo.joint(now)
-        self._motor = np.clip(self._free(now), joint - self._half, joint + self._half)
-        apart = np.abs(self._free(now) - joint - servo.step * speed) < self._half
+        self._motor = np.clip(self._free(held), joint - self._half, joint + self._half)
+        apart = np.abs(self._free(held) - joint - servo.step * speed) < self._half
         pressing = -servo.kp * (self._motor - joint)
-        nothing = servo.kv * speed - servo.kp * (servo.set_point(now) - joint)
+        nothing = servo.kv * speed - servo.kp * (held - joint)
         return np.where(apart, nothing, pressing)
 
-    def _free(self, now: Now) -> Array:
-        """Where a motor without load is a physics step later."""
+    def _free(self, held: Array) -> Array:
+        """Where a motor without load is a physics step later, held at a set point."""
         servo = self._servo
         slow = servo.kv / servo.step
-        return (slow * self._motor + servo.kp * servo.set_point(now)) / (slow + servo.kp)
+        return (slow * self._motor + servo.kp * held) / (slow + servo.kp)
 
 
 @effect("joint_elasticity", stage="transmission", targets="joint", gap_class="gain")
@@ -150,6 +152,7 @@ class JointElasticity(Effect):
         reaching = self._spring * servo.kv / (servo.kv / servo.step + servo.kp + self._spring)
         bias = now.host.field("actuator_biasprm")
         self._has_mass = present & (self.motor[:, servo.joints] > 0)
+        self._some_light = bool((present & ~self._has_mass).any())
         if self._has_mass.any():
             self._limit = take_limits(now, self._has_mass)
             take_inertia(now, self._has_mass, self.motor[:, servo.joints])
@@ -165,27 +168,22 @@ class JointElasticity(Effect):
             self._loss = self.damping[:, servo.joints] / servo.ratio**2
 
     def servo_force(self, now: Now) -> Array:
-        light = self._of_a_light_motor(now)
+        servo = self._servo
+        (joint, speed), held = servo.joint(now), servo.set_point(now)
+        light = self._of_a_light_motor(joint, held) if self._some_light else np.zeros_like(joint)
         if not self._has_mass.any():
             return light
-        servo = self._servo
-        joint, _ = servo.joint(now)
-        passed = self._rotor.passed(now, self._rotor.position - joint, self._spring, self._loss)
-        return np.where(self._has_mass, passed - servo.kp * (servo.set_point(now) - joint), light)
+        passed = self._rotor.passed(held, speed, self._rotor.position - joint, self._spring, self._loss)
+        return np.where(self._has_mass, passed - servo.kp * (held - joint), light)
 
-    def _of_a_light_motor(self, now: Now) -> Array:
-        servo = self._servo
-        joint, _ = servo.joint(now)
-        self._motor = self._moved(now, joint)
-        return self._spring * (self._moved(now, joint) - joint) - servo.kp * (servo.set_point(now) - joint)
+    def _of_a_light_motor(self, joint: Array, held: Array) -> Array:
+        self._motor = self._moved(joint, held)
+        return self._spring * (self._moved(joint, held) - joint) - self._servo.kp * (held - joint)
 
-    def _moved(self, now: Now, joint: Array) -> Array:
-        """Where the motor is a physics step later, the joint being there."""
-        servo = self._servo
-        slow = self._kv / servo.step
-        return (slow * self._motor + servo.kp * servo.set_point(now) + self._spring * joint) / (
-            slow + servo.kp + self._spring
-        )
+    def _moved(self, joint: Array, held: Array) -> Array:
+        """Where the motor is a physics step later, the joint being there, held at a set point."""
+        kp, slow = self._servo.kp, self._kv / self._servo.step
+        return (slow * self._motor + kp * held + self._spring * joint) / (slow + kp + self._spring)
 
 
 @effect("armature", stage="transmission", targets="joint")
