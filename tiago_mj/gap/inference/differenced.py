@@ -98,15 +98,18 @@ class Differenced(Linearized):
 
     def value_columns(self, on: Whitening, at: Point, base: Array) -> FitTask[Array]:
         """Whitened response to each magnitude, per unit of it, (n, k)."""
+        return np.asarray(on.white((yield from self.value_responses(at, base))).T)
+
+    def value_responses(self, at: Point, base: Array) -> FitTask[Array]:
+        """Response to each magnitude, per unit of it, (k, ntrials, T, C)."""
         if not at.parts:
-            return np.zeros((self.data.value.size, 0))
+            return np.zeros((0, *base.shape))
         points, steps = [], []
         for k, part in enumerate(at.parts):
             step = self._move(part, at.values[k])
             steps.append(-step if at.values[k] + step > part.high else step)
             points.append(at.with_value(k, at.values[k] + steps[-1]))
-        response = ((yield points) - base) / np.array(steps)[:, None, None, None]
-        return np.asarray(on.white(response).T)
+        return np.asarray(((yield points) - base) / np.array(steps)[:, None, None, None])
 
     def _move(self, part: Candidate, value: float) -> float:
         """Move of a magnitude for its finite-difference response."""

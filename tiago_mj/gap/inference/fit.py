@@ -43,6 +43,8 @@ MAX_DESCENT: Final = 10
 #: than √(2 · 0.01) = 0.14 standard deviations of the estimate.
 MIN_COST_DROP_NATS: Final = 0.01
 MAX_ITERATIONS: Final = 5
+#: Gauss-Newton steps where responses are linear: the first softens large residuals by where it began.
+STEPS_IN_A_LINEAR_MODEL: Final = 2
 #: A fit is abandoned where even this many times the cost drop predicted by the linear model would leave it more than
 #: HOPELESS_COST_NATS above the lowest cost of the fits beside it [nats]: contacts do not follow the linear model.
 #: Halved and doubled, none of 32 answers about hinges changes (varied.json).
@@ -185,6 +187,35 @@ class Fitter(Differenced):
         """Of the residual of the worst channel: sample by sample, and over blocks."""
         over_blocks = np.nan_to_num(likelihood.lasting(on.data, on.data.value - base))
         return float(on.misfit(base).max(initial=0.0)), float(over_blocks.max(initial=0.0))
+
+    def costs_by_shares(self, shares: Sequence[float], start: Start, judged: Whitening) -> list[float]:
+        """What an explanation leaves with each of several shares of the step's error put right, at the end of a fit by
+        linear responses [nats]: what is put right is the same beside all that a fit tries, so that all shares respond
+        alike to the numbers.
+
+        Args:
+            shares: of the step's error.
+            start: the explanation, fitted with one of them.
+            judged: whitening by which costs are told; the fit is by the whitening of this fitter.
+        """
+        begin = self.without_duplicates(Point.of(start))
+        return _run([self._costs_by_shares(shares, begin, judged)], self.predictions)[0]
+
+    def _costs_by_shares(self, shares: Sequence[float], begin: Point, judged: Whitening) -> FitTask[list[float]]:
+        base, *alone = yield [begin, *self.without_each(begin)]
+        on = self.with_form_tolerance(begin, base, alone)
+        of_values = yield from self.value_responses(begin, base)
+        near = replace(self, responses=(yield from self.nuisance_responses(begin, base))) if self.size else self
+        columns = np.concatenate([on.white(of_values).T, on.columns(near.responses, self.per_trial)], axis=1)
+        costs = []
+        for simulated in self.predict.by_shares(self.wanted([begin]), shares):
+            at, there = begin, simulated
+            for _ in range(STEPS_IN_A_LINEAR_MODEL):
+                (at,) = self._points(self._normal(on, at, there, columns), at, STEP_SCHEDULE[0])
+                of_nuisances = near.change_by(at.nuisance - begin.nuisance)
+                there = simulated + np.tensordot(at.values - begin.values, of_values, axes=1) + of_nuisances
+            costs.append(judged.cost(there, at.nuisance))
+        return costs
 
     def settings(self) -> tuple[object, ...]:
         """What a fit depends on beside its start and the simulations."""

@@ -108,11 +108,12 @@ class Linearized:
 
     def predictions(self, points: Sequence[Point], *, keep: bool = False) -> Array:
         """(npoints, ntrials, T, C); ``keep``: remember the physics, for what only measures differently."""
-        wanted = [
-            (t, self.effects(p.parts, p.values, p.nuisance, k)) for p in points for k, t in enumerate(self.trials)
-        ]
-        out = self.predict(wanted, keep=keep)
+        out = self.predict(self.wanted(points), keep=keep)
         return out.reshape(len(points), len(self.trials), *out.shape[1:])
+
+    def wanted(self, points: Sequence[Point]) -> list[tuple[int, tuple[Entry, ...]]]:
+        """What is simulated for points: trial and effects, of each point on every trial."""
+        return [(t, self.effects(p.parts, p.values, p.nuisance, k)) for p in points for k, t in enumerate(self.trials)]
 
     def part(self, rows: Sequence[int]) -> Self:
         """Of some of the trials, by their positions among them."""
@@ -139,6 +140,13 @@ class Linearized:
         predicted = self.predictions([one for some in asked for one in some]) if asked else np.empty(0)
         each = predicted.reshape(len(points), -1, *predicted.shape[1:])
         return [replace(self, responses=(some[1:] - some[0]) / NUISANCE_STEP) for some in each]
+
+    def change_by(self, nuisance: Array) -> Array:
+        """Change of the predictions by a change of the nuisances, (ntrials, T, C), as far as responses are linear."""
+        shared = len(self.shared)
+        own = nuisance[shared:].reshape(len(self.trials), len(self._own))
+        of_all: Array = np.tensordot(nuisance[:shared], self.responses[:shared], axes=1)
+        return of_all + np.einsum("tk,ktrc->trc", own, self.responses[shared:])
 
     def nudged(self, at: Point) -> list[Point]:
         """A little further in each nuisance; those that every trial has of its own all at once, and last."""

@@ -213,6 +213,12 @@ class Predictor:
         """The same with a share of the step's error put right; None: it is not known."""
         return None if self.off is None else replace(self, corrected=share)
 
+    def by_shares(self, wanted: Sequence[tuple[int, Effects]], shares: Sequence[float]) -> Array:
+        """(nshares, nwanted, T, C): predicted channels of (trial, effects) pairs with each of several shares of the
+        step's error put right, from the same physics."""
+        remembering = replace(self, _kept=dict(self._kept))
+        return np.stack([replace(remembering, corrected=share)(wanted, keep=True) for share in shares])
+
     def _measures(self, entry: Entry) -> bool:
         """Whether an effect is applied to signals: of those that draw at random none is, as a reading that was missed
         is no other reading."""

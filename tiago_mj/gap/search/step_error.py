@@ -7,7 +7,7 @@ decided: the change by that is larger than the integration error.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -23,10 +23,9 @@ from tiago_mj.gap.search.state import State
 #: Recordings are taken to be free of integration error, as a robot's are, unless they are met better with it by this
 #: much [nats]: a Bayes factor of 3.
 KEPT_NATS: Final = 1.1
-#: Shares of it that are put right, and to what others are told: of a simulator whose step is half as long a half is, of
-#: one whose step is a third two thirds.
-SHARES: Final = (0.0, 0.5, 1.0)
-SHARE_STEP: Final = 0.05
+#: Shares of it that may be put right: of a simulator whose step is half as long a half is, of one whose step is a third
+#: two thirds.
+SHARES: Final = tuple(k / 20 for k in range(21))
 #: Physics steps of these decisions in a predictor's tally: no part of a search's budget, as nothing is found by them.
 DECIDING: Final = "deciding"
 #: Explanations beside which all shares are tried, the likeliest of other classes: one that is wrong may go with a wrong
@@ -49,47 +48,24 @@ def better_step_correction(fitter: Fitter, fits: Sequence[Fitted] | Sequence[Sta
         fitter: of the trials.
         fits: explanations of them: each share may have its own best.
     """
-    if fitter.predict.with_step_correction(1.0) is None or not fits:
+    whole = fitter.predict.with_step_correction(1.0)
+    if whole is None or not fits:
         return None
     # By the noise alone: what the step gets wrong is part of the tolerance, which would hide it.
     noise = np.broadcast_to(fitter.data.reading_noise, fitter.data.value.shape)
     on = Whitening(replace(fitter.data, sigma=noise, common=np.zeros_like(noise)), fitter.weight)
     tally = fitter.predict.tally
     before = tally["physics_steps"]
-    # What is put right is the same beside all that a fit tries, so that all shares respond alike to the numbers.
-    begin = [starts.start_at(Point.of(fit)) for fit in fits]
-    around = [corrected_beside(fitter, start).linearized_at(Point.of(start)) for start in begin]
-
-    def cost(share: float) -> float:
-        # Each share has its own best explanation and magnitudes: a late command and a late step look alike.
-        predict, costs = fitter.predict.with_step_correction(share), []
-        assert predict is not None
-        for start, near in zip(begin, around, strict=True):
-            by = corrected_beside(replace(near, predict=predict), start)
-            (refitted,) = by.fit_all([start])
-            point = Point.of(refitted)
-            costs.append(on.cost(by.predictions([point])[0], point.nuisance))
-        return min(costs) + (KEPT_NATS if share < 1 else 0.0)
-
     present = fitter.predict.corrected
-    told = {share: cost(share) for share in dict.fromkeys((present, *SHARES))}
-    least = _of_least_cost(told)
-    if min(abs(least - share) for share in told) > SHARE_STEP / 2:
-        told[least] = cost(least)
-    best = min(told, key=lambda share: told[share])
+    shares = tuple(dict.fromkeys((present, *SHARES)))
+    # Each share has its own best explanation and magnitudes: a late command and a late step look alike.
+    putting_right = replace(fitter, predict=whole)
+    begin = [starts.start_at(Point.of(fit)) for fit in fits]
+    each = [corrected_beside(putting_right, one).costs_by_shares(shares, one, on) for one in begin]
+    told = np.min(each, axis=0) + np.where(np.array(shares) < 1, KEPT_NATS, 0.0)
+    best = shares[int(np.argmin(told))]
     tally[DECIDING] += tally["physics_steps"] - before
     return None if best == present else fitter.predict.with_step_correction(best)
-
-
-def _of_least_cost(told: Mapping[float, float]) -> float:
-    """Share at the lowest point of the parabola through the costs of :data:`SHARES`, as a cost is of what is linear; of
-    a curve that has none the best of them."""
-    low, middle, high = (told[share] - (KEPT_NATS if share < 1 else 0.0) for share in SHARES)
-    bend = low - 2 * middle + high
-    if not bend > 0:
-        return min(SHARES, key=lambda share: told[share])
-    least = 0.5 + (low - high) / (4 * bend)
-    return float(np.clip(round(least / SHARE_STEP) * SHARE_STEP, 0.0, 1.0))
 
 
 def corrected_beside(fitter: Fitter, fit: Fitted | Start) -> Fitter:
