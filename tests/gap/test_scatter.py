@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from test_central import MOTOR, ROWS, SIZE, STIFF, fitter
+from test_central import MOTOR, ROWS, RUBS, SIZE, STIFF, fitter
 
-from tiago_mj.gap.inference import hypotheses, scatter
+from tiago_mj.gap.inference import central, hypotheses, scatter
 from tiago_mj.gap.inference.fit import Fitted, Fitter
 from tiago_mj.gap.inference.points import NUISANCE_STEP, Point, Start
 from tiago_mj.gap.inference.predictor import Predictor
@@ -56,6 +56,30 @@ def test_a_fit_that_stays_far_behind_is_abandoned():
     start = Start((MOTOR,), np.array([0.4]), np.array([0.1]))
     assert on.descended(start, ahead=1e9).values[0] == 0.4
     assert on.descended(start, ahead=-1e9).values[0] != 0.4
+
+
+def test_responses_serve_several_steps_and_what_shows_nothing_is_simulated_once(monkeypatch):
+    """Friction changes nothing here: it is moved for the first responses and never again."""
+    on = fitter((STIFF, RUBS), predicted, 0.55 * SHAPE + np.random.default_rng(0).normal(size=ROWS))
+    on.uneven = True
+    moves, steps = [], []
+    around, points = central.around, Fitter._points
+
+    def noted(fitter, at, moved):
+        moves.append(moved.copy())
+        return around(fitter, at, moved)
+
+    def counted(*given):
+        steps.append(given)
+        return points(*given)
+
+    monkeypatch.setattr(central, "around", noted)
+    monkeypatch.setattr(Fitter, "_points", counted)
+    on.descended(Start((MOTOR,), np.array([0.4]), np.array([0.1, 0.0])))
+    assert len(steps) > len(moves)
+    assert moves[0].all()
+    assert not any(one[2] for one in moves[1:])
+    assert all(one[:2].all() for one in moves)
 
 
 def weak(known):

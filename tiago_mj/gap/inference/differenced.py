@@ -65,7 +65,8 @@ class Differenced(Linearized):
         usual = self.usual_moves(at)
         longest = np.full(len(usual), scatter.MAX_NUDGE)
         longest[: len(at.parts)] = scatter.MAX_WIDENING * usual[: len(at.parts)]
-        return scatter.moves(usual, longest, scatter.information(self, at.parts, columns, added), scattered)
+        known = scatter.told(self, len(at.parts), columns, added) + scatter.priors(self, at.parts)
+        return scatter.moves(usual, longest, known, scattered)
 
     def usual_moves(self, at: Point) -> Array:
         """Moves for responses where predictions do not scatter, (k + nterms,)."""

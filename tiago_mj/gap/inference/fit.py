@@ -37,8 +37,11 @@ STEP_SCHEDULE: Final = (
 DESCENT: Final = tuple(
     (*one, False) for one in ((1.0, 0.0), (0.5, 0.0), (0.25, 0.0), (1.0, 0.3), (1.0, 3.0), (1.0, 30.0))
 )
-#: Such steps at most: five ended at an evidence of -684 nats, five more at -554 (blind check, seed 71, case 34).
+#: Such responses at most: five ended at an evidence of -684 nats, five more at -554 (blind check, seed 71, case 34).
 MAX_DESCENT: Final = 10
+#: Share of the predicted drop of the cost that a step has to gain for another with the same responses (chosen; in
+#: Shamanskii 1967 a number of steps is fixed).
+MIN_SHARE_OF_DROP: Final = 0.25
 #: Iteration ends where a step lowers the cost by less than this [nats]: of a quadratic cost the step was then shorter
 #: than √(2 · 0.01) = 0.14 standard deviations of the estimate.
 MIN_COST_DROP_NATS: Final = 0.01
@@ -127,17 +130,37 @@ class Fitter(Differenced):
             least = before + on.tolerance_cost - PREDICTED_DROP_FACTOR * normal.predicted_drop
             if least - HOPELESS_COST_NATS > -ahead:
                 break
+            # What a prediction scatters by changes the cost of an optimum by about its root.
+            enough = max(self.min_cost_drop, scattered**0.5)
+            at, base, gained = yield from self._steps(on, at, base, columns, enough)
+            if gained < enough or self.out_of_time():
+                break
+            moved = self.moves(at, columns, added, scattered)
+            # What showed nothing beyond the scatter is not moved again, so that nothing is simulated for it.
+            silent = scatter.told(self, len(at.parts), columns, added) == 0
+            silent[: len(at.parts)] = False
+            moved[silent] = 0.0
+        return self._evaluated(on, at, base, Responses(columns, added=added))
+
+    def _steps(
+        self, on: Whitening, at: Point, base: Array, columns: Array, enough: float
+    ) -> FitTask[tuple[Point, Array, float]]:
+        """Gauss-Newton steps with the same responses, as long as each gains ``enough`` and the share of what it should
+        (Shamanskii 1967); the point, the prediction there, and the drop of the cost."""
+        first = before = on.cost(base, at.nuisance)
+        while True:
+            normal = self._normal(on, at, base, columns)
             points = self._points(normal, at, DESCENT)
             tried = yield points
             costs = [on.cost(one, point.nuisance) for one, point in zip(tried, points, strict=True)]
-            best = int(np.argmin(costs))
-            if costs[best] < before:
-                at, base = points[best], tried[best]
-            # What a prediction scatters by changes the cost of an optimum by about its root.
-            if before - costs[best] < max(self.min_cost_drop, scattered**0.5) or self.out_of_time():
-                break
-            moved = self.moves(at, columns, added, scattered)
-        return self._evaluated(on, at, base, Responses(columns, added=added))
+            # Of what is as good to within the scatter the full step, which the responses ask for.
+            whole = costs[0] < min(before, *costs) + enough
+            best = 0 if whole else int(np.argmin(costs))
+            gained = before - costs[best]
+            if whole or gained > 0:
+                at, base, before = points[best], tried[best], costs[best]
+            if gained < max(enough, MIN_SHARE_OF_DROP * normal.predicted_drop) or self.out_of_time():
+                return at, base, first - before
 
     def settled(self, fits: Sequence[Fitted]) -> list[Fitted]:
         """Fits with a last Gauss-Newton step, evidence and deviations by responses of central differences

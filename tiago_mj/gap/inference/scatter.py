@@ -80,19 +80,27 @@ def moves(usual: Array, longest: Array, information: Array, scatter: float) -> A
     return np.clip(needed, usual, longest) if is_uneven(scatter) else usual
 
 
-def information(fitter: Linearized, parts: Sequence[Candidate], columns: Array, added: Array) -> Array:
-    """What is known of the curvature of each magnitude and term, that of its prior included, (k + nterms,).
+def told(fitter: Linearized, count: int, columns: Array, added: Array) -> Array:
+    """Curvature of each of ``count`` magnitudes and of each term beyond what scatter added, (k + nterms,).
 
     Args:
         fitter: whose nuisances they are.
-        parts: whose magnitudes they are.
+        count: of the magnitudes.
         columns: whitened response to each magnitude and nuisance, (n, k + p).
         added: what scatter added to the curvature of each, (k + p,).
     """
-    priors = np.concatenate([[12 / (part.high - part.low) ** 2 for part in parts], np.ones(fitter.size)])
-    each = np.maximum(np.square(columns).sum(axis=0) - added, 0.0) + priors
-    first = len(parts) + len(fitter.shared)
+    each = np.maximum(np.square(columns).sum(axis=0) - added, 0.0)
+    first = count + len(fitter.shared)
     return np.concatenate([each[:first], each[first:].reshape(len(fitter.trials), -1).sum(axis=0)])
+
+
+def priors(fitter: Linearized, parts: Sequence[Candidate]) -> Array:
+    """Curvature of the priors of magnitudes and terms, (k + nterms,); each trial has its own number of some terms."""
+    count, shared = len(parts), len(fitter.shared)
+    out = np.ones(count + len(fitter.terms))
+    out[:count] = [12 / (part.high - part.low) ** 2 for part in parts]
+    out[count + shared :] = len(fitter.trials)
+    return out
 
 
 def added_curvature(
@@ -102,17 +110,21 @@ def added_curvature(
 
     Args:
         fitter: whose nuisances they are.
-        moved: how far each magnitude and each term was moved, terms in order, (k + nterms,).
+        moved: how far each magnitude and each term was moved, terms in order, (k + nterms,); by 0 adds nothing.
         scatter: of one prediction, see :func:`of`.
         seconds: how far the logarithm of each second number was moved, (s,).
         sides: moved to: 2 for central differences, 1 for forward ones.
     """
     if not is_uneven(scatter):
         return np.zeros(len(moved) - len(fitter.terms) + fitter.size + len(seconds))
-    each, last = (2 * scatter / np.square(sides * np.asarray(one)) for one in (moved, seconds))
+    each, last = (_added(scatter, sides * np.asarray(one, dtype=float)) for one in (moved, seconds))
     first = len(moved) - len(fitter.terms) + len(fitter.shared)
     own = each[first:] / len(fitter.trials)  # each of these moves one trial
     return np.concatenate([each[:first], np.tile(own, len(fitter.trials)), last])
+
+
+def _added(scatter: float, distance: Array) -> Array:
+    return np.divide(2 * scatter, np.square(distance), out=np.zeros(len(distance)), where=distance != 0)
 
 
 def taken_off(curvature: Array, added: Array) -> Array:
