@@ -54,6 +54,18 @@ def test_a_driver_is_found_from_behind_another_explanation(searching: State) -> 
     assert dict(found.parts[0].fixed)["period"] == pytest.approx(0.005, rel=0.01)
 
 
+def test_a_driver_that_leaves_many_times_more_is_not_looked_at(searching: State) -> None:
+    plant = searching.full.predict.plant
+    band, rub = (hypotheses.candidates(plant, (name,))[0] for name in ("command_deadband", "coulomb_friction"))
+    behind, best = searching.full.fit_all([Start((band,), np.array([WIDTH])), Start((rub,), np.array([0.5]))])
+    far = driver_period.MAX_COST_RATIO * -1000.0 - driver_period.HOPELESS_DEFICIT_NATS
+    best = replace(best, evidence=-1000.0)
+    state = replace(searching, fits=(best, replace(behind, evidence=far - 1.0)))
+    assert driver_period.tried(state) is state
+    near = replace(searching, fits=(best, replace(behind, evidence=far + 1.0)))
+    assert driver_period.tried(near) is not near
+
+
 def test_what_has_no_driver_stays_as_it_is(searching: State) -> None:
     late = hypotheses.candidates(searching.full.predict.plant, ("command_delay",))[0]
     fits = searching.full.fit_all([Start((), np.zeros(0)), Start((late,), np.array([0.01]))])

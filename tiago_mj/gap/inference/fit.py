@@ -221,8 +221,13 @@ class Fitter(Differenced):
             start: the explanation, fitted with one of them.
             judged: whitening by which costs are told; the fit is by the whitening of this fitter.
         """
-        begin = self.without_duplicates(Point.of(start))
-        return _run([self._costs_by_shares(shares, begin, judged)], self.predictions)[0]
+
+        def work() -> list[float]:
+            begin = self.without_duplicates(Point.of(start))
+            return _run([self._costs_by_shares(shares, begin, judged)], self.predictions)[0]
+
+        depends_on = ("shares", self.settings(), tuple(shares), start, judged.data, judged.weight)
+        return remembered(self.predict, work, depends_on, self.out_of_time)
 
     def _costs_by_shares(self, shares: Sequence[float], begin: Point, judged: Whitening) -> FitTask[list[float]]:
         base, *alone = yield [begin, *self.without_each(begin)]
