@@ -63,7 +63,7 @@ def test_responses_serve_several_steps_and_what_shows_nothing_is_simulated_once(
     on = fitter((STIFF, RUBS), predicted, 0.55 * SHAPE + np.random.default_rng(0).normal(size=ROWS))
     on.uneven = True
     moves, steps = [], []
-    around, points = central.around, Fitter._points
+    around, points = central.around, Fitter.points
 
     def noted(fitter, at, moved):
         moves.append(moved.copy())
@@ -74,7 +74,7 @@ def test_responses_serve_several_steps_and_what_shows_nothing_is_simulated_once(
         return points(*given)
 
     monkeypatch.setattr(central, "around", noted)
-    monkeypatch.setattr(Fitter, "_points", counted)
+    monkeypatch.setattr(Fitter, "points", counted)
     on.descended(Start((MOTOR,), np.array([0.4]), np.array([0.1, 0.0])))
     assert len(steps) > len(moves)
     assert moves[0].all()

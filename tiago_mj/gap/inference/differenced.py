@@ -1,5 +1,5 @@
 """Responses of predictions to an explanation's magnitudes and to the nominal model's own numbers, by finite differences
-around a point: how far each is moved, and by what the changes are whitened."""
+around a point: how far each is moved, by what the changes are whitened, and the Gauss-Newton steps by them."""
 
 from __future__ import annotations
 
@@ -11,17 +11,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tiago_mj.effects import EFFECTS
-from tiago_mj.gap.inference import scatter
+from tiago_mj.gap.inference import likelihood, scatter
 from tiago_mj.gap.inference.hypotheses import Candidate
 from tiago_mj.gap.inference.linearized import Linearized
 from tiago_mj.gap.inference.points import NUISANCE_STEP, Point
-from tiago_mj.gap.inference.whitening import Whitening
+from tiago_mj.gap.inference.whitening import Normal, Whitening
 
 Array = NDArray[np.float64]
 
 #: Smallest move of a magnitude for a finite-difference response, as a share of its range. Halved and doubled, none
 #: of 15 answers about hinges changes (varied.json).
 MIN_MOVE_SHARE: Final = 5e-3
+#: Curvature that holds a nuisance at its value, in units of the curvature of its prior.
+FIXED_CURVATURE: Final = 1e12
 
 T = TypeVar("T")
 #: A computation that asks for predictions at points and is sent (npoints, ntrials, T, C).
@@ -30,7 +32,7 @@ FitTask = Generator[Sequence[Point], Array, T]
 
 @dataclass
 class Differenced(Linearized):
-    """One set of trials, what predicts them, and finite differences of that around a point.
+    """One set of trials, what predicts them, finite differences of that around a point, and steps from there.
 
     Attributes:
         min_move_share: smallest move of a magnitude for its finite-difference response, as a share of its range. Where
@@ -117,3 +119,45 @@ class Differenced(Linearized):
         step = 0.02 * abs(value - (part.identity if np.isfinite(part.identity) else 0.0))
         # Of a limit the magnitude itself says how large a move is.
         return max(step, self.min_move_share * (part.high - part.low)) if np.isfinite(part.identity) else step
+
+    def normal(self, on: Whitening, at: Point, base: Array, columns: Array, *, alone: bool = False) -> Normal:
+        """The normal equations of a step; ``alone``: of the magnitudes."""
+        count = len(at.parts) if alone else None
+        known = np.ones(self.size)
+        for part in at.parts:
+            known[self.duplicating_nuisances(part)] = FIXED_CURVATURE
+        prior = np.concatenate([np.zeros(len(at.parts)), known])[:count]
+        scale = self.scale(at.parts)[:count]
+        r, weighted = on.weighted(base, columns)
+        weighted = weighted * scale
+        gradient = weighted.T @ r - prior * np.concatenate([at.values * 0, at.nuisance])[:count]
+        bound = likelihood.NUISANCE_BOUND
+        of_values = [part.room(float(v)) for part, v in zip(at.parts, at.values, strict=True)]
+        of_nuisances = np.stack([-bound - at.nuisance, bound - at.nuisance], axis=1)
+        room = np.concatenate([np.reshape(of_values, (-1, 2)), of_nuisances])[:count].T
+        return Normal(weighted.T @ weighted + np.diag(prior + 1e-6), gradient, scale, room)
+
+    def points(self, normal: Normal, at: Point, steps: Sequence[tuple[float, float, bool]]) -> list[Point]:
+        """Points to try: shares of damped Gauss-Newton steps, of magnitudes and nuisances together, or of magnitudes
+        alone, with the nuisances where they are: their responses may be those of another point, and what they mimic
+        shortens a step that both share."""
+        count, bound = len(at.parts), likelihood.NUISANCE_BOUND
+        points = []
+        for share, damping, alone in steps:
+            if alone and count:
+                step = normal.first(count).step(damping)
+                points.append(Point(at.parts, moved_magnitudes(at, share * step), at.nuisance))
+            elif not alone:
+                step = normal.step(damping)
+                nuisance = np.clip(at.nuisance + share * step[count:], -bound, bound)
+                points.append(Point(at.parts, moved_magnitudes(at, share * step[:count]), nuisance))
+        return points
+
+    def scale(self, parts: Sequence[Candidate]) -> Array:
+        """Magnitudes in units of their bounds: well conditioned."""
+        return np.array([*(part.high - part.low for part in parts), *np.ones(self.size)])
+
+
+def moved_magnitudes(at: Point, step: Array) -> Array:
+    """Magnitudes after a step, each within its bounds, (k,)."""
+    return np.array([p.moved(float(v), float(s)) for p, v, s in zip(at.parts, at.values, step, strict=True)])

@@ -15,12 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tiago_mj.gap.inference import central, likelihood, scatter
-from tiago_mj.gap.inference.differenced import Differenced, FitTask
+from tiago_mj.gap.inference.differenced import Differenced, FitTask, moved_magnitudes
 from tiago_mj.gap.inference.evidence import Responses, log_evidence
-from tiago_mj.gap.inference.hypotheses import Candidate
 from tiago_mj.gap.inference.points import NUISANCE_STEP, Fitted, Point, Start
 from tiago_mj.gap.inference.remembered import remembered
-from tiago_mj.gap.inference.whitening import Normal, Whitening
+from tiago_mj.gap.inference.whitening import Whitening
 
 __all__ = ["NUISANCE_STEP", "FitTask", "Fitted", "Fitter", "Point", "Start"]
 
@@ -58,8 +57,6 @@ HOPELESS_COST_NATS: Final = 15.0
 #: about hinges changes (varied.json).
 MAGNITUDE_STEP_SHARES: Final = (1.0, 0.4)
 MIN_RELATIVE_COST_DROP: Final = 0.01
-#: Curvature that holds a nuisance at its value, in units of the curvature of its prior.
-FIXED_CURVATURE: Final = 1e12
 #: Nuisance responses are recomputed around fitted magnitudes that leave a misfit above this (mean squared residual
 #: of the worst channel, in units of floor and tolerance), unless their cost is more than RELINEARIZING_COST_RATIO
 #: times the lowest plus HOPELESS_COST_NATS. Halved and doubled, none of 32 answers about hinges changes
@@ -126,7 +123,7 @@ class Fitter(Differenced):
             of_values, of_terms = central.responses(self, at, around, (yield around))
             columns = np.concatenate([on.white(of_values).T, on.columns(of_terms, self.per_trial)], axis=1)
             added = scatter.added_curvature(self, moved, scattered)
-            normal, before = self._normal(on, at, base, columns), on.cost(base, at.nuisance)
+            normal, before = self.normal(on, at, base, columns), on.cost(base, at.nuisance)
             least = before + on.tolerance_cost - PREDICTED_DROP_FACTOR * normal.predicted_drop
             if least - HOPELESS_COST_NATS > -ahead:
                 break
@@ -149,8 +146,8 @@ class Fitter(Differenced):
         (Shamanskii 1967); the point, the prediction there, and the drop of the cost."""
         first = before = on.cost(base, at.nuisance)
         while True:
-            normal = self._normal(on, at, base, columns)
-            points = self._points(normal, at, DESCENT)
+            normal = self.normal(on, at, base, columns)
+            points = self.points(normal, at, DESCENT)
             tried = yield points
             costs = [on.cost(one, point.nuisance) for one, point in zip(tried, points, strict=True)]
             # Of what is as good to within the scatter the full step, which the responses ask for.
@@ -183,9 +180,9 @@ class Fitter(Differenced):
         simulated, beside = simulated[: len(around)], simulated[len(around) :]
         of_values, of_terms = central.responses(self, at, around, simulated)
         columns = np.concatenate([on.white(of_values).T, on.columns(of_terms, self.per_trial)], axis=1)
-        normal, before = self._normal(on, at, base, columns), on.cost(base, at.nuisance)
+        normal, before = self.normal(on, at, base, columns), on.cost(base, at.nuisance)
         if normal.predicted_drop > self.min_cost_drop:
-            points = self._points(normal, at, [step for steps in STEP_SCHEDULE for step in steps if not step[2]])
+            points = self.points(normal, at, [step for steps in STEP_SCHEDULE for step in steps if not step[2]])
             tried = yield points
             costs = [on.cost(one, point.nuisance) for one, point in zip(tried, points, strict=True)]
             if min(costs) < before:
@@ -239,7 +236,7 @@ class Fitter(Differenced):
         for simulated in self.predict.by_shares(self.wanted([begin]), shares):
             at, there = begin, simulated
             for _ in range(STEPS_IN_A_LINEAR_MODEL):
-                (at,) = self._points(self._normal(on, at, there, columns), at, STEP_SCHEDULE[0])
+                (at,) = self.points(self.normal(on, at, there, columns), at, STEP_SCHEDULE[0])
                 of_nuisances = near.change_by(at.nuisance - begin.nuisance)
                 there = simulated + np.tensordot(at.values - begin.values, of_values, axes=1) + of_nuisances
             costs.append(judged.cost(there, at.nuisance))
@@ -277,7 +274,7 @@ class Fitter(Differenced):
                 break
             before = on.cost(base, at.nuisance)
             costs_beside.append(before + on.tolerance_cost)
-            normal = self._normal(on, at, base, np.concatenate([jacobian, columns], axis=1))
+            normal = self.normal(on, at, base, np.concatenate([jacobian, columns], axis=1))
             if (
                 costs_beside[-1] - PREDICTED_DROP_FACTOR * normal.predicted_drop
                 > min(costs_beside) + HOPELESS_COST_NATS
@@ -287,8 +284,8 @@ class Fitter(Differenced):
                 break
             for k, steps in enumerate(STEP_SCHEDULE):
                 if k:
-                    normal = self._normal(on, at, base, np.concatenate([jacobian, columns], axis=1))
-                points = self._points(normal, at, steps)
+                    normal = self.normal(on, at, base, np.concatenate([jacobian, columns], axis=1))
+                points = self.points(normal, at, steps)
                 tried = yield points
                 costs = [on.cost(tried[k], points[k].nuisance) for k in range(len(points))]
                 best = int(np.argmin(costs))
@@ -309,9 +306,9 @@ class Fitter(Differenced):
         for _ in range(self.iterations):
             before = on.cost(base, at.nuisance)
             jacobian = yield from self.value_columns(on, at, base)
-            step = self._normal(on, at, base, jacobian, alone=True).step()
+            step = self.normal(on, at, base, jacobian, alone=True).step()
             for share in MAGNITUDE_STEP_SHARES:
-                there = Point(at.parts, _moved_magnitudes(at, share * step), at.nuisance)
+                there = Point(at.parts, moved_magnitudes(at, share * step), at.nuisance)
                 (tried,) = yield [there]
                 cost = on.cost(tried, at.nuisance)
                 if cost < before:
@@ -323,44 +320,11 @@ class Fitter(Differenced):
                 break
         return at, base
 
-    def _normal(self, on: Whitening, at: Point, base: Array, columns: Array, *, alone: bool = False) -> Normal:
-        """The normal equations of a step; ``alone``: of the magnitudes."""
-        count = len(at.parts) if alone else None
-        known = np.ones(self.size)
-        for part in at.parts:
-            known[self.duplicating_nuisances(part)] = FIXED_CURVATURE
-        prior = np.concatenate([np.zeros(len(at.parts)), known])[:count]
-        scale = self._scale(at.parts)[:count]
-        r, weighted = on.weighted(base, columns)
-        weighted = weighted * scale
-        gradient = weighted.T @ r - prior * np.concatenate([at.values * 0, at.nuisance])[:count]
-        bound = likelihood.NUISANCE_BOUND
-        of_values = [part.room(float(v)) for part, v in zip(at.parts, at.values, strict=True)]
-        of_nuisances = np.stack([-bound - at.nuisance, bound - at.nuisance], axis=1)
-        room = np.concatenate([np.reshape(of_values, (-1, 2)), of_nuisances])[:count].T
-        return Normal(weighted.T @ weighted + np.diag(prior + 1e-6), gradient, scale, room)
-
-    def _points(self, normal: Normal, at: Point, steps: Sequence[tuple[float, float, bool]]) -> list[Point]:
-        """Points to try: shares of damped Gauss-Newton steps, of magnitudes and nuisances together, or of magnitudes
-        alone, with the nuisances where they are: their responses may be those of another point, and what they mimic
-        shortens a step that both share."""
-        count, bound = len(at.parts), likelihood.NUISANCE_BOUND
-        points = []
-        for share, damping, alone in steps:
-            if alone and count:
-                step = normal.first(count).step(damping)
-                points.append(Point(at.parts, _moved_magnitudes(at, share * step), at.nuisance))
-            elif not alone:
-                step = normal.step(damping)
-                nuisance = np.clip(at.nuisance + share * step[count:], -bound, bound)
-                points.append(Point(at.parts, _moved_magnitudes(at, share * step[:count]), nuisance))
-        return points
-
     def _broyden_update(
         self, jacobian: Array, columns: Array, at: Point, to: Point, change: Array
     ) -> tuple[Array, Array]:
         """Rank-one update of the responses so that they reproduce the change that a step made (Broyden 1965)."""
-        scale = self._scale(at.parts)
+        scale = self.scale(at.parts)
         step = np.concatenate([to.values - at.values, to.nuisance - at.nuisance]) / scale
         if not step.any():
             return jacobian, columns
@@ -368,10 +332,6 @@ class Fitter(Differenced):
         scaled += np.outer(change - scaled @ step, step / (step @ step))
         scaled /= scale
         return scaled[:, : len(at.parts)], scaled[:, len(at.parts) :]
-
-    def _scale(self, parts: Sequence[Candidate]) -> Array:
-        """Magnitudes in units of their bounds: well conditioned."""
-        return np.array([*(part.high - part.low for part in parts), *np.ones(self.size)])
 
     def _evaluated(self, on: Whitening, at: Point, base: Array, responses: Responses) -> Fitted:
         twins = [place for part in at.parts for place in self.duplicating_nuisances(part)]
@@ -417,8 +377,3 @@ def _run(tasks: Sequence[FitTask[T]], predict: Callable[[Sequence[Point]], Array
             used += len(points)
         asked = {}
     return [done[k] for k in range(len(tasks))]
-
-
-def _moved_magnitudes(at: Point, step: Array) -> Array:
-    """Magnitudes after a step, each within its bounds, (k,)."""
-    return np.array([p.moved(float(v), float(s)) for p, v, s in zip(at.parts, at.values, step, strict=True)])
