@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.blind import effort_sensors, motions, reality, robots, six_joints
-from benchmarks.blind.dictionary import ARM, GRIPPER, ON_REQUEST, PLAIN, SIX, draw, kind_of
+from benchmarks.blind.dictionary import ARM, GRIPPER, PLAIN, SIX, draw, kind_of
 from benchmarks.blind.effects.base import Effect
+from benchmarks.blind.effects.coupled import CoupledMotor
 from benchmarks.blind.effects.friction import Bristles, CoulombFriction
 from benchmarks.blind.facts import Grid, converters
 from tiago_mj.models import names
@@ -134,7 +135,8 @@ def effect_targets(setting: str, name: str, rng: np.random.Generator) -> str | t
         return "all"
     if setting in (ARM, SIX):
         joints = names.ARM[:4] if setting == ARM else six_joints.JOINTS
-        return (str(rng.choice(joints[1:] if name in ON_REQUEST else joints)),)  # those act on the joint before as well
+        of_two = issubclass(kind.make, CoupledMotor)  # acts on the joint before as well
+        return (str(rng.choice(joints[1:] if of_two else joints)),)
     if rng.random() < 0.6:
         return "all"
     return (str(rng.choice(names.SIDES if kind.on == "sensor" else names.FINGERS)),)

@@ -12,7 +12,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from benchmarks.blind.effects import commands, coupled, friction, gears, sensors, things, unknown
+from benchmarks.blind.effects import commands, coupled, friction, gears, sensors, springs, things, unknown
 from benchmarks.blind.effects.base import Effect
 
 GRIPPER, ARM, PLAIN, SIX = "gripper", "arm", "plain", "six"
@@ -223,6 +223,7 @@ KINDS: Final[Mapping[str, Kind]] = {
         "joint",
         _r({"force": (LOG, 3.0, 40.0)}, {"force": (LOG, 5.0, 40.0)}, {"force": (LOG, 0.5, 5.0)}),
         known=False,
+        soft_form_of="joint_spring",
     ),
     "mains_hum": Kind(
         unknown.MainsHum,
@@ -255,10 +256,20 @@ KINDS: Final[Mapping[str, Kind]] = {
     ),
 }
 
-#: Effects of the library that no drawn case has, as only an arm of several joints can have them: they are asked for.
+#: Effects of the library that no drawn case has, as only an arm of several joints can have them, or as cases were drawn
+#: before they were in it: they are asked for.
 ON_REQUEST: Final[Mapping[str, Kind]] = {
     "coupled_motor_friction": Kind(coupled.CoupledMotorFriction, "joint", {SIX: {"force": (LOG, 0.5, 8.0)}}),
     "coupled_motor_damping": Kind(coupled.CoupledMotorDamping, "joint", {SIX: {"damping": (LOG, 0.3, 8.0)}}),
+    "joint_spring": Kind(
+        springs.ReturnSpring,
+        "joint",
+        _r(
+            {"stiffness": (LOG, 20, 400), "slack": (FLAT, 0.0, 1.0)},
+            {"stiffness": (LOG, 2, 40), "slack": (FLAT, 0.0, 1.0)},
+            {"stiffness": (LOG, 0.2, 4.0), "slack": (FLAT, 0.0, 1.0)},
+        ),
+    ),
 }
 
 KNOWN: Final = tuple(name for name, kind in KINDS.items() if kind.known)
@@ -280,6 +291,7 @@ MAPPING: Final[Mapping[str, Mapping[str, str | None]]] = {
     "stribeck_friction": {"static": "at rest", "velocity": "of a Gaussian bell; not scored, as the shape is free"},
     "motor_cogging": {"amplitude": "of the first harmonic", "period": "the same"},
     "backlash": {"width": "full play"},
+    "joint_spring": {"slack": "where it is slack, as a share of the joint's range; not scored"},
 }
 #: Numbers that the library knows of an effect, and no case draws: how often reality's drivers look at set points [s],
 #: the share of cogging's second harmonic, how far the widths of a load cell's plays are spread, how soon a drive's
@@ -295,7 +307,9 @@ CONSTANT: Final[Mapping[str, Mapping[str, float]]] = {
     "force_hysteresis": {"spread": 0.6},
     "pad_creep": {"spread": 1 / 3},
 }
-UNSCORED: Final = frozenset({("pad_creep", "time_constant"), ("stribeck_friction", "velocity")})
+UNSCORED: Final = frozenset(
+    {("pad_creep", "time_constant"), ("stribeck_friction", "velocity"), ("joint_spring", "slack")}
+)
 
 
 def available(setting: str, *, known: bool = True) -> list[str]:

@@ -74,6 +74,7 @@ OTHERS: Final = {
     "torque_constant": Shown("grasp", "force"),
     "force_limit": Shown("grasp", "force"),
     "joint_elasticity": Shown("grasp", "force"),
+    "joint_spring": Shown("hinge", "position"),
     "load_dependent_friction": Shown("grasp", "force"),
     "motor_cogging": Shown("air", "velocity"),
     "coupled_motor_friction": Shown("wrist", "position"),

@@ -236,10 +236,18 @@ def test_a_motor_of_two_joints_is_felt_at_both(name, values):
     assert force[4] == force[5] == pytest.approx(-values * (1.0 if "friction" in name else 0.3), rel=1e-3)
 
 
+def test_a_spring_pulls_to_where_it_is_slack():
+    robot = SimpleNamespace(low=np.array([-1.0, 0.0]), high=np.array([1.0, 3.0]))
+    world = SimpleNamespace(q=np.array([[0.3, 0.5]]), robot=robot)
+    force = ON_REQUEST["joint_spring"].make({"stiffness": 4.0, "slack": 0.75}, [0]).load(world)
+    np.testing.assert_allclose(force, [[4.0 * (0.5 - 0.3), 0.0]])
+
+
 def test_what_no_drawn_case_has_is_asked_for_by_name():
-    asked = efforts.cases(6, 3, ("one", "two"), tuple(ON_REQUEST))
+    coupled = ("coupled_motor_friction", "coupled_motor_damping")
+    asked = efforts.cases(6, 3, ("one", "two"), coupled)
     assert {case.setting for case in asked} == {"six"}
-    assert all(case.effects[0].name in ON_REQUEST and case.effects[0].target != ("turn",) for case in asked)
+    assert all(case.effects[0].name in coupled and case.effects[0].target != ("turn",) for case in asked)
     drawn = efforts.cases(40, 65)
     assert not {effect.name for case in drawn for effect in case.effects} & set(ON_REQUEST)
     with pytest.raises(ValueError, match="no robot of the check"):

@@ -21,6 +21,7 @@ from effects_bench import (
 )
 
 from tiago_mj.effects.inertia import own_inertia, removable_inertia
+from tiago_mj.effects.transmission.spring import sum_of_springs
 from tiago_mj.models import names
 
 OPEN = 0.045  # where the fingers start [m]
@@ -314,6 +315,27 @@ def test_a_link_whose_weight_acts_elsewhere_pulls_at_the_joints_that_carry_it(ax
 def test_a_constant_force_on_a_finger_moves_it_until_the_servo_gives_as_much(force):
     r = free({"torque_offset": {"force": force}}, (-0.02, 1.0), (0.0, 2.0))
     np.testing.assert_allclose((r.true_position - r.set_point)[-1], force / KP, rtol=0.01)
+
+
+@shows("joint_spring")
+@pytest.mark.parametrize("hardening", [0.0, 0.7])
+def test_a_spring_holds_a_finger_between_its_slack_and_the_set_point(hardening):
+    stiffness, rest, span = 600.0, 0.045, 0.045
+    effect = {"joint_spring": {"stiffness": stiffness, "rest": rest, "hardening": hardening}}
+    r = free(effect, (-0.02, 1.0), (0.0, 2.0))
+    stretch = r.true_position[-1] - rest
+    pull = stiffness * stretch * (1 - hardening + hardening * (stretch / span) ** 2)
+    assert np.abs(pull).min() > 2
+    np.testing.assert_allclose(KP * (r.set_point - r.true_position)[-1], pull, rtol=1e-3)
+
+
+def test_two_springs_side_by_side_pull_as_one():
+    one, other = (0.03, np.array([300.0, 0.0, 0.0])), (0.01, np.array([250.0, 40.0, 9000.0]))
+    both = sum_of_springs(one, other)
+    assert 0.01 < both[0] < 0.03
+    for position in (-0.02, 0.013, 0.04):
+        pulls = [np.polyval([*reversed(factors), 0.0], position - rest) for rest, factors in (one, other, both)]
+        assert pulls[2] == pytest.approx(pulls[0] + pulls[1])
 
 
 @shows("gravity_tilt")

@@ -52,6 +52,7 @@ CONTRACT = {
     "coupled_motor_damping": ("joint", None, {"damping": (DAMPING, 0, (10, 1))}),
     "backlash": ("joint", "play", {"width": (LENGTH, 0, 0.001)}),
     "joint_elasticity": ("joint", "gain", {"stiffness": (("N/m", "N·m/rad"), INF, 3000)}),
+    "joint_spring": ("joint", None, {"stiffness": (("N/m", "N·m/rad"), 0, (100, 1))}),
     "armature": ("joint", None, {"mass": (("kg", "kg·m²"), 0, 0.3)}),
     "coupling_error": ("joint", None, {"ratio": ("-", 0, 0.1)}),
     "payload": ("joint", None, {"mass": ("kg", 0, 0.5)}),
@@ -207,9 +208,9 @@ def test_no_value_that_a_fit_may_try_makes_the_arm_diverge(end):
         target = arm if declared.targets in ("joint", "command") and name != "payload" else "all"
         r = rollout([{"name": name, "target": target, "parameters": _tried(values)}], actions, TIAGO)
         assert np.isfinite(r.state).all(), name
-        # 0.2 rad/s are commanded. A wrist of 0.5 g·m² that 10 N·m push, or of friction let go, leaps at some rad/s; an
-        # arm falls through a play of 0.1 rad or onto a spring of 1 N·m/rad, and goes by jumps on a grid of 0.1 rad.
-        leaps = dict.fromkeys(("asymmetric_friction", "torque_offset"), 10)
+        # 0.2 rad/s are commanded. A wrist of 0.5 g·m² that 10 N·m or a spring push, or of friction let go, leaps at
+        # some rad/s; an arm falls through a play of 0.1 rad or onto a spring of 1 N·m/rad, and goes by jumps on a grid.
+        leaps = dict.fromkeys(("asymmetric_friction", "torque_offset", "joint_spring"), 10)
         falls = {**leaps, "backlash": 3, "joint_elasticity": 3, **dict.fromkeys(JUMPS, 5)}
         assert np.abs(r.true_velocity[:, 1:8]).max() < falls.get(name, 1), name
 

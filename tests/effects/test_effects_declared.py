@@ -10,7 +10,7 @@ from tiago_mj.gap.detectors import readings
 from tiago_mj.gap.simulation.sizes import Size
 
 LIBRARY = {name: one for name, one in EFFECTS.items() if one.__module__.startswith("tiago_mj.")}
-SIZE = Size(force=2.0, speed=4.0, inertia=0.1, removable=0.05, mass=0.5)
+SIZE = Size(force=2.0, speed=4.0, travel=2.0, inertia=0.1, removable=0.05, mass=0.5)
 
 
 def test_what_a_nominal_number_is_known_to_is_declared_for_every_place_in_the_order_of_a_fit():

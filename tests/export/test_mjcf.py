@@ -21,6 +21,7 @@ IN_A_FILE = [
     [effect("payload", "elbow", mass=0.4, x=0.12, y=0.02, z=-0.03)],
     [effect("payload", "elbow", mass=-0.1, x=0.05), effect("gravity_tilt", "all", angle=0.2)],
     [effect("command_delay", ["elbow", "rail"], seconds=0.0237)],
+    [effect("joint_spring", ["elbow", "rail"], stiffness=5.0, rest=0.3, hardening=0.4)],
 ]
 
 
@@ -58,6 +59,15 @@ def test_the_file_moves_as_the_diagnosis_simulates(effects, tmp_path):
     after = written.files[one.file].decode()
     assert ARM.count("<!--") == after.count("<!--")
     assert after.count("<position") == 3
+
+
+def test_a_spring_beside_the_files_own_is_their_sum(tmp_path):
+    text = ARM.replace('name="elbow" class="light"', 'name="elbow" class="light" stiffness="3" springref=".2"')
+    one = robot(tmp_path, [effect("joint_spring", "elbow", stiffness=5.0, rest=1.0)], text)
+    after = mjcf.write(one).compile()
+    assert after.joint("elbow").stiffness[0] == pytest.approx(3 + 5)
+    assert after.qpos_spring[after.joint("elbow").qposadr[0]] == pytest.approx((3 * 0.2 + 5 * 1.0) / 8)
+    assert replay.closing(one, mjcf.write(one).compile()).after < 1e-9
 
 
 def test_what_is_included_is_changed_in_its_own_file_and_meshes_come_along(tmp_path):

@@ -115,6 +115,7 @@ IN_A_FILE = [
     ("position", [effect("payload", "elbow", mass=0.4)]),
     ("position", [effect("payload", "elbow", mass=0.4, x=0.12, y=0.02, z=-0.03)]),
     ("position", [effect("payload", "elbow", mass=-0.1, x=0.05), effect("gravity_tilt", "all", angle=0.2)]),
+    ("position", [effect("joint_spring", "elbow", stiffness=5.0, rest=0.3, hardening=0.4)]),
     ("position", [effect("command_delay", "elbow", seconds=0.03)]),
     ("position", [effect("command_delay", "all", seconds=0.0237), effect("coulomb_friction", "all", force=0.3)]),
     ("effort", [effect("coulomb_friction", "elbow", force=0.2), effect("command_delay", "all", seconds=0.02)]),

@@ -89,15 +89,19 @@ class Usual:
 
     Attributes:
         middle: its mean, or its median where the logarithm is normal.
-        deviation: one standard deviation, of the value or of its logarithm.
+        deviation: one standard deviation, of the value or of its logarithm; a pair is (on a sliding joint, on a hinge).
         of_logarithm: which of them is normal.
         share_of: of which the middle is a share, one of :data:`USUAL_SHARES`; None: it is a value.
     """
 
     middle: float
-    deviation: float
+    deviation: float | tuple[float, float]
     of_logarithm: bool = False
     share_of: str | None = None
+
+    def deviation_on(self, side: int) -> float:
+        """One standard deviation on a sliding joint (0) or on a hinge (1)."""
+        return self.deviation[side] if isinstance(self.deviation, tuple) else self.deviation
 
 
 @dataclass(frozen=True)

@@ -65,8 +65,10 @@ OF_ACTUATORS: Final = {
     "actuator_forcelimited": "forcelimited",
     "actuator_ctrlrange": "ctrlrange",
 }
+#: Of joints' springs, which are written together: the polynomial's first coefficient, the others, where it is slack.
+OF_SPRINGS: Final = ("jnt_stiffness", "jnt_stiffnesspoly", "qpos_spring")
 GRAVITY: Final = "opt.gravity"
-HELD: Final = {*OF_JOINTS, *OF_WHOLE_JOINTS, *OF_BODIES, *OF_ACTUATORS, GRAVITY}
+HELD: Final = {*OF_JOINTS, *OF_WHOLE_JOINTS, *OF_SPRINGS, *OF_BODIES, *OF_ACTUATORS, GRAVITY}
 
 
 def holds(model: mujoco.MjModel, wiring: Wiring, entries: Sequence[Entry], period: float, substeps: int) -> bool:
@@ -208,6 +210,11 @@ def _copied(spec: mujoco.MjSpec, model: mujoco.MjModel, wanted: mujoco.MjModel) 
         for joint in differing_rows(model, wanted, field):
             _set(joints[joint], attribute, getattr(wanted, field)[joint])
             differ = True
+    for joint, (rest, coefficients) in differing_springs(model, wanted).items():
+        turns = model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_HINGE
+        joints[joint].stiffness[:] = coefficients
+        joints[joint].springref = np.degrees(rest) if turns and spec.compiler.degree else rest
+        differ = True
     heavier = dict.fromkeys(row for field in OF_BODIES for row in differing_rows(model, wanted, field))
     for body in heavier:
         bodies[body].explicitinertial = True
@@ -236,6 +243,20 @@ def differing_rows(model: mujoco.MjModel, wanted: mujoco.MjModel, field: str) ->
     one, other = getattr(model, field), getattr(wanted, field)
     same = np.isclose(one, other, rtol=1e-13, atol=1e-15).reshape(len(one), -1)
     return [int(row) for row in np.flatnonzero(~same.all(axis=1))]
+
+
+def differing_springs(model: mujoco.MjModel, wanted: mujoco.MjModel) -> dict[int, tuple[float, Array]]:
+    """Springs of the wanted model where they are others, by joint: where each is slack [m, rad], and its stiffness as a
+    polynomial's coefficients, (3,)."""
+    rows = [differing_rows(model, wanted, field) for field in OF_SPRINGS]
+    owners = np.searchsorted(model.jnt_qposadr, rows[2], side="right") - 1
+    return {
+        int(joint): (
+            float(wanted.qpos_spring[model.jnt_qposadr[joint]]),
+            np.array([wanted.jnt_stiffness[joint], *wanted.jnt_stiffnesspoly[joint]]),
+        )
+        for joint in sorted({*rows[0], *rows[1], *owners})
+    }
 
 
 def _set(element: Any, attribute: str, value: Any) -> None:

@@ -227,7 +227,7 @@ def _in_words(attributes: Mapping[str, float]) -> dict[str, str]:
 def _changed(mjcf: Mjcf, model: mujoco.MjModel, wanted: mujoco.MjModel) -> bool:
     """Change the attributes whose numbers differ between two compiled models; whether any did."""
     differ = False
-    for joint, changes in _of_joints(model, wanted).items():
+    for joint, changes in _of_joints(model, wanted, degrees=mjcf.in_degrees).items():
         element = mjcf.joint(model.joint(joint).name)
         if element is None:
             raise _unwritten(f"joint {model.joint(joint).name!r}")
@@ -256,7 +256,7 @@ def _change_actuators(mjcf: Mjcf, model: mujoco.MjModel, wanted: mujoco.MjModel)
     return bool(rows)
 
 
-def _of_joints(model: mujoco.MjModel, wanted: mujoco.MjModel) -> dict[int, dict[str, str]]:
+def _of_joints(model: mujoco.MjModel, wanted: mujoco.MjModel, *, degrees: bool) -> dict[int, dict[str, str]]:
     out: dict[int, dict[str, str]] = {}
     for field, attribute in OF_JOINTS.items():
         for dof in model_file.differing_rows(model, wanted, field):
@@ -265,6 +265,12 @@ def _of_joints(model: mujoco.MjModel, wanted: mujoco.MjModel) -> dict[int, dict[
             )
     for joint in model_file.differing_rows(model, wanted, "jnt_actfrcrange"):
         out.setdefault(joint, {})["actuatorfrcrange"] = numbers(*wanted.jnt_actfrcrange[joint])
+    for joint, (rest, (linear, *more)) in model_file.differing_springs(model, wanted).items():
+        turns = model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_HINGE
+        out.setdefault(joint, {}).update(
+            stiffness=numbers(linear, *(more if any(more) else ())),
+            springref=numbers(np.degrees(rest) if turns and degrees else rest),
+        )
     return out
 
 

@@ -138,6 +138,11 @@ class Mjcf:
         said = [e.attributes[attribute] for e in self.elements if e.name == section and attribute in e.attributes]
         return said[-1] if said else None
 
+    @property
+    def in_degrees(self) -> bool:
+        """Whether angles are written in degrees."""
+        return (self.setting("compiler", "angle") or "degree") == "degree"
+
     def files(self) -> list[Path]:
         """Files that the model needs beside its XML, as far as they are named by a path within a folder."""
         said = {name: self.setting("compiler", name) or "" for name in _DIRECTORIES}

@@ -187,8 +187,7 @@ def _second(mjcf: Mjcf, joint: Element, model: mujoco.MjModel, one: Play) -> dic
         spring = {"stiffness": numbers(one.stiffness), "damping": numbers(one.damping)}
         return {"name": one.second, **kept, "limited": "false", **none, **spring, "springref": "0", "ref": "0"}
     hinge = model.jnt_type[one.index] == mujoco.mjtJoint.mjJNT_HINGE
-    degrees = hinge and (mjcf.setting("compiler", "angle") or "degree") == "degree"
-    half = np.degrees(one.width / 2) if degrees else one.width / 2
+    half = np.degrees(one.width / 2) if hinge and mjcf.in_degrees else one.width / 2
     reference = numbers(TEETH_STEPS * one.step, 1.0)
     limits = {"limited": "true", "range": numbers(-half, half)}
     teeth = {"solreflimit": reference, "solimplimit": TEETH_SOLIMP}

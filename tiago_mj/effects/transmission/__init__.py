@@ -5,4 +5,5 @@ from tiago_mj.effects.transmission import (  # noqa: F401  (their import declare
     coupled_motor,
     friction,
     gear,
+    spring,
 )

@@ -20,6 +20,7 @@ HOLDS: Final = MappingProxyType(
         "viscous friction": exact("`damping` of the joint"),
         "play": approximate("a second joint with a range in the body, and a tendon over both"),
         "elasticity": approximate("a second joint with a spring in the body, and a tendon over both"),
+        "spring": exact("`stiffness` and `springref` of the joint"),
         "coupled motor": approximate("a fixed tendon over both joints"),
         "armature": exact("`armature`"),
         "mass": exact("`<inertial>`, and `gravcomp` where gravity is compensated"),

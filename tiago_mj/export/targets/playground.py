@@ -28,6 +28,7 @@ _PATCHED: Final = (
     "motor constant",
     "dry friction",
     "viscous friction",
+    "spring",
     "armature",
     "mass",
     "gravity",
@@ -41,7 +42,7 @@ HOLDS: Final = MappingProxyType(
     }
 )
 #: What a field's rows are of.
-_KINDS: Final = {"dof": "joint", "jnt": "joint", "body": "body", "actuator": "actuator"}
+_KINDS: Final = {"dof": "joint", "jnt": "joint", "qpos": "joint", "body": "body", "actuator": "actuator"}
 TEXT: Final = '''\
 """{robot} with what a diagnosis found, for MuJoCo Playground 0.2. Written by tiago-mj export.
 
@@ -65,7 +66,8 @@ def patch(model: mujoco.MjModel) -> mujoco.MjModel:
     for name, fields in JOINTS.items():
         joint = model.joint(name)
         for field, value in fields.items():
-            row = joint.id if field.startswith("jnt_") else joint.dofadr[0]
+            rows = {{"jnt": joint.id, "dof": joint.dofadr[0], "qpos": joint.qposadr[0]}}
+            row = rows[field.partition("_")[0]]
             getattr(model, field)[row] = value
     for rows, find in ((BODIES, model.body), (ACTUATORS, model.actuator)):
         for name, fields in rows.items():
@@ -87,7 +89,7 @@ def write(numbers: Numbers) -> dict[str, str]:
         robot=robot.file.stem,
         period=literal(period),
         step=literal(float(model.opt.timestep)),
-        joints=_by_name(model, wanted, (*model_file.OF_JOINTS, *model_file.OF_WHOLE_JOINTS)),
+        joints=_by_name(model, wanted, (*model_file.OF_JOINTS, *model_file.OF_WHOLE_JOINTS, *model_file.OF_SPRINGS)),
         bodies=_by_name(model, wanted, model_file.OF_BODIES),
         actuators=_by_name(model, wanted, model_file.OF_ACTUATORS),
         gravity=_source(wanted.opt.gravity) if tilted else "None",
@@ -112,6 +114,8 @@ def _by_name(model: mujoco.MjModel, wanted: mujoco.MjModel, fields: Iterable[str
 
 def _name(model: mujoco.MjModel, field: str, row: int) -> str:
     kind = field.partition("_")[0]
+    if kind == "qpos":
+        row = int(np.searchsorted(model.jnt_qposadr, row, side="right")) - 1
     index = int(model.dof_jntid[row]) if kind == "dof" else row
     return str(getattr(model, _KINDS[kind])(index).name)
 

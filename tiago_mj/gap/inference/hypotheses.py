@@ -390,9 +390,9 @@ def own_numbers(plant: Plant, effects: Iterable[str]) -> tuple[OwnNumber, ...]:
             scales = {one: 1.0 if prior.share_of is None else _scale(plant, one, prior.share_of) for one in names}
             usual = tuple((one, prior.middle * scale) for one, scale in scales.items() if scale)
             if usual:
-                found = OwnNumber(
-                    name, None, detail.name, 0.0, prior.deviation, False, *detail.bounds, usual, prior.of_logarithm
-                )
+                side = plant.wiring.targets.side(declared.targets, names.index(usual[0][0]))
+                size, log = prior.deviation_on(side), prior.of_logarithm
+                found = OwnNumber(name, None, detail.name, 0.0, size, False, *detail.bounds, usual, log)
                 out.append(replace(found, nominal=found.of(None, 0.0)))
     return tuple(out)
 

@@ -23,15 +23,17 @@ from tiago_mj.recordings.recording import Trial
 Array = NDArray[np.float64]
 
 #: Bounds of an effect in units of the joint's size: a friction that takes all of the actuator's force, a damping that
-#: takes three times of it at the fastest that the joint was, gears that reflect thirty times the inertia of what is
+#: takes three times of it at the fastest that the joint was, a spring that takes all of it over the way that the joint
+#: went, gears that reflect thirty times the inertia of what is
 #: moved (a small motor's rotor behind 300:1), a tool three times as heavy as what there is. What inertia may lack is
 #: what can be taken away (:func:`tiago_mj.effects.inertia.removable_inertia`).
 FRICTION: Final = 1.0
 DAMPING: Final = 3.0
+SPRING: Final = 1.0
 INERTIA: Final = 30.0
 MASS: Final = (-0.9, 3.0)
 #: Units of what has such bounds.
-ESTIMATED: Final = frozenset({"N", "N·m", "N·s/m", "N·m·s/rad", "kg", "kg·m²"})
+ESTIMATED: Final = frozenset({"N", "N·m", "N·s/m", "N·m·s/rad", "N/m", "N·m/rad", "kg", "kg·m²"})
 
 
 @dataclass(frozen=True)
@@ -42,6 +44,7 @@ class Size:
         force: the largest of its actuator in the nominal replay, or commanded, and what its servo adds where the
             recording departs from that: friction that stops a light joint takes more than its motion [N, N·m].
         speed: the fastest that was measured [m/s, rad/s].
+        travel: from the lowest to the highest position that was measured [m, rad].
         inertia: that it moves [kg, kg·m²].
         removable: what of that reality may lack [kg, kg·m²].
         mass: of what it carries [kg].
@@ -49,6 +52,7 @@ class Size:
 
     force: float
     speed: float
+    travel: float
     inertia: float
     removable: float
     mass: float
@@ -62,9 +66,11 @@ class Size:
         """
         friction = FRICTION * self.force
         damping = DAMPING * self.force / self.speed if self.speed > 0 else np.inf
+        spring = SPRING * self.force / self.travel if self.travel > 0 else np.inf
         own = {
             ("N", "N·m"): (-friction, friction),
             ("N·s/m", "N·m·s/rad"): (-damping, damping),
+            ("N/m", "N·m/rad"): (-spring, spring),
             ("kg", "kg·m²"): (-self.removable, INERTIA * self.inertia),
             ("kg", "kg"): (MASS[0] * self.mass, MASS[1] * self.mass),
         }.get(added.unit)
@@ -94,6 +100,7 @@ def sizes(plant: Plant, trials: Sequence[Trial], nominal: Signals) -> tuple[Size
             Size(
                 force=float(forces[j] + stiffness[j] * _departs(trials, nominal, name, j)),
                 speed=max(speeds, default=float(nominal_speeds[j])),
+                travel=_travel(trials, nominal, name, j),
                 inertia=float(plant.model.dof_M0[dof]),
                 removable=float(removable[j]),
                 mass=float(plant.model.body_subtreemass[body]),
@@ -117,6 +124,13 @@ def largest(trials: Sequence[Trial], signals: Array) -> Array:
     ]
     found: Array = np.max(each, axis=0)
     return found
+
+
+def _travel(trials: Sequence[Trial], nominal: Signals, name: str, joint: int) -> float:
+    """From a joint's lowest to its highest position [m, rad], in the nominal replay where none was measured."""
+    each = [trial.positions.get(name, nominal.position[k, : len(trial.time), joint]) for k, trial in enumerate(trials)]
+    seen = np.concatenate([one[np.isfinite(one)] for one in each])
+    return float(np.ptp(seen)) if len(seen) else 0.0
 
 
 def _stiffnesses(plant: Plant) -> Array:

@@ -1,0 +1,79 @@
+"""A spring between a joint and what carries it."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from tiago_mj.effects.declare import Array, Effect, effect
+from tiago_mj.effects.fields import Usual, detail, parameter
+from tiago_mj.effects.now import Now
+
+#: How far a spring is stretched where its stiffness is stated, on a joint without limits (slide [m], hinge [rad]).
+STRETCH: Final = (0.05, 1.0)
+#: Where a spring is slack, and the coefficients a, b, c of its force -(a x + b x² + c x³).
+Spring = tuple[float, Array]
+
+
+@effect("joint_spring", stage="transmission", targets="joint")
+class JointSpring(Effect):
+    """A spring pulls a joint to where it is slack: a balancer, a return spring, a boot, a cable that bends.
+
+    Its stiffness is that of a stretch as long as the joint's range (0.05 m or 1 rad where it has no limits). A share
+    of the force there may grow with the cube of the stretch.
+
+    Formula: x = position - rest; force -= stiffness · x · (1 - hardening + hardening · (x / range)²)
+
+    In a recording: holding still, the servo's error or effort is in proportion to the position, whatever the pose of
+    the other joints; the joint swings faster.
+
+    Typical: 0.01-0.3 of the largest effort over the range.
+
+    On the robot: move the unpowered joint by hand and let go: where does it rest? Look at balancers, boots and cables.
+
+    Source: chosen.
+
+    MuJoCo: a joint's ``stiffness`` (a polynomial) and ``springref``; with a spring of the model's own their sum.
+    """
+
+    clause = "a spring of {stiffness} pulls {t} that the simulator lacks"
+    form_known_to = 0.1
+    stiffness = parameter(("N/m", "N·m/rad"), identity=0.0, default=(100.0, 1.0), bounds=((0.0, 400.0), (0.0, 30.0)))
+    #: Position at which it is slack.
+    rest = detail(("m", "rad"), (-10.0, 10.0), usual=Usual(0.0, STRETCH))
+    #: Share of the force at a stretch of the joint's range that grows with the cube of the stretch.
+    hardening = detail("-", (0.0, 1.0), usual=Usual(0.0, 0.5))
+
+    def change(self, now: Now) -> None:
+        model, joints = now.host.model, now.host.model.dof_jntid[now.wiring.dof]
+        linear, more, slack = (now.host.field(name) for name in ("jnt_stiffness", "jnt_stiffnesspoly", "qpos_spring"))
+        for k, (joint, place) in enumerate(zip(joints, now.wiring.qpos, strict=True)):
+            low, high = model.jnt_range[joint]
+            usual = STRETCH[0 if now.wiring.targets.slides[k] else 1]
+            stretch = high - low if model.jnt_limited[joint] and np.isfinite(high - low) else usual
+            for sim in np.flatnonzero(self.present[:, k]):
+                before = np.array([linear[sim, joint], *more[sim, joint]])
+                cubic = self.hardening[sim, k]
+                added = self.stiffness[sim, k] * np.array([1 - cubic, 0.0, cubic / stretch**2])
+                slack[sim, place], (linear[sim, joint], *more[sim, joint]) = sum_of_springs(
+                    (slack[sim, place], before), (self.rest[sim, k], added)
+                )
+
+
+def sum_of_springs(one: Spring, other: Spring) -> Spring:
+    """Two springs side by side as one.
+
+    Of several places at which the two balance it is slack in the one nearest to their middle.
+    """
+    if not np.any(one[1]):
+        return other[0], np.asarray(other[1])
+    polynomials = [
+        np.polynomial.Polynomial([0.0, *coefficients])(np.polynomial.Polynomial([-slack, 1.0]))
+        for slack, coefficients in (one, other)
+    ]
+    both = polynomials[0] + polynomials[1]
+    roots = both.trim().roots()
+    real = roots[np.abs(roots.imag) <= 1e-9 * (1 + np.abs(roots))].real
+    rest = float(real[np.argmin(np.abs(real - (one[0] + other[0]) / 2))])
+    return rest, np.array([both.deriv(n)(rest) / factorial for n, factorial in ((1, 1), (2, 2), (3, 6))])
