@@ -115,20 +115,30 @@ class Detail:
         bounds: (low, high), what a fit may try.
         name: as in the class.
         usual: prior of a number that is fitted with the amount; None: it says where the amount is.
+        moment: whether efforts along a motion change in proportion to the amount times it, as they do where it is a
+            place: there it is sought as one.
     """
 
     unit: tuple[str, str]
     bounds: tuple[float, float]
     name: str = ""
     usual: Usual | None = None
+    moment: bool = False
 
     def __set_name__(self, owner: type, name: str) -> None:
         object.__setattr__(self, "name", name)
 
 
-def detail(unit: str | tuple[str, str], bounds: tuple[float, float], *, usual: Usual | None = None) -> Any:
-    """Declare in an effect's body a number that says more of it; see :class:`Detail`."""
-    return Detail((unit, unit) if isinstance(unit, str) else unit, bounds, usual=usual)
+def detail(
+    unit: str | tuple[str, str], bounds: tuple[float, float], *, usual: Usual | None = None, moment: bool | None = None
+) -> Any:
+    """Declare in an effect's body a number that says more of it; see :class:`Detail`. A place is a moment."""
+    return Detail(
+        (unit, unit) if isinstance(unit, str) else unit,
+        bounds,
+        usual=usual,
+        moment=usual is None if moment is None else moment,
+    )
 
 
 def usually(median: float, *, within: float = 10.0, share_of: str | None = None) -> Usual:

@@ -41,9 +41,9 @@ class JointSpring(Effect):
     form_known_to = 0.1
     stiffness = parameter(("N/m", "N·m/rad"), identity=0.0, default=(100.0, 1.0), bounds=((0.0, 400.0), (0.0, 30.0)))
     #: Position at which it is slack.
-    rest = detail(("m", "rad"), (-10.0, 10.0), usual=Usual(0.0, STRETCH))
+    rest = detail(("m", "rad"), (-10.0, 10.0), usual=Usual(0.0, STRETCH), moment=True)
     #: Share of the force at a stretch of the joint's range that grows with the cube of the stretch.
-    hardening = detail("-", (0.0, 1.0), usual=Usual(0.0, 0.5))
+    hardening = detail("-", (0.0, 1.0), usual=Usual(0.0, 0.5), moment=True)
 
     def change(self, now: Now) -> None:
         model, joints = now.host.model, now.host.model.dof_jntid[now.wiring.dof]

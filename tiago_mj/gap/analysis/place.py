@@ -40,7 +40,9 @@ def refined(plant: Plant, ranked: Ranked, data: Data, trials: Subset) -> Ranked:
     least = ranked.fits[0].evidence - ranking.LOCAL_OPTIMUM_NATS
     near = [k for k, fit in enumerate(ranked.fits) if fit.evidence > least]
     own, proposed = terms(plant), [k for k in near if any(map(_is_placed, ranked.fits[k].parts))]
-    nothing = _which(ranked.fits[0]) is None and not proposed
+    replays = ranked.predict.replays
+    places = [_which(fit, replays=replays) for fit in ranked.fits]
+    nothing = places[0] is None and not proposed
     if nothing or not ranked.complete or any(term.per_trial for term in own):
         return ranked
     rows = [row for row, trial in enumerate(trials) if trial not in ranked.excluded][:TRIALS]
@@ -49,9 +51,12 @@ def refined(plant: Plant, ranked: Ranked, data: Data, trials: Subset) -> Ranked:
     fitter = Fitter(ranked.predict, trials.at(rows), selected, ranked.weight, own, flat)
     # A second effect may stand for an off-centre mass: the explanation by the payload alone is given a centre, too. So
     # is each whose place was only proposed: any of them may be told.
-    alone = (k for k, fit in enumerate(ranked.fits) if len(fit.parts) == ranked.known + 1 and _which(fit) is not None)
-    chosen = {k for k in (0, next(alone, 0), *proposed) if _which(ranked.fits[k]) is not None}
-    fits = [_placed(fitter, fit) if k in chosen else fit for k, fit in enumerate(ranked.fits)]
+    alone = (k for k, fit in enumerate(ranked.fits) if len(fit.parts) == ranked.known + 1 and places[k] is not None)
+    chosen = {0, next(alone, 0), *proposed}
+    fits = [
+        fit if k not in chosen or place is None else _placed(fitter, fit, place)
+        for k, (fit, place) in enumerate(zip(ranked.fits, places, strict=True))
+    ]
     return replace(ranked, fits=tuple(sorted(fits, key=lambda fit: -fit.evidence)))
 
 
@@ -60,16 +65,18 @@ def _is_placed(part: Candidate) -> bool:
     return placing.without_place(part) != part
 
 
-def _which(fit: Fitted) -> int | None:
-    """Index of the effect that has a centre of mass; None without one."""
-    return next((k for k, part in enumerate(fit.parts) if placing.details(part.effect)), None)
+def _which(fit: Fitted, *, replays: bool) -> int | None:
+    """Index of the effect that has a place; None without one. Where commands are replayed, a place with a prior of its
+    own was fitted all along."""
+    return next(
+        (k for k, part in enumerate(fit.parts) if any(not (replays and d.usual) for d in placing.details(part.effect))),
+        None,
+    )
 
 
-def _placed(fitter: Fitter, fit: Fitted) -> Fitted:
+def _placed(fitter: Fitter, fit: Fitted, which: int) -> Fitted:
     """The fit with its payload's place as it is likeliest, if that is worth its price. A place that the search proposed
     had the price of one among others; the width of its distribution takes the place of that."""
-    which = _which(fit)
-    assert which is not None
     sought = placing.Sought(fitter, Point.of(fit), which)
     held, beside = sought.descend(place=False), sought.descend(place=True)
     paid = placing.price(fit.parts[which], fit.values[which])

@@ -1,7 +1,9 @@
-"""Fit of the centre of mass of a payload, with its mass and the nominal numbers: a short Gauss-Newton fit."""
+"""Fit of the place of an effect, such as a payload's centre of mass or where a spring is slack, with its amount and
+the nominal numbers: a short Gauss-Newton fit."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
@@ -52,7 +54,7 @@ class Optimum:
 
 def details(effect: str) -> tuple[Detail, ...]:
     """Coordinates of an effect that are fitted."""
-    return tuple(d for d in EFFECTS[effect].details.values() if d.usual is None)
+    return tuple(d for d in EFFECTS[effect].details.values() if d.moment)
 
 
 def without_place(part: Candidate) -> Candidate:
@@ -65,6 +67,14 @@ def price(part: Candidate, value: float) -> float:
     """By how much less likely a candidate is for its place, one among others, before anything is seen [nats]; 0 at the
     body's own centre of mass."""
     return without_place(part).log_prior(value) - part.log_prior(value)
+
+
+def _deviation(detail: Detail, side: int) -> float:
+    """Prior deviation of a coordinate, on a sliding joint (0) or on a hinge (1): of even odds between its bounds where
+    nothing says more."""
+    if detail.usual is not None:
+        return detail.usual.deviation_on(side)
+    return (detail.bounds[1] - detail.bounds[0]) / math.sqrt(12)
 
 
 def _with(parts: tuple[Candidate, ...], which: int, part: Candidate) -> tuple[Candidate, ...]:
@@ -83,7 +93,9 @@ class Sought:
     def __init__(self, fitter: Fitter, at: Point, which: int) -> None:
         part = at.parts[which]
         self._coordinates, place = details(part.effect), dict(part.fixed)
-        self._wide = np.array([(d.bounds[1] - d.bounds[0]) / np.sqrt(12) for d in self._coordinates])
+        targets, kind = fitter.predict.plant.wiring.targets, EFFECTS[part.effect].targets
+        side = targets.side(kind, targets.first(kind, part.target))
+        self._wide = np.array([_deviation(d, side) for d in self._coordinates])
         self._fitter, self._which = fitter, which
         self._at = Point(_with(at.parts, which, without_place(part)), at.values, at.nuisance)
         begun = [place.get(d.name, 0.0) for d in self._coordinates]

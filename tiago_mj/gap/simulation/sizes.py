@@ -23,13 +23,13 @@ from tiago_mj.recordings.recording import Trial
 Array = NDArray[np.float64]
 
 #: Bounds of an effect in units of the joint's size: a friction that takes all of the actuator's force, a damping that
-#: takes three times of it at the fastest that the joint was, a spring that takes all of it over the way that the joint
-#: went, gears that reflect thirty times the inertia of what is
-#: moved (a small motor's rotor behind 300:1), a tool three times as heavy as what there is. What inertia may lack is
-#: what can be taken away (:func:`tiago_mj.effects.inertia.removable_inertia`).
+#: takes three times of it at the fastest that the joint was, a spring that takes three times of it over the way that
+#: the joint went, gears that reflect thirty times the inertia of what is moved (a small motor's rotor behind 300:1), a
+#: tool three times as heavy as what there is. What inertia may lack is what can be taken away
+#: (:func:`tiago_mj.effects.inertia.removable_inertia`).
 FRICTION: Final = 1.0
 DAMPING: Final = 3.0
-SPRING: Final = 1.0
+SPRING: Final = 3.0
 INERTIA: Final = 30.0
 MASS: Final = (-0.9, 3.0)
 #: Units of what has such bounds.
