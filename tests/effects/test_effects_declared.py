@@ -5,7 +5,7 @@ import pytest
 from tiago_mj.effects import EFFECTS
 from tiago_mj.effects.checks import SYMPTOMS
 from tiago_mj.effects.declare import is_random, only_measures, resembling, twins
-from tiago_mj.effects.nominal import ORDER, known_to_some_percent
+from tiago_mj.effects.nominal import ORDER, Seen, known_to_some_percent
 from tiago_mj.gap.detectors import readings
 from tiago_mj.gap.simulation.sizes import Size
 
@@ -14,7 +14,7 @@ SIZE = Size(force=2.0, speed=4.0, travel=2.0, inertia=0.1, removable=0.05, mass=
 
 
 def test_what_a_nominal_number_is_known_to_is_declared_for_every_place_in_the_order_of_a_fit():
-    assert [declared.name for declared in known_to_some_percent()] == list(ORDER)
+    assert [declared.name for declared in known_to_some_percent(Seen())] == list(ORDER)
 
 
 @pytest.mark.parametrize("name", LIBRARY)

@@ -17,6 +17,7 @@ from tiago_mj.gap.simulation.plant import plant_of
 from tiago_mj.models import gains
 from tiago_mj.models.convert import Options, convert
 from tiago_mj.models.gains import GUESSED, Gain
+from tiago_mj.models.stated import UNCERTAINTY, URDF_MASSES, text, uncertainty
 from tiago_mj.recordings.read import read_recordings
 from tiago_mj.recordings.recording import RecordingError
 
@@ -116,10 +117,31 @@ def test_a_converted_model_says_which_gains_were_guessed(tmp_path, stated, known
     assert any("guessed" in line for line in report.lines()) == (stated is None)
     model = mujoco.MjModel.from_xml_path(str(tmp_path / "r.xml"))
     assert (model.actuator_gainprm[0, 0] == 50) == (stated is not None)
-    text = bytes(model.text_data).rstrip(b"\0").decode()
-    assert gains.parsed(text)["hinge", "kp"].known_to == pytest.approx(known)
-    recorded(tmp_path, text=f'<custom><text name="{gains.TEXT}" data="{text}"/></custom>', trials=1)
+    said = text(model, gains.TEXT)
+    assert gains.parsed(said)["hinge", "kp"].known_to == pytest.approx(known)
+    recorded(tmp_path, text=f'<custom><text name="{gains.TEXT}" data="{said}"/></custom>', trials=1)
     assert nuisances(tmp_path)[1]["servo_stiffness"].deviation == pytest.approx(known)
+
+
+def test_a_converted_model_says_how_well_its_masses_are_known_and_a_recording_counts_more(tmp_path):
+    (tmp_path / "r.urdf").write_text(URDF)
+    report = convert(tmp_path / "r.urdf", tmp_path / "r.xml")
+    assert any("masses of the links" in line and "20 %" in line for line in report.lines())
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "r.xml"))
+    assert uncertainty(model) == {("link_mass", None): URDF_MASSES}
+    silent = convert(tmp_path / "r.urdf", tmp_path / "s.xml", options=Options(masses=None))
+    assert uncertainty(silent.spec.compile()) == {}
+    said = f'<custom><text name="{UNCERTAINTY}" data="{text(model, UNCERTAINTY)}"/></custom>'
+    recorded(tmp_path, text=said, trials=1)
+    assert nuisances(tmp_path)[1]["link_mass"].deviation == pytest.approx(0.2)
+    (tmp_path / "map.yaml").write_text(yaml.safe_dump({"uncertainty": {"link_mass": 0.05}}))
+    assert nuisances(tmp_path, map_file=tmp_path / "map.yaml")[1]["link_mass"].deviation == pytest.approx(0.05)
+
+
+@pytest.mark.parametrize("said", ["", "of a poem", "link_mass=", "link_mass=-1", "link_mass=0.2,", "link_mass=nan"])
+def test_a_text_of_that_name_that_says_something_else_is_anothers(said):
+    custom = f'<custom><text name="{UNCERTAINTY}" data="{said or " "}"/></custom>'
+    assert uncertainty(mujoco.MjModel.from_xml_string(ROBOT.format(kp=1, text=custom))) == {}
 
 
 def test_nothing_stands_in_for_a_gain_that_was_guessed(tmp_path):

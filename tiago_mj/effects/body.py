@@ -158,7 +158,8 @@ class LinkMass(Effect):
 
     clause = "what {t} move{s} up to the next joint weighs {factor} times the nominal mass"
     nameable = False
-    effort_prior = known_to(0.05)
+    own_model_prior = known_to(0.05)
+    effort_prior = own_model_prior
 
     factor = parameter("-", identity=1.0, default=1.1, bounds=(0.3, 3.0), possible=(0.0, 1000.0))
 

@@ -17,6 +17,7 @@ import numpy as np
 
 from tiago_mj.effects.contact import THINNEST
 from tiago_mj.effects.declare import EFFECTS, Effect
+from tiago_mj.effects.fields import NominalPrior
 from tiago_mj.effects.inertia import removable_inertia
 from tiago_mj.effects.now import Wiring
 from tiago_mj.effects.spec import Entry, arrays, check_sizes
@@ -93,6 +94,21 @@ def removable(declared: type[Effect], model: mujoco.MjModel, wiring: Wiring, ind
     return max(STOCKS[declared.takes_from].amount(model, wiring, index), 0.0)
 
 
+@dataclass(frozen=True)
+class Seen:
+    """In what a nominal model is seen.
+
+    Attributes:
+        own_model: whether it is a user's own, and no environment of the project.
+        efforts: whether efforts are compared along a motion, not replays of commands.
+        doubted: whether numbers count that are exact until the recordings say otherwise.
+    """
+
+    own_model: bool = False
+    efforts: bool = False
+    doubted: bool = False
+
+
 #: Order in which a fit has the numbers of the library: its sums depend on it in their last digit.
 ORDER: Final = (
     *("servo_stiffness", "servo_damping", "viscous_friction", "coulomb_friction", "armature", "force_limit", "payload"),
@@ -102,20 +118,18 @@ ORDER: Final = (
 )
 
 
-def known_to_some_percent(*, efforts: bool = False, doubted: bool = False) -> tuple[type[Effect], ...]:
-    """Effects that change a number of the nominal model which is known to a prior only, in the order of a fit; those
-    that are not the library's come last.
+def prior_of(declared: type[Effect], seen: Seen) -> NominalPrior | None:
+    """How well the nominal model's own number is known that an effect changes; None: exactly, or there is none."""
+    if seen.efforts:
+        doubted = declared.doubted_prior if seen.doubted else None
+        return declared.effort_prior or declared.nominal_prior or doubted
+    return (declared.own_model_prior if seen.own_model else None) or declared.nominal_prior
 
-    Args:
-        efforts: whether efforts are compared along a motion (:attr:`Effect.effort_prior`), not replays of commands
-            (:attr:`Effect.nominal_prior`).
-        doubted: whether numbers count that are exact until the recordings say otherwise (:attr:`Effect.doubted_prior`).
-    """
-    mine = [
-        one
-        for one in EFFECTS.values()
-        if one.nominal_prior or (efforts and one.effort_prior) or (doubted and one.doubted_prior)
-    ]
+
+def known_to_some_percent(seen: Seen) -> tuple[type[Effect], ...]:
+    """Effects that change a number of the nominal model which is known to a prior only, in the order of a fit; those
+    that are not the library's come last."""
+    mine = [one for one in EFFECTS.values() if prior_of(one, seen)]
     places = {name: place for place, name in enumerate(ORDER)}
     return tuple(sorted(mine, key=lambda declared: places.get(declared.name, len(places))))
 

@@ -35,7 +35,7 @@ def build(folder: Path) -> dict[str, str]:
             urdf = Path(work) / f"{name}.urdf"
             urdf.write_text(texts[f"sources/{name}.urdf"], encoding="utf-8")
             texts[f"robots/{name}.xml"] = convert(
-                urdf, extras=sources / f"{name}.yaml", options=Options(scene=False)
+                urdf, extras=sources / f"{name}.yaml", options=Options(scene=False, masses=None)
             ).xml
     return texts
 

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tiago_mj.effects import EFFECTS
-from tiago_mj.effects.nominal import STOCKS, known_to_some_percent, removable
+from tiago_mj.effects.nominal import STOCKS, Seen, known_to_some_percent, prior_of, removable
 from tiago_mj.effects.spec import Entry
 from tiago_mj.gap.simulation.plant import Plant
 from tiago_mj.gap.simulation.sizes import Size
@@ -444,12 +444,9 @@ def _default_terms(plant: Plant) -> tuple[Term, ...]:
     """Those of any nominal model."""
     out: list[Term] = []
     targets = plant.wiring.targets
-    for declared in known_to_some_percent(efforts=plant.effort_row is not None, doubted=plant.doubted):
-        names, prior = targets.names(declared.targets), declared.nominal_prior
-        if plant.effort_row is not None:
-            prior = declared.effort_prior or prior or (declared.doubted_prior if plant.doubted else None)
-        elif plant.environment is None:
-            prior = declared.own_model_prior or prior
+    seen = Seen(plant.environment is None, plant.effort_row is not None, plant.doubted)
+    for declared in known_to_some_percent(seen):
+        names, prior = targets.names(declared.targets), prior_of(declared, seen)
         if prior is None or not _possible(plant, declared.name, names):
             continue
         parameter = next(p for p in declared.parameters.values() if p.identity is not None)

@@ -30,6 +30,7 @@ from tiago_mj.models.actuators import driven_joint, replayed_interfaces
 from tiago_mj.models.bounded import check_speed, load_model, with_movable_masses
 from tiago_mj.models.held_base import with_held_base
 from tiago_mj.models.objects import KEYS, SHAPES, GraspObject
+from tiago_mj.models.stated import uncertainty
 from tiago_mj.recordings.grid import grid_step
 from tiago_mj.recordings.lint.names import check_names
 from tiago_mj.recordings.nominal_priors import grids, known_to
@@ -169,7 +170,8 @@ def plant_of(
     gains = servo_gains(plant.model, plant.wiring, trials)
     given = (*gains.given, *given)
     check_entries(given, plant.model, plant.wiring)
-    return replace(plant, known={**gains.known, **known_to(trials)}, given=given, grids=grids(trials, given))
+    known = {**uncertainty(plant.model), **gains.known, **known_to(trials)}
+    return replace(plant, known=known, given=given, grids=grids(trials, given))
 
 
 # Environments --------------------------------------------------------------------------------------------------------

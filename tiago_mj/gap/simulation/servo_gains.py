@@ -12,6 +12,7 @@ from tiago_mj.effects.actuator import ServoDamping, ServoStiffness
 from tiago_mj.effects.now import Wiring
 from tiago_mj.models import gains
 from tiago_mj.models.gains import Gain, Gains
+from tiago_mj.models.stated import text
 from tiago_mj.recordings.recording import RecordingError, Trial
 
 
@@ -95,12 +96,8 @@ def _stated(trials: Sequence[Trial]) -> Gains:
 
 def _of_model(model: mujoco.MjModel) -> Gains:
     """What a converted model says of its gains; nothing where its text is another's."""
-    index = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_TEXT, gains.TEXT)
-    if index < 0:
-        return {}
-    begin = int(model.text_adr[index])
-    held = bytes(model.text_data[begin : begin + int(model.text_size[index])]).rstrip(b"\0")
+    said = text(model, gains.TEXT)
     try:
-        return gains.parsed(held.decode(errors="replace"))
+        return {} if said is None else gains.parsed(said)
     except ValueError:
         return {}

@@ -14,7 +14,7 @@ from typing import Final
 
 import numpy as np
 
-from tiago_mj.effects import Entry
+from tiago_mj.effects import EFFECTS, Entry
 from tiago_mj.gap.inference.fit import Fitted
 from tiago_mj.gap.inference.hypotheses import terms
 from tiago_mj.gap.inference.points import NUISANCE_STEP
@@ -26,6 +26,8 @@ from tiago_mj.gap.torque.predictor import EffortPredictor
 #: From this on numbers are doubted, and one explanation is as good as another up to this [nats]: a Bayes factor of 150,
 #: "very strong" (Kass & Raftery 1995).
 DECISIVE: Final = 5.0
+#: Stages of effects that turn readings.
+READINGS: Final = ("timing", "joint_sensor")
 #: Share by which a magnitude is made smaller for the response to it.
 SHRUNK: Final = 0.3
 #: What a report says where numbers were doubted, and where they were not and could stand for what is named.
@@ -54,14 +56,23 @@ class Linear:
 
 
 def doubted(predict: EffortPredictor, trials: Sequence[int], best: Fitted) -> bool:
-    """Whether what an explanation leaves is far more probable with the doubted numbers than without.
+    """Whether what an explanation leaves is far more probable with the doubted numbers than without; or whether they
+    take the place of its effects on encoders and clocks, each of which has its price, beside the others.
 
     Args:
         predict: predictions, and what was measured.
         trials: indices of those that may be looked at.
         best: the explanation.
     """
-    return _gained(predict, trials, *(_beside(predict, trials, best, doubted=one) for one in (False, True))) > DECISIVE
+    exact = _beside(predict, trials, best, doubted=False)
+    kept = [k for k, part in enumerate(best.parts) if EFFECTS[part.effect].stage not in READINGS]
+    fewer = replace(best, parts=tuple(best.parts[k] for k in kept), values=best.values[kept])
+    saved = ranking.MIN_EVIDENCE_GAIN_NATS * (len(best.parts) - len(kept))
+    each = [(best, 0.0), (fewer, saved)] if kept and saved else [(best, 0.0)]
+    return any(
+        _gained(predict, trials, exact, _beside(predict, trials, one, doubted=True)) + price > DECISIVE
+        for one, price in each
+    )
 
 
 def imitated(predict: EffortPredictor, trials: Sequence[int], best: Fitted) -> bool:

@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from tiago_mj.models import gains
+from tiago_mj.models import gains, stated
 from tiago_mj.models.convert import actuators, shapes
 from tiago_mj.models.convert.assembly import Assembly
 from tiago_mj.models.convert.extras import Extras
@@ -92,6 +92,7 @@ def apply(assembly: Assembly) -> None:
                 raise extras.error(f'exclude names "{name}", which is no body', "name a link that is not only a frame")
         spec.add_exclude(bodyname1=first, bodyname2=second)
     _servos(assembly)
+    _known_masses(assembly)
     for sensor in extras.sensors:
         _sensor(spec, sensor, extras)
     _keyframes(spec, extras)
@@ -251,6 +252,14 @@ def _servos(assembly: Assembly) -> None:
                 known[name, gain] = gains.Gain(None, known_to)
     if known:
         spec.add_text(name=gains.TEXT, data=gains.written(known))
+
+
+def _known_masses(assembly: Assembly) -> None:
+    """How well the model says that its links' masses are known."""
+    share = assembly.options.masses
+    if share is not None and any(joint.kind in JOINTED for joint in assembly.urdf.joints.values()):
+        assembly.spec.add_text(name=stated.UNCERTAINTY, data=stated.written({"link_mass": share}))
+        assembly.added.append(f"masses of the links: a diagnosis takes them as known to {100 * share:g} %")
 
 
 def _gains(joint: Joint, inertia: float, settings: Mapping[str, Any], extras: Extras) -> tuple[float, float]:

@@ -23,6 +23,7 @@ from tiago_mj.models.convert.tree import JOINTED, Tree
 from tiago_mj.models.convert.urdf import Joint, Link, Mimic, Shape, Urdf
 from tiago_mj.models.gains import Gains
 from tiago_mj.models.limits import user_field
+from tiago_mj.models.stated import URDF_MASSES
 
 COLLISION_GROUP, VISUAL_GROUP, FRAME_GROUP = 3, 2, 4
 
@@ -48,6 +49,8 @@ class Options:
         scene: whether the model has a light and a floor, below the robot where it stands at rest. A robot with a free
             base stands on it; below one that is fixed in the world it is only seen.
         gains: of servos, and what they are known to (:mod:`tiago_mj.models.gains`).
+        masses: one standard deviation of the logarithm of every link's mass, which the model states for diagnoses
+            (:mod:`tiago_mj.models.stated`); None: it states none.
 
     Raises:
         ConversionError: a choice that does not exist.
@@ -60,6 +63,7 @@ class Options:
     mass_floor: float | None = None
     scene: bool = True
     gains: Gains = field(default_factory=dict)
+    masses: float | None = URDF_MASSES
 
     def __post_init__(self) -> None:
         for name, value, known in (
