@@ -21,7 +21,7 @@ from effects_bench import (
 )
 
 from tiago_mj.effects.inertia import own_inertia, removable_inertia
-from tiago_mj.effects.transmission.spring import sum_of_springs
+from tiago_mj.effects.transmission.spring import polynomial, sum_of_springs
 from tiago_mj.models import names
 
 OPEN = 0.045  # where the fingers start [m]
@@ -320,11 +320,16 @@ def test_a_constant_force_on_a_finger_moves_it_until_the_servo_gives_as_much(for
 @shows("joint_spring")
 @pytest.mark.parametrize("hardening", [0.0, 0.7])
 def test_a_spring_holds_a_finger_between_its_slack_and_the_set_point(hardening):
-    stiffness, rest, span = 600.0, 0.045, 0.045
+    stiffness, rest, low, high = 600.0, 0.045, 0.0, 0.045
     effect = {"joint_spring": {"stiffness": stiffness, "rest": rest, "hardening": hardening}}
     r = free(effect, (-0.02, 1.0), (0.0, 2.0))
-    stretch = r.true_position[-1] - rest
-    pull = stiffness * stretch * (1 - hardening + hardening * (stretch / span) ** 2)
+    factors = stiffness * polynomial(rest, hardening, low, high, high - low)
+
+    def pulls(position):
+        return np.polyval([*reversed(factors), 0.0], position - rest)
+
+    assert pulls(high) - pulls(low) == pytest.approx(stiffness * (high - low)), "the mean stiffness is the stated one"
+    pull = pulls(r.true_position[-1])
     assert np.abs(pull).min() > 2
     np.testing.assert_allclose(KP * (r.set_point - r.true_position)[-1], pull, rtol=1e-3)
 
