@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 
 from tiago_mj.effects.declare import Array, Effect, effect
-from tiago_mj.effects.fields import Usual, detail, parameter
+from tiago_mj.effects.fields import Usual, detail, known_to, parameter
 from tiago_mj.effects.now import Now
 
 #: Of a joint without limits, how far its spring is stretched either way where its mean stiffness is stated (slide [m],
@@ -41,6 +41,9 @@ class JointSpring(Effect):
 
     clause = "a spring of {stiffness} pulls {t} that the simulator lacks"
     form_known_to = 0.1
+    #: Along a motion: cables pull by as much as a constant torque does (:class:`TorqueOffset`) from one end of a usual
+    #: stretch to the other.
+    effort_prior = known_to((0.02 / STRETCH[0], 0.02 / STRETCH[1]), share_of="effort")
     stiffness = parameter(("N/m", "N·m/rad"), identity=0.0, default=(100.0, 1.0), bounds=((0.0, 400.0), (0.0, 30.0)))
     #: Position at which it is slack.
     rest = detail(("m", "rad"), (-10.0, 10.0), usual=Usual(0.0, STRETCH), moment=True)
@@ -96,5 +99,6 @@ def sum_of_springs(one: Spring, other: Spring) -> Spring:
     both = polynomials[0] + polynomials[1]
     roots = both.trim().roots()
     real = roots[np.abs(roots.imag) <= 1e-9 * (1 + np.abs(roots))].real
-    rest = float(real[np.argmin(np.abs(real - (one[0] + other[0]) / 2))])
+    middle = (one[0] + other[0]) / 2  # where two that cancel each other leave a constant force, which no spring has
+    rest = float(real[np.argmin(np.abs(real - middle))]) if len(real) else middle
     return rest, np.array([both.deriv(n)(rest) / factorial for n, factorial in ((1, 1), (2, 2), (3, 6))])
