@@ -9,7 +9,7 @@ import numpy as np
 
 from tiago_mj.effects.declare import Array, Effect, effect
 from tiago_mj.effects.fields import detail, known_to, parameter
-from tiago_mj.effects.now import Now
+from tiago_mj.effects.now import Now, Wiring
 
 #: How far from the tool's centre of mass a payload is sought [m].
 REACH: Final = 0.5
@@ -162,6 +162,11 @@ class LinkMass(Effect):
     effort_prior = own_model_prior
 
     factor = parameter("-", identity=1.0, default=1.1, bounds=(0.3, 3.0), possible=(0.0, 1000.0))
+
+    @classmethod
+    def has_nominal_number(cls, model: mujoco.MjModel, wiring: Wiring, index: int) -> bool:
+        """Not of the link that the tool is on, whose mass a :class:`Payload` adds to."""
+        return bool(model.body_weldid[model.dof_bodyid[wiring.dof[index]]] != model.body_weldid[wiring.tool])
 
     def change(self, now: Now) -> None:
         model = now.host.model

@@ -31,12 +31,13 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from typing import ClassVar, Final, TypeVar
 
+import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from tiago_mj.effects import checks
 from tiago_mj.effects.fields import Detail, Form, NominalPrior, Parameter
-from tiago_mj.effects.now import Now
+from tiago_mj.effects.now import Now, Wiring
 from tiago_mj.effects.tendons import Tendon
 
 Array = NDArray[np.float64]
@@ -188,6 +189,12 @@ class Effect:
         """Where its hooks may change something, (nsim, ntargets), or (nsim, 1) where that is anywhere."""
         present = self.present
         return np.atleast_2d(present.any(axis=1, keepdims=True)) if self.reaches_carrier else present
+
+    @classmethod
+    def has_nominal_number(cls, model: mujoco.MjModel, wiring: Wiring, index: int) -> bool:
+        """Whether what it changes of a target, by its index, is no number that another effect changes alike: of those
+        one is uncertain where commands are replayed."""
+        return True
 
     def start(self, now: Now) -> None:
         """Forget the episode before."""

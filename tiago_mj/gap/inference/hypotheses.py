@@ -453,6 +453,8 @@ def _default_terms(plant: Plant) -> tuple[Term, ...]:
         single = declared.common or declared.targets in ("object", "clock") or not prior.each
         for group in [None] if single else [(name,) for name in names]:
             index = targets.first(declared.targets, group)
+            if not seen.efforts and not declared.has_nominal_number(plant.model, plant.wiring, index):
+                continue
             size = prior.deviation[targets.side(declared.targets, index)]
             base = parameter.identity
             if prior.share_of == "stock":

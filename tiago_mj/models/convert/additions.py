@@ -10,6 +10,7 @@ import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from tiago_mj.effects.body import LinkMass
 from tiago_mj.models import gains, stated
 from tiago_mj.models.convert import actuators, shapes
 from tiago_mj.models.convert.assembly import Assembly
@@ -258,7 +259,7 @@ def _known_masses(assembly: Assembly) -> None:
     """How well the model says that its links' masses are known."""
     share = assembly.options.masses
     if share is not None and any(joint.kind in JOINTED for joint in assembly.urdf.joints.values()):
-        assembly.spec.add_text(name=stated.UNCERTAINTY, data=stated.written({"link_mass": share}))
+        assembly.spec.add_text(name=stated.UNCERTAINTY, data=stated.written({LinkMass.name: share}))
         assembly.added.append(f"masses of the links: a diagnosis takes them as known to {100 * share:g} %")
 
 
