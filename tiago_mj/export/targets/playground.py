@@ -28,7 +28,6 @@ _PATCHED: Final = (
     "motor constant",
     "dry friction",
     "viscous friction",
-    "spring",
     "armature",
     "mass",
     "gravity",
@@ -36,6 +35,7 @@ _PATCHED: Final = (
 HOLDS: Final = MappingProxyType(
     {
         **{quantity: exact("a field of the model, set by the patch") for quantity in _PATCHED},
+        "spring": approximate("fields of the model, set by the patch; MJX 3.17 in JAX leaves out what hardens"),
         "play": approximate("a second joint in the body, in the model beside: a patch adds none"),
         "elasticity": approximate("a second joint with a spring, in the model beside: a patch adds none"),
         "delay": lacking("MJX 3.17 keeps no history of controls: delay actions in the environment's step"),
