@@ -41,9 +41,10 @@ class JointSpring(Effect):
 
     clause = "a spring of {stiffness} pulls {t} that the simulator lacks"
     form_known_to = 0.1
-    #: Along a motion: cables pull by as much as a constant torque does (:class:`TorqueOffset`) from one end of a usual
-    #: stretch to the other.
-    effort_prior = known_to((0.02 / STRETCH[0], 0.02 / STRETCH[1]), share_of="effort")
+    #: Along a motion, where the recordings speak against the model's centres of mass and the like: cables pull by as
+    #: much as a constant torque does (:class:`TorqueOffset`) over a usual stretch. Uncertain from the start, a real
+    #: TX40's joints hid what is told of its shared motor.
+    doubted_prior = known_to((0.02 / STRETCH[0], 0.02 / STRETCH[1]), share_of="effort")
     stiffness = parameter(("N/m", "N·m/rad"), identity=0.0, default=(100.0, 1.0), bounds=((0.0, 400.0), (0.0, 30.0)))
     #: Position at which it is slack.
     rest = detail(("m", "rad"), (-10.0, 10.0), usual=Usual(0.0, STRETCH), moment=True)

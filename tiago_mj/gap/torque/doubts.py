@@ -32,8 +32,9 @@ READINGS: Final = ("timing", "joint_sensor")
 SHRUNK: Final = 0.3
 #: What a report says where numbers were doubted, and where they were not and could stand for what is named.
 SAID: Final = (
-    "What the best explanation left is far more probable where links' centres of mass are known to 5 % of their reach "
-    "and torque constants to 5 %, so they were adjusted within that, whatever is named."
+    "What the best explanation left is far more probable where links' centres of mass are known to 5 % of their reach, "
+    "torque constants to 5 % and springs of cables to 2 % of the effort, so they were adjusted within that, whatever "
+    "is named."
 )
 IMITATED: Final = (
     "Links' centres of mass and torque constants counted as exact. Known to 5 % (of the reach) only, they would "
