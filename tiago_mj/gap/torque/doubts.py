@@ -14,7 +14,7 @@ from typing import Final
 
 import numpy as np
 
-from tiago_mj.effects import EFFECTS, Entry
+from tiago_mj.effects import EFFECTS, Effect, Entry
 from tiago_mj.gap.inference.fit import Fitted
 from tiago_mj.gap.inference.hypotheses import terms
 from tiago_mj.gap.inference.points import NUISANCE_STEP
@@ -58,7 +58,8 @@ class Linear:
 
 def doubted(predict: EffortPredictor, trials: Sequence[int], best: Fitted) -> bool:
     """Whether what an explanation leaves is far more probable with the doubted numbers than without; or whether they
-    take the place of its effects on encoders and clocks, each of which has its price, beside the others.
+    explain about as much in the place of its effects on encoders and clocks, and of those that are doubted numbers
+    themselves, each of which has its price, beside the others.
 
     Args:
         predict: predictions, and what was measured.
@@ -66,14 +67,19 @@ def doubted(predict: EffortPredictor, trials: Sequence[int], best: Fitted) -> bo
         best: the explanation.
     """
     exact = _beside(predict, trials, best, doubted=False)
-    kept = [k for k, part in enumerate(best.parts) if EFFECTS[part.effect].stage not in READINGS]
+    kept = [k for k, part in enumerate(best.parts) if not _stands_in(EFFECTS[part.effect])]
     fewer = replace(best, parts=tuple(best.parts[k] for k in kept), values=best.values[kept])
+    if _gained(predict, trials, exact, _beside(predict, trials, best, doubted=True)) > DECISIVE:
+        return True
     saved = ranking.MIN_EVIDENCE_GAIN_NATS * (len(best.parts) - len(kept))
-    each = [(best, 0.0), (fewer, saved)] if kept and saved else [(best, 0.0)]
-    return any(
-        _gained(predict, trials, exact, _beside(predict, trials, one, doubted=True)) + price > DECISIVE
-        for one, price in each
-    )
+    if not saved or not kept:
+        return False
+    return _gained(predict, trials, exact, _beside(predict, trials, fewer, doubted=True)) + saved > -DECISIVE
+
+
+def _stands_in(declared: type[Effect]) -> bool:
+    """Whether an effect may stand for numbers that are doubted."""
+    return declared.stage in READINGS or declared.doubted_prior is not None
 
 
 def imitated(predict: EffortPredictor, trials: Sequence[int], best: Fitted) -> bool:
