@@ -32,9 +32,9 @@ READINGS: Final = ("timing", "joint_sensor")
 SHRUNK: Final = 0.3
 #: What a report says where numbers were doubted, and where they were not and could stand for what is named.
 SAID: Final = (
-    "What the best explanation left is far more probable where links' centres of mass are known to 5 % of their reach, "
-    "torque constants to 5 % and springs of cables to 2 % of the effort, so they were adjusted within that, whatever "
-    "is named."
+    "Links' centres of mass within 5 % of their reach, torque constants within 5 % and springs of cables within 2 % of "
+    "the effort explain far more of what the best explanation left, or as much as effects that stood in for them: they "
+    "were adjusted within that, whatever is named."
 )
 IMITATED: Final = (
     "Links' centres of mass and torque constants counted as exact. Known to 5 % (of the reach) only, they would "
