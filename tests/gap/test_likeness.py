@@ -232,6 +232,7 @@ def test_the_leg_whose_knee_rubs_is_told_from_the_three_that_are_alike(tmp_path)
     log = recorded(tmp_path, (0.15, 0.15, 0.6, 0.15))
     assert main(["diagnose", str(log), "--jobs", "1", "--out", str(tmp_path / "out")]) == 0
     found = json.loads((tmp_path / "out" / "diagnosis.json").read_text())
+    assert {effect["name"] for effect in found["verdict"]["effects"]} == {"coulomb_friction"}
     (knee,) = [row for row in found["like"] if row["name"] == "coulomb_friction" and row["place"] == "knee_joint"]
     assert knee["differs"] == ["RL"]
     for leg, true in zip(LEGS, (0.15, 0.15, 0.6, 0.15), strict=True):

@@ -19,7 +19,7 @@ from tiago_mj.gap.simulation import sizes
 from tiago_mj.gap.simulation.session import FITTED, Session
 from tiago_mj.gap.torque.channels import Wanted
 from tiago_mj.gap.torque.flexible import left
-from tiago_mj.gap.torque.measured import Array, Measured, measured
+from tiago_mj.gap.torque.measured import Array, Measured, known_at_best, measured
 from tiago_mj.gap.torque.second_numbers import with_second_numbers
 from tiago_mj.gap.torque.shown import shown
 from tiago_mj.io.deadline import OutOfTimeError
@@ -75,7 +75,7 @@ def most_informative(
         pool = hypotheses.candidates(plant, None, None, sizes.sizes(plant, one.session.trials, one.motion))
         pool = with_second_numbers(shown(pool, one.predict.torques), one.predict, some)
         remains = left(one.predict, some, pool)
-        known, assumed = (replace(data, sigma=np.maximum(data.sigma, s)) for s in (remains.spread, remains.unseen))
+        known, assumed = (known_at_best(data, s) for s in (remains.spread, remains.unseen))
         found.append(replace(one, predict=replace(one.predict, data=known), assumed=assumed))
         told.append(information(found[-1], 1 / remains.rows))
         if k - int(np.argmax(told)) >= FALLS:
@@ -101,7 +101,7 @@ def information(one: Measured, independent: Array) -> float:
             columns = np.stack([np.ones_like(direction), direction, velocity[:, j], acceleration[:, j]], axis=1)
             kept = course.filtered(columns)[::every]
             known = np.isfinite(data.value[trial, : len(kept), c])
-            white: Array = kept[known] / data.sigma[trial, 0, c]
+            white: Array = kept[known] / data.sigma[trial, : len(kept), c][known, None]
             total[c] += independent[c] * white.T @ white
     signs, sizes = np.linalg.slogdet(total)
     return float(np.where(signs > 0, sizes, -np.inf).sum())

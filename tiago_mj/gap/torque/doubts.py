@@ -20,7 +20,7 @@ from tiago_mj.gap.inference.hypotheses import terms
 from tiago_mj.gap.inference.points import NUISANCE_STEP
 from tiago_mj.gap.search import ranking
 from tiago_mj.gap.torque.flexible import NOISES, functions, integrated, noise_beside, regression
-from tiago_mj.gap.torque.measured import Array
+from tiago_mj.gap.torque.measured import Array, clear
 from tiago_mj.gap.torque.predictor import EffortPredictor
 
 #: From this on numbers are doubted, and one explanation is as good as another up to this [nats]: a Bayes factor of 150,
@@ -104,7 +104,8 @@ def _beside(predict: EffortPredictor, trials: Sequence[int], best: Fitted, *, do
     numbers = [(moved - base) / NUISANCE_STEP]
     if best.parts:
         numbers.append((predict.all_trials(_each_shrunk(best), some) - base) / SHRUNK)
-    return Linear(predict.data.value[some] - base, np.concatenate(numbers))
+    gap = np.where(clear(predict.data)[some], predict.data.value[some] - base, np.nan)
+    return Linear(gap, np.concatenate(numbers))
 
 
 def _each_shrunk(best: Fitted) -> list[tuple[Entry, ...]]:

@@ -19,7 +19,7 @@ import numpy as np
 
 from tiago_mj.gap.inference.hypotheses import Candidate, terms
 from tiago_mj.gap.inference.points import NUISANCE_STEP
-from tiago_mj.gap.torque.measured import Array
+from tiago_mj.gap.torque.measured import Array, clear, known_at_best
 from tiago_mj.gap.torque.predictor import EffortPredictor
 from tiago_mj.recordings.autocorrelation import integrated_time
 
@@ -75,12 +75,14 @@ def left(predict: EffortPredictor, trials: Sequence[int], pool: Sequence[Candida
         models, aside = [own], []
         for more in (free, changes, np.concatenate([free, changes])):
             models.append(np.concatenate([own, SIZE * size / np.sqrt(max(len(more), 1)) * more]))
+        # First of all rows, which says in which of them the filter's share of a rest is less than that.
+        spread[c], _ = noise_beside(gap[..., c][seen], [columns[:, seen] for columns in models])
+        seen = clear(known_at_best(data, spread))[some][..., c]
+        whole = np.where(seen, gap[..., c], np.nan)
         for more in (free[:0], free, changes, np.concatenate([free, changes])):
-            aside.append(float(np.nanmean(_left_out(gap[..., c], np.concatenate([own, more]), len(own)) ** 2)))
-        spread[c], residual = noise_beside(gap[..., c][seen], [columns[:, seen] for columns in models])
+            aside.append(float(np.nanmean(_left_out(whole, np.concatenate([own, more]), len(own)) ** 2)))
+        spread[c], whole[seen] = noise_beside(whole[seen], [columns[:, seen] for columns in models])
         unseen[c] = max(np.sqrt(min(aside)), spread[c])
-        whole = np.full(seen.shape, np.nan)
-        whole[seen] = residual
         rows[c] = integrated(whole)
     return Left(spread, unseen, rows)
 

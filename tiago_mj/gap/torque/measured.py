@@ -149,7 +149,8 @@ def _data(plant: Plant, torques: Sequence[Torques], every: int, seed: int) -> Da
     noise = np.max([strip.noise for one in torques for strip in one.course.strips], axis=0)
     size = np.sqrt(np.nanmean(value**2, axis=(0, 1)))
     own = np.maximum(np.hypot(noise, _noise_of_motion(torques, seed)), 1e-9)
-    whole = np.broadcast_to(np.hypot(own, METHOD * size), value.shape).copy()
+    leaked = _padded([_leaked(one)[::every] for one in torques], 0.0)
+    whole = np.hypot(np.hypot(own, METHOD * size), leaked)
     return Data(
         tuple(f"effort.{name}" for name in course.channels),
         np.array(course.columns, dtype=int),
@@ -171,6 +172,25 @@ def _noise_of_motion(torques: Sequence[Torques], seed: int) -> Array:
         square, count = square + np.where(moving, change**2, 0.0).sum(axis=0), count + moving.sum(axis=0)
     noise: Array = np.sqrt(square / np.maximum(count, 1))
     return noise
+
+
+def _leaked(torques: Torques) -> Array:
+    course = torques.course
+    return course.leaked(course.stack("effort") - torques.nominal[:, course.columns])
+
+
+def known_at_best(data: Data, spread: Array) -> Data:
+    """Data no better known than to a deviation by channel, (C,) [N, N·m]; what the filter mixes in comes on top."""
+    least = data.sigma.min(axis=(0, 1))
+    return replace(data, sigma=np.sqrt(data.sigma**2 + np.maximum(spread, least) ** 2 - least**2))
+
+
+def clear(data: Data) -> NDArray[np.bool_]:
+    """Rows that were measured, (ntrials, T, C), and of which less is mixed in than they are known to; all, where these
+    are no more than half of a channel's."""
+    seen = np.isfinite(data.value)
+    little = seen & (data.sigma < np.sqrt(2) * data.sigma.min(axis=(0, 1)))
+    return np.asarray(np.where(2 * little.sum(axis=(0, 1)) > seen.sum(axis=(0, 1)), little, seen))
 
 
 def _moving(torques: Torques) -> NDArray[np.bool_]:

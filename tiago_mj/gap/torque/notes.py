@@ -49,7 +49,7 @@ def _commands(trials: Sequence[Trial]) -> Iterator[str]:
 
 def _method(measured: Measured) -> str:
     data, course = measured.predict.data, measured.course
-    known = [f"{noise:.2g} ({name})" for noise, name in zip(data.sigma[0, 0], course.channels, strict=True)]
+    known = [f"{noise:.2g} ({name})" for noise, name in zip(data.sigma.min(axis=(0, 1)), course.channels, strict=True)]
     return (
         f"Positions and efforts were low-passed at {course.cutoff:.2g} Hz without phase shift; below that efforts are "
         f"known to {_list(known, 'and')}: by their noise, by that of the positions, and by what is probably "

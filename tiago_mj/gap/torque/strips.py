@@ -34,12 +34,13 @@ REST_SHARE: Final = 0.02
 REST_NOISES: Final = 4.0
 #: A stretch must hold this many periods of the cut-off to be filtered.
 SHORTEST: Final = 6.0
-#: Periods of the cut-off before and after a rest that the filter mixes with it.
+#: Periods of the cut-off before and after a rest in which rows hold more of it than of their own.
 REACH: Final = 0.5
-#: Periods of the cut-off at either end of a stretch that the filter spoils.
-EDGE: Final = 1.0
-#: Periods of the cut-off between the rows of two parts of a stretch: what the filter mixes.
-APART: Final = 1.0
+#: What the filter puts of a pulse in other rows, as shares of its peak: the largest of each lobe of its response, with
+#: how many periods of the cut-off it ends away from the pulse.
+LEAKS: Final = ((1.0, 0.134), (1.5, 0.037), (2.0, 0.010))
+#: Periods of the cut-off over which the filter spoils either end of a stretch, and mixes two parts of one.
+MIXED: Final = 1.0
 
 
 @dataclass(frozen=True)
@@ -153,16 +154,18 @@ class Course:
         Args:
             shortest: length of a part at least [s].
         """
-        edge, apart = (math.ceil(periods * self.rate / self.cutoff) for periods in (EDGE, APART))
-        parts: list[Strip] = []
+        mixed, parts = self._rows(MIXED), list[Strip]()
         for strip in self.strips:
-            rows = len(strip.time) - 2 * edge
-            count = max(int((rows + apart) / (shortest * self.rate + apart)), 1)
-            length = (rows + apart) // count - apart + 2 * edge
-            for begin in range(0, count * (length - 2 * edge + apart), length - 2 * edge + apart):
+            rows = len(strip.time) - mixed
+            count = max(int(rows / (shortest * self.rate + mixed)), 1)
+            for begin in range(0, count * (rows // count), rows // count):
                 number = sum(one.trial.startswith(f"{strip.trial}-") for one in parts) + 1
-                parts.append(strip.rows(slice(begin, begin + length), f"{strip.trial}-{number:02d}"))
+                parts.append(strip.rows(slice(begin, begin + rows // count + mixed), f"{strip.trial}-{number:02d}"))
         return replace(self, strips=tuple(parts))
+
+    def _rows(self, periods: float) -> int:
+        """Rows of so many periods of the cut-off."""
+        return math.ceil(periods * self.rate / self.cutoff)
 
     def shifted(self, values: Array, seconds: float) -> Array:
         """Values (sum of T, n) as they are ``seconds`` later; a strip's last value stays."""
@@ -176,15 +179,33 @@ class Course:
         At rest, and while it turns round, dry friction takes whatever value holds the joint, so such rows tell nothing
         about a joint's torque; nor do the ends of a strip, where the filter can only guess.
         """
-        half = math.ceil(REACH * self.rate / self.cutoff)
-        window = np.ones((2 * half + 1, 1), dtype=bool)
-        edge = math.ceil(EDGE * self.rate / self.cutoff)
+        edge, window = self._rows(MIXED), np.ones((2 * self._rows(REACH) + 1, 1), dtype=bool)
         kept = []
         for still in self._still():
             free = ~ndimage.binary_dilation(still, structure=window)
             free[:edge] = free[len(free) - edge :] = False
             kept.append(free)
         return np.concatenate(kept)
+
+    def leaked(self, gap: Array) -> Array:
+        """Deviation of what the filter puts of rests in the rows that are compared, (sum of T, c) [N, N·m].
+
+        While a joint rests, or sticks where it turns, its dry friction is anything within its bounds, and the torque
+        that a model lacks anything between what it is a period of the cut-off before and after.
+
+        Args:
+            gap: what a model lacks of the efforts, (sum of T, c).
+        """
+        found = []
+        for lacks, still in zip(np.split(gap, np.cumsum(self.lengths)[:-1]), self._still(), strict=True):
+            variance = np.zeros_like(lacks)
+            for c, j in enumerate(self.columns):
+                for rest in _runs(still[:, j]):
+                    unsure = np.ptp(lacks[_wider(rest, self._rows(1.0)), c]) ** 2 / 12  # of a uniform distribution
+                    for periods, share in LEAKS:
+                        variance[_wider(rest, self._rows(periods)), c] += share**2 * unsure
+            found.append(np.sqrt(variance))
+        return np.concatenate(found)
 
     def _still(self) -> list[Mask]:
         """By strip, (T, m): slower than rest, or turning round between two rows."""
@@ -196,6 +217,16 @@ class Course:
             still[:-1] |= turn
             found.append(still)
         return found
+
+
+def _runs(still: Mask) -> list[slice]:
+    """Rows of each rest, of (T,)."""
+    return [run for (run,) in ndimage.find_objects(ndimage.label(still)[0])]
+
+
+def _wider(rows: slice, by: int) -> slice:
+    """These rows, and so many before and after."""
+    return slice(max(rows.start - by, 0), rows.stop + by)
 
 
 def lay_out(trials: Sequence[Trial], joints: Sequence[str], channels: Sequence[str], share: float = 1.0) -> Course:
