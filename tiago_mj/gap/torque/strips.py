@@ -190,8 +190,8 @@ class Course:
     def leaked(self, gap: Array) -> Array:
         """Deviation of what the filter puts of rests in the rows that are compared, (sum of T, c) [N, N·m].
 
-        While a joint rests, or sticks where it turns, its dry friction is anything within its bounds, and the torque
-        that a model lacks anything between what it is a period of the cut-off before and after.
+        While a joint sticks where it turns, its dry friction is anything within its bounds, and the torque that a model
+        lacks anything between what it is a period of the cut-off before and after, where the joint passes one place.
 
         Args:
             gap: what a model lacks of the efforts, (sum of T, c).
@@ -201,7 +201,8 @@ class Course:
             variance = np.zeros_like(lacks)
             for c, j in enumerate(self.columns):
                 for rest in _runs(still[:, j]):
-                    unsure = np.ptp(lacks[_wider(rest, self._rows(1.0)), c]) ** 2 / 12  # of a uniform distribution
+                    before, *_, after = lacks[_wider(rest, self._rows(1.0)), c]
+                    unsure = (after - before) ** 2 / 12  # of a uniform distribution
                     for periods, share in LEAKS:
                         variance[_wider(rest, self._rows(periods)), c] += share**2 * unsure
             found.append(np.sqrt(variance))
