@@ -83,13 +83,17 @@ def sticking(friction=0.3, seconds=20.0):
     return trial(time, {"swing": position}, {"swing": effort})
 
 
-def test_rows_near_a_turn_are_known_as_badly_as_the_filter_mixes_them_with_a_joint_that_sticks():
+@pytest.mark.parametrize("has", [0.02, 0.3])
+def test_rows_near_a_turn_are_known_as_badly_as_the_filter_mixes_them_with_a_joint_that_sticks(has):
     """Between slip and slip friction has any value; at the true friction the rest is left to as much, and elsewhere
     less than a hundredth of it is (the controller's step makes that)."""
     course = lay_out([sticking(friction=0.3)], ["swing"], ["swing"])
-    torques = Torques(pendulum(), course)  # which has 0.02 N·m already
-    found = torques.of([Entry("coulomb_friction", None, {"force": 0.28})])[:, 0]
-    left, leaked = course.stack("effort")[:, 0] - found, course.leaked(course.stack("effort") - torques.nominal)[:, 0]
+    model = pendulum()
+    model.dof_frictionloss[0] = has
+    torques = Torques(model, course)
+    found = torques.of([Entry("coulomb_friction", None, {"force": 0.3 - has})])[:, 0]
+    effort = course.stack("effort")
+    left, leaked = effort[:, 0] - found, course.leaked(effort - torques.frictionless)[:, 0]
     compared = course.moving()[:, 0] & (course.stack("time") > 1) & (course.stack("time") < 19)
     near = compared & (leaked > 0.01)
     assert np.abs(left[near]).max() > 0.03  # a tenth of the friction

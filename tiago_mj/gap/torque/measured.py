@@ -175,8 +175,9 @@ def _noise_of_motion(torques: Sequence[Torques], seed: int) -> Array:
 
 
 def _leaked(torques: Torques) -> Array:
+    """How unsure rows are for a joint that sticks, (T, c) [N, N·m]: by all of its friction, the model's own too."""
     course = torques.course
-    return course.leaked(course.stack("effort") - torques.nominal[:, course.columns])
+    return course.leaked(course.stack("effort") - torques.frictionless[:, course.columns])
 
 
 def known_at_best(data: Data, spread: Array) -> Data:

@@ -190,11 +190,11 @@ class Course:
     def leaked(self, gap: Array) -> Array:
         """Deviation of what the filter puts of rests in the rows that are compared, (sum of T, c) [N, N·m].
 
-        While a joint sticks where it turns, its dry friction is anything within its bounds, and the torque that a model
-        lacks anything between what it is a period of the cut-off before and after, where the joint passes one place.
+        While a joint sticks where it turns, its dry friction is anything between what it is a period of the cut-off
+        before and after, where the joint passes one place.
 
         Args:
-            gap: what a model lacks of the efforts, (sum of T, c).
+            gap: what a model without dry friction lacks of the efforts, (sum of T, c).
         """
         found = []
         for lacks, still in zip(np.split(gap, np.cumsum(self.lengths)[:-1]), self._still(), strict=True):

@@ -94,6 +94,11 @@ class Torques:
         return self._nominal
 
     @property
+    def frictionless(self) -> Array:
+        """The same without dry friction, (T, m) [N, N·m], filtered."""
+        return self.nominal - self.course.filtered(self._rubbing(*self._at_work((), None)))
+
+    @property
     def along(self) -> Now:
         """What a declaration sees of the nominal model along the measured motion."""
         return Now(_Host(self._model, self.motion, self.wiring, self._joint, None), self.wiring, _no_chance)
@@ -135,7 +140,7 @@ class Torques:
                 force = np.where(effect.reach, force + effect.added_force(now), force)
         _, velocity, acceleration = host.motion
         drive = np.maximum(damping, 0) * velocity + host.joint["dof_armature"] * acceleration - force
-        return drive + self._friction(host, now, effects) * np.clip(velocity / self.course.rest_speed, -1, 1)
+        return drive + self._rubbing(host, now, effects)
 
     def _rigid_torque(self, entries: Sequence[Entry]) -> Array:
         """Gravity, inertia and springs, (T, m) [N, N·m], filtered: what entries change of them, added up.
@@ -210,13 +215,13 @@ class Torques:
             effects[-1].change(now)
         return host, now, effects
 
-    @staticmethod
-    def _friction(host: _Host, now: Now, effects: Sequence[Effect]) -> Array:
+    def _rubbing(self, host: _Host, now: Now, effects: Sequence[Effect]) -> Array:
+        """What drives need for dry friction, (T, m) [N, N·m]."""
         friction = host.joint["dof_frictionloss"]
         for effect in effects:
             if overrides(effect, "added_friction"):
                 friction = np.where(effect.present, friction + effect.added_friction(now), friction)
-        return np.maximum(friction, 0.0)
+        return np.maximum(friction, 0.0) * np.clip(host.motion[1] / self.course.rest_speed, -1, 1)
 
     def _inverse(self, model: mujoco.MjModel, motion: tuple[Array, ...]) -> Array:
         """Inverse dynamics, (T, m)."""
