@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -48,3 +49,17 @@ def test_one_friction_that_leaves_no_gap_is_kept(leg, monkeypatch):
 
 def test_nothing_is_fitted_once_the_time_is_over(leg):
     assert on_each.target(leg, lambda: True) is leg
+
+
+def test_an_effect_on_all_and_on_some_once_more_is_told_on_each():
+    """Seven joints with a friction of their own, and one for all beside six more of them, are one model."""
+
+    def fit(evidence, *targets, effect="coulomb_friction"):
+        return SimpleNamespace(parts=[SimpleNamespace(effect=effect, target=t) for t in targets], evidence=evidence)
+
+    joints = [(f"joint_{k}",) for k in range(7)]
+    each, twice = fit(100.0, *joints), fit(102.0, None, *joints[1:])
+    other = fit(103.0, None, ("joint_1",), effect="viscous_friction")
+    assert ranking.each_once([other, twice, each]) == [other, each]
+    assert ranking.each_once([twice, fit(90.0, *joints)])[0] is twice  # far likelier: something shows in it
+    assert ranking.each_once([fit(102.0, None, *joints[:3]), each])[0].parts[0].target is None  # fewer numbers

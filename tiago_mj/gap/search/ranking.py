@@ -94,6 +94,23 @@ def unique_by_labels(fits: Sequence[Fitted]) -> list[Fitted]:
     return list(best.values())
 
 
+def each_once(fits: Sequence[Fitted]) -> list[Fitted]:
+    """Explanations without those that have an effect on all targets and on some of them once more, where one of as many
+    numbers and about as much evidence has it on each: the same model, in numbers that can be measured one by one."""
+    once = [fit for fit in fits if not _twice(fit)]
+    return [fit for fit in fits if not _twice(fit) or not any(_stands_for(other, fit) for other in once)]
+
+
+def _twice(fit: Fitted) -> bool:
+    everywhere = {part.effect for part in fit.parts if part.target is None}
+    return any(part.target is not None and part.effect in everywhere for part in fit.parts)
+
+
+def _stands_for(other: Fitted, fit: Fitted) -> bool:
+    alike = {part.effect for part in other.parts} == {part.effect for part in fit.parts}
+    return alike and len(other.parts) <= len(fit.parts) and other.evidence > fit.evidence - MIN_EVIDENCE_GAIN_NATS
+
+
 def unique_by_classes(fits: Sequence[Fitted]) -> list[Fitted]:
     """The first fit of every set of effect classes, as others of the same classes predict much the same."""
     best: dict[object, Fitted] = {}

@@ -196,7 +196,8 @@ def _search(
 
 def _shown(state: State, asked: Question, shared: NDArray[np.bool_], wide: Fitter | None) -> tuple[Fitted, ...]:
     """Explanations as they are told; ``wide``: the first fitter, for how they do in the noise assumed at first."""
-    shown = ranking.reportable(ranking.unique_by_labels(state.fits), replays=state.full.predict.replays)
+    fits = ranking.each_once(ranking.unique_by_labels(state.fits))
+    shown = ranking.reportable(fits, replays=state.full.predict.replays)
     if wide is not None:
         shown = agreement.with_agreement(state.full, shown)
         if asked.assumed is None:
