@@ -147,6 +147,13 @@ def test_an_effort_that_is_given_is_what_friction_follows(course):
     np.testing.assert_allclose(np.abs(more[fast & course.moving()[:, 0]]), 1.0, rtol=0.01)
 
 
+def test_without_dry_friction_there_is_none_by_load_that_is_given_either(course):
+    torques = Torques(pendulum(), course, (Entry("load_dependent_friction", None, {"coefficient": 0.5}),))
+    rubs = np.abs(torques.nominal - torques.frictionless)[:, 0] - 0.02  # the model's own
+    loaded = course.moving()[:, 0] & (np.abs(torques.nominal[:, 0]) > 0.5 * np.abs(torques.nominal).max())
+    np.testing.assert_allclose(rubs[loaded], 0.5 * np.abs(torques.nominal[loaded, 0]), rtol=0.1)
+
+
 # Needless effects -----------------------------------------------------------------------------------------------------
 
 

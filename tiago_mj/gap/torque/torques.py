@@ -96,7 +96,7 @@ class Torques:
     @property
     def frictionless(self) -> Array:
         """The same without dry friction, (T, m) [N, N·m], filtered."""
-        return self.nominal - self.course.filtered(self._rubbing(*self._at_work((), None)))
+        return self.nominal - self.course.filtered(self._rubbing(*self._at_work((), self.nominal)))
 
     @property
     def along(self) -> Now:
