@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 from types import SimpleNamespace
 
 import mujoco
 import numpy as np
 import pytest
-from made_motions import pendulum, record, trial
+from made_motions import RATE, pendulum, pendulum_file, record, trial
 
 from tiago_mj.effects import Entry
 from tiago_mj.gap.search import on_each
+from tiago_mj.gap.simulation.session import session
 from tiago_mj.gap.torque import flexible
-from tiago_mj.gap.torque.measured import SHORTEST_PERIODS, _in_parts
+from tiago_mj.gap.torque.channels import Wanted
+from tiago_mj.gap.torque.measured import SHORTEST_PERIODS, _in_parts, measured
 from tiago_mj.gap.torque.strips import MIXED, lay_out
 from tiago_mj.gap.torque.torques import Torques
 
@@ -68,6 +71,12 @@ def test_parts_of_one_length_are_filtered_as_each_alone(course):
         np.testing.assert_allclose(found, parts.of_trial(strip.trial).filtered(one), atol=1e-12)
 
 
+def fast(course, share=0.2):
+    """Rows in which the first joint is faster than a share of its fastest."""
+    speed = np.abs(course.stack("velocity")[:, 0])
+    return course.moving()[:, 0] & (speed > share * speed.max())
+
+
 def sticking(friction=0.3, seconds=20.0):
     """A servo swings a pendulum that sticks where it turns; positions and torques of every fifth step of 1 ms."""
     model, rows = pendulum(), []
@@ -98,8 +107,41 @@ def test_rows_near_a_turn_are_known_as_badly_as_the_filter_mixes_them_with_a_joi
     near = compared & (leaked > 0.01)
     assert np.abs(left[near]).max() > 0.03  # a tenth of the friction
     assert 0.5 < np.sqrt(np.mean((left[near] / leaked[near]) ** 2)) < 1.5
+    turning = compared & (np.abs(course.stack("velocity")[:, 0]) < course.rest_speed[0])
+    assert turning.sum() > 20
+    assert 0.5 < np.sqrt(np.mean((left[turning] / leaked[turning]) ** 2)) < 1.5
     assert np.abs(left[compared & (leaked < 0.001)]).max() < 0.003
     assert (compared & (leaked < 0.001)).sum() > 0.7 * compared.sum()
+
+
+def standing(moves, seconds):
+    """A recording after whose end the robot stands still."""
+    rows = round(seconds * RATE)
+    still = {
+        kind: {joint: np.pad(values, (0, rows), mode="edge") for joint, values in getattr(moves, kind).items()}
+        for kind in ("positions", "efforts")
+    }
+    return replace(moves, time=np.arange(len(moves.time) + rows) / RATE, **still)
+
+
+def test_rows_of_a_long_rest_are_not_compared():
+    """Its friction is one unknown number, however many rows it lasts."""
+    course = lay_out([standing(record(pendulum(), ("swing",), spread=2.0), 10.0)], ["swing"], ["swing"])
+    stands = course.stack("time") > 20.0
+    assert course.moving()[~stands, 0].mean() > 0.9
+    assert not course.moving()[stands].any()
+
+
+def test_parts_of_which_nothing_is_compared_are_no_trials():
+    """Else a part in which the robot stands still may be all that is kept aside."""
+    recorded = standing(record(pendulum(), ("swing",), spread=2.0, seconds=12.0), 6.0)
+    whole = session([recorded], model=pendulum_file())
+    found = measured(whole, [recorded], Wanted(["swing"]), 1.0)
+    parts = len(_in_parts(found.usable.course).strips)
+    rows = np.isfinite(found.predict.data.value).sum(axis=(1, 2))
+    assert len(rows) == len(found.session.trials) < parts
+    assert rows.min() > 0
+    assert rows[list(found.session.subset("test"))].sum() > 0.1 * rows.sum()
 
 
 # How well efforts are known -------------------------------------------------------------------------------------------
@@ -131,7 +173,7 @@ def test_friction_by_load_is_part_of_the_load_that_it_follows(course, share):
     found = torques.of([Entry("load_dependent_friction", None, {"coefficient": share})])[:, 0]
     lifts = alone * course.stack("velocity")[:, 0] > 0
     wanted = alone / np.where(lifts, 1 - share, 1 + share)
-    far = course.moving()[:, 0] & (np.abs(alone) > 0.5 * np.abs(alone).max())  # the filter rounds what is near a turn
+    far = fast(course) & (np.abs(alone) > 0.5 * np.abs(alone).max())  # the filter rounds what is near a turn
     assert 0 < lifts[far].sum() < far.sum()
     error = np.abs(found[far] / wanted[far] - 1)
     assert np.median(error) < 0.002
@@ -143,14 +185,13 @@ def test_an_effort_that_is_given_is_what_friction_follows(course):
     entry = Entry("load_dependent_friction", None, {"coefficient": 0.5})
     given = np.full_like(torques.nominal, 2.0)
     more = torques.of([entry], effort=given) - torques.nominal
-    fast = np.abs(course.stack("velocity")[:, 0]) > 0.5 * np.abs(course.stack("velocity")[:, 0]).max()
-    np.testing.assert_allclose(np.abs(more[fast & course.moving()[:, 0]]), 1.0, rtol=0.01)
+    np.testing.assert_allclose(np.abs(more[fast(course, 0.5)]), 1.0, rtol=0.01)
 
 
 def test_without_dry_friction_there_is_none_by_load_that_is_given_either(course):
     torques = Torques(pendulum(), course, (Entry("load_dependent_friction", None, {"coefficient": 0.5}),))
     rubs = np.abs(torques.nominal - torques.frictionless)[:, 0] - 0.02  # the model's own
-    loaded = course.moving()[:, 0] & (np.abs(torques.nominal[:, 0]) > 0.5 * np.abs(torques.nominal).max())
+    loaded = fast(course) & (np.abs(torques.nominal[:, 0]) > 0.5 * np.abs(torques.nominal).max())
     np.testing.assert_allclose(rubs[loaded], 0.5 * np.abs(torques.nominal[loaded, 0]), rtol=0.1)
 
 

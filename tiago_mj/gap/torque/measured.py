@@ -82,6 +82,8 @@ def measured(session: Session, trials: Sequence[Trial], wanted: Wanted, share: f
     names = list(dict.fromkeys(strip.trial for strip in course.strips))
     every = max(int(course.rate / (ROWS_PER_PERIOD * course.cutoff)), 1)
     torques = tuple(Torques(plant.model, course.of_trial(name), plant.given, deadline) for name in names)
+    torques = tuple(one for one in torques if _moving(one)[::every].any()) or torques  # the others tell nothing
+    names = [one.course.strips[0].trial for one in torques]
     whole = replace(course, strips=tuple(strip for one in torques for strip in one.course.strips))
     along = replace(
         plant,

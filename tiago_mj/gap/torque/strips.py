@@ -34,11 +34,12 @@ REST_SHARE: Final = 0.02
 REST_NOISES: Final = 4.0
 #: A stretch must hold this many periods of the cut-off to be filtered.
 SHORTEST: Final = 6.0
-#: Periods of the cut-off before and after a rest in which rows hold more of it than of their own.
+#: Periods of the cut-off before and after a rest in which rows hold more of it than of their own. A rest that lasts no
+#: longer is a turn.
 REACH: Final = 0.5
 #: What the filter puts of a pulse in other rows, as shares of its peak: the largest of each lobe of its response, with
 #: how many periods of the cut-off it ends away from the pulse.
-LEAKS: Final = ((1.0, 0.134), (1.5, 0.037), (2.0, 0.010))
+LEAKS: Final = ((REACH, 1.0), (1.0, 0.134), (1.5, 0.037), (2.0, 0.010))
 #: Periods of the cut-off over which the filter spoils either end of a stretch, and mixes two parts of one.
 MIXED: Final = 1.0
 
@@ -174,15 +175,16 @@ class Course:
         return np.concatenate([_later(part, steps) for part in parts])
 
     def moving(self) -> Mask:
-        """(sum of T, m): the joint moves, and has and will long enough that the filter has forgotten its rest.
+        """(sum of T, m): the joint moves or turns, and no rest is so near that the filter has not forgotten it.
 
-        At rest, and while it turns round, dry friction takes whatever value holds the joint, so such rows tell nothing
-        about a joint's torque; nor do the ends of a strip, where the filter can only guess.
+        At rest dry friction takes whatever value holds the joint, the same in all rows of a rest, so that these tell
+        nothing about a joint's torque; nor do the ends of a strip, where the filter can only guess. In a turn, which is
+        shorter than the filter's memory, it is unsure by as much as it changes: :meth:`leaked`.
         """
         edge, window = self._rows(MIXED), np.ones((2 * self._rows(REACH) + 1, 1), dtype=bool)
         kept = []
         for still in self._still():
-            free = ~ndimage.binary_dilation(still, structure=window)
+            free = ~ndimage.binary_dilation(self._long(still), structure=window)
             free[:edge] = free[len(free) - edge :] = False
             kept.append(free)
         return np.concatenate(kept)
@@ -207,6 +209,14 @@ class Course:
                         variance[_wider(rest, self._rows(periods)), c] += share**2 * unsure
             found.append(np.sqrt(variance))
         return np.concatenate(found)
+
+    def _long(self, still: Mask) -> Mask:
+        """Of rests, (T, m), those that are no turns."""
+        kept = still.copy()
+        for j, column in enumerate(still.T):
+            for rest in _runs(column):
+                kept[rest, j] = rest.stop - rest.start > self._rows(REACH)
+        return kept
 
     def _still(self) -> list[Mask]:
         """By strip, (T, m): slower than rest, or turning round between two rows."""
