@@ -36,10 +36,12 @@ def test_a_driver_that_looks_now_and_then_is_found(searching: State) -> None:
     at_every_command = replace(band, fixed=(("period", 0.0),))
     begin = [Start((), np.zeros(0)), Start((at_every_command,), np.array([1.02 * WIDTH]))]
     state = replace(searching, fits=tuple(full.fit_all(begin)))
-    found = driver_period.tried(state).best
+    after = driver_period.tried(state)
+    found = after.best
     assert dict(found.parts[0].fixed)["period"] == pytest.approx(0.005, rel=0.01)
     assert found.values[0] == pytest.approx(WIDTH, rel=0.01)
     assert found.evidence > state.best.evidence + 20.0
+    assert driver_period.tried(after) is after  # once for each set of effects
 
 
 def test_a_driver_is_found_from_behind_another_explanation(searching: State) -> None:

@@ -329,10 +329,9 @@ def test_a_second_effect_that_leaves_more_than_the_first_alone_is_not_shown(gras
         assert any(f is pair for f in ranking.reportable([pair, alone, none], replays=True)) is shown
 
 
-@pytest.mark.parametrize("rate", [0.04, 0.0], ids=["two effects", "one effect"])
-def test_a_second_effect_is_sought_as_if_samples_told_what_they_tell_beside_both(grasps, rate):
-    """A zero that drifts beside a response that bends: what the bend alone leaves is little, but lasts: a sample
-    of the cell counted for a thirtieth, and the drift for nothing (blind check, seed 9, case 82)."""
+def bent_and_drifting(grasps, rate):
+    """A question about a load cell whose response bends and one whose zero drifts, with no more in the pool than is
+    needed."""
     plant, on, data = grasps
     predict, rng = Predictor(plant, on, data), np.random.default_rng(0)
     given = Entry("force_nonlinearity", None, {"quadratic": 0.2}), Entry("force_drift", ("right",), {"rate": rate})
@@ -340,12 +339,40 @@ def test_a_second_effect_is_sought_as_if_samples_told_what_they_tell_beside_both
     data = replace(data, value=exact + 0.2 * data.noise * rng.normal(size=exact.shape))
     pool = hypotheses.candidates(plant, ["force_nonlinearity", "force_drift", "force_crosstalk"])
     predict = Predictor(plant, on, data)
-    base = predict.all_trials([()], range(2))[0]
-    found = select.select(Question(predict, data, Subset((0, 1)), pool, (), base))
+    return Question(predict, data, Subset((0, 1)), pool, (), predict.all_trials([()], range(2))[0])
+
+
+@pytest.mark.parametrize("rate", [0.04, 0.0], ids=["two effects", "one effect"])
+def test_a_second_effect_is_sought_as_if_samples_told_what_they_tell_beside_both(grasps, rate):
+    """A zero that drifts beside a response that bends: what the bend alone leaves is little, but lasts: a sample
+    of the cell counted for a thirtieth, and the drift for nothing (blind check, seed 9, case 82)."""
+    found = select.select(bent_and_drifting(grasps, rate))
     named = {(part.effect, part.target) for part in found.fits[0].parts}
     assert (
         named == {("force_nonlinearity", None), ("force_drift", ("right",))} if rate else {("force_nonlinearity", None)}
     )
+
+
+def test_sets_of_effects_take_nothing_from_what_a_search_may_simulate(grasps):
+    """Of a real servo's recordings they had taken the half, and no second effect was sought."""
+    asked = replace(bent_and_drifting(grasps, 0.04), steps=100)
+    tally = asked.predict.tally
+    select.select(asked)
+    needed, tally["physics_steps"] = tally["physics_steps"], 0
+    asked = replace(asked, share=asked.share * 1.5 * needed / asked.budget(2))
+
+    def sets():
+        tally["physics_steps"] += 10 * needed
+        return ()
+
+    found = select.select(replace(asked, sets=sets))
+    assert tally["physics_steps"] >= 10 * needed > asked.budget(2)
+    assert len(found.fits[0].parts) == 2
+
+
+def test_a_third_effect_may_take_half_as_many_steps_again(grasps):
+    asked = replace(bent_and_drifting(grasps, 0.0), steps=100)
+    assert asked.budget(1) == asked.budget(2) == asked.budget(3) / 1.5
 
 
 def test_what_is_far_behind_is_not_brought_to_its_end_and_changes_nothing_else(grasps):

@@ -213,10 +213,11 @@ def _searched(compared: Compared, asked: Request, so_far: SoFar, already: int = 
         assumed=None if compared.sharp is None else noise_model.select_trials(proposed.data, fitted_on),
         sets=partial(from_commands.sets, session, asked.names, asked.seed, searching) if predict.replays else None,
     )
-    if np.isfinite(question.budget):
+    most = question.budget(select.MAX_EFFECTS)
+    if np.isfinite(most):
         a_step = compared.a_simulation / max(steps, 1)
-        so_far.needs = Needs(deadline, predict.tally, question.budget, a_step, steps, compared.reserve)
-    tick.measured_in(question.fitted_trials * question.steps, question.budget)
+        so_far.needs = Needs(deadline, predict.tally, most, a_step, steps, compared.reserve)
+    tick.measured_in(question.fitted_trials * question.steps, most)
     with mujoco_log.counted(so_far.warned):
         landing = compared.a_simulation * select.LANDING * question.first_trials
         ranked = by_part.searched(question, said, searching, landing, tick) if said else None

@@ -18,7 +18,7 @@ from tiago_mj.gap.detectors.set_points import PERIOD, has_driver
 from tiago_mj.gap.inference.fit import Point
 from tiago_mj.gap.inference.hypotheses import Candidate
 from tiago_mj.gap.search import scan, starts
-from tiago_mj.gap.search.ranking import by_evidence
+from tiago_mj.gap.search.ranking import by_evidence, labels_of
 from tiago_mj.gap.search.rounds import HOPELESS_DEFICIT_NATS
 from tiago_mj.gap.search.state import State
 
@@ -42,14 +42,19 @@ MAX_COST_RATIO: Final = 3.0
 
 
 def tried(state: State) -> State:
-    """The search with a grid of driver periods tried for the best explanation by a driver; unchanged where none is.
+    """The search with a grid of driver periods tried for the best explanation by a driver for which they were not yet;
+    unchanged where none is.
 
     At a wrong period that may be far behind: of a dead band of 0.61 mm, read every 5 ms, one of 0.63 mm at 2.5 ms was
     138 nats behind friction (blind check, seed 3741, case 15).
     """
     full, ahead = state.full, by_evidence(state.fits)
     least = MAX_COST_RATIO * ahead[0].evidence - HOPELESS_DEFICIT_NATS
-    driven = [fit for fit in ahead if any(map(has_driver, fit.parts)) and fit.evidence > least]
+    driven = [
+        fit
+        for fit in ahead
+        if any(map(has_driver, fit.parts)) and fit.evidence > least and labels_of(fit) not in state.by_period
+    ]
     if not driven or full.out_of_time():
         return state
     which, point = next(k for k, part in enumerate(driven[0].parts) if has_driver(part)), Point.of(driven[0])
@@ -73,6 +78,7 @@ def tried(state: State) -> State:
     period = dict(there.parts[which].fixed)[PERIOD]
     fine = beside(there, [(period, there.values[which] * share) for share in FINE_WIDTHS])
     begin = [starts.start_at(fine[k]) for k in scan.likeliest(full, fine, MAX_PAIRS)]
+    state = replace(state, by_period=state.by_period | {labels_of(driven[0])})
     return state.with_fits([*fits, *full.fit_all(begin)])
 
 

@@ -125,10 +125,12 @@ def _search(
     read_off = {*only_read_off(), *(k.candidate.effect for k in asked.known)}
     pool = beginning.acting_on_misfit([c for c in asked.pool if c.effect not in read_off], asked.data, asked.base)
     count = so_far.effects = len({c.effect for c in pool})
+    size = 1
 
     def over() -> bool:
         tally = asked.predict.tally
-        return out_of_time() or tally["physics_steps"] - tally[step_error.DECIDING] - asked.already > asked.budget
+        spent = tally["physics_steps"] - tally[step_error.APART] - asked.already
+        return out_of_time() or spent > asked.budget(size)
 
     tick("fitting the nominal model", beginning.MAX_NOMINAL_ROUNDS)
     full, shared = begin(asked, over)
@@ -162,10 +164,12 @@ def _search(
         if found is None:
             break
         if size == 1 and asked.sets is not None and _leaves_a_gap(found.best):
+            before = asked.predict.tally["physics_steps"]
             found = _with_sets(
                 _ending(found, out_of_time), fitted, partial(proposed_sets.fitted, asked.sets, asked.pool)
             )
             found = _ending(found, over)
+            asked.predict.tally[step_error.APART] += asked.predict.tally["physics_steps"] - before
         state = _departing_left_out(on_each.target(found, out_of_time))
         open_still = size == 1 or state.full.predict.corrected < 1
         state = sharpen.sharpened(step_error.decided(state) if open_still and not over() else state)

@@ -29,9 +29,10 @@ FIT_TRIALS: Final = 3
 FIRST_TRIALS: Final = 1
 #: Screening trials at most.
 SCREEN_TRIALS: Final = 3
-#: Physics steps that a search takes at most, in units of those of all fitted trials: fits then end where they are.
-#: Of 18 cases of the blind check (seed 14) right answers took 150 to 690, one 1130; three without any 1120 to 1930.
-#: With half of it two of 34 hinges (seed 8801) ended before their second effect was sought.
+#: Physics steps that a search for one effect or two takes at most, in units of those of all fitted trials, and half as
+#: many again for three: fits then end where they are. Of 18 cases of the blind check (seed 14) right answers took 150
+#: to 690, one 1130; three without any 1120 to 1930. With half of it two of 34 hinges (seed 8801) ended before their
+#: second effect was sought; a real servo that rubs by its load had taken all before its third was.
 BUDGET: Final = 1800
 #: The same in rows of efforts along a motion, of which each takes a hundredth of the time: an arm with two frictions on
 #: each of four joints took 4 000.
@@ -100,10 +101,9 @@ class Question:
         """Largest number of screening trials."""
         return min(max(FIRST_STEPS // max(self.steps, 1), FIRST_TRIALS), SCREEN_TRIALS)
 
-    @property
-    def budget(self) -> float:
-        """Physics steps of the whole search."""
-        most = BUDGET if self.predict.replays else BUDGET_ALONG
+    def budget(self, effects: int) -> float:
+        """Physics steps of the search until explanations of so many effects were sought."""
+        most = (BUDGET if self.predict.replays else BUDGET_ALONG) * max(effects / 2, 1.0)
         return most * self.share * self.fitted_trials * self.steps if self.steps else np.inf
 
 
@@ -123,6 +123,7 @@ class State:
         losing: candidates that lose commands: which were lost is decoded, not drawn.
         motion: what the servos' motion says; None: there is nothing to be read from it.
         excluded: indices of excluded trials: their motion departs from what the best explanation predicts.
+        by_period: explanations by a driver beside which all its periods were tried.
     """
 
     screening: Fitter
@@ -136,6 +137,7 @@ class State:
     losing: tuple[Candidate, ...] = ()
     motion: ServoMotion | None = None
     excluded: tuple[int, ...] = ()
+    by_period: frozenset[frozenset[object]] = frozenset()
 
     @property
     def best(self) -> Fitted:

@@ -27,7 +27,7 @@ KEPT_NATS: Final = 1.1
 #: two thirds.
 SHARES: Final = tuple(k / 20 for k in range(21))
 #: Physics steps of these decisions in a predictor's tally: no part of a search's budget, as nothing is found by them.
-DECIDING: Final = "deciding"
+APART: Final = "apart"
 #: Explanations beside which all shares are tried, the likeliest of other classes: one that is wrong may go with a wrong
 #: step (a spring and a lag with the error of a step of 2 ms for a late clock and a weak motor, hinges_5002.json, 83).
 MAX_BESIDE: Final = 3
@@ -64,7 +64,7 @@ def better_step_correction(fitter: Fitter, fits: Sequence[Fitted] | Sequence[Sta
     each = [corrected_beside(putting_right, one).costs_by_shares(shares, one, on) for one in begin]
     told = np.min(each, axis=0) + np.where(np.array(shares) < 1, KEPT_NATS, 0.0)
     best = shares[int(np.argmin(told))]
-    tally[DECIDING] += tally["physics_steps"] - before
+    tally[APART] += tally["physics_steps"] - before
     return None if best == present else fitter.predict.with_step_correction(best)
 
 
