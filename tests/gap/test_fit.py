@@ -330,8 +330,7 @@ def test_a_second_effect_that_leaves_more_than_the_first_alone_is_not_shown(gras
 
 
 def bent_and_drifting(grasps, rate):
-    """A question about a load cell whose response bends and one whose zero drifts, with no more in the pool than is
-    needed."""
+    """A question about load cells whose response bends and one of whose zeros drifts."""
     plant, on, data = grasps
     predict, rng = Predictor(plant, on, data), np.random.default_rng(0)
     given = Entry("force_nonlinearity", None, {"quadratic": 0.2}), Entry("force_drift", ("right",), {"rate": rate})
