@@ -53,7 +53,7 @@ def tried(state: State) -> State:
     driven = [
         fit
         for fit in ahead
-        if any(map(has_driver, fit.parts)) and fit.evidence > least and labels_of(fit) not in state.by_period
+        if any(map(has_driver, fit.parts)) and fit.evidence > least and labels_of(fit) not in state.periods_tried
     ]
     if not driven or full.out_of_time():
         return state
@@ -78,7 +78,7 @@ def tried(state: State) -> State:
     period = dict(there.parts[which].fixed)[PERIOD]
     fine = beside(there, [(period, there.values[which] * share) for share in FINE_WIDTHS])
     begin = [starts.start_at(fine[k]) for k in scan.likeliest(full, fine, MAX_PAIRS)]
-    state = replace(state, by_period=state.by_period | {labels_of(driven[0])})
+    state = replace(state, periods_tried=state.periods_tried | {labels_of(driven[0])})
     return state.with_fits([*fits, *full.fit_all(begin)])
 
 

@@ -123,7 +123,7 @@ class State:
         losing: candidates that lose commands: which were lost is decoded, not drawn.
         motion: what the servos' motion says; None: there is nothing to be read from it.
         excluded: indices of excluded trials: their motion departs from what the best explanation predicts.
-        by_period: explanations by a driver beside which all its periods were tried.
+        periods_tried: explanations by a driver beside which all its periods were tried.
     """
 
     screening: Fitter
@@ -137,7 +137,7 @@ class State:
     losing: tuple[Candidate, ...] = ()
     motion: ServoMotion | None = None
     excluded: tuple[int, ...] = ()
-    by_period: frozenset[frozenset[object]] = frozenset()
+    periods_tried: frozenset[frozenset[object]] = frozenset()
 
     @property
     def best(self) -> Fitted:

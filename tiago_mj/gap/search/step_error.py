@@ -26,8 +26,8 @@ KEPT_NATS: Final = 1.1
 #: Shares of it that may be put right: of a simulator whose step is half as long a half is, of one whose step is a third
 #: two thirds.
 SHARES: Final = tuple(k / 20 for k in range(21))
-#: Physics steps in a predictor's tally that are no part of a search's budget: of these decisions, as nothing is found by
-#: them, and of sets of effects that come from elsewhere.
+#: Physics steps in a predictor's tally that are no part of a search's budget: of these decisions, as nothing is found
+#: by them, and of sets of effects that come from elsewhere.
 APART: Final = "apart"
 #: Explanations beside which all shares are tried, the likeliest of other classes: one that is wrong may go with a wrong
 #: step (a spring and a lag with the error of a step of 2 ms for a late clock and a weak motor, hinges_5002.json, 83).
