@@ -54,6 +54,33 @@ def test_no_torque_follows_without_every_command(leg):
     assert from_commands.with_efforts(plant_of(trials, model=file), fewer) is None
 
 
+@pytest.mark.parametrize("without", [[-1], [6, 7]], ids=["last row", "between"])
+def test_a_command_holds_until_the_next(leg, without):
+    """As in a recording of this package, whose last row has none."""
+    trials, file = leg
+    plant, trial = plant_of(trials, model=file), trials[0]
+    fewer = {name: values.copy() for name, values in trial.commands.items()}
+    held = {name: values.copy() for name, values in trial.commands.items()}
+    for name in JOINTS:
+        fewer[name][without], held[name][without] = np.nan, held[name][without[0] - 1]
+    found, wanted = (from_commands.with_efforts(plant, replace(trial, commands=one)) for one in (fewer, held))
+    assert found is not None
+    assert wanted is not None
+    for name in JOINTS:
+        np.testing.assert_array_equal(found.efforts[name], wanted.efforts[name])
+
+
+def test_no_torque_follows_before_the_first_command(leg):
+    trials, file = leg
+    plant, rows = plant_of(trials, model=file), len(trials[0].time)
+    late = {name: np.where(np.arange(rows) < 3, np.nan, values) for name, values in trials[0].commands.items()}
+    found = from_commands.with_efforts(plant, replace(trials[0], commands=late))
+    assert found is not None
+    assert np.flatnonzero(np.isnan(found.efforts[JOINTS[0]])).tolist() == [0, 1, 2]
+    none = {name: np.full(rows, np.nan) for name in JOINTS}
+    assert from_commands.with_efforts(plant, replace(trials[0], commands=none)) is None
+
+
 def test_friction_that_differs_from_joint_to_joint_is_proposed(leg):
     trials, file = leg
     found = from_commands.sets(session(trials, env=None, model=file, given=()), None, 0, Deadline())

@@ -28,6 +28,7 @@ from tiago_mj.gap.torque.band import most_informative
 from tiago_mj.gap.torque.channels import Wanted
 from tiago_mj.gap.torque.shown import shown
 from tiago_mj.io.deadline import Deadline
+from tiago_mj.recordings.read.pd_torques import before_and_after, speed
 from tiago_mj.recordings.recording import Array, RecordingError, Trial
 
 #: Of what acts on torques, wherever these come from; the others are about a log of efforts.
@@ -73,7 +74,7 @@ def with_efforts(plant: Plant, trial: Trial) -> Trial | None:
 
     A command is held until the next row, so that a torque is that of a path half a row late: taken with the command of
     its own row alone it would be larger by the servo's stiffness times half a row, as viscous friction is. It is the
-    mean of those just before and just after the command changes.
+    mean of those just before and just after the command changes. NaN where none was given yet, or no position read.
     """
     model, wiring = plant.model, plant.wiring
     if wiring.interface != "position" or not (wiring.servo & (wiring.act < 0)).all():
@@ -84,14 +85,12 @@ def with_efforts(plant: Plant, trial: Trial) -> Trial | None:
         if name not in trial.commands or joint not in trial.positions or len(trial.time) < 2:
             return None
         position, gear = trial.positions[joint], float(model.actuator_gear[actuator, 0])
-        velocity = trial.velocities[joint] if joint in trial.velocities else np.gradient(position, trial.time)
         gain, (constant, stiffness, damping) = model.actuator_gainprm[actuator, 0], model.actuator_biasprm[actuator, :3]
-        now = trial.commands[name]
-        command = np.stack([now[[0, *range(len(now) - 1)]], now])
-        force = gain * command + constant + gear * (stiffness * position + damping * velocity)
+        command = before_and_after(trial.commands[name])
+        force = gain * command + constant + gear * (stiffness * position + damping * speed(trial, joint))
         if model.actuator_forcelimited[actuator]:
             force = np.clip(force, *model.actuator_forcerange[actuator])
-        if not np.isfinite(force).all():
-            return None
         efforts[joint] = gear * force.mean(axis=0)
+        if not np.isfinite(efforts[joint]).any():
+            return None
     return replace(trial, efforts=efforts)

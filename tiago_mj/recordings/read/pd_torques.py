@@ -93,6 +93,13 @@ def torque(trial: Trial, joint: str, goals: Array, stiffness: float, damping: fl
         goals: (T,) commanded positions; each holds until the next.
         stiffness, damping: per m or rad, and per its rate.
     """
+    goal = before_and_after(goals).mean(axis=0)
+    return np.asarray(stiffness * (goal - trial.positions[joint]) - damping * speed(trial, joint))
+
+
+def speed(trial: Trial, joint: str) -> Array:
+    """Velocity of a joint, (T,) [m/s, rad/s]: as measured, or that of its positions where a row that has a position has
+    none; NaN where neither was measured."""
     position = trial.positions[joint]
     measured = np.isfinite(position)
     velocity = trial.velocities.get(joint)
@@ -100,9 +107,18 @@ def torque(trial: Trial, joint: str, goals: Array, stiffness: float, damping: fl
         velocity = np.full(len(position), np.nan)
         if measured.sum() > 1:
             velocity[measured] = np.gradient(position[measured], trial.time[measured])
+    return velocity
+
+
+def before_and_after(goals: Array) -> Array:
+    """The goals that end and begin at every row, (2, T); each holds until the next. The first counts as both; before it
+    there is none (NaN).
+
+    Args:
+        goals: (T,) commanded positions; NaN in rows without one.
+    """
     rows = np.where(np.isfinite(goals), np.arange(len(goals)), -1)
     held = np.maximum.accumulate(rows)
     sent = np.where(held >= 0, goals[np.maximum(held, 0)], np.nan)
     ended = np.concatenate([sent[:1], sent[:-1]])
-    goal = np.where(np.isfinite(ended), (ended + sent) / 2, sent)
-    return np.asarray(stiffness * (goal - position) - damping * velocity)
+    return np.stack([np.where(np.isfinite(ended), ended, sent), sent])
