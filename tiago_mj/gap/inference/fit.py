@@ -82,6 +82,10 @@ class Fitter(Differenced):
     min_cost_drop: float = MIN_COST_DROP_NATS
     out_of_time: Callable[[], bool] = lambda: False
 
+    def responses_to_magnitudes(self, at: Point, base: Array) -> Array:
+        """Response of predictions ``base`` at a point to each of its magnitudes, per unit of it, (k, ntrials, T, C)."""
+        return _run([self.value_responses(at, base)], self.predictions)[0]
+
     def fit_all(self, starts: Sequence[Start]) -> list[Fitted]:
         """Fit the magnitudes and nuisances of each explanation. The simulations that the fits need next are run in one
         batch; a fit whose cost is far above the lowest is abandoned."""

@@ -18,7 +18,7 @@ from tiago_mj.gap.inference.hypotheses import Candidate, Label
 from tiago_mj.gap.inference.noise_model import Data
 from tiago_mj.gap.search import starts
 from tiago_mj.gap.search.ranking import MIN_EVIDENCE_GAIN_NATS
-from tiago_mj.gap.search.screen import Screened, misfit_by_trial, screen
+from tiago_mj.gap.search.screen import Screened, misfit_by_trial, scored_beside, screen
 
 Array = NDArray[np.float64]
 
@@ -87,7 +87,7 @@ def beside(
     screening: Fitter, seed: Fitted, nominal_nuisance: Array, promising: Sequence[Screened], least: float
 ) -> list[Start]:
     """Starts that add one effect to an explanation, found by superposition: the screened change of each effect is added
-    to the prediction of the explanation, and the log likelihood is compared.
+    to the prediction of the explanation, whose own magnitudes may move, and the log likelihood is compared.
 
     Args:
         screening: of the screening trials.
@@ -97,8 +97,9 @@ def beside(
         promising: screened effects.
         least: smallest predicted gain [nats].
     """
-    whole = screening.predictions([Point(seed.parts, seed.values, nominal_nuisance)])[0]
-    on = likelihood.frame(screening.data, screening.weight, screening.responses, screening.per_trial, nominal_nuisance)
+    point = Point(seed.parts, seed.values, nominal_nuisance)
+    whole = screening.predictions([point])[0]
+    on = scored_beside(screening, point, whole)
     alone = float(likelihood.log_likelihood(on, whole[None])[0])
     there, found = {part.label for part in seed.parts}, []
     for s in promising:
