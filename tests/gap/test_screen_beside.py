@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from tiago_mj.gap.inference import hypotheses, likelihood
-from tiago_mj.gap.inference.fit import Fitter, Point
+from tiago_mj.gap.inference.fit import Fitted, Fitter, Point
 from tiago_mj.gap.inference.noise_model import Data
 from tiago_mj.gap.inference.predictor import Predictor
+from tiago_mj.gap.search.additions import _is_there
 from tiago_mj.gap.search.screen import scored_beside
 from tiago_mj.gap.simulation.subset import Subset
 
@@ -82,3 +83,24 @@ def test_beside_nothing_the_nominal_numbers_alone_may_move(grasps):
     on = scored_beside(fitter, nothing, base)
     plain = likelihood.frame(fitter.data, fitter.weight, fitter.responses, fitter.per_trial, alone.nuisance)
     assert likelihood.log_likelihood(on, base[None]) == likelihood.log_likelihood(plain, base[None])
+
+
+def test_the_same_effect_on_all_joints_is_not_tried_beside_it_on_each(grasps):
+    plant, _, _ = grasps
+    targets = plant.wiring.targets
+    pool = hypotheses.candidates(plant, ["coulomb_friction", "viscous_friction"])
+    of = {c.label: c for c in pool}
+    right, left = (of["coulomb_friction", (name,)] for name in plant.joints)
+    everywhere = of["coulomb_friction", None]
+
+    def there(candidate, *parts):
+        return _is_there(
+            candidate, Fitted(parts, np.ones(len(parts)), np.ones(len(parts)), np.zeros(0), 0.0, 1.0), targets
+        )
+
+    assert there(everywhere, right, left)
+    assert there(right, right)
+    assert there(everywhere, everywhere)
+    assert not there(everywhere, right)
+    assert not there(right, everywhere)  # more on one joint than on the others
+    assert not there(of["viscous_friction", None], right, left)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from tiago_mj.effects import EFFECTS
 from tiago_mj.effects.declare import resembling
+from tiago_mj.effects.targets import Targets
 from tiago_mj.gap.inference import likelihood
 from tiago_mj.gap.inference.fit import Fitted, Fitter, Point, Start
 from tiago_mj.gap.inference.hypotheses import Candidate, Label
@@ -101,9 +102,9 @@ def beside(
     whole = screening.predictions([point])[0]
     on = scored_beside(screening, point, whole)
     alone = float(likelihood.log_likelihood(on, whole[None])[0])
-    there, found = {part.label for part in seed.parts}, []
+    targets, found = screening.predict.plant.wiring.targets, []
     for s in promising:
-        if s.candidate.label not in there:
+        if not _is_there(s.candidate, seed, targets):
             gains = likelihood.log_likelihood(on, whole + s.changes) - alone - s.selection_penalty
             best = int(np.argmax(gains))
             found.append((float(gains[best]), s.candidate, s.values[best]))
@@ -131,8 +132,9 @@ def where_it_fails(full: Fitter, seed: Fitted, nuisance: Array, count: int, pool
     """
     point = Point(seed.parts, seed.values, nuisance)
     worst = worst_trials(full.predictions([point])[0], full.data, count)
-    there, labels = full.part(worst), {part.label for part in seed.parts}
-    found = screen(there, [c for c in pool if c.label not in labels], replace(point, nuisance=full.of(worst, nuisance)))
+    targets = full.predict.plant.wiring.targets
+    pool = [c for c in pool if not _is_there(c, seed, targets)]
+    found = screen(full.part(worst), pool, replace(point, nuisance=full.of(worst, nuisance)))
     out = []
     gains = [(s.gain, s.candidate, s.value) for s in found.on_all]
     for candidate, value in _best_of_each_kind(gains, MIN_PREDICTED_GAIN_NATS):
@@ -239,6 +241,15 @@ def worst_trials(predicted: Array, data: Data, count: int) -> list[int]:
     lasting = np.argsort(-likelihood.lasting_per_trial(data, data.value - predicted))
     in_turn = [int(k) for both in zip(single, lasting, strict=True) for k in both]
     return sorted(list(dict.fromkeys(in_turn))[:count])
+
+
+def _is_there(candidate: Candidate, seed: Fitted, targets: Targets) -> bool:
+    """Whether an explanation has a candidate's effect already, on its targets together or on each: then a further
+    number of it makes no other model."""
+    names = targets.names(EFFECTS[candidate.effect].targets)
+    on = set(candidate.target or names)
+    mine = [set(part.target or names) for part in seed.parts if part.effect == candidate.effect]
+    return set[str]().union(*(one for one in mine if one <= on)) == on
 
 
 def _best_of_each_kind(found: Sequence[tuple[float, Candidate, float]], least: float) -> list[tuple[Candidate, float]]:
