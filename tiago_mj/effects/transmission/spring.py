@@ -40,8 +40,6 @@ class JointSpring(Effect):
     """
 
     clause = "a spring of {stiffness} pulls {t} that the simulator lacks"
-    #: Against a spring a position servo ends short of its set point by the same share everywhere.
-    resembles = ("encoder_scale",)
     form_known_to = 0.1
     #: Along a motion, where the recordings speak against the model's centres of mass and the like: cables pull by as
     #: much as a constant torque does (:class:`TorqueOffset`) over a usual stretch. Uncertain from the start, a real
