@@ -28,7 +28,7 @@ from tiago_mj.gap.torque.band import most_informative
 from tiago_mj.gap.torque.channels import Wanted
 from tiago_mj.gap.torque.shown import shown
 from tiago_mj.io.deadline import Deadline
-from tiago_mj.recordings.read.pd_torques import before_and_after, speed
+from tiago_mj.recordings.read.pd_torques import before_and_after, velocity
 from tiago_mj.recordings.recording import Array, RecordingError, Trial
 
 #: Of what acts on torques, wherever these come from; the others are about a log of efforts.
@@ -87,7 +87,7 @@ def with_efforts(plant: Plant, trial: Trial) -> Trial | None:
         position, gear = trial.positions[joint], float(model.actuator_gear[actuator, 0])
         gain, (constant, stiffness, damping) = model.actuator_gainprm[actuator, 0], model.actuator_biasprm[actuator, :3]
         command = before_and_after(trial.commands[name])
-        force = gain * command + constant + gear * (stiffness * position + damping * speed(trial, joint))
+        force = gain * command + constant + gear * (stiffness * position + damping * velocity(trial, joint))
         if model.actuator_forcelimited[actuator]:
             force = np.clip(force, *model.actuator_forcerange[actuator])
         efforts[joint] = gear * force.mean(axis=0)

@@ -94,20 +94,20 @@ def torque(trial: Trial, joint: str, goals: Array, stiffness: float, damping: fl
         stiffness, damping: per m or rad, and per its rate.
     """
     goal = before_and_after(goals).mean(axis=0)
-    return np.asarray(stiffness * (goal - trial.positions[joint]) - damping * speed(trial, joint))
+    return np.asarray(stiffness * (goal - trial.positions[joint]) - damping * velocity(trial, joint))
 
 
-def speed(trial: Trial, joint: str) -> Array:
+def velocity(trial: Trial, joint: str) -> Array:
     """Velocity of a joint, (T,) [m/s, rad/s]: as measured, or that of its positions where a row that has a position has
     none; NaN where neither was measured."""
     position = trial.positions[joint]
     measured = np.isfinite(position)
-    velocity = trial.velocities.get(joint)
-    if velocity is None or not np.isfinite(velocity[measured]).all():
-        velocity = np.full(len(position), np.nan)
+    found = trial.velocities.get(joint)
+    if found is None or not np.isfinite(found[measured]).all():
+        found = np.full(len(position), np.nan)
         if measured.sum() > 1:
-            velocity[measured] = np.gradient(position[measured], trial.time[measured])
-    return velocity
+            found[measured] = np.gradient(position[measured], trial.time[measured])
+    return found
 
 
 def before_and_after(goals: Array) -> Array:
