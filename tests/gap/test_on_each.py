@@ -33,7 +33,7 @@ def leg(tmp_path_factory):
 
 
 def test_one_friction_for_all_joints_gives_way_to_one_on_each_where_it_leaves_a_gap(leg):
-    assert ranking.discrepancy(leg.best) > ranking.INADEQUATE_DISCREPANCY
+    assert ranking.leaves_a_gap(leg.best, replays=True)
     spent = replace(leg, full=replace(leg.full, out_of_time=lambda: True))  # its budget
     best = on_each.target(spent, lambda: False).best
     found = {part.target[0]: value for part, value in zip(best.parts, best.values, strict=True)}
@@ -43,7 +43,7 @@ def test_one_friction_for_all_joints_gives_way_to_one_on_each_where_it_leaves_a_
 
 
 def test_one_friction_that_leaves_no_gap_is_kept(leg, monkeypatch):
-    monkeypatch.setattr(ranking, "INADEQUATE_DISCREPANCY", np.inf)
+    monkeypatch.setattr(ranking, "REMAINING_DISCREPANCY", np.inf)
     assert on_each.target(leg, lambda: False) is leg
 
 

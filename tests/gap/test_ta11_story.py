@@ -109,6 +109,18 @@ def test_a_slope_set_wrong_on_purpose_is_a_gain_of_the_right_size():
         assert factor.low < 275.2 / 165 < factor.high  # the measured slope on this object over the one that was set
 
 
+@pytest.mark.slow
+def test_an_offset_beside_a_gain_is_found_where_the_worst_squeezes_show_the_gain_alone():
+    """Half the slope, on an object whose forces lack a constant: in the three worst squeezes a gain leaves nothing."""
+    trials = squeezes("A-wood", slope=165.0)
+    found = diagnose(trials, names=("force_gain", "force_bias", "contact_stiffness"), threads=1)
+    assert found.kind == "effect"
+    named = {effect.name: effect.parameters for effect in found.best.effects}
+    assert set(named) == {"force_gain", "force_bias"}
+    assert named["force_gain"]["factor"].low < 330 / 165 < named["force_gain"]["factor"].high
+    assert named["force_bias"]["offset"].high < 0
+
+
 def test_what_a_value_is_known_to_is_said_by_its_sidecar():
     trials = squeezes("A-wood", every=4)
     stated = trials[0].sidecar.raw["uncertainty"]["force"]

@@ -149,6 +149,10 @@ def test_no_effect_is_named_whose_own_interval_holds_none_of_it():
     assert pytest.approx(NINETY * calibration().widens, abs=0.01) == ranking.least_deviations(replays=True)
 
 
+def test_another_effect_is_sought_wherever_the_verdict_says_that_a_gap_remains():
+    assert calibration().remains == ranking.REMAINING_DISCREPANCY
+
+
 def test_answers_along_a_motion_are_doubted_by_cases_of_their_own():
     met = FitQuality(met=0.0, price=0.0, misfit=1.0, lasting=0.5)
     replayed, along = (calibration(replays=replays).doubt for replays in (True, False))

@@ -27,7 +27,7 @@ def target(state: State, out_of_time: Callable[[], bool]) -> State:
             every joint rubs it is spent on single effects.
     """
     replays = state.full.predict.replays
-    if replays and ranking.discrepancy(state.best) <= ranking.INADEQUATE_DISCREPANCY:
+    if replays and not ranking.leaves_a_gap(state.best, replays=True):
         return state
     full = replace(state.full, out_of_time=out_of_time)
     least = ranking.least_deviations(replays=replays)
