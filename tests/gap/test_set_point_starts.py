@@ -78,6 +78,25 @@ def test_a_drivers_dead_band_and_period_are_found_together(hinge: tuple[Predicto
     assert best.values[0] == pytest.approx(width, rel=0.005)  # flat between two widths that set points tell apart
 
 
+def test_what_shares_the_grid_of_the_best_is_fitted_with_it(hinge: tuple[Predictor, ServoMotion]) -> None:
+    """A grid has no slope to follow: 2 % off, the right explanation stays far behind a wrong one that was looked for
+    again."""
+    predict, motion = hinge
+    step, friction = 0.0217, 0.05
+    grid = Entry("command_quantization", None, {"step": step})
+    measured = with_effects(predict, Entry("coulomb_friction", None, {"force": friction}), grid)
+    state = searching(measured, motion, "command_quantization")
+    coulomb, uneven = (candidate(measured, name) for name in ("coulomb_friction", "asymmetric_friction"))
+    rounds_off = candidate(measured, "command_quantization")
+    held = replace(state.full, iterations=0)
+    wrong = held.fit_all([Start((uneven, rounds_off), np.array([0.05, step]))])
+    right = held.fit_all([Start((coulomb, rounds_off), np.array([friction, 0.98 * step]))])
+    assert right[0].evidence < wrong[0].evidence
+    again = set_point_starts.looked_for_again(state.with_fits([*wrong, *right]))
+    assert [part.effect for part in again.best.parts] == ["coulomb_friction", "command_quantization"]
+    assert again.best.values == pytest.approx([friction, step], rel=0.01)
+
+
 @pytest.mark.slow
 def test_where_no_grid_is_none_is_tried(hinge: tuple[Predictor, ServoMotion]) -> None:
     predict, motion = hinge

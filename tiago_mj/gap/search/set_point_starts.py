@@ -27,7 +27,7 @@ from tiago_mj.gap.inference.fit import Fitted, Fitter, Point, Start
 from tiago_mj.gap.inference.hypotheses import Candidate
 from tiago_mj.gap.inference.noise_model import Data
 from tiago_mj.gap.inference.remembered import remembered
-from tiago_mj.gap.search import impulse_responses
+from tiago_mj.gap.search import impulse_responses, ranking, rounds
 from tiago_mj.gap.search.driver_period import PERIODS, with_period
 from tiago_mj.gap.search.impulse_responses import Learned
 from tiago_mj.gap.search.lost_commands import effects_in_every_trial
@@ -79,7 +79,8 @@ def worth(seeds: Sequence[Fitted]) -> list[Fitted]:
 
 def looked_for_again(state: State) -> State:
     """The search with the quantization or dead band of its best explanation sought again beside its other effects, as
-    long as the evidence grows."""
+    long as the evidence grows; the next that share the effect are fitted from what was found for it, where no slope of
+    theirs leads."""
     for _ in range(MAX_ROUNDS):
         best = state.best
         mine = [k for k, part in enumerate(best.parts) if _acts_on_set_points(part)]
@@ -90,7 +91,26 @@ def looked_for_again(state: State) -> State:
         state = state.with_fits(state.full.fit_all(again))
         if state.best.evidence < best.evidence + MIN_ROUND_GAIN_NATS:
             break
-    return state
+    return state if state.full.out_of_time() else state.with_fits(state.full.fit_all(_as_in_the_best(state)))
+
+
+def _as_in_the_best(state: State) -> list[Start]:
+    """Starts of the next explanations that share the best's quantization or dead band, with the best's magnitude:
+    however far behind they are, that may be all that is wrong."""
+    best, out = state.best, []
+    found = {
+        part.label: (part, value)
+        for part, value in zip(best.parts, best.values.tolist(), strict=True)
+        if _acts_on_set_points(part)
+    }
+    for fit in ranking.unique_by_labels(state.fits):
+        shared = {k: found[part.label] for k, part in enumerate(fit.parts) if part.label in found}
+        if any((fit.parts[k], fit.values[k]) != there for k, there in shared.items()):
+            parts, values = list(fit.parts), fit.values.copy()
+            for k, there in shared.items():
+                parts[k], values[k] = there
+            out.append(Start(tuple(parts), values, fit.nuisance))
+    return out[: rounds.MAX_RIVALS]
 
 
 def _starts(state: State, point: Point, candidates: Sequence[Candidate], least: float) -> list[Start]:
