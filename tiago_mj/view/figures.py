@@ -101,7 +101,7 @@ def curve(comparison: Comparison) -> Figure:
         onset = np.array([line.dead_band, SENT_ABOVE])
         left.plot(1e3 * onset, line.slope * (onset - line.dead_band), color=BLACK, lw=1.0, ls=":")
         left.axvspan(0, 1e3 * SENT_ABOVE, color="#edeff2", lw=0)
-        left.text(1e3 * SENT_ABOVE / 2, 0.45, "no command is sent", rotation=90, ha="center", va="bottom", color=GREY)
+        left.text(1e3 * SENT_ABOVE / 2, 0.3, "no command is sent", rotation=90, ha="center", va="bottom", color=GREY)
         left.set(xlabel="held servo error dq [mm]", ylabel="steady force [sensor units]")
         left.set(xlim=(0, 3.1), ylim=(-0.02, 1.05))
         left.set_title("Force over held servo error")
