@@ -253,7 +253,7 @@ LEFT_OUT: Final = (
     LeftOut("docs/blind-check.md", r"python -m benchmarks\.blind\.kept write DIR .*", HOURS_BEFORE),
     LeftOut("docs/blind-check.md", r"python -m benchmarks\.blind\.fitters .*", HOURS_BEFORE),
     LeftOut("docs/blind-check.md", r"python -m benchmarks\.calibrate RUN .*", HOURS_BEFORE),
-    LeftOut("docs/blind-check.md", r"python -m benchmarks\.varied [A-Z]+ .*", HOURS_BEFORE),
+    LeftOut("docs/blind-history.md", r"python -m benchmarks\.varied [A-Z]+ .*", HOURS_BEFORE),
     LeftOut("docs/blind-check.md", r"python -m benchmarks\.blind\.bullet .*", ENGINE),
     LeftOut("docs/evaluating.md", r"python benchmarks/(force_bound|pi_search)\.py.*", "needs the extra blind, for cma"),
     LeftOut(
