@@ -1,6 +1,7 @@
 """What is kept of a run scores, and calibrates, as the run itself does; several count together, no case twice."""
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ from benchmarks.blind import kept, paired, run, score
 from benchmarks.blind.score import Judged
 from benchmarks.blind.store import Store
 
+ROOT = Path(__file__).resolve().parents[2]
 FRICTION = {"name": "coulomb_friction", "target": "all", "parameters": {"force": 2.0}}
 EVIDENCE = {"met": -100.0, "price": -3.0, "misfit": 1.0, "lasting": 0.9}
 
@@ -139,3 +141,32 @@ def test_runs_of_other_labels_are_not_compared(tmp_path: Path, capsys: pytest.Ca
         kept.write(kept.keep(a_run(tmp_path / str(seed), seed).root) | {"seal": str(seed)}, tmp_path / f"{seed}.json")
     assert paired.main([str(tmp_path / "5.json"), str(tmp_path / "6.json")]) == 2
     assert "different runs" in capsys.readouterr().err
+
+
+def test_readme_and_pages_say_what_first_answers_score() -> None:
+    """The figures are of the files that the page's own command scores."""
+    page = (ROOT / "docs" / "blind-check.md").read_text()
+    section = page.split("## Where it stands")[1].split("\n## ")[0].splitlines()
+    command = next(line for line in section if "kept score" in line)
+    scores = kept.together([kept.load(ROOT / file) for file in command.split()[4:]])
+
+    def of(name: str) -> str:
+        one = scores[name]
+        return f"{round(one['value'] * one['n'])} of {one['n']}"
+
+    assert scores["false_names"]["value"] == 0
+    named = f"{of('top1')} single effects and {of('pairs')} pairs"
+    for file in ("README.md", "docs/limits.md"):
+        text = (ROOT / file).read_text()
+        assert named in text, file
+        assert re.search(rf"nothing in {scores['false_names']['n']} (cases )?that have none", text), file
+    table = {cells[1].split(":")[0].strip(): cells[-2] for cells in (r.split("|") for r in section) if cells[2:]}
+    for row, name in (
+        ("one effect that shows, named first", "top1"),
+        ("two that show, both named and nothing else", "pairs"),
+        ("no effect", "false_names"),
+        ("outside the library", "unknown_flagged"),
+        ("the library's own, called `unknown`", "false_flags"),
+        ("90 % intervals that hold the truth", "interval_coverage"),
+    ):
+        assert table[row].strip().startswith(of(name)), row
