@@ -23,8 +23,9 @@ Array = NDArray[np.float64]
 SAMPLES_PER_INDEPENDENT: Final = 2.0
 #: Discrepancy (mean squared residual of the worst channel, by samples or over blocks, 1 expected) up to which an
 #: explanation leaves nothing to explain (true ones leave 0.7 to 3 where nominal numbers are 3 to 5 % off), up to
-#: which one by effects does, whose form is not exactly that of a real effect, and above which another effect is
-#: sought whatever the evidence. Halved and doubled, none of 48 answers about hinges changes (varied.json).
+#: which one by effects does, whose form is not exactly that of a real effect, and above which it fails: residuals are
+#: weighed as of a missing effect, and more second numbers are tried. Halved and doubled, none of 48 answers about
+#: hinges changes (varied.json).
 ADEQUATE_DISCREPANCY: Final = 1.2
 ADEQUATE_WITH_EFFECTS: Final = 1.2
 INADEQUATE_DISCREPANCY: Final = 4.0
