@@ -98,7 +98,7 @@ def _run(asked: argparse.Namespace) -> int:
         if missing := absent(case, data):
             print(f"{case.name}: left out, {missing[0].place} is not there", flush=True)
             continue
-        told = run.diagnose(case, data, asked.out, jobs=asked.jobs, budget=asked.time_budget)
+        told = run.diagnose(case, data, asked.out, jobs=asked.jobs, budget=asked.time_budget, told=asked.told)
         named = ", ".join((told["answer"] or {}).get("names", [])) or "-"
         kind = (told["answer"] or {}).get("kind", "failed")
         print(f"{case.name}: {kind}: {named}; {told['seconds']:.0f} s", flush=True)
@@ -194,6 +194,9 @@ def main(words: Sequence[str] | None = None) -> int:
     one.add_argument("--cases", default="all", help="all, or some with commas between")
     one.add_argument("--jobs", type=int, default=1, help="of a diagnosis")
     one.add_argument("--time-budget", type=float, metavar="S", help="of one diagnosis; default: none")
+    one.add_argument(
+        "--told", action="store_true", help="with no effects in the library but those that the case declares"
+    )
     one = verb("baseline", "a simple method on the cases that it can answer; goes on where it stopped", _baseline)
     one.add_argument("method", choices=tuple(baselines.METHODS))
     one.add_argument("out", type=Path, metavar="OUT", help="folder of the baselines")

@@ -5,6 +5,9 @@
     OUT/answers/CASE.json          the answer as a submission has it, with the seal, seconds, ranking
 
 A folder whose seal is not that of the declarations is refused: answers belong to the declarations they were made for.
+
+``told``: the library holds nothing but what the case declares, its causes and what may be named. What such a diagnosis
+does not find, no search finds: the recordings, the nominal model or the forms of the effects differ from the truth.
 """
 
 from __future__ import annotations
@@ -20,6 +23,7 @@ from benchmarks.real import logs, score
 from benchmarks.real.cases import CASES, absent
 from benchmarks.real.declare import Case, seal
 from benchmarks.user_robots.case import command
+from tiago_mj.effects import EFFECTS
 
 SEAL: Final = "seal.txt"
 ANSWERS: Final = "answers"
@@ -58,7 +62,14 @@ def convert(case: Case, data: Path, folder: Path) -> Path:
 
 
 def diagnose(
-    case: Case, data: Path, out: Path, *, jobs: int = 1, budget: float | None = None, run: Command = command
+    case: Case,
+    data: Path,
+    out: Path,
+    *,
+    jobs: int = 1,
+    budget: float | None = None,
+    told: bool = False,
+    run: Command = command,
 ) -> dict[str, Any]:
     """Answer a case, or read its answer where it has one.
 
@@ -68,29 +79,32 @@ def diagnose(
         out: of the run; sealed.
         jobs: of the diagnosis.
         budget: of the diagnosis [s]; None: none.
+        told: whether the library holds nothing but what the case declares.
         run: how a command is run.
 
     Raises:
-        ValueError: a recording is missing, or an answer is of other declarations.
+        ValueError: a recording is missing, or an answer is of other declarations or of another library.
     """
     digest = begin(out)
     kept = out / ANSWERS / f"{case.name}.json"
     if kept.exists():
-        told = json.loads(kept.read_text())
-        if told["seal"] != digest:
-            raise ValueError(f"{kept.name}: it is of other declarations: give a new folder")
-        return dict(told)
+        found = json.loads(kept.read_text())
+        if found["seal"] != digest or found.get("told", False) != told:
+            raise ValueError(f"{kept.name}: it is of other declarations, or of another library: give a new folder")
+        return dict(found)
     folder = out / "cases" / case.name
     convert(case, data, folder)
     words = ["diagnose", logs.RECORDINGS, "--out", "diagnosis", "--jobs", str(jobs)]
     words += ["--effects", logs.KNOWN] if case.known else []
     words += [] if budget is None else ["--time-budget", f"{budget:g}"]
+    words += ["--without", ",".join(sorted(set(EFFECTS) - declared(case)))] if told else []
     said = run(words, folder, folder, budget)
     path = folder / "diagnosis" / "diagnosis.json"
     found = json.loads(path.read_text()) if path.exists() else None
-    told = {
+    answer = {
         "case": case.name,
         "seal": digest,
+        **({"told": True} if told else {}),
         "answer": score.of_diagnosis(found) if found else None,
         **{key: said.get(key) for key in ("exit_status", "seconds", "lines", "crashed", "last_line")},
         "verdict": found["verdict"] if found else None,
@@ -101,9 +115,15 @@ def diagnose(
     }
     kept.parent.mkdir(parents=True, exist_ok=True)
     part = kept.with_suffix(".part")
-    part.write_text(json.dumps(told, indent=1) + "\n")
+    part.write_text(json.dumps(answer, indent=1) + "\n")
     part.replace(kept)
-    return told
+    return answer
+
+
+def declared(case: Case) -> set[str]:
+    """Effects that a case declares: those that its causes may be called, and what may be named beside them."""
+    causes = {name for cause in case.causes for name in (*cause.effects, *(other[0] for other in cause.others))}
+    return causes | set(case.may)
 
 
 def answers(out: Path, cases: Sequence[Case]) -> dict[str, Any]:

@@ -8,6 +8,7 @@ from benchmarks.real import __main__ as command
 from benchmarks.real import run, submit
 from benchmarks.real.cases import CASES
 from benchmarks.real.score import HALF, RIGHT, SILENT, WRONG, Answer, Named, judge, of_diagnosis, summary
+from tiago_mj.effects import EFFECTS
 
 EMPS = CASES["emps-efforts-friction"]
 ARM = CASES["ur10e-gain"]
@@ -256,6 +257,19 @@ def test_a_run_keeps_its_answers_and_is_sealed(tmp_path):
     assert again == told
     assert len(calls) == 1
     assert judge(case, submit.answer("out", SQUEEZED, run.answers(tmp_path / "out", [case])[SQUEEZED])).grade == RIGHT
+
+
+def test_a_run_that_is_told_the_names_has_no_others_in_its_library(tmp_path):
+    calls, out = [], tmp_path / "out"
+    found = verdict("effect", [effect("servo_stiffness", "all", "factor", 2.0)])
+    case = CASES[SQUEEZED]
+    assert run.diagnose(case, tmp_path, out, told=True, run=fake(calls, found))["told"]
+    without = set(calls[0][calls[0].index("--without") + 1].split(","))
+    names = {name for cause in case.causes for name in cause.effects} | set(case.may)
+    assert names
+    assert without == set(EFFECTS) - names
+    with pytest.raises(ValueError, match="of another library: give a new folder"):
+        run.diagnose(case, tmp_path, out, run=fake(calls, found))
 
 
 def test_answers_of_other_declarations_are_refused(tmp_path):
