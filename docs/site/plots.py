@@ -80,6 +80,7 @@ OTHERS: Final = {
     "coupled_motor_friction": Shown("wrist", "position"),
     "coupled_motor_damping": Shown("wrist", "position"),
     "link_centre_y": Shown("wrist", "position"),
+    "compliant_mount": Shown("wrist", "position"),
     "object_mass": Shown("push", "force"),
 }
 

@@ -4,6 +4,7 @@ import test_effect_consequences_commands
 import test_effect_consequences_contact
 import test_effect_consequences_coupled
 import test_effect_consequences_joints
+import test_effect_consequences_mount
 import test_effect_consequences_sensors
 from effects_bench import SHOWN
 
@@ -15,6 +16,7 @@ FILES = (
     test_effect_consequences_coupled,
     test_effect_consequences_contact,
     test_effect_consequences_sensors,
+    test_effect_consequences_mount,
 )
 
 

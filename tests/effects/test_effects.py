@@ -56,6 +56,11 @@ CONTRACT = {
     "armature": ("joint", None, {"mass": (("kg", "kg·m²"), 0, 0.3)}),
     "coupling_error": ("joint", None, {"ratio": ("-", 0, 0.1)}),
     "payload": ("joint", None, {"mass": ("kg", 0, 0.5)}),
+    "compliant_mount": (
+        "joint",
+        None,
+        {"compliance": ("rad/(N·m)", 0, 0.0005), "frequency": ("Hz", None, 8.0)},
+    ),
     "link_mass": ("joint", None, {"factor": ("-", 1, 1.1)}),
     "link_centre_x": ("joint", None, {"offset": ("m", 0, 0.01)}),
     "link_centre_y": ("joint", None, {"offset": ("m", 0, 0.01)}),
@@ -205,7 +210,7 @@ def test_no_value_that_a_fit_may_try_makes_the_arm_diverge(end):
         values = {p.name: p.bounds[1][end] for p in declared.parameters.values()}
         if name in RELATIVE:  # of the arm's slowest and weakest joint
             values = {key: value * (1.76 if RELATIVE[name] == "velocity" else 3) for key, value in values.items()}
-        target = arm if declared.targets in ("joint", "command") and name != "payload" else "all"
+        target = arm if declared.targets in ("joint", "command") and not declared.common else "all"
         r = rollout([{"name": name, "target": target, "parameters": _tried(values)}], actions, TIAGO)
         assert np.isfinite(r.state).all(), name
         # 0.2 rad/s are commanded. A wrist of 0.5 g·m² that 10 N·m or a spring push, or of friction let go, leaps at

@@ -56,6 +56,11 @@ def test_the_period_of_a_ripple_is_a_length_or_an_angle():
     assert ripple.parameters[ripple.ripple_period].unit == ("m", "rad")
 
 
+def test_the_frequency_of_a_swing_is_one():
+    (swing,) = (declared for declared in LIBRARY.values() if declared.swing_frequency)
+    assert swing.parameters[swing.swing_frequency].unit == ("Hz", "Hz")
+
+
 def test_every_symptom_is_measured_and_shown_by_an_effect():
     assert set(readings.MEASURES) == set(SYMPTOMS) == {one.shows_as for one in LIBRARY.values()} - {""}
 

@@ -94,7 +94,7 @@ def test_what_an_earlier_export_left_goes(tmp_path):
 def test_the_table_has_all_effects_and_all_targets(capsys):
     assert cli.main(["export", "--table"]) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert len(lines) == 2 + len(library()) == 2 + 52
+    assert len(lines) == 2 + len(library()) == 2 + 53
     assert [name.strip(" `") for name in lines[0].split("|")[2:-1]] == list(TARGETS)
     assert cli.main(["export", "--table", "--json"]) == 0
     said = json.loads(capsys.readouterr().out)

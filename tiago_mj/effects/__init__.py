@@ -7,6 +7,7 @@ from tiago_mj.effects import (  # noqa: F401  (their import declares the effects
     contact,
     force_sensor,
     joint_sensor,
+    mount,
     timing,
     transmission,
 )

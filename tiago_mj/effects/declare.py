@@ -137,6 +137,9 @@ class Effect:
     #: Name of the parameter that is the period of a ripple over the joint's position, which no gradient leads to: it is
     #: read off what the nominal model leaves. Empty: it has none.
     ripple_period: ClassVar[str] = ""
+    #: Name of the parameter that is the frequency at which joints swing once they are pushed, read off alike. Empty: it
+    #: has none.
+    swing_frequency: ClassVar[str] = ""
     #: Whether it is the same whichever of its targets it is given to, such as a mass at the tool that all joints feel.
     common: ClassVar[bool] = False
     #: Whether it changes what a servo does with its set point: a motor without a servo cannot have it.
@@ -188,7 +191,8 @@ class Effect:
     def reach(self) -> NDArray[np.bool_]:
         """Where its hooks may change something, (nsim, ntargets), or (nsim, 1) where that is anywhere."""
         present = self.present
-        return np.atleast_2d(present.any(axis=1, keepdims=True)) if self.reaches_carrier else present
+        anywhere = self.reaches_carrier or self.common
+        return np.atleast_2d(present.any(axis=1, keepdims=True)) if anywhere else present
 
     @classmethod
     def has_nominal_number(cls, model: mujoco.MjModel, wiring: Wiring, index: int) -> bool:

@@ -150,7 +150,7 @@ def _centre(one: tuple[float, float], other: tuple[float, float]) -> float:
 
 def _reach(entry: Entry, declared: type[Effect], names: tuple[str, ...]) -> list[int]:
     if entry.target is None:
-        return [len(names) - 1] if declared.name == "payload" else list(range(len(names)))
+        return [len(names) - 1] if declared.common else list(range(len(names)))
     unknown = [name for name in entry.target if name not in names]
     if unknown:
         raise ValueError(

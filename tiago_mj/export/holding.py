@@ -55,6 +55,7 @@ QUANTITIES: Final[Mapping[str, str]] = MappingProxyType(
         "coupling_error": "coupling",
         "payload": "mass",
         "gravity_tilt": "gravity",
+        "compliant_mount": "mount",
     }
 )
 
@@ -87,6 +88,7 @@ NOWHERE: Final[Mapping[str, Held]] = MappingProxyType(
         "changing friction": lacking("friction is one number there"),
         "friction by direction": lacking("friction is one number there"),
         "coupled motor": lacking("a motor of two joints: a tendon or a force over both, to be written by hand"),
+        "mount": lacking("two hinges with springs below the base, to be written by hand"),
         "coupling": lacking("set points of one joint on another: add them in the loop that sends them"),
         "contact": lacking("of the grasped object, which is not part of the robot"),
         "joint_sensor": lacking("readings are made by the observation: change them there"),

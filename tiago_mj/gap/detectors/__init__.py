@@ -1,1 +1,1 @@
-"""Detectors: quantization, ripples, tones, offsets and executed set points, from the readings without any fit."""
+"""Detectors: quantization, ripples, swings, tones, offsets and executed set points, from readings without any fit."""

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tiago_mj.effects import EFFECTS
-from tiago_mj.gap.detectors import readings, ripples, set_points
+from tiago_mj.gap.detectors import readings, ripples, set_points, swings
 from tiago_mj.gap.inference import noise_model
 from tiago_mj.gap.inference.hypotheses import Candidate
 from tiago_mj.gap.inference.noise_model import Data
@@ -63,6 +63,7 @@ def proposals(
     untouched = set_points.untouched(data, nominal, data.value.shape[1])
     share = set_points.shares(plant, motion)
     pool = ripples.with_periods(plant, part, base[some], untouched[some], share, pool)
+    pool = swings.with_frequencies(part, base[some], plant.period, pool)
     tones = readings.tones(plant, data, base)
     hums = {tone.channel for tone in tones}
     marks = [mark for mark in readings.of_channels(plant, part, base[some]) if mark.channel not in hums]
