@@ -1,7 +1,8 @@
 """The answers that are kept with the benchmark, scored again: a table of the diagnosis and the baselines.
 
 ``benchmarks/results/real_today_answers.json`` has the diagnosis's answers with rankings and seconds, as a submission,
-``real_today.json`` its score, ``real_baselines.json`` the baselines' answers.
+``real_today.json`` its score, ``real_baselines.json`` the baselines' answers; ``real_told_answers.json`` those of a
+diagnosis that is told each case's effects (``run --told``), to cases that it has not right without.
 """
 
 from __future__ import annotations
@@ -20,12 +21,18 @@ from benchmarks.real.score import GRADES, RIGHT, Judged, judge
 TODAY: Final = "real_today"
 ANSWERS: Final = f"{TODAY}_answers"
 BASELINES: Final = "real_baselines"
+TOLD: Final = "real_told_answers"
 _CALLED: Final = {"regression": "regression", "cma": "CMA-ES", "sysid": "`mujoco.sysid`"}
 
 
 def today() -> dict[str, Any]:
     """The diagnosis's kept answers."""
     return dict(json.loads((RESULTS / f"{ANSWERS}.json").read_text()))
+
+
+def told() -> dict[str, Any]:
+    """The kept answers of a diagnosis that is told which effects to choose from."""
+    return dict(json.loads((RESULTS / f"{TOLD}.json").read_text()))
 
 
 def baselines() -> dict[str, dict[str, Any]]:

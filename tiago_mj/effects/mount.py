@@ -19,13 +19,13 @@ MOUNT_DAMPING: Final = 0.05
 #: pose: a robot without any base would swing as fast as its joints let it (chosen).
 LEAST_BASE: Final = 0.1
 #: What is asked of the simulation in every physics step.
-ASKED: Final = ("xpos", "xipos", "ximat", "xaxis", "xanchor", "qfrc_actuator")
+ASKED: Final = ("xpos", "xipos", "ximat", "xaxis", "xanchor")
 #: Rounds in which gravity's moment and the tilt that it makes settle at the start: each is nearer by the share that the
 #: tilt adds to the moment.
 SETTLING_ROUNDS: Final = 10
 #: How far joints are taken to give way to a base that accelerates, of what they would without servos and friction. What
-#: they do is seen a step later and put right: from joints that are held fast to free ones that converges with a half,
-#: and with no other share.
+#: they do is seen a step later and put right, which converges from joints that are held fast to free ones up to a half,
+#: and the faster the more.
 YIELDING: Final = 0.5
 #: The base tilts about the world's x and y axis, and not about z.
 TURNS, TILTS = 3, 2
@@ -75,7 +75,6 @@ class CompliantMount(Effect):
         total = compliance.sum(axis=1)
         self._stiffness = 1 / total
         self._turning = 2 * np.pi * (compliance * self.frequency[self._sims]).sum(axis=1) / total
-        self._step = (now.period / now.substeps)[self._sims, 0]
         robots = [self._tree.inertia(one) if k in self._sims else 0.0 for k, one in enumerate(now.host.models())]
         self._robot = np.array(robots)[self._sims]
         for name in ASKED:
@@ -87,8 +86,8 @@ class CompliantMount(Effect):
         if now.host.simulates and len(self._sims):  # along a motion that is given nobody knows how the base moved
             seen = self._tree.seen(now, self._sims)
             if self._swing is None:
-                self._swing = _Swing(seen, self._stiffness, self._turning, self._step, self._robot)
-            force[self._sims] = self._swing.force(seen)
+                self._swing = _Swing(seen, self._stiffness, self._turning, self._robot)
+            force[self._sims] = self._swing.force(seen, (now.period / now.substeps)[self._sims])
         return force
 
 
@@ -143,7 +142,7 @@ class _Tree(NamedTuple):
     def seen(self, now: Now, sims: NDArray[np.intp]) -> _Seen:
         """What the mount feels of some simulations."""
         host = now.host
-        foot, centre, turn, axis, anchor, _ = (host.output(name)[sims] for name in ASKED)
+        foot, centre, turn, axis, anchor = (host.output(name)[sims] for name in ASKED)
         r = centre[:, self.bodies] - foot[:, None, self.root]
         mass = host.field("body_mass")[sims[:, None], self.bodies]
         turn = turn[:, self.bodies].reshape(len(sims), -1, 3, 3)
@@ -212,14 +211,13 @@ class _Swing:
         seen: at the start.
         stiffness: [N·m/rad], (n,).
         turning: natural frequency [rad/s], (n,).
-        step: physics step [s], (n,).
         robot: moment of inertia of the robot in the model's reference pose [kg·m²], (n,).
     """
 
-    def __init__(self, seen: _Seen, stiffness: Array, turning: Array, step: Array, robot: Array) -> None:
+    def __init__(self, seen: _Seen, stiffness: Array, turning: Array, robot: Array) -> None:
         n = len(stiffness)
         self._base = np.maximum(stiffness / turning**2 - robot, LEAST_BASE * robot)
-        self._stiffness, self._step = stiffness[:, None], step[:, None]
+        self._stiffness = stiffness[:, None]
         self._damping = 2 * MOUNT_DAMPING * np.sqrt(stiffness * (self._base + robot))[:, None]
         self._tilt = np.zeros((n, 3))
         for _ in range(SETTLING_ROUNDS):
@@ -229,12 +227,12 @@ class _Swing:
         self._acceleration = np.zeros((n, TILTS))  # of it in the last step
         self._before: tuple[Array, Array] | None = None  # coupling and speeds
 
-    def force(self, seen: _Seen) -> Array:
-        """Move by a physics step; what the joints feel of it, (n, njoints) [N, N·m]."""
+    def force(self, seen: _Seen, step: Array) -> Array:
+        """Move by a physics step, (n, 1) [s]; what the joints feel of it, (n, njoints) [N, N·m]."""
         with np.errstate(over="ignore", invalid="ignore"):  # who diverges is stopped by who simulates
-            return self._force(seen)
+            return self._force(seen, step)
 
-    def _force(self, seen: _Seen) -> Array:
+    def _force(self, seen: _Seen, step: Array) -> Array:
         matrix = seen.mass_matrix()
         coupling, joints = matrix[:, :TILTS, TURNS:], matrix[:, TURNS:, TURNS:]
         whole = matrix[:, :TILTS, :TILTS] + self._base[:, None, None] * np.eye(TILTS)
@@ -247,16 +245,18 @@ class _Swing:
         rest, changing = np.zeros_like(seen.speed), np.zeros_like(rate)
         if self._before is not None:
             earlier, speed = self._before
-            rest = (seen.speed - speed) / self._step + YIELDING * _times(answer, self._acceleration)
-            changing = _times(coupling - earlier, seen.speed) / self._step
+            rest = (seen.speed - speed) / step + YIELDING * _times(answer, self._acceleration)
+            changing = _times(coupling - earlier, seen.speed) / step
         pushed = moment - _times(coupling, rest) - changing
         accelerated = _solved(whole - YIELDING * coupling @ answer, pushed[..., None])[..., 0]
-        after = rate + self._step * accelerated
-        self._acceleration = (after - self._given) / self._step
+        after = rate + step * accelerated
+        self._acceleration = (after - self._given) / step
         self._given, self._before = after, (coupling, seen.speed)
-        self._momentum = self._momentum + self._step * moment
-        force = -_times(coupling.swapaxes(1, 2), self._acceleration) - self._turned(seen, _flat(0.5 * (rate + after)))
-        self._tilt = self._tilt + self._step * _flat(after)
+        self._momentum = self._momentum + step * moment
+        force = -_times(coupling.swapaxes(1, 2), self._acceleration) - self._turned(
+            seen, _flat(0.5 * (rate + after)), step
+        )
+        self._tilt = self._tilt + step * _flat(after)
         return force
 
     def _weight(self, seen: _Seen) -> Array:
@@ -265,10 +265,10 @@ class _Swing:
         weight: Array = _cross(first, seen.gravity - _cross(self._tilt, seen.gravity))[:, :TILTS]
         return weight
 
-    def _turned(self, seen: _Seen, rate: Array) -> Array:
-        """What the joints need where gravity leans and the base turns at a rate, (n, 3), (n, njoints); to the first
-        order in the tilt."""
-        leaning, rate = _cross(self._tilt + 0.5 * self._step * rate, seen.gravity), rate[:, None]
+    def _turned(self, seen: _Seen, rate: Array, step: Array) -> Array:
+        """What the joints need where gravity leans and the base turns at a rate, (n, 3), for a physics step, (n,
+        njoints); to the first order in the tilt."""
+        leaning, rate = _cross(self._tilt + 0.5 * step * rate, seen.gravity), rate[:, None]
         linear, turning = seen.linear[:, :, TURNS:], seen.turning[:, :, TURNS:]
         velocity, spin = (np.einsum("nbji,nj->nbi", x, seen.speed) for x in (linear, turning))
         push = seen.mass[..., None] * (2 * _cross(rate, velocity) + leaning[:, None])
