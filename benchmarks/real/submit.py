@@ -18,9 +18,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
-from benchmarks.blind.dictionary import LIBRARY
 from benchmarks.real.cases import CASES
 from benchmarks.real.score import VERDICTS, Answer, Judged, Named, judge
+from tiago_mj.effects import EFFECTS
 
 _KEYS: Final = {"kind", "names", "values", "remains", "alternatives", "seconds", "ranking", "note"}
 
@@ -96,7 +96,7 @@ def _named(where: str, told: Mapping[str, Any]) -> tuple[Named, ...]:
             raise SubmissionError(f"{where}: the value of {name!r} is {value!r}: give a finite number, or null")
     named = tuple(Named.of(name, values.get(name)) for name in names)
     for one in named:
-        if one.effect not in LIBRARY:
+        if one.effect not in EFFECTS:
             raise SubmissionError(f"{where}: effect {one.effect!r} is unknown: use the names of docs/effects.md")
     return named
 

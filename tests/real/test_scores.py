@@ -272,6 +272,12 @@ def test_a_run_that_is_told_the_names_has_no_others_in_its_library(tmp_path):
         run.diagnose(case, tmp_path, out, run=fake(calls, found))
 
 
+def test_whatever_a_diagnosis_names_can_be_submitted():
+    names = [name for name, one in EFFECTS.items() if one.nameable]
+    told = submit.answer("made", EMPS.name, {"kind": "effect", "names": names})
+    assert [one.effect for one in told.named] == names
+
+
 def test_answers_of_other_declarations_are_refused(tmp_path):
     out = tmp_path / "out"
     out.mkdir()
