@@ -10,7 +10,7 @@ from benchmarks.real import __main__ as command
 from benchmarks.real import baselines, kept, submit
 from benchmarks.real.cases import CASES
 from benchmarks.real.declare import REGRESSION, seal
-from benchmarks.real.score import GRADES, summary
+from benchmarks.real.score import GRADES, RIGHT, summary
 
 ROOT = Path(__file__).resolve().parents[2]
 ANSWERS = RESULTS / f"{kept.ANSWERS}.json"
@@ -58,3 +58,18 @@ def test_the_readme_and_the_page_say_the_kept_figures(figures):
     said = ", ".join(f"{counts[grade]} {grade}" for grade in GRADES)
     for name in ("README.md", "docs/real-data.md"):
         assert said in (ROOT / name).read_text().replace("half right", "half"), name
+
+
+def test_the_page_says_what_a_diagnosis_finds_that_is_told_the_names(figures):
+    told, page = kept.told(), (ROOT / "docs" / "real-data.md").read_text()
+    assert submit.text(told) == (RESULTS / f"{kept.TOLD}.json").read_text()
+    judged = kept.judged(told, [CASES[name] for name in told])
+    missed = [name for name, one in figures["cases"].items() if one["grade"] != RIGHT]
+    right = sorted(name for name, one in judged.items() if one.grade == RIGHT)
+    assert set(told) <= set(missed)
+    assert f"Of the {len(missed)} cases that are not right {len(told)} were " in page
+    assert f"and {len(right)} are right then: {', '.join(f'`{name}`' for name in right)}. " in page
+    most = figures["summary"]["all"][RIGHT] + len(right)
+    assert f"would have {most} of {len(CASES)}; the other {len(told) - len(right)}:" in page
+    section = page[page.index("### What no search would find") : page.index("### Enter it")]
+    assert all(f"`{name}`" in section for name in missed if not name.startswith("kuka"))
