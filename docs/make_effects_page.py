@@ -118,7 +118,7 @@ ABOUT = {
     "actuator": "servo and motor, from the set point to a force on the joint",
     "transmission": "friction, play, springs and inertia between motor and joint",
     "contact": "the object between the pads",
-    "body": "masses and gravity",
+    "body": "masses, gravity and what the base stands on",
     "joint_sensor": "from where a joint is to what is read",
     "force_sensor": "from the force on a pad to a reading",
 }
