@@ -1,4 +1,5 @@
-"""Short motions to show effects on: the fingers in the air or at an object, a hinge that lifts, a wrist that rolls."""
+"""Short motions to show effects on: the fingers in the air or at an object, a hinge that lifts, a wrist that rolls, an
+elbow that is held."""
 
 from __future__ import annotations
 
@@ -67,8 +68,28 @@ WRIST: Final = """
   </actuator>
 </mujoco>
 """
+#: Two links on horizontal hinges: an upper arm that is lifted, and a forearm that is held.
+ELBOW: Final = """
+<mujoco>
+  <option timestep="0.002" integrator="implicitfast"/>
+  <worldbody>
+    <body name="upper_arm" pos="0 0 0.4">
+      <joint name="shoulder" axis="0 -1 0" damping="0.5" armature="0.1"/>
+      <geom type="capsule" fromto="0 0 0 0.3 0 0" size="0.03" mass="2"/>
+      <body name="forearm" pos="0.3 0 0">
+        <joint name="elbow" axis="0 -1 0" damping="0.2" armature="0.05"/>
+        <geom type="capsule" fromto="0 0 0 0.3 0 0" size="0.025" mass="1"/>
+      </body>
+    </body>
+  </worldbody>
+  <actuator>
+    <position name="shoulder" joint="shoulder" kp="400" kv="20" ctrlrange="-1.5 1.5" forcerange="-80 80"/>
+    <position name="elbow" joint="elbow" kp="80" kv="4" ctrlrange="-1.5 1.5" forcerange="-40 40"/>
+  </actuator>
+</mujoco>
+"""
 #: Models of the motions that are not the fingers'; their last joint is measured.
-ARMS: Final = MappingProxyType({"hinge": HINGE, "wrist": WRIST})
+ARMS: Final = MappingProxyType({"hinge": HINGE, "wrist": WRIST, "elbow": ELBOW})
 
 
 @dataclass(frozen=True)
@@ -78,7 +99,7 @@ class Recorded:
     Attributes:
         time: (T,) [s].
         channels: (T,) each, by name: ``position`` [mm, mrad], ``velocity`` [mm/s, mrad/s] and, of the fingers,
-            ``force`` [sensor units]; of the left finger, of a hinge and of a wrist's last joint.
+            ``force`` [sensor units]; of the left finger, of a hinge and of an arm's last joint.
     """
 
     time: Array
@@ -99,7 +120,7 @@ def _set_point(corners: list[tuple[float, float]], wave: tuple[float, float, flo
 
 @cache
 def commands() -> Mapping[str, Array]:
-    """Set points of each motion: of a finger [m], of the hinge and of the wrist's two joints [rad]."""
+    """Set points of each motion: of a finger [m], of the hinge and of the joints of wrist and elbow [rad]."""
     air = [(0, 0.045), (0.1, 0.045), (0.6, 0.033), (0.9, 0.033), (1.4, 0.042), (2.5, 0.042)]
     grasp = [(0, 0.045), (0.6, 0.021), (0.9, 0.0155), (2.1, 0.0155), (2.4, 0.024)]
     hinge = [(0, 0.0), (0.2, 0.0), (0.8, 0.6), (1.1, 0.6), (1.7, -0.2), (2.0, 0.2), (2.5, 0.2)]
@@ -109,6 +130,7 @@ def commands() -> Mapping[str, Array]:
         "grasp": _set_point(grasp, (1.3, 8e-4, 2.5)),
         "hinge": _set_point(hinge),
         "wrist": np.column_stack([_set_point(hinge), _set_point(roll)]),
+        "elbow": np.column_stack([_set_point(hinge), _set_point([(0, 0.0), (2.5, 0.0)])]),
     }
 
 
@@ -116,7 +138,7 @@ def play(motion: str, effects: Any) -> Recorded:
     """Play a motion with effects, and measure.
 
     Args:
-        motion: ``air``, ``grasp``, ``push``, ``hinge`` or ``wrist``.
+        motion: ``air``, ``grasp``, ``push``, ``hinge``, ``wrist`` or ``elbow``.
         effects: in any form that environments take; None: the nominal simulator.
     """
     return _arm(motion, effects) if motion in ARMS else _fingers(motion, effects)

@@ -24,6 +24,7 @@ UNITS: Final = {
     ("grasp", "position"): "mm",
     ("hinge", "position"): "mrad",
     ("wrist", "position"): "mrad",
+    ("elbow", "position"): "mrad",
     ("air", "velocity"): "mm/s",
     ("grasp", "velocity"): "mm/s",
     ("hinge", "velocity"): "mrad/s",
@@ -36,6 +37,7 @@ MOTIONS: Final = {
     "push": "one finger pushes an object over the table to the other",
     "hinge": "a link on a hinge, lifted and lowered",
     "wrist": "a hand that rolls on a forearm, lifted and lowered",
+    "elbow": "an elbow that is held while the shoulder lifts and lowers the arm",
 }
 
 
@@ -80,7 +82,7 @@ OTHERS: Final = {
     "coupled_motor_friction": Shown("wrist", "position"),
     "coupled_motor_damping": Shown("wrist", "position"),
     "link_centre_y": Shown("wrist", "position"),
-    "compliant_mount": Shown("wrist", "position"),
+    "compliant_mount": Shown("elbow", "position"),
     "object_mass": Shown("push", "force"),
 }
 
