@@ -44,8 +44,8 @@ class CompliantMount(Effect):
     it is never higher than of a base with a tenth of the robot's moment of inertia. Contacts with what does not stand
     on the base are where they would be on a level one.
 
-    Formula: (base inertia + inertia of the robot) · tilt'' = moment of the robot - tilt / compliance - damping · tilt';
-    all of the inertia is 1 / (compliance · (2π · frequency)²)
+    Formula: inertia · tilt'' = moment of the robot - tilt / compliance - damping · tilt'; inertia = 1 / (compliance ·
+    (2π · frequency)²)
 
     In a recording: after starts and stops all joints swing at one low frequency, those at rest, too.
 
