@@ -7,7 +7,8 @@
 A folder whose seal is not that of the declarations is refused: answers belong to the declarations they were made for.
 
 ``told``: the library holds nothing but what the case declares, its causes and what may be named. What such a diagnosis
-does not find, no search finds: the recordings, the nominal model or the forms of the effects differ from the truth.
+does not find is no matter of which effects are sought: recordings, nominal model, declared truth, the forms of effects,
+or fit and verdict stand against it.
 """
 
 from __future__ import annotations
