@@ -205,7 +205,7 @@ def _answer(
         findings=(),
         notes=() if as_part is decided else (PART.format(left=rivals[0].left),),
         complete=ranked.complete,
-        physics_steps=ranked.predict.tally["physics_steps"],
+        physics_steps=ranked.predict.physics_steps,
         seconds=0.0,
         seed=0,
         version=tiago_mj.__version__,

@@ -122,7 +122,7 @@ def concluded(compared: Compared, asked: Request, so_far: SoFar, ranked: Ranked)
         ranking=tuple(explanations[k] for k in _ranked(judged)),
         next_motion=following if judged.kind == "ambiguous" else None,
         complete=ranked.complete,
-        physics_steps=ranked.predict.tally["physics_steps"],
+        physics_steps=ranked.predict.physics_steps,
         overlays=_overlays(recorded, base, found.repaired),
         notes=(*found.said, *(said for said in (late, later) if said), *outcome.notes(session, proposed.tones, ranked)),
         asides=outcome.asides(session.trials) if ranked.predict.replays else (),
@@ -132,7 +132,7 @@ def concluded(compared: Compared, asked: Request, so_far: SoFar, ranked: Ranked)
         return provisional(answer, so_far.stopped(ranked.ended, asked.deadline.spent()))
     if asked.numbers:
         answer = _with_numbers(answer, recorded, ranked, best, base)
-    return replace(answer, physics_steps=ranked.predict.tally["physics_steps"])
+    return replace(answer, physics_steps=ranked.predict.physics_steps)
 
 
 def _verdict(

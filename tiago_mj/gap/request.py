@@ -15,6 +15,7 @@ import tiago_mj
 from tiago_mj.effects import EFFECTS, Entry
 from tiago_mj.gap.ahead import Ahead, Listener
 from tiago_mj.gap.inference.noise_model import Usable
+from tiago_mj.gap.inference.predictor import REPEATED
 from tiago_mj.gap.result import Diagnosis, Place, Stopped, TrialModels
 from tiago_mj.gap.search.select import PartialResult
 from tiago_mj.gap.simulation.session import Session
@@ -144,7 +145,8 @@ class SoFar:
     def trial_models(self) -> TrialModels | None:
         """How the simulations went; None: there was none."""
         count = self.tally
-        known = TrialModels(count["simulations"], count["diverged"], dict(sorted(self.warned.items())))
+        simulated = count["simulations"] - count[REPEATED["simulations"]]
+        known = TrialModels(simulated, count["diverged"], dict(sorted(self.warned.items())))
         return known if count else None
 
     def stopped(self, ended: BaseException | None, seconds: float) -> Stopped:

@@ -14,6 +14,7 @@ import math
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +24,7 @@ from tiago_mj.effects.declare import is_random
 from tiago_mj.effects.spec import Entry
 from tiago_mj.gap.inference import likelihood, noise_model, step_tolerance
 from tiago_mj.gap.simulation import replay, stability
+from tiago_mj.gap.simulation.made import Made, Run
 from tiago_mj.gap.simulation.plant import Plant, substeps
 from tiago_mj.gap.simulation.replay import Grid, Signals, sensor_only
 from tiago_mj.io.deadline import Deadline
@@ -33,11 +35,11 @@ Array = NDArray[np.float64]
 Effects = tuple[Entry, ...]
 #: Trial, effects on the physics, number of the draw.
 Key = tuple[int, Effects, int]
-#: Signals of one simulation, in the order of their fields, (T, ...) or in parts of rows.
-Run = tuple[Array, ...]
 
 #: Effects that draw at random are predicted by the mean over this many draws.
 DRAWS = 6
+#: In a tally: what was asked for and is remembered. Budgets count it, so that an answer does not depend on memory.
+REPEATED: Final = {"simulations": "repeated", "physics_steps": "repeated_steps"}
 
 
 @dataclass
@@ -60,8 +62,8 @@ class Predictor:
         rounded: whether readings are rounded where an effect rounds them; else they are what is rounded: a likelihood
             knows the grid (:mod:`tiago_mj.gap.inference.between`).
         runs: number of physics simulations made.
-        tally: numbers of ``simulations``, of those that ``diverged`` and of ``physics_steps``, of this one and all that
-            were made of it.
+        tally: numbers of ``simulations`` and of ``physics_steps`` that were asked for, how many of either were made
+            before (:data:`REPEATED`), and how many simulations ``diverged``, of this one and all that were made of it.
         simulated: told the physics steps of every batch, once it is done.
         deadline: asked while simulations run, which it ends (:class:`tiago_mj.io.deadline.OutOfTimeError`).
         journal: of finished work (:mod:`tiago_mj.gap.inference.remembered`).
@@ -82,6 +84,8 @@ class Predictor:
     deadline: Deadline = field(default_factory=Deadline)
     journal: Journal = field(default_factory=Journal)
     _kept: dict[tuple[int, Effects], Run] = field(default_factory=dict)
+    #: By trial, effects on the physics and parts of each row's period.
+    _made: Made = field(default_factory=Made)
     #: Step's errors by trial and effects on the physics.
     _beside: dict[tuple[int, Effects], Run] = field(default_factory=dict)
 
@@ -93,13 +97,7 @@ class Predictor:
             keep: remember the physics for later calls (of the nominal model, say).
         """
         given = tuple(e for e in self.plant.given if not sensor_only(e) or self._measures(e))
-        drawn = self.on.delivered is None
-        draws = [
-            DRAWS
-            if drawn and any(is_random(EFFECTS[e.name]) and not sensor_only(e) for e in (*self.plant.given, *effects))
-            else 1
-            for _, effects in wanted
-        ]
+        draws = [DRAWS if self._is_drawn(effects) else 1 for _, effects in wanted]
         finest = replay.parts_of(self.plant) if self.between else 1
         of, sims, owner, cut = [], [], [], []
         for k, ((trial, effects), count) in enumerate(zip(wanted, draws, strict=True)):
@@ -140,6 +138,11 @@ class Predictor:
         return True
 
     @property
+    def physics_steps(self) -> int:
+        """Physics steps that were simulated, of this one and all that were made of it."""
+        return self.tally["physics_steps"] - self.tally[REPEATED["physics_steps"]]
+
+    @property
     def samples_kept(self) -> int:
         """Samples of the physics that is remembered: it grows whenever more is."""
         return sum(len(run[0]) for run in self._kept.values())
@@ -158,7 +161,7 @@ class Predictor:
             for key, run in self._kept.items()
             if not given and all(not is_random(EFFECTS[e.name]) for e in key[1])
         }
-        return replace(self, on=replace(self.on, delivered=delivered), runs=0, _kept=kept, _beside={})
+        return replace(self, on=replace(self.on, delivered=delivered), runs=0, _kept=kept, _made=Made(), _beside={})
 
     def as_simulated(self) -> Predictor:
         """The same with the error of the physics step in it, its readings rounded, and its sensors at work at the rows
@@ -195,16 +198,14 @@ class Predictor:
     def _find_step_errors(self, sims: Sequence[tuple[int, Effects]]) -> bool:
         """Remember the step's error of some simulations; False where one of them diverges, with none remembered."""
         bare, parts = replay.unmeasured(self.plant), replay.parts_of(self.plant)
-        how, runs = replay.Run(self.threads, self.seed, self.deadline, parts), []
-        for plant in (bare, _refined(bare, parts)):
-            run = replay.simulate(plant, self.on, sims, how)
-            steps = len(sims) * replay.physics_steps(plant, self.on)
-            self.tally.update(simulations=len(sims), diverged=int(run.diverged.sum()), physics_steps=steps)
-            self.simulated(steps)
-            runs.append(run)
-        if any(run.diverged.any() for run in runs):
+        runs = self._simulated([(*key, 0) for key in sims], parts)
+        coarse = self._stacked([runs[(*key, 0)] for key in sims], parts)
+        plant = _refined(bare, parts)
+        finer = replay.simulate(plant, self.on, sims, replay.Run(self.threads, self.seed, self.deadline, parts))
+        self._count(len(sims), replay.physics_steps(plant, self.on), diverged=int(finer.diverged.sum()))
+        if coarse.diverged.any() or finer.diverged.any():
             return False
-        found = step_tolerance.step_errors(*runs)
+        found = step_tolerance.step_errors(coarse, finer)
         for k, key in enumerate(sims):
             self._beside[key] = tuple(getattr(found, f)[k].copy() for f in Signals.__dataclass_fields__)
         return True
@@ -242,6 +243,18 @@ class Predictor:
     def _stacked(self, runs: Sequence[Run], parts: int) -> Signals:
         return Signals(*(np.stack(columns) for columns in zip(*(self._cut(run, parts) for run in runs), strict=True)))
 
+    def _is_drawn(self, effects: Effects) -> bool:
+        """Whether effects, or those given, draw at random what happens to the physics."""
+        return self.on.delivered is None and any(
+            is_random(EFFECTS[e.name]) and not sensor_only(e) for e in (*self.plant.given, *effects)
+        )
+
+    def _count(self, simulations: int, steps: int, again: int = 0, diverged: int = 0) -> None:
+        """Simulations of so many physics steps each that were asked for, some of which were made before."""
+        self.tally.update(simulations=simulations, physics_steps=simulations * steps, diverged=diverged)
+        self.tally.update({REPEATED["simulations"]: again, REPEATED["physics_steps"]: again * steps})
+        self.simulated((simulations - again) * steps)
+
     def _physics(self, keys: Mapping[Key, int], keep: bool) -> dict[Key, Run]:
         """Signals of keys, in at least as many parts of each row's period as their values say."""
         done = {}
@@ -253,20 +266,29 @@ class Predictor:
             todo = [key for key in keys if key not in done and key[2] == draw]
             if not todo:
                 continue
-            self.runs += len(todo)
-            parts = max(keys[key] for key in todo)
-            how = replay.Run(self.threads, self.seed + 7919 * draw, self.deadline, parts)
-            bare, sims = replay.unmeasured(self.plant), [(t, e) for t, e, _ in todo]
-            signals = replay.simulate(bare, self.on, sims, how)
-            steps = len(todo) * replay.physics_steps(self.plant, self.on)
-            self.tally.update(simulations=len(todo), diverged=int(signals.diverged.sum()), physics_steps=steps)
-            self.simulated(steps)
-            for row, key in enumerate(todo):
-                done[key] = tuple(getattr(signals, f)[row] for f in Signals.__dataclass_fields__)
+            for key, run in self._simulated(todo, max(keys[key] for key in todo)).items():
+                done[key] = run
                 if keep or _plain(key) in self._kept:  # it is kept already, but in fewer parts
                     # Copies: a view would keep its whole batch.
-                    self._kept[_plain(key)] = tuple(one.copy() for one in self._cut(done[key], keys[key]))
+                    self._kept[_plain(key)] = tuple(one.copy() for one in self._cut(run, keys[key]))
         return done
+
+    def _simulated(self, keys: Sequence[Key], parts: int) -> dict[Key, Run]:
+        """Signals of different keys of one draw, in parts of each row's period: simulated, or remembered."""
+        runs = {key: run for key in keys if (run := self._made.get((key, parts))) is not None}
+        fresh, again, diverged = [key for key in keys if key not in runs], len(runs), 0
+        if fresh:
+            self.runs += len(fresh)
+            how = replay.Run(self.threads, self.seed + 7919 * fresh[0][2], self.deadline, parts)
+            bare, sims = replay.unmeasured(self.plant), [(trial, effects) for trial, effects, _ in fresh]
+            signals = replay.simulate(bare, self.on, sims, how)
+            diverged = int(signals.diverged.sum())
+            for row, key in enumerate(fresh):
+                runs[key] = tuple(getattr(signals, f)[row] for f in Signals.__dataclass_fields__)
+                if not self._is_drawn(key[1]):
+                    self._made.keep((key, parts), runs[key])
+        self._count(len(keys), replay.physics_steps(self.plant, self.on), again, diverged)
+        return runs
 
 
 def predictor(

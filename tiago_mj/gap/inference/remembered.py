@@ -2,8 +2,8 @@
 
 A diagnosis is one deterministic loop. The same command goes through it again, and what costs time (fits, scans,
 decoding) is looked up by a digest of what it depends on: its arguments, how simulations are corrected, and how many
-were made before, which says where in the loop it is. What a unit of work counts and warns of is kept with its result,
-so that whatever follows finds everything as if the work had been done.
+were asked for before, which says where in the loop it is. What a unit of work counts and warns of is kept with its
+result, so that whatever follows finds everything as if the work had been done.
 """
 
 from __future__ import annotations
@@ -14,12 +14,15 @@ from typing import Any, Final, TypeVar
 
 from tiago_mj.gap.inference.hypotheses import Candidate
 from tiago_mj.gap.inference.points import Fitted, Start
-from tiago_mj.gap.inference.predictor import Predictor
+from tiago_mj.gap.inference.predictor import REPEATED, Predictor
 from tiago_mj.io import mujoco_log
 from tiago_mj.io.journal import digest, packed, unpacked
 
 T = TypeVar("T")
 
+#: In a tally: what says how much was simulated and not how much was asked for. What was made before in this run is not
+#: the same when it goes on.
+MADE: Final = {*REPEATED.values(), "diverged"}
 #: Dataclasses that results are made of.
 CLASSES: Final = {one.__name__: one for one in (Candidate, Fitted, Start)}
 
@@ -43,7 +46,8 @@ def remembered(
         return work()
     on, before = predict.on.delivered, Counter(predict.tally)
     how = (type(predict).__name__, predict.plant.joints, predict.plant.given, predict.corrected, predict.between)
-    key = digest((*how, on, sorted(before.items()), tuple(depends_on)))
+    asked = sorted((name, before[name]) for name in before if name not in MADE)
+    key = digest((*how, on, asked, tuple(depends_on)))
     unit = journal.found.get(key)
     if unit is None:
         kept = predict.samples_kept
@@ -55,7 +59,8 @@ def remembered(
             journal.add(key, unit)
     else:
         predict.tally.update(unit["counts"])
-        predict.simulated(unit["counts"].get("physics_steps", 0))
+        counts = Counter(unit["counts"])
+        predict.simulated(counts["physics_steps"] - counts[REPEATED["physics_steps"]])
     mujoco_log.tell(unit["warned"])
     result: T = unpacked(unit["result"], CLASSES)
     return result
