@@ -84,10 +84,14 @@ class Predictor:
     deadline: Deadline = field(default_factory=Deadline)
     journal: Journal = field(default_factory=Journal)
     _kept: dict[tuple[int, Effects], Run] = field(default_factory=dict)
-    #: By trial, effects on the physics and parts of each row's period.
-    _made: Made = field(default_factory=Made)
     #: Step's errors by trial and effects on the physics.
     _beside: dict[tuple[int, Effects], Run] = field(default_factory=dict)
+    #: By trial, effects on the physics, draw, and parts of each row's period.
+    _made: Made = field(default_factory=Made)
+
+    def __post_init__(self) -> None:
+        if not self._made.are_by(self.plant, self.on, self.seed):
+            self._made = Made(self.plant, self.on, self.seed)
 
     def __call__(self, wanted: Sequence[tuple[int, Effects]], *, keep: bool = False) -> Array:
         """Predicted channels, (nwanted, T, C), of (trial, effects) pairs.
@@ -161,7 +165,7 @@ class Predictor:
             for key, run in self._kept.items()
             if not given and all(not is_random(EFFECTS[e.name]) for e in key[1])
         }
-        return replace(self, on=replace(self.on, delivered=delivered), runs=0, _kept=kept, _made=Made(), _beside={})
+        return replace(self, on=replace(self.on, delivered=delivered), runs=0, _kept=kept, _beside={})
 
     def as_simulated(self) -> Predictor:
         """The same with the error of the physics step in it, its readings rounded, and its sensors at work at the rows

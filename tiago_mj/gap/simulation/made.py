@@ -1,5 +1,5 @@
 """Simulations that were made, for those that are asked for again: fits begin where others ended, and what was found is
-weighed anew. Of hinges and arms with and without an effect 8 to 29 % of all physics steps were repeated."""
+weighed anew. Of two hinges with two effects, and an arm without any, 15 to 28 % of all physics steps were repeated."""
 
 from __future__ import annotations
 
@@ -21,12 +21,17 @@ class Made:
     """Signals of simulations by what was simulated; of more than fits into memory those that were asked for last.
 
     Args:
+        by: what else they depend on: the simulator, its commands.
         largest: memory [bytes].
     """
 
-    def __init__(self, largest: int = LARGEST) -> None:
-        self._largest, self._bytes = largest, 0
+    def __init__(self, *by: object, largest: int = LARGEST) -> None:
+        self._by, self._largest, self._bytes = by, largest, 0
         self._runs: OrderedDict[Hashable, Run] = OrderedDict()
+
+    def are_by(self, *by: object) -> bool:
+        """Whether these very objects made them."""
+        return len(by) == len(self._by) and all(one is other for one, other in zip(by, self._by, strict=True))
 
     def get(self, key: Hashable) -> Run | None:
         """What was simulated; None: it was not, or is forgotten."""
