@@ -30,6 +30,11 @@ def asking(hinge: Predictor) -> Predictor:
     return replace(hinge, on=replace(hinge.on), tally=type(hinge.tally)(), _kept={}, _beside={})
 
 
+def steps(predict: Predictor) -> int:
+    """Of one simulation."""
+    return replay.physics_steps(predict.plant, predict.on)
+
+
 def simulation(value: float) -> tuple[np.ndarray, ...]:
     return (np.full(SIZE // 8, value),)
 
@@ -42,9 +47,8 @@ def test_what_was_simulated_is_not_simulated_again(hinge, monkeypatch):
     again = predict([*wanted, (0, ())])
     np.testing.assert_array_equal(again[:4], first)
     assert made == [4, 1]
-    steps = replay.physics_steps(predict.plant, predict.on)
-    assert predict.tally["physics_steps"] == 9 * steps
-    assert predict.physics_steps == 5 * steps
+    assert predict.tally["physics_steps"] == 9 * steps(predict)
+    assert predict.physics_steps == 5 * steps(predict)
 
 
 def test_what_was_simulated_at_the_rows_is_not_taken_for_what_is_asked_between_them(hinge):
@@ -89,16 +93,13 @@ def test_what_is_drawn_at_random_is_not_remembered(hinge):
 
 def test_the_longest_unasked_is_forgotten_where_there_is_no_room():
     made = Made(largest=3 * SIZE)
-    for key in "abc":
+    for key in "abca":
         made.keep(key, simulation(1.0))
-    assert made.get("a") is not None
     made.keep("d", simulation(2.0))
+    assert [key for key in "abcd" if key in made] == ["a", "c", "d"]
     assert [key for key in "abcd" if made.get(key) is not None] == ["a", "c", "d"]
-    made.keep("d", simulation(3.0))
-    assert [key for key in "acd" if made.get(key) is not None] == ["a", "c", "d"]
-    assert made.get("d")[0][0] == 3.0
     made.keep("e", (np.zeros(1000),))  # alone too large
-    assert [key for key in "acde" if made.get(key) is not None] == []
+    assert not any(key in made or made.get(key) is not None for key in "abcde")
 
 
 def test_it_keeps_copies():
@@ -107,3 +108,33 @@ def test_it_keeps_copies():
     batch[:] = 1.0
     assert not made.get("a")[0].any()
     assert made.get("a")[0].base is None
+
+
+def test_what_an_earlier_run_asked_for_is_known_without_its_signals_and_forgotten_as_it_was():
+    earlier, later = Made(largest=3 * SIZE), Made(largest=3 * SIZE)
+    for key in "abcad":
+        earlier.keep(key, simulation(1.0))
+    later.replay(earlier.asked[:3])
+    assert [key for key in "abc" if key in later] == ["a", "b", "c"]
+    assert later.get("a") is None
+    for key in "ad":
+        later.keep(key, simulation(1.0))
+    assert [key in later for key in "abcd"] == [key in earlier for key in "abcd"]
+    assert later.get("a")[0][0] == 1.0
+    assert later.asked == earlier.asked
+
+
+def test_what_an_earlier_run_made_is_made_again_and_counts_as_it_would_have(hinge):
+    wanted = [(trial, (LATE,)) for trial in range(3)]
+    whole = asking(hinge)
+    first = whole(wanted[:2])
+    asked, counts = list(whole.made.asked), type(whole.tally)(whole.tally)
+    goes_on = asking(hinge)
+    goes_on.made.replay(asked)
+    goes_on.tally.update(counts)
+    np.testing.assert_array_equal(goes_on(wanted), whole(wanted))
+    np.testing.assert_array_equal(goes_on(wanted)[:2], first)
+    assert goes_on.tally == whole.tally + type(whole.tally)(
+        simulations=3, repeated=3, physics_steps=3 * steps(whole), repeated_steps=3 * steps(whole)
+    )
+    assert goes_on.physics_steps == whole.physics_steps == 3 * steps(whole)

@@ -25,7 +25,7 @@ try:
 except ModuleNotFoundError:  # Windows: two processes at once are the user's own lookout there
     fcntl = None  # type: ignore[assignment]
 
-SCHEMA: Final = "tiago_mj.journal/1"
+SCHEMA: Final = "tiago_mj.journal/2"
 #: Bytes of a digest.
 DIGEST: Final = 16
 

@@ -27,8 +27,9 @@ from tiago_mj.gap.simulation import replay, stability
 from tiago_mj.gap.simulation.made import Made, Run
 from tiago_mj.gap.simulation.plant import Plant, substeps
 from tiago_mj.gap.simulation.replay import Grid, Signals, sensor_only
+from tiago_mj.io import mujoco_log
 from tiago_mj.io.deadline import Deadline
-from tiago_mj.io.journal import Journal
+from tiago_mj.io.journal import Journal, digest
 from tiago_mj.recordings.recording import RecordingError, Trial
 
 Array = NDArray[np.float64]
@@ -67,6 +68,7 @@ class Predictor:
         simulated: told the physics steps of every batch, once it is done.
         deadline: asked while simulations run, which it ends (:class:`tiago_mj.io.deadline.OutOfTimeError`).
         journal: of finished work (:mod:`tiago_mj.gap.inference.remembered`).
+        made: simulations, by the digest of trial, effects on the physics, draw and parts of each row's period.
     """
 
     plant: Plant
@@ -83,15 +85,14 @@ class Predictor:
     simulated: Callable[[int], None] = lambda steps: None
     deadline: Deadline = field(default_factory=Deadline)
     journal: Journal = field(default_factory=Journal)
+    made: Made = field(default_factory=Made)
     _kept: dict[tuple[int, Effects], Run] = field(default_factory=dict)
     #: Step's errors by trial and effects on the physics.
     _beside: dict[tuple[int, Effects], Run] = field(default_factory=dict)
-    #: By trial, effects on the physics, draw, and parts of each row's period.
-    _made: Made = field(default_factory=Made)
 
     def __post_init__(self) -> None:
-        if not self._made.are_by(self.plant, self.on, self.seed):
-            self._made = Made(self.plant, self.on, self.seed)
+        if not self.made.are_by(self.plant, self.on, self.seed):
+            self.made = Made(self.plant, self.on, self.seed)
 
     def __call__(self, wanted: Sequence[tuple[int, Effects]], *, keep: bool = False) -> Array:
         """Predicted channels, (nwanted, T, C), of (trial, effects) pairs.
@@ -279,20 +280,29 @@ class Predictor:
 
     def _simulated(self, keys: Sequence[Key], parts: int) -> dict[Key, Run]:
         """Signals of different keys of one draw, in parts of each row's period: simulated, or remembered."""
-        runs = {key: run for key in keys if (run := self._made.get((key, parts))) is not None}
-        fresh, again, diverged = [key for key in keys if key not in runs], len(runs), 0
-        if fresh:
-            self.runs += len(fresh)
-            how = replay.Run(self.threads, self.seed + 7919 * fresh[0][2], self.deadline, parts)
-            bare, sims = replay.unmeasured(self.plant), [(trial, effects) for trial, effects, _ in fresh]
-            signals = replay.simulate(bare, self.on, sims, how)
-            diverged = int(signals.diverged.sum())
-            for row, key in enumerate(fresh):
-                runs[key] = tuple(getattr(signals, f)[row] for f in Signals.__dataclass_fields__)
-                if not self._is_drawn(key[1]):
-                    self._made.keep((key, parts), runs[key])
-        self._count(len(keys), replay.physics_steps(self.plant, self.on), again, diverged)
+        names = {key: _name(key, parts) for key in keys if not self._is_drawn(key[1])}
+        again = [key for key, name in names.items() if name in self.made]
+        runs = {key: run for key in again if (run := self.made.get(names[key])) is not None}
+        with mujoco_log.counted():  # an earlier run has made these, and told what MuJoCo warned of
+            runs |= self._simulate([key for key in again if key not in runs], parts)[0]
+        fresh = [key for key in keys if key not in runs]
+        made, diverged = self._simulate(fresh, parts)
+        runs |= made
+        for key, name in names.items():
+            self.made.keep(name, runs[key])
+        self._count(len(keys), replay.physics_steps(self.plant, self.on), len(again), diverged)
         return runs
+
+    def _simulate(self, keys: Sequence[Key], parts: int) -> tuple[dict[Key, Run], int]:
+        """Signals of keys of one draw, in parts of each row's period, and how many of them diverged."""
+        if not keys:
+            return {}, 0
+        self.runs += len(keys)
+        how = replay.Run(self.threads, self.seed + 7919 * keys[0][2], self.deadline, parts)
+        sims = [(trial, effects) for trial, effects, _ in keys]
+        signals = replay.simulate(replay.unmeasured(self.plant), self.on, sims, how)
+        each = [tuple(getattr(signals, f)[row] for f in Signals.__dataclass_fields__) for row in range(len(keys))]
+        return dict(zip(keys, each, strict=True)), int(signals.diverged.sum())
 
 
 def predictor(
@@ -375,6 +385,13 @@ def _refined(plant: Plant, parts: int) -> Plant:
 def rounds(entry: Entry) -> bool:
     """Whether an effect rounds readings, and does nothing else."""
     return EFFECTS[entry.name].rounds is not None
+
+
+def _name(key: Key, parts: int) -> str:
+    """Of a simulation, the same in every process."""
+    trial, effects, draw = key
+    each = [(e.name, e.target, [(name, float(v)) for name, v in sorted(e.parameters.items())]) for e in effects]
+    return digest((trial, each, draw, parts))[:16]
 
 
 def _plain(key: Key) -> tuple[int, Effects]:

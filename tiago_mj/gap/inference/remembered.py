@@ -20,9 +20,6 @@ from tiago_mj.io.journal import digest, packed, unpacked
 
 T = TypeVar("T")
 
-#: In a tally: what says how much was simulated and not how much was asked for. What was made before in this run is not
-#: the same when it goes on.
-MADE: Final = {*REPEATED.values(), "diverged"}
 #: Dataclasses that results are made of.
 CLASSES: Final = {one.__name__: one for one in (Candidate, Fitted, Start)}
 
@@ -46,19 +43,20 @@ def remembered(
         return work()
     on, before = predict.on.delivered, Counter(predict.tally)
     how = (type(predict).__name__, predict.plant.joints, predict.plant.given, predict.corrected, predict.between)
-    asked = sorted((name, before[name]) for name in before if name not in MADE)
-    key = digest((*how, on, asked, tuple(depends_on)))
+    key = digest((*how, on, sorted(before.items()), tuple(depends_on)))
     unit = journal.found.get(key)
     if unit is None:
-        kept = predict.samples_kept
+        kept, asked = predict.samples_kept, len(predict.made.asked)
         with mujoco_log.counted() as warned:
             found = packed(work())
         counts = {name: count - before[name] for name, count in predict.tally.items()}
-        unit = {"counts": counts, "warned": dict(warned), "result": found}
+        simulations = predict.made.asked[asked:]
+        unit = {"counts": counts, "warned": dict(warned), "result": found, "simulations": simulations}
         if predict.samples_kept == kept and not out_of_time():
             journal.add(key, unit)
     else:
         predict.tally.update(unit["counts"])
+        predict.made.replay([(name, size) for name, size in unit["simulations"]])
         counts = Counter(unit["counts"])
         predict.simulated(counts["physics_steps"] - counts[REPEATED["physics_steps"]])
     mujoco_log.tell(unit["warned"])
